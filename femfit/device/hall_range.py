@@ -19,8 +19,12 @@ def where_clipped(hall: Any, distance: FloatArray, current: FloatArray, field: F
     ----------
     hall : HallElement or HallSensor
         Of a drawing or of a model.
-    distance, current, field : array, shape (n,)
-        In m, A and T; points without a field are passed over.
+    distance : array, shape (n,)
+        In m.
+    current : array, shape (n,), or (n, circuits)
+        In A.
+    field : array, shape (n,)
+        In T; points without a field are passed over.
     """
     volts = hall.quiescent_V + hall.sensitivity_V_per_T * field
     ends = ((hall.output_max_V, volts >= hall.output_max_V), (hall.output_min_V, volts <= hall.output_min_V))
@@ -28,10 +32,12 @@ def where_clipped(hall: Any, distance: FloatArray, current: FloatArray, field: F
     for end, clipped in ends:
         if not clipped.any():
             continue
-        d, i = distance[clipped], current[clipped]
-        chosen = dict.fromkeys((float(i[np.argmin(np.abs(i))]), float(i[np.lexsort((np.abs(i), -d))[0]])))
-        places = [
-            f"from {amount_range(d[i == at].min(), d[i == at].max(), 'm', 3)} at {amount(at, 'A')}" for at in chosen
-        ]
-        clauses.append(f"clipped at {end:g} V {' and '.join(places)}")
+        d, i = distance[clipped], current[clipped].reshape(np.count_nonzero(clipped), -1)
+        size = np.linalg.norm(i, axis=1)
+        chosen = dict.fromkeys(tuple(i[row].tolist()) for row in (np.argmin(size), np.lexsort((size, -d))[0]))
+        places = []
+        for each in chosen:
+            at, amperes = d[np.all(i == each, axis=1)], " and ".join(amount(one, "A") for one in each)
+            places.append(f"from {amount_range(at.min(), at.max(), 'm', 3)} at {amperes}")
+        clauses.append(f"clipped at {end:g} V {', and '.join(places) if i.shape[1] > 1 else ' and '.join(places)}")
     return ", ".join(clauses)

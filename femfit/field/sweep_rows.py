@@ -58,7 +58,9 @@ def clipped_hall(sweep: VariantSweep, table: SweepTable) -> list[str]:
     sentences = []
     for hall, own in numbers.items() if "hall_T" in rows else ():
         here = rows[rows[VARIANT].isin(own)] if sweep.columns else rows
-        clause = where_clipped(hall, *(here[name].to_numpy() for name in ("distance_m", "current_A", "hall_T")))
+        clause = where_clipped(
+            hall, here["distance_m"].to_numpy(), here[current_names(here)].to_numpy(), here["hall_T"].to_numpy()
+        )
         if clause:
             sentences.append(f"Hall element: its output is {clause}. {REMEDY}")
     return sentences

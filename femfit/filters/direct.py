@@ -9,6 +9,7 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (14) to (16) and Figure
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import final
 
 import numpy as np
@@ -32,7 +33,12 @@ class HallInverse:
     volts: FloatArray
 
     def distance(self, hall_voltage: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Solve quiescent + sensitivity B(d, i) = v for d, at readings v in V and currents i in A of shape (n,).
+        """Solve quiescent + sensitivity B(d, i) = v for d, at readings v in V of shape (n,).
+
+        Parameters
+        ----------
+        current : array, shape (n,), or (n, circuits)
+            In A.
 
         Returns
         -------
@@ -42,18 +48,20 @@ class HallInverse:
         clipped : array of bool, shape (n,)
             Which were outside, or no number.
         """
-        volts, current = np.broadcast_arrays(np.asarray(hall_voltage, float), np.asarray(current, float))
         box, sensor = self.model.validity, self.model.require_sensor()
+        each = (len(box.current_limits_A),) if box.further_A else ()
+        volts, current = np.asarray(hall_voltage, float), np.asarray(current, float)
+        shape = np.broadcast_shapes(volts.shape, current.shape[: current.ndim - len(each)])
+        volts, current = np.broadcast_to(volts, shape), np.broadcast_to(current, (*shape, *each))
         near = sensor.voltage(np.asarray(box.distance_min_m), current)
         far = sensor.voltage(np.asarray(box.distance_max_m), current)
-        known = np.isfinite(volts) & np.isfinite(current)
+        known = np.isfinite(volts) & np.all(np.isfinite(current.reshape(*shape, -1)), axis=-1)
         low, high = np.minimum(near, far), np.maximum(near, far)
         with np.errstate(invalid="ignore"):
             inside = known & (volts >= low) & (volts <= high)
-        wanted = np.where(
-            inside, volts, self.volts[len(self.volts) // 2]
-        )  # at the middle current, so that it is solvable
-        amps = np.where(inside, current, 0.5 * (box.current_min_A + box.current_max_A))
+        # What cannot be solved is taken at the middle current, where it can
+        wanted = np.where(inside, volts, self.volts[len(self.volts) // 2])
+        amps = np.where(inside[..., None] if each else inside, current, _middle(self.model))
         found = self._solve(wanted, amps)
         with np.errstate(invalid="ignore"):
             edge = np.where((volts > high) == (near > far), box.distance_min_m, box.distance_max_m)
@@ -66,9 +74,8 @@ class HallInverse:
     def _solve(self, volts: FloatArray, current: FloatArray) -> FloatArray:
         box, sensor = self.model.validity, self.model.require_sensor()
         scale = sensor.sensitivity_V_per_T
-        middle = 0.5 * (box.current_min_A + box.current_max_A)
         centre = np.asarray(0.5 * (box.distance_min_m + box.distance_max_m))
-        coil = sensor.voltage(centre, current) - sensor.voltage(centre, np.asarray(middle))
+        coil = sensor.voltage(centre, current) - sensor.voltage(centre, _middle(self.model))
         distance = np.interp(volts - coil, self.volts, self.distances_m)
         tolerance = 1e-13 * (self.volts[-1] - self.volts[0]) + 1e-15 * abs(sensor.quiescent_V)
         low = np.full_like(distance, box.distance_min_m)
@@ -97,15 +104,22 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
     """Prepare the inversion."""
     box, sensor = model.validity, model.require_sensor()
     distances = np.linspace(box.distance_min_m, box.distance_max_m, TABLE_POINTS)
-    for current in (box.current_min_A, box.current_max_A):
-        slope = sensor.field.derivatives(distances, np.asarray(current))[1]
+    for corner in product(*box.current_limits_A):
+        current = np.asarray(corner if box.further_A else corner[0])
+        slope = sensor.field.derivatives(distances, current)[1]
         if not (np.all(slope > 0.0) or np.all(slope < 0.0)):
             turn = distances[np.flatnonzero(np.sign(slope) != np.sign(slope[0]))[0]]
+            amperes = " and ".join(f"{one:g} A" for one in corner)
             raise FilterError(
-                f"The Hall voltage must change monotonically with the distance to be inverted; at {current:g} A it "
+                f"The Hall voltage must change monotonically with the distance to be inverted; at {amperes} it "
                 f"turns at {1e3 * turn:.3g} mm. Move the Hall element, or use the filter, which needs no inversion."
             )
-    middle = 0.5 * (box.current_min_A + box.current_max_A)
-    volts = sensor.voltage(distances, np.asarray(middle))
+    volts = sensor.voltage(distances, _middle(model))
     order = np.argsort(volts)
     return HallInverse(model, distances[order], volts[order])
+
+
+def _middle(model: ActuatorModel) -> FloatArray:
+    """The middle of the validity domain's currents, of shape (), or (n,) where there are several circuits."""
+    middle = model.validity.current_limits_A.mean(axis=1)
+    return np.asarray(middle if model.validity.further_A else middle[0])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import MissingPartError
+from femfit.core.errors import DomainError, MissingPartError
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallField
@@ -55,6 +55,11 @@ class SensedField(HallField):
     def _values(self, distance: FloatArray, current: FloatArray, *, slopes: bool) -> list[FloatArray]:
         """The value and, where asked for, its slopes along the distance and each current."""
         n, current = len(self.current_knots_A), np.asarray(current, dtype=np.float64)
+        if n > 1 and current.shape[-1:] != (n,):
+            raise DomainError(
+                f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
+                f"order; instead received the shape {current.shape}."
+            )
         shape = np.broadcast_shapes(np.shape(distance), current.shape if n < 2 else current.shape[:-1])
         along = [current] if n == 1 else [current[..., k] for k in range(n)]
         flat = [np.broadcast_to(one, shape).ravel() for one in (np.asarray(distance, dtype=np.float64), *along)]

@@ -10,6 +10,7 @@ import numpy as np
 
 from femfit.audit.carried import COLD_C, WARM_C, carried_range
 from femfit.core.amount import axis_scale
+from femfit.core.arrays import FloatArray
 from femfit.core.constants import GRAVITY
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import Actuator
@@ -292,24 +293,28 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
     if sensor is None:
         return None
     d = np.linspace(box.distance_min_m, box.distance_max_m, 41)
-    zero = np.full_like(d, float(np.clip(0.0, box.current_min_A, box.current_max_A)))
-    step = 0.01 * (box.current_max_A - box.current_min_A)
-    other = zero + (step if zero[0] + step <= box.current_max_A else -step)
-    slope = (sensor.field.field(d, other) - sensor.field.field(d, zero)) / (other - zero)
-    idle = sensor.field.field(d, zero)
-    levels = np.linspace(box.current_min_A, box.current_max_A, 15)
-    places, currents = (x.ravel() for x in np.meshgrid(d, levels))
+    zero = np.clip(0.0, *box.current_limits_A.T)
+    zero = np.broadcast_to(zero, (len(d), len(zero))) if box.further_A else np.full_like(d, zero[0])
+    names = content.model.circuit_names if box.further_A else ("",)  # one needs no name
+    idle, _, slopes = sensor.field.derivatives(d, zero)
+    slopes = slopes.reshape(len(d), -1)
+    places, currents = box.grid(41, 5 if box.further_A else 15)
     return {
         "sensor": sensor,
         "clipped": where_clipped(sensor, places, currents, sensor.field.field(places, currents)),
         "remedy": REMEDY,
         "near_T": float(idle[0]),
         "far_T": float(idle[-1]),
-        "slope_T_per_A": float(slope[np.argmax(np.abs(slope))]),
-        "slope_spread": float(np.ptp(slope) / np.max(np.abs(slope))) if np.any(slope) else 0.0,
+        "slopes": [_hall_slope(name, slope) for name, slope in zip(names, slopes.T, strict=True)],
         "shown": content.rows is not None and content.rows.hall is not None,
         "misfit_T": None if content.model.misfit is None else content.model.misfit.hall_rms_T,
     }
+
+
+def _hall_slope(circuit: str, slope: FloatArray) -> dict[str, Any]:
+    """The largest change of the field with a circuit's current, and how much it differs over the distance."""
+    largest = float(slope[np.argmax(np.abs(slope))])
+    return {"circuit": circuit, "T_per_A": largest, "spread": float(np.ptp(slope)) / abs(largest) if largest else 0.0}
 
 
 def _provenance(content: ReportContent) -> dict[str, Any]:

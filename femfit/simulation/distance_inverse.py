@@ -27,7 +27,8 @@ class PositionInverse:
         at = np.unique(np.concatenate([np.asarray(self.sensor.distances_m).clip(*ends), ends]))
         read = characteristic(self.sensor, at)
         order = np.argsort(read)
-        reading = np.broadcast_to(reading, np.shape(current))
+        several = len(self.model.circuits) > 1
+        reading = np.broadcast_to(reading, np.shape(current)[:-1] if several else np.shape(current))
         outside = ~((reading >= read.min()) & (reading <= read.max()))
         return np.interp(reading, read[order], at[order]), outside
 

@@ -176,6 +176,7 @@ def _place(design: LoopDesign, name: str | None) -> int:
 
 def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
     """The direct measurement of a recorded loop in m: its readings inverted with the current that its observer had."""
-    readings, currents = series.readings[..., 0], series.estimated_currents_A[..., 0]
-    distance, _ = distance_inverse(design.model, design.sensors[0]).distance(readings.ravel(), currents.ravel())
+    readings, currents = series.readings[..., 0], series.estimated_currents_A
+    currents = currents.reshape(readings.size, -1) if len(design.model.circuits) > 1 else currents[..., 0].ravel()
+    distance, _ = distance_inverse(design.model, design.sensors[0]).distance(readings.ravel(), currents)
     return distance.reshape(readings.shape)

@@ -49,7 +49,7 @@ class DirectObserver:
     def update(self, state: Seen, measurement: FloatArray) -> Seen:
         """The distance alone."""
         mean, first = state.mean.copy(), _first(measurement)
-        found = self.inverse.distance(first, mean[:, 2])[0]
+        found = self.inverse.distance(first, self.inverse.model.currents_of(mean))[0]
         mean[:, 0] = np.where(np.isnan(first), mean[:, 0], found)
         return Seen(mean, state.diverged, state.normalised_innovation_squared)
 
@@ -60,7 +60,7 @@ class DirectObserver:
         n, step = len(model.circuits), model.sample_time_s
         command = voltage[:, None] if voltage.ndim == 1 else voltage
         currents = coil_currents(model, mean, command)
-        measured, _ = self.inverse.distance(first, currents[:, 0])
+        measured, _ = self.inverse.distance(first, currents if n > 1 else currents[:, 0])
         moved = np.concatenate([np.stack([measured, (measured - mean[:, 0]) / step], axis=1), currents], axis=1)
         missing = np.isnan(first)
         moved[missing, :2] = mean[missing, :2]
@@ -69,7 +69,7 @@ class DirectObserver:
     def linear(self, point: OperatingPoint) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Jacobians of a step in state, commands and first reading about a point of rest."""
         n, rest = len(point.commands), point.state
-        reading = self.inverse.reading(rest[None, 0], rest[None, 2])
+        reading = self.inverse.reading(rest[None, 0], self.inverse.model.currents_of(rest[None]))
         both = np.concatenate([rest, point.commands, reading])
         scale = np.maximum(np.abs(both), 1e-3)
         scale[1] = 1.0

@@ -92,7 +92,9 @@ def require_sensed(model: ActuatorModel, sensors: Sequence[str], distance: Float
             continue
         sensor = sensor_named(model, name)
         if isinstance(sensor, HallSensor):
-            _refuse_hall(model, sensor, distance[dark], currents[dark, 0])
+            _refuse_hall(
+                model, sensor, distance[dark], currents[dark] if len(model.circuits) > 1 else currents[dark, 0]
+            )
         reading = reading_of(model, name)
         states = np.zeros((1, model.order))
         states[0, 0] = distance[dark][0]

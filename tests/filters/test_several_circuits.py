@@ -7,14 +7,17 @@ import pytest
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.filters.direct import hall_inverse
 from femfit.filters.error_bound import error_bound
 from femfit.filters.holding import bias_currents, holding_current, holding_currents
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.levitation import fastest_time_constant
 from femfit.filters.theory import unstable_pole
+from femfit.fit.build import fit_model
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.dynamics import euler_step, midpoint_step
 from femfit.model.sensors import predict_sensors
+from support.bearing import hall_field, table_with_hall
 from support.halves import cut_in_two
 
 LASER = PositionSensor(name="laser", noise=2e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
@@ -131,3 +134,24 @@ def test_the_bound_of_the_halves_names_both_currents(whole, halves):
     assert found.observed[0, :3].all()
     with pytest.raises(FilterError, match="2 currents"):
         error_bound(halves, distances_m=(0.024,), currents_A=(0.5,))
+
+
+def test_the_direct_distance_takes_all_currents_from_the_hall_voltage():
+    model = fit_model(table_with_hall()).model
+    d = np.array([0.3e-3, 0.55e-3, 0.7e-3])
+    currents = np.array([[1.5, -2.0], [0.0, 0.3], [-1.0, 1.0]])
+    volts = 2.5 + 50.0 * hall_field(d, currents)
+    inverse = hall_inverse(model)
+    found, clipped = inverse.distance(volts, currents)
+    np.testing.assert_allclose(found, d, atol=1e-9)  # the fit's rounding over 3 kV/m
+    assert not clipped.any()
+    lost, clipped = inverse.distance(np.array([volts[0], np.nan, 9.0]), currents)
+    np.testing.assert_allclose(lost, [d[0], np.nan, 0.8e-3], atol=1e-9)
+    assert clipped.tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("current", [np.zeros(5), np.zeros((5, 3)), np.array(0.5)])
+def test_a_sensors_field_refuses_currents_that_are_not_one_for_each_circuit(current):
+    sensor = fit_model(table_with_hall()).model.sensor
+    with pytest.raises(DomainError, match=r"shape \(\.\.\., 2\)"):
+        sensor.field.field(np.full(5, 0.5e-3), current)

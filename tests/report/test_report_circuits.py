@@ -11,7 +11,7 @@ from femfit.model.json_file import write_model
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.circuits import at_currents, several_circuits
 from femfit.report.content import ReportContent, strongest_point
-from support.bearing import ENTRY, Symmetric, table_of
+from support.bearing import ENTRY, Symmetric, table_of, table_with_hall
 from support.page import Page
 
 TRUTH = Symmetric()
@@ -88,3 +88,15 @@ def test_the_audit_knows_several_circuits(table, fit, tmp_path):
     slowest = np.linalg.eigvals(inductance / np.array([1.5, 1.2])[:, None]).real.max()
     assert found["time_constant", "coil"].recomputed == pytest.approx(slowest, rel=5e-3)
     assert ("held_range", "what the currents hold") in found
+
+
+def test_audit_and_report_say_of_a_hall_element_at_which_currents_it_clips_and_what_each_gives():
+    clipped = table_with_hall(TRUTH, FLOATING, output_max_V=4.45)  # 39 mT, without current from 0.483 mm on
+    fit = fit_model(clipped)
+    (said,) = (one for one in audit_model(fit.model).findings if one.code == "hall_range")
+    where = "clipped at 4.45 V from 0.485 to 0.800 mm at 0 A and 0 A"
+    assert where in said.sentence
+    page = Page(render_report(ReportContent(fit.model, sweep=clipped, fit=fit), {}))
+    assert where in page.text
+    assert "lower adds 4 mT/A" in page.text
+    assert "upper adds −3 mT/A" in page.text

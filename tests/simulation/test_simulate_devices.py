@@ -9,12 +9,14 @@ from femfit.core.errors import DomainError
 from femfit.device.circuit import Drive
 from femfit.device.mechanics import Spring, Stop
 from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.fit.build import fit_model
 from femfit.model.drive import current_targets, winding_voltage
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
+from support.bearing import ENTRY, Symmetric, table_with_hall
 
 LASER = PositionSensor(
     name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
@@ -139,3 +141,13 @@ def test_a_sensor_that_the_model_does_not_have_is_refused_by_name(ball):
         design_loop(ball, sensors=("lidar",))
     with pytest.raises(DomainError, match=r"its range of 0\.\.1 V"):
         design_loop(replace(ball, other_sensors=(replace(LASER, maximum=1.0),)))
+
+
+def test_a_bearing_is_held_by_the_direct_measurement_of_a_hall_element_that_all_currents_reach():
+    entry = {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}
+    fitted = fit_model(table_with_hall(Symmetric(), entry, noise_V=1e-4)).model
+    model = replace(fitted, sample_time_s=5e-5, reference_distances_m=(0.5e-3,))
+    loop = close_loop(model, estimator="direct", runs=1, seconds=0.01)
+    assert loop.held == 1
+
+    assert loop.estimate_rms_m.median < 2e-7

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from femfit.device.sensors import HallElement
 from femfit.tables.sweep_table import SweepTable
 
 DISTANCES = np.linspace(0.2e-3, 0.8e-3, 9)
@@ -77,6 +78,19 @@ def table_of(truth=TRUTH, distances=DISTANCES, currents=(-2.0, 0.0, 2.0), entry=
     columns = {"current_lower_A": i[:, 0], "current_upper_A": i[:, 1], "distance_m": d, "force_N": truth.force(d, i)}
     columns |= {"flux_linkage_lower_Wb": flux[:, 0], "flux_linkage_upper_Wb": flux[:, 1], "status": "ok"}
     return SweepTable(pd.DataFrame(columns), {"actuator": entry})
+
+
+def hall_field(d, i):
+    """Field in T at an element that both currents reach, and that tells the distance at all of them."""
+    return 0.01 + 60.0 * d + 4e-3 * i[..., 0] - 3e-3 * i[..., 1]
+
+
+def table_with_hall(truth=TRUTH, entry=ENTRY, **hall):
+    """The sweep with a Hall element of 50 V/T."""
+    table = table_of(truth, entry={**entry, "hall": vars(HallElement(0.04, 5e-3, **hall))})
+    rows = table.rows
+    currents = rows[["current_lower_A", "current_upper_A"]].to_numpy()
+    return SweepTable(rows.assign(hall_T=hall_field(rows["distance_m"].to_numpy(), currents)), table.manifest)
 
 
 class Symmetric(Bearing):
