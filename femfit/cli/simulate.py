@@ -74,7 +74,8 @@ def simulate(
     picture : Path
         File for a picture of the open loop, or of one run of the closed one (.png, .svg, .pdf).
     controller : str
-        pid, state-feedback or backstepping; default pid, or all of them where no option asks for a loop of one.
+        pid, state-feedback or backstepping; default: the one whose linear loop keeps the largest margin, or pid where
+        gains are given; all of them where no option asks for a loop of one.
     observer : str
         ukf4 (default of one loop) or ekf4, which estimate the first sensor's bias as a state more; ukf or ekf, which do
         not; or direct, which inverts the first sensor's characteristic without a filter.
@@ -159,7 +160,7 @@ def simulate(
 
     summary = close_loop(
         actuator,
-        controller=controller or "pid",
+        controller=controller,
         estimator=observer or "ukf4",
         runs=1 if runs is None else runs,
         seconds=seconds,

@@ -9,7 +9,8 @@ from femfit.report.numbers import percent, quantity
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, Drawing, new_figure, styled, words
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_text import gains_text, margins_text, observed_lines, sensor_line, sensor_word, worst_of
+from femfit.simulation.loop_text import gains_text, margins_text, observed_lines, sensor_line, sensor_word
+from femfit.simulation.margins import worst_of
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.simulation.study_rows import FaultRow, SpectrumPair, StepSeries
 

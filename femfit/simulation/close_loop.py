@@ -15,6 +15,7 @@ from femfit.core.random_numbers import random_generator
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.simulation.adjust import adjusted
+from femfit.simulation.choose import choose
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
@@ -29,7 +30,7 @@ _MOST_STEPS = 2**48
 def close_loop(
     model: ActuatorModel | str | Path,
     *,
-    controller: ControllerName = "pid",
+    controller: ControllerName | None = None,
     estimator: ObserverName = "ukf4",
     sensors: Sequence[str] | None = None,
     targets_m: Iterable[float] | None = None,
@@ -58,8 +59,9 @@ def close_loop(
     ----------
     model : ActuatorModel, str or Path
         What controller and filter believe, or its file.
-    controller : str
-        ``pid``, ``state-feedback`` (a linear-quadratic regulator with an integral) or ``backstepping``.
+    controller : str or None
+        ``pid``, ``state-feedback`` (a linear-quadratic regulator with an integral) or ``backstepping``. Where None: the
+        one whose linear loop keeps the largest margin, or the PID that gains, a bandwidth or poles are given for.
     estimator : str
         ``ukf`` or ``ekf``, with a 4 to estimate the first sensor's bias too, or ``direct``, which inverts the first
         sensor's characteristic.
@@ -102,12 +104,12 @@ def close_loop(
     >>> import femfit as ff
     >>> loop = ff.close_loop("model.json", targets_m=(0.022,), runs=3, seconds=0.2, rng=1)
     >>> print(loop)
-    Held: 3 of 3 runs of 0.2 s held the body; pid on ukf4, ...
+    Held: 3 of 3 runs of 0.2 s held the body; ... on ukf4, ...
     >>> loop.estimate_rms_m.median < 50e-6
     True
     """
     for given, value, known in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
-        if value not in known:
+        if value is not None and value not in known:
             raise DomainError(f"There is no {given} {value!r}. Give one of {', '.join(known)}.")
     for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0), ("latency", latency, 0)):
         if not isinstance(count, int | np.integer) or count < least:
@@ -120,13 +122,11 @@ def close_loop(
     believed, truth = model_of(model), None if plant is None else model_of(plant)
     if targets_m is not None:
         believed = replace(believed, reference_distances_m=_distances(targets_m))
-    design = adjusted(
-        design_loop(believed, noise, sensors=sensors, latency=latency),
-        controller,
-        gains=gains,
-        bandwidth_rad_s=bandwidth_rad_s,
-        poles_rad_s=poles_rad_s,
-    )
+    design = design_loop(believed, noise, sensors=sensors, latency=latency)
+    own_gains = bool(gains) or bandwidth_rad_s is not None or poles_rad_s is not None
+    choice = None if controller or own_gains else choose(design, estimator)
+    controller = choice.controller if choice else controller or "pid"
+    design = adjusted(design, controller, gains=gains, bandwidth_rad_s=bandwidth_rad_s, poles_rad_s=poles_rad_s)
     experiment = Experiment(
         controller=controller,
         observer=estimator,
@@ -139,7 +139,8 @@ def close_loop(
         dropout_probability=dropout,
     )
     duration = float(len(design.targets_m)) if seconds is None else seconds
-    return run_loops(design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth)
+    summary = run_loops(design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth)
+    return replace(summary, choice=str(choice or ""))
 
 
 def _distances(targets_m: Iterable[float]) -> tuple[float, ...]:

@@ -43,6 +43,9 @@ NOISE_ROOM = 0.1
 """Conventional: rms of a command that the sensors' noise may take, over the way to the nearer limit: a tenth leaves the
 rest to steps of the reference, which use half of it."""
 
+NOISE_FILLS = 1.0 / 3.0
+"""Derived: rms of the noise's command over the room to the limit, from which three deviations reach it."""
+
 SLOW_COIL, WANTED_COIL = 3.0, 6.0
 """Conventional: coil's pole over the body's unstable one below which a PID closes a loop of the current, and what that
 loop makes of it. Backstepping asks for three times as well; at six times four equal poles are faster than the body."""

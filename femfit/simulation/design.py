@@ -97,8 +97,7 @@ class LoopDesign:
         """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
         if self._made(name) is not None and name not in self.given and name not in self._reasons:
             bench = self._filtered
-            stable = name == "backstepping" or bench.score(self._designed[name]) > 0.0
-            self._reasons[name] = "" if stable else why_none(self, name, bench)
+            self._reasons[name] = "" if bench.growth(self._designed[name]) < 0.0 else why_none(self, name, bench)
         return self._reasons.get(name, "") if name not in self.given else ""
 
     @property

@@ -15,7 +15,7 @@ from femfit.simulation.controllers import Backstepping, Controller
 from femfit.simulation.design import ControllerName, LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome
-from femfit.simulation.margins import Margins
+from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.operating_point import OperatingPoint
 from femfit.simulation.pid import Pid
 from femfit.simulation.state_feedback import StateFeedback
@@ -142,11 +142,22 @@ def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> li
     if worst.stable and degrees(worst.phase_rad) < FRAGILE_DEGREES:
         lines.append(f"fragile: body and delay must be as in the model for {name} to hold it{_raised(design, name)}")
     if name == "backstepping" and name not in design.given and worst.modulus < WANTED_MODULUS:
+        others: tuple[ControllerName, ...] = ("pid", "state-feedback")
+        better = [other for other in others if _modulus(design, other, observer) > worst.modulus]
         lines.append(
             f"backstepping takes its gains from the model's poles alone, so that its modulus margin is not the "
-            f"{WANTED_MODULUS:g} that pid and state-feedback are tuned for; use one of these where the model is rough"
+            f"{WANTED_MODULUS:g} that pid and state-feedback are tuned for"
+            + (f"; use {' or '.join(better)} where the model is rough" if better else "; here they keep less")
         )
     return lines
+
+
+def _modulus(design: LoopDesign, name: ControllerName, observer: str) -> float:
+    """The modulus margin of another controller on the same observer; zero where there is none."""
+    try:
+        return worst_of(design.margins(name, observer)).modulus  # type: ignore[arg-type]
+    except (DomainError, FilterError):
+        return 0.0
 
 
 def _raised(design: LoopDesign, name: ControllerName) -> str:
@@ -161,20 +172,6 @@ def _raised(design: LoopDesign, name: ControllerName) -> str:
         if worst.stable:
             parts.append(f"{degrees(worst.phase_rad):.2g} degrees {way}")
     return f"; the phase margin would be {' and '.join(parts)}" if parts else ""
-
-
-def worst_of(found: Sequence[Margins]) -> Margins:
-    """The least of each margin."""
-    return Margins(
-        stable=all(one.stable for one in found),
-        gain_below=max(one.gain_below for one in found),
-        gain_above=min(one.gain_above for one in found),
-        phase_rad=min(one.phase_rad for one in found),
-        delay_s=min(one.delay_s for one in found),
-        modulus=min(one.modulus for one in found),
-        slowest_pole_rad_s=min(one.slowest_pole_rad_s for one in found),
-        noise_share=max(one.noise_share for one in found),
-    )
 
 
 def margins_text(margins: Margins, circuits: int = 1) -> str:

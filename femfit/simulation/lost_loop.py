@@ -19,6 +19,9 @@ START_ERROR = 5e-3
 HARDLY = 0.02
 """Conventional: part of the noise that stands for none; a filter needs to know some."""
 
+CERTAIN = 30.0
+"""Derived: growth times duration from which a deviation of one rounding, 1e-13 of the range, has grown to the range."""
+
 AMPLE = 10.0
 """Conventional: factor on a driver's limits that stands for a driver that is never short."""
 
@@ -51,6 +54,7 @@ class LostLoop:
     supported_steps: int
     plant: ActuatorModel | None  # What truly moves, where that is another model than the design's
     known: dict[Improved, BoolArray | None] = field(default_factory=dict)  # What was tried already
+    designs: dict[Improved, LoopDesign] = field(default_factory=dict)
 
     def held(self, better: Improved) -> BoolArray | None:
         """Which runs are held with something improved; None where no such loop can be designed."""
@@ -60,9 +64,19 @@ class LostLoop:
 
     def _held(self, better: Improved) -> BoolArray | None:
         try:
+            if self._grows(better):
+                return np.zeros(self.runs, dtype=np.bool_)
             return self.again(better).held
         except (DomainError, FilterError):
             return None
+
+    def _grows(self, better: Improved) -> bool:
+        """Whether the linear loop tells already that this is no loop to advise, so that it need not be run."""
+        if self.plant is not None and not better.true_plant:
+            return False
+        design, e = self.designed(better), self._experiment(better)
+        growth = design.bench(e.observer).growth(design.controller(e.controller))
+        return growth * self.steps * design.model.sample_time_s > CERTAIN
 
     def again(self, better: Improved, recorded: int = 0) -> LoopResult:
         """The runs on the same noise, with something improved."""
@@ -88,8 +102,16 @@ class LostLoop:
             authority=better.authority,
             unlimited_range=better.unlimited_range,
         )
-        if as_drawn == Improved():
-            return replace(own, given={}) if better.designed or better.controller else own
+        if as_drawn == Improved() and not (better.designed or better.controller):
+            return own
+        if as_drawn not in self.designs:
+            self.designs[as_drawn] = self._designed_for(as_drawn)
+        return self.designs[as_drawn]
+
+    def _designed_for(self, better: Improved) -> LoopDesign:
+        own = self.design
+        if better == Improved():
+            return replace(own, given={})
         model = replace(improved(own.model, better), reference_distances_m=own.targets_m)
         noise = {name: better.noise * white for name, white in own.noise.items()}
         latency = int(better.delay * own.latency)

@@ -16,6 +16,7 @@ References
 S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), sections 2.4 and 9.6.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,6 +48,20 @@ class Margins:
     slowest_pole_rad_s: float  # Rate at which the loop's slowest motion decays; negative where one grows
     # Rms of each command that the sensors' noise makes, over the way from the resting command to the nearer limit
     noise_share: float
+
+
+def worst_of(found: Sequence[Margins]) -> Margins:
+    """The least of each margin over the points of rest."""
+    return Margins(
+        stable=all(one.stable for one in found),
+        gain_below=max(one.gain_below for one in found),
+        gain_above=min(one.gain_above for one in found),
+        phase_rad=min(one.phase_rad for one in found),
+        delay_s=min(one.delay_s for one in found),
+        modulus=min(one.modulus for one in found),
+        slowest_pole_rad_s=min(one.slowest_pole_rad_s for one in found),
+        noise_share=max(one.noise_share for one in found),
+    )
 
 
 def frequencies(sample_time_s: float, points: int = FREQUENCIES) -> tuple[FloatArray, ComplexArray]:

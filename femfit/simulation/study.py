@@ -27,7 +27,7 @@ from femfit.filters.theory import noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensor_named
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
-from femfit.simulation.design import LoopDesign, ObserverName, design_loop
+from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopResult
 from femfit.simulation.loop_text import design_data
@@ -96,6 +96,8 @@ def closed_loop_study(
         Which of the model's sensors the loops read; the Hall element, or all where there is none.
     """
     design = design_loop(model, noise, sensors=sensors)
+    if not design.controllers:
+        raise DomainError(" ".join(design.why_no(name) for name in CONTROLLERS))
     steps, series = _steps(design, seed)
     holds, faults, spectra = _holds(design, seed)
     return ClosedLoopStudy(

@@ -48,6 +48,8 @@ class LoopSummary(Printed):
         Why runs were lost and what to do; empty where all were held.
     result : LoopResult
         Outcome of each run, and the series of those that were recorded.
+    choice : str
+        Why this controller was taken; empty where it was asked for.
 
     Examples
     --------
@@ -71,6 +73,7 @@ class LoopSummary(Printed):
     innovation_band: ConsistencyBand
     advice: str
     result: LoopResult
+    choice: str = ""
 
     @property
     def held(self) -> int:
@@ -94,6 +97,8 @@ class LoopSummary(Printed):
     def _lines(self) -> list[str]:
         seconds = self.steps * self.design.model.sample_time_s
         lines = [verdict(self.design, seconds, [(self.experiment, self.held, self.runs)], self.plant)]
+        if self.choice:
+            lines.append(f"  {self.choice}")
         for name, count in self.outcomes.items():
             if name != LoopOutcome.HELD.name:
                 runs = counted(count, "run")
@@ -124,7 +129,16 @@ class LoopSummary(Printed):
 
     def data(self) -> dict[str, Any]:
         """The numbers without the series, ready for JSON."""
-        names = ("plant", "runs", "steps", "first_loss_s", "last_loss_s", "normalised_innovation_squared", "advice")
+        names = (
+            "plant",
+            "runs",
+            "steps",
+            "first_loss_s",
+            "last_loss_s",
+            "normalised_innovation_squared",
+            "advice",
+            "choice",
+        )
         return {
             "model": self.design.model.name,
             "experiment": json_ready(asdict(self.experiment)),

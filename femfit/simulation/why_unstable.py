@@ -11,6 +11,7 @@ import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.errors import DomainError, FilterError
+from femfit.simulation.constants import NOISE_FILLS
 from femfit.simulation.controllers import Controller
 from femfit.simulation.limits import limits_of
 from femfit.simulation.loop_text import command_unit, gains_text
@@ -20,9 +21,6 @@ from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, make_bench
 
 HALVINGS = 8
 """Conventional: steps of the search for the longest delay; it is then known to half a per cent of the delay."""
-
-NOISE_FILLS = 1.0 / 3.0
-"""Derived: rms of the noise's command over the room to the limit, from which three deviations reach it."""
 
 LITTLE_ROOM = 0.1
 """Conventional: room to the nearer limit over the driver's range, below which it is little."""

@@ -1,0 +1,100 @@
+"""Where no controller is asked for, the loop has the one whose linear loop is farthest from instability."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit.simulation.lost_loop
+from femfit.core.errors import DomainError
+from femfit.device.sensors import PositionSensor
+from femfit.simulation.choose import choose
+from femfit.simulation.close_loop import close_loop
+from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.lost_loop import Improved, LostLoop
+from femfit.simulation.margins import Margins, worst_of
+from femfit.simulation.study import closed_loop_study
+
+LATE = 40
+"""Samples of 0.5 ms, two thirds of the time in which the body runs away by a factor e."""
+
+
+@pytest.fixture(scope="module")
+def optical(levitation_model):
+    """The rig with a position sensor of 20 um, at 22 mm where its body runs away with 33 1/s."""
+    laser = PositionSensor(
+        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
+    )
+    return replace(levitation_model, sensor=None, other_sensors=(laser,), reference_distances_m=(0.022,))
+
+
+@pytest.fixture(scope="module")
+def late(optical):
+    return design_loop(optical, latency=LATE)
+
+
+def with_margins(monkeypatch, design, **each):
+    """The design, whose controllers have margins as given: stable, modulus, share of the noise, rate of decay."""
+    found = {
+        name.replace("_", "-"): Margins(stable, 0.5, 2.0, 1.0, 1e-3, modulus, rate, noise)
+        for name, (stable, modulus, noise, rate) in each.items()
+    }
+    monkeypatch.setattr(LoopDesign, "margins", lambda _, name, __: (found[name],))
+    return choose(design, "ukf4")
+
+
+def test_the_largest_modulus_margin_decides(optical, monkeypatch):
+    found = with_margins(
+        monkeypatch,
+        design_loop(optical),
+        pid=(True, 0.2, 0.1, 9.0),
+        backstepping=(True, 0.1, 0.1, 9.0),
+        state_feedback=(True, 0.3, 0.1, 9.0),
+    )
+    assert list(found.margins) == ["state-feedback", "pid", "backstepping"]
+
+
+def test_noise_that_fills_the_room_of_the_command_counts_before_the_margin_and_growth_before_both(optical, monkeypatch):
+    found = with_margins(
+        monkeypatch,
+        design_loop(optical),
+        pid=(True, 0.3, 1.1, 9.0),
+        backstepping=(True, 0.1, 0.2, 9.0),
+        state_feedback=(False, 0.0, 0.01, -3.0),
+    )
+    assert list(found.margins) == ["backstepping", "pid", "state-feedback"]
+
+
+def test_a_controller_whose_linear_loop_grows_is_none_of_the_design(late):
+    grows = {name: late.bench("ekf").growth(late.controller(name)) > 0.0 for name in CONTROLLERS}
+    assert grows["backstepping"]
+    assert late.controllers == tuple(name for name in CONTROLLERS if not grows[name])
+    assert late.why_no("backstepping")
+
+
+def test_the_default_is_the_controller_with_the_largest_margin_and_holds(optical, late):
+    loop = close_loop(optical, latency=LATE, runs=2, seconds=0.5)
+    margins = {name: worst_of(late.margins(name, "ukf4")).modulus for name in CONTROLLERS}
+    assert loop.experiment.controller == max(margins, key=margins.__getitem__) != "backstepping"
+    assert loop.held == 2
+    assert loop.choice in str(loop)
+    assert not close_loop(optical, controller="pid", runs=1, seconds=0.01).choice
+
+
+def test_a_loop_whose_linear_form_grows_is_not_simulated_as_a_remedy(late, monkeypatch):
+    def never(*_, **__):
+        raise AssertionError
+
+    monkeypatch.setattr(femfit.simulation.lost_loop, "run_experiments", never)
+    experiment = Experiment("pid", "ukf", late.targets_m)
+    # Long enough for a deviation of a rounding to grow to the whole range
+    steps = int(40.0 / late.bench("ukf").growth(late.controller("backstepping")) / late.model.sample_time_s)
+    loop = LostLoop(late, experiment, np.random.default_rng(1), 2, steps, steps, 0, None)
+    assert not loop.held(Improved(controller="backstepping")).any()
+
+
+def test_a_model_of_which_no_loop_is_stable_is_not_studied_but_told_why(levitation_model, monkeypatch):
+    monkeypatch.setattr(LoopDesign, "why_no", lambda _, name: f"No {name}.")
+    with pytest.raises(DomainError, match=r"No backstepping\. No pid\. No state-feedback\."):
+        closed_loop_study(levitation_model)
