@@ -96,7 +96,8 @@ def test_audit_and_report_say_of_a_hall_element_at_which_currents_it_clips_and_w
     (said,) = (one for one in audit_model(fit.model).findings if one.code == "hall_range")
     where = "clipped at 4.45 V from 0.485 to 0.800 mm at 0 A and 0 A"
     assert where in said.sentence
-    page = Page(render_report(ReportContent(fit.model, sweep=clipped, fit=fit), {}))
+    content = ReportContent(fit.model, sweep=clipped, fit=fit)
+    page = Page(render_report(content, draw_figures(content, lambda *_: (None, "no picture"))))
     assert where in page.text
-    assert "lower adds 4 mT/A" in page.text
-    assert "upper adds −3 mT/A" in page.text
+    assert "lower gives 4.00 mT/A" in page.text
+    assert "upper gives −3.00 mT/A" in page.text
