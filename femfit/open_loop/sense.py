@@ -216,17 +216,21 @@ def _errors(
 ) -> tuple[FloatArray, FloatArray]:
     """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
     process, names = built.process, [output.name for output in built.process.outputs]
-    first = np.linalg.cholesky(process.require_start_covariance())
-    start = states[0] + generator.standard_normal((runs, process.order)) @ first.T
+    # What is remembered follows from the first states: the body was at rest before
+    known = process.order if process.memory is None else process.memory.base
+    first = np.linalg.cholesky(process.require_start_covariance()[:known, :known])
+    start = states[0, :known] + generator.standard_normal((runs, known)) @ first.T
     start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
     moved = states[:, : model.order]
     exact = np.stack([sampled_readings(model, sensor_named(model, name), moved) for name in names], axis=1)
     deviation = np.sqrt([output.variance for output in process.outputs])
+    periods = np.array([output.period for output in process.outputs])
     state = built.start(start)
     rms, claimed = np.empty(len(states)), np.empty(len(states))
     for k, truth in enumerate(states):
         state = state if k == 0 else built.predict(state, np.full(runs, volts[k]))
         readings = exact[k] + deviation * generator.standard_normal((runs, len(names)))
+        readings[:, k % periods > 0] = np.nan
         state = built.update(state, readings[:, 0] if len(names) == 1 else readings)
         rms[k] = np.sqrt(np.mean((state.mean[:, 0] - truth[0]) ** 2))
         claimed[k] = np.sqrt(np.mean(state.covariance[:, 0, 0]))
