@@ -79,11 +79,14 @@ def effects_of(all_effects: Mapping[str, Effect], circuits: Sequence[str]) -> di
 
 
 def source_scales(effects: Iterable[AddedEffect], circuits: Sequence[str]) -> list[float]:
-    """What multiplies the magnets and each circuit's current where they make the field; 1 + n numbers."""
+    """What multiplies the magnets and each circuit's current where they make the field; 1 + n numbers.
+
+    Turns that are of no circuit by name are the only one's.
+    """
     scales = dict.fromkeys(("", *circuits), 1.0)
     for added in effects:
         if added.effect.name == "remanence":
             scales[""] *= 1.0 + added.parameters["remanence_error"]
         elif added.effect.name.partition(SEPARATOR)[0] == "turns":
-            scales[added.effect.of] *= 1.0 + added.parameters["turns_error"]
+            scales[added.effect.of or circuits[0]] *= 1.0 + added.parameters["turns_error"]
     return list(scales.values())

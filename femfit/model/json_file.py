@@ -42,6 +42,7 @@ from femfit.model.misfit import Misfit
 from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.model.pickup import PickupSensor
 from femfit.model.process_noise import ProcessNoise
+from femfit.model.sensed_effects import pickups_as_fitted
 from femfit.model.sensed_field import SensedField
 from femfit.model.several_magnetics import SeveralMagnetics
 from femfit.model.validity import ValidityBox
@@ -143,6 +144,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     base, changed = model.without_effects, ("magnetics", "circuits", "motion", "sensor")
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
     data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
+    data["other_sensors"] = _plain(pickups_as_fitted(model.other_sensors, base.other_sensors))
     for key in ("other_sensors", "process_noise"):  # as files were before there were any
         if not data[key]:
             del data[key]

@@ -7,7 +7,8 @@ polynomials at their ends are continued.
 Distances have the shape (...), currents (..., n) in the circuits' order, or (...) where there is one circuit or none.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,6 +41,12 @@ class SensedField(HallField):
             return value, in_distance, in_currents[0]
         empty = np.zeros((*value.shape, 0))
         return value, in_distance, np.stack(in_currents, axis=-1) if in_currents else empty
+
+    def scaled(self, magnets: float, currents: Sequence[float]) -> "SensedField":
+        """The field with magnets and currents scaled: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in both."""
+        scales = [one / magnets for one in currents]
+        knots = tuple(one / s for one, s in zip(self.current_knots_A, scales, strict=False))  # or of no current
+        return replace(self, current_knots_A=knots, coefficients=magnets * self.coefficients)
 
     def _partials(
         self,

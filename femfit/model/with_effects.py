@@ -27,6 +27,7 @@ from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import Magnetics
+from femfit.model.sensed_effects import hall_with_effects, pickups_with_effects
 from femfit.model.several_magnetics import SeveralMagnetics
 
 
@@ -183,6 +184,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         circuits=() if circuit is None else (circuit,),
         motion=_moved_by(base.motion, effects, at.nominal),
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,
+        other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
         effects=effects,
         base=base,
         dynamics=dynamics,
@@ -219,6 +221,8 @@ def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, .
         magnetics=with_sources(base, effects),
         circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
         motion=_moved_by(base.motion, effects, nominal),
+        sensor=hall_with_effects(base.sensor, effects, base.circuit_names),
+        other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
         effects=effects,
         base=base,
         conditions=at,
