@@ -146,7 +146,7 @@ def bound_map(
     i = np.linspace(least, box.current_max_A, MAP_POINTS) if currents_A is None else np.asarray(currents_A, np.float64)
     box.require(d[:, None], i)
     free = without_stops(model)
-    process = in_fine_steps(free, levitation_process(free, sensors=sensors, noise=noise, explicit=False))
+    process = in_fine_steps(free, levitation_process(free, sensors=sensors, noise=noise))
     frequency = 1.0 / (TEST_SAMPLES * process.step_s) if test_frequency_Hz is None else test_frequency_Hz
     if not 0.0 < frequency <= 0.5 / process.step_s:
         raise FilterError(

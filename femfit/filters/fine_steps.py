@@ -1,7 +1,7 @@
-"""A prediction in steps of Runge and Kutta, for a caller that is not in a hurry and for coils that are quick.
+"""A prediction in steps of Runge and Kutta, for a caller that is not in a hurry.
 
-One explicit step a sample cannot follow a current that decays within half a sample; these can, and they follow what a
-stop does to the body and the current within a sample.
+One step a sample holds the inductance and rests a body at a stop; these follow iron that saturates within a sample,
+and what a stop does to the body and the current.
 """
 
 from functools import partial
@@ -18,7 +18,7 @@ from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kut
 
 def in_fine_steps(model: ActuatorModel, process: FilterProcess) -> FilterProcess:
     """A process of this model whose prediction takes steps of Runge and Kutta."""
-    # Euler's Jacobian is another step's; a filter takes that of this one over the width of its first estimate
+    # The one step's Jacobian is another; a filter takes that of this one over the width of its first estimate
     return process.predicting(partial(advance, model, substeps(model)))
 
 

@@ -30,7 +30,6 @@ def kalman_filter(
     distance: float | None = None,
     first_deviation_m: float | None = None,
     commanded: bool = False,
-    explicit: bool = True,
 ) -> Filter:
     """A filter of a model, its noise derived from the model and its first covariance chosen.
 
@@ -54,8 +53,6 @@ def kalman_filter(
     commanded : bool
         Whether it is stepped with what the drivers are told, in V or A for a current amplifier, instead of the voltages
         across the circuits.
-    explicit : bool
-        Whether its prediction stays one explicit step a sample, which a coil with L/R below half a sample refuses.
 
     Returns
     -------
@@ -68,7 +65,7 @@ def kalman_filter(
     MissingPartError
         If the model lacks circuit, motion, sensor or inductance.
     FilterError
-        If the kind is unknown, or the coil too fast for the sample time.
+        If the kind is unknown.
 
     Examples
     --------
@@ -92,7 +89,6 @@ def kalman_filter(
         sensors=sensors,
         biases=biases,
         commanded=commanded,
-        explicit=explicit,
     )
     covariance = process.require_start_covariance().copy()
     if first_deviation_m is not None:

@@ -1,10 +1,10 @@
 """The filter's view of an actuator's moving part, built from its model.
 
 States are distance (m), velocity (m/s) and current (A), those that the model's effects add (lag, hysteresis), and, for
-sensors that drift, their biases as random walks. A step is one of Euler's, as in (33), or of the midpoint method where
-a current settles within a few samples; at a stop the body comes to rest. The measurement is the vector of the readings:
-a Hall voltage through the fitted field, which lets the filter itself tell the coil's part from the magnet's, a current,
-a distance, an acceleration, a force.
+sensors that drift, their biases as random walks. A step is one of :mod:`femfit.model.exponential_step` in place of
+Euler's in (33): a coil may be as fast as it likes. At a stop the body comes to rest. The measurement is the vector of
+the readings: a Hall voltage through the fitted field, which lets the filter itself tell the coil's part from the
+magnet's, a current, a distance, an acceleration, a force.
 
 References
 ----------
@@ -32,18 +32,10 @@ from femfit.filters.noise import (
 from femfit.filters.outputs import bias_deviations, bias_names, outputs_of
 from femfit.filters.process import FilterProcess, Output
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import commands_currents, is_plain, winding_voltage
-from femfit.model.dynamics import euler_jacobian, euler_step, midpoint_jacobian, midpoint_step
+from femfit.model.drive import is_plain, winding_voltage
+from femfit.model.exponential_step import exponential_jacobian, exponential_step, half_way
 from femfit.model.float_steps import float_step
 from femfit.model.sensors import HALL, sensor_named, sensors_of
-
-LARGEST_STEP = 2.0
-"""Largest stable step of Euler's method times R/L of a decaying current (E. Hairer and G. Wanner, Solving Ordinary
-Differential Equations II (Springer, 1996), section IV.2), and of the midpoint method."""
-
-EULER_SHARE = 0.2
-"""Derived: Euler's method misses half the square of step times R/L of what is left of a decay, 2 % at this share; a
-voice coil at 0.43 had innovations of 2.6 times their variance while the current changed."""
 
 
 def levitation_process(
@@ -55,7 +47,6 @@ def levitation_process(
     sensors: Sequence[str] | None = None,
     biases: Sequence[str] | None = None,
     commanded: bool = False,
-    explicit: bool = True,
 ) -> FilterProcess:
     """Process and measurement of a moving part with any circuits and sensors.
 
@@ -76,19 +67,12 @@ def levitation_process(
     commanded : bool
         Whether the inputs are what the drivers are told, in V or A, instead of the voltages across the circuits: a
         freewheel diode and a current amplifier then have their say.
-    explicit : bool
-        Whether the one explicit step a sample is used; a caller that predicts in finer steps needs no slow coil.
     """
     model.require_dynamics()
     driven = commanded and not is_plain(model.circuits)
     sensors = chosen_sensors(model, sensors)
     biases = chosen_biases(sensors, biases, hall_bias)
     distance = operating_distance(model) if distance is None else distance
-    if explicit and not (
-        driven and commands_currents(model).all()
-    ):  # an amplifier's current follows without a coil's decay
-        require_slow_coil(model, distance)
-    midpoint = _needs_midpoint(model, distance, driven)
     noise = default_noise(model, distance) if noise is None else noise
     names = (*model.state_names, *bias_names(model, biases))
     lower, upper = _plausible_range(model, len(names))
@@ -107,13 +91,13 @@ def levitation_process(
     process = FilterProcess(
         names=names,
         step_s=model.sample_time_s,
-        transition=partial(_driven_transition if driven else _transition, model, midpoint),
+        transition=partial(_driven_transition if driven else _transition, model),
         measure=own.measure,
         process_covariance=drift,
         measurement_variance=own.variance,
-        transition_jacobian=None if driven else partial(_transition_jacobian, model, midpoint),
+        transition_jacobian=None if driven else partial(_transition_jacobian, model),
         measurement_jacobian=own.jacobian,
-        transition_columns=None if driven else float_step(model, midpoint=midpoint),
+        transition_columns=None if driven else float_step(model),
         measure_columns=own.columns,
         lower=lower,
         upper=upper,
@@ -181,27 +165,6 @@ def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bia
     return tuple(biases)
 
 
-def require_slow_coil(model: ActuatorModel, distance: float) -> None:
-    """Refuse a coil whose current one explicit step a sample cannot follow: its error would grow at every sample.
-
-    Parameters
-    ----------
-    distance : float
-        Where the inductance is taken, in m.
-    """
-    if not model.circuits:
-        return
-    shortest = fastest_time_constant(model, distance)
-    longest = LARGEST_STEP * shortest
-    if model.sample_time_s > longest:
-        coil = "its coil has" if len(model.circuits) == 1 else "the fastest of its circuits has"
-        raise FilterError(
-            f"The filter of model {model.name!r} must take steps of at most {1e3 * longest:.3g} ms, because {coil} "
-            f"L/R = {1e3 * shortest:.3g} ms; the sample time is {1e3 * model.sample_time_s:g} ms. Give [supply] a "
-            "shorter sample_time_ms, or drive the coil by a current loop with a larger resistance_ohm."
-        )
-
-
 def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
     """Smallest L/R over the currents of the validity domain in s: the least eigenvalue of R^-1 L of several circuits.
 
@@ -219,18 +182,11 @@ def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
     return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
 
 
-def _needs_midpoint(model: ActuatorModel, distance: float, driven: bool) -> bool:
-    """Whether Euler's step misses the current; an amplifier's voltage is worked out for that step, and brings it."""
-    if not model.circuits or (driven and commands_currents(model).any()):
-        return False
-    return model.sample_time_s > EULER_SHARE * fastest_time_constant(model, distance)
-
-
-def _driven_transition(model: ActuatorModel, midpoint: bool, states: FloatArray, command: FloatArray) -> FloatArray:
+def _driven_transition(model: ActuatorModel, states: FloatArray, command: FloatArray) -> FloatArray:
     """The same for commands of drivers that are no bridges; no diode lets a current turn round."""
     command = command[:, None] if command.ndim == 1 else command
-    volts = winding_voltage(model, states, command, model.sample_time_s)
-    result = _transition(model, midpoint, states, volts[:, 0] if volts.shape[1] == 1 else volts)
+    volts = winding_voltage(model, half_way(states, model.sample_time_s), command, model.sample_time_s)
+    result = _transition(model, states, volts[:, 0] if volts.shape[1] == 1 else volts)
     return blocked_by_diodes(model, result)
 
 
@@ -242,10 +198,10 @@ def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
     return states
 
 
-def _transition(model: ActuatorModel, midpoint: bool, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order, step = model.order, midpoint_step if midpoint else euler_step
+def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
+    order = model.order
     result = np.empty(states.shape[::-1]).T
-    result[:, :order] = step(model, states[:, :order], voltage, model.sample_time_s)
+    result[:, :order] = exponential_step(model, states[:, :order], voltage, model.sample_time_s)
     result[:, order:] = states[:, order:]
     return kept_between_stops(model, result)
 
@@ -261,16 +217,15 @@ def kept_between_stops(model: ActuatorModel, states: FloatArray) -> FloatArray:
     return states
 
 
-def _transition_jacobian(model: ActuatorModel, midpoint: bool, states: FloatArray, voltage: FloatArray) -> FloatArray:
+def _transition_jacobian(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
     order, moving = states.shape[1], model.order
-    jacobian = midpoint_jacobian if midpoint else euler_jacobian
     result = np.zeros((len(states), order, order))
-    result[:, :moving, :moving] = jacobian(model, states[:, :moving], voltage, model.sample_time_s)
+    result[:, :moving, :moving] = exponential_jacobian(model, states[:, :moving], voltage, model.sample_time_s)
     biases = range(moving, order)
     result[:, biases, biases] = 1.0
     ends = model.require_motion().ends
     if ends != (-np.inf, np.inf):  # where a stop holds the body, nothing of its motion goes on
-        moved = _transition(model, midpoint, states, voltage)
+        moved = _transition(model, states, voltage)
         stopped = (moved[:, 0] <= ends[0]) | (moved[:, 0] >= ends[1])
         result[stopped, 0] = 0.0
         result[stopped & (moved[:, 1] == 0.0), 1] = 0.0

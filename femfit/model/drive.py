@@ -17,6 +17,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.device.circuit import Circuit
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.decay import decay_of
 
 
 def command_limits(circuit: Circuit, *, current: bool | None = None) -> tuple[float, float]:
@@ -98,7 +99,7 @@ def _amplifiers(circuits: tuple[Circuit, ...], step: float) -> tuple[FloatArray,
 def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray, step: float) -> FloatArray:
     """Voltage across each winding in V, held over a step in s, for which amplifiers come to their targets.
 
-    To first order in the step, as one of Euler's takes it: an exact plant corrects it by what is left.
+    As one of :mod:`femfit.model.exponential_step` takes it: an exact plant corrects it by what is left.
 
     Parameters
     ----------
@@ -118,13 +119,16 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
     amplified = commands_currents(model)
     if amplified.any():
         _, motional, inductance = circuit_terms(model, distance, currents)
-        rate = (current_targets(model, currents, command, step) - currents) / step
-        # Where a voltage source stands beside it, its own rate is that of its voltage
-        own = (volts - model.resistances_ohm * currents + motional * velocity[..., None]) / np.einsum(
-            "...kk->...k", inductance
-        )
-        rate = np.where(amplified, rate, own)
-        needed = model.resistances_ohm * currents + np.einsum("...jk,...k->...j", inductance, rate)
-        needed = needed - motional * velocity[..., None]
-        volts = np.where(amplified, np.clip(needed, *voltage_limits(circuits)), volts)
+        against = model.resistances_ohm * currents - motional * velocity[..., None]
+        drives, others = np.flatnonzero(amplified), np.flatnonzero(~amplified)
+        gain = decay_of(inductance, model.resistances_ohm, step).applied(np.asarray(np.linalg.inv(inductance)))[
+            0
+        ]  # di/dt by U
+        rate = (current_targets(model, currents, command, step) - currents)[..., drives] / step
+        if len(others):  # what the voltage sources beside it bring about
+            own = (volts - against)[..., others]
+            rate = rate - np.einsum("...jk,...k->...j", gain[..., drives[:, None], others], own)
+        left = np.linalg.solve(gain[..., drives[:, None], drives], rate[..., None])[..., 0]
+        low, high = voltage_limits(circuits)[:, drives]
+        volts[..., drives] = np.clip(against[..., drives] + left, low, high)
     return volts

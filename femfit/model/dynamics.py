@@ -16,6 +16,9 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (2) and (3), with 1/m, 
 the back-EMF that their (32) lacks.
 """
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from femfit.core.arrays import FloatArray
@@ -62,18 +65,18 @@ def _of_any_circuits(
     rates[..., 0] = velocity
     rates[..., 1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
     if currents.shape[-1]:
-        rates[..., 2:end] = _current_rates(model, magnetic, velocity, currents, voltage)
+        rates[..., 2:end] = current_rates(model, magnetic, velocity, currents, voltage)
     return rates
 
 
-def _current_rates(
+def current_rates(
     model: ActuatorModel,
     magnetic: MagneticState | MagneticSlopes,
     velocity: FloatArray,
     currents: FloatArray,
     voltage: FloatArray,
 ) -> FloatArray:
-    """(L + L_s)^-1 (U - R i + k_m v) of shape (..., n)."""
+    """The currents' derivatives (L + L_s)^-1 (U - R i + k_m v), of shape (..., n)."""
     volts = np.asarray(voltage)[..., None] if currents.shape[-1] == 1 else voltage
     driving = volts - model.resistances_ohm * currents + magnetic.motional_constant * velocity[..., None]
     return _solved(magnetic.inductance + model.series_inductances_H, driving[..., None])[..., 0]
@@ -84,17 +87,6 @@ def _solved(inductance: FloatArray, right: FloatArray) -> FloatArray:
     if inductance.shape[-1] == 1:
         return right / inductance
     return np.asarray(np.linalg.solve(inductance, right))
-
-
-def euler_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """One explicit Euler step, as in eq. (33) of the source."""
-    return state + step * state_derivative(model, state, voltage)
-
-
-def midpoint_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """One step at the rates of its middle, to which Euler's method leads: of second order."""
-    middle = euler_step(model, state, voltage, 0.5 * step)
-    return state + step * state_derivative(model, middle, voltage)
 
 
 def runge_kutta_step(
@@ -144,23 +136,35 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     L di'/dd = dk_m/dd v - dL/dd i', L di'/dv = k_m, L di'/di_k = -R_k e_k - dL/dd e_k v - dL/di_k i', L with what is
     in series. Central differences where effects change these equations.
     """
-    motion = model.require_motion()
-    model.require_circuits()
+    model.require_motion(), model.require_circuits()
     if model.dynamics is not None and model.dynamics.drives:
-        return _difference_jacobian(model, state, voltage)
+        return by_differences(partial(state_derivative, model), model, state, voltage)
     end = 2 + len(model.circuits)
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
     slopes = model.magnetics.slopes_of_circuits(distance, currents)
     result = np.zeros((*state.shape, state.shape[-1]))
     result[..., 0, 1] = 1.0
-    result[..., 1, 0] = (motion.static_gradient(distance) - slopes.force_gradient) / motion.mass_kg
-    result[..., 1, 1] = motion.friction_slope(velocity, model.sample_time_s) / motion.mass_kg
-    result[..., 1, 2:end] = -slopes.motional_constant / motion.mass_kg
-    if end == 2:
-        return result
-    rate = _current_rates(model, slopes, velocity, currents, voltage)
+    result[..., 1, :end] = acceleration_slopes(model, state, slopes)
+    if end > 2:
+        rate = current_rates(model, slopes, velocity, currents, voltage)
+        result[..., 2:end, :end] = current_slopes(model, slopes, velocity, rate)
+    return result
+
+
+def acceleration_slopes(model: ActuatorModel, state: FloatArray, slopes: MagneticSlopes) -> FloatArray:
+    """Derivatives of the acceleration by distance, velocity and currents, of shape (..., 2 + n)."""
+    motion, distance, velocity = model.require_motion(), state[..., 0], state[..., 1]
+    result = np.empty((*distance.shape, 2 + len(model.circuits)))
+    result[..., 0] = motion.static_gradient(distance) - slopes.force_gradient
+    result[..., 1] = motion.friction_slope(velocity, model.sample_time_s)
+    result[..., 2:] = -slopes.motional_constant
+    return np.asarray(result / motion.mass_kg)
+
+
+def current_slopes(model: ActuatorModel, slopes: MagneticSlopes, velocity: FloatArray, rate: FloatArray) -> FloatArray:
+    """Derivatives of currents' rates (..., n) by distance, velocity and currents, of shape (..., n, 2 + n)."""
     v = velocity[..., None]
-    right = np.empty((*currents.shape, end))
+    right = np.empty((*rate.shape, 2 + len(model.circuits)))
     right[..., 0] = slopes.motional_gradient * v - np.einsum("...jk,...k->...j", slopes.inductance_gradient, rate)
     right[..., 1] = slopes.motional_constant
     right[..., 2:] = (
@@ -168,11 +172,16 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
         - slopes.inductance_gradient * v[..., None]
         - np.einsum("...jkl,...k->...jl", slopes.inductance_slope, rate)
     )
-    result[..., 2:end, :end] = _solved(slopes.inductance + model.series_inductances_H, right)
-    return result
+    return _solved(slopes.inductance + model.series_inductances_H, right)
 
 
-def _difference_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
+def by_differences(
+    function: Callable[[FloatArray, FloatArray], FloatArray],
+    model: ActuatorModel,
+    state: FloatArray,
+    voltage: FloatArray,
+) -> FloatArray:
+    """Jacobian of a function of states and voltages by central differences as wide as a sample moves a state."""
     order = state.shape[-1]
     circuits = () if len(model.circuits) == 1 else (len(model.circuits),)
     flat = state.reshape(-1, order)
@@ -182,9 +191,7 @@ def _difference_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
     widths = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
     # A body takes some hundred samples through its stroke
     scale = np.array([stroke, 0.01 * stroke / model.sample_time_s, *widths, *memory])
-    slopes = central_differences(
-        lambda points: state_derivative(model, points, np.concatenate([volts] * (2 * order))), flat, scale
-    )
+    slopes = central_differences(lambda points: function(points, np.concatenate([volts] * (2 * order))), flat, scale)
     return slopes.reshape(*state.shape, order)
 
 
@@ -194,15 +201,3 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
     if model.dynamics is None:
         return sensor.voltage(state[..., 0], model.currents_of(state))
     return model.dynamics.hall_voltage(state, sensor.quiescent_V, sensor.sensitivity_V_per_T, time)
-
-
-def euler_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`euler_step`."""
-    return np.eye(state.shape[-1]) + step * state_jacobian(model, state, voltage)
-
-
-def midpoint_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`midpoint_step`."""
-    middle = euler_step(model, state, voltage, 0.5 * step)
-    there = euler_jacobian(model, state, voltage, 0.5 * step)
-    return np.eye(state.shape[-1]) + step * state_jacobian(model, middle, voltage) @ there

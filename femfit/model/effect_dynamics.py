@@ -24,6 +24,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
 from femfit.effects.stages import changed_coenergy, circuit_of, hall_point, recorded, with_further_force
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.model.decay import decay_shares
 from femfit.model.magnetics import MagneticState
 
 _PROBE = 1e-3
@@ -92,11 +93,15 @@ class EffectDynamics:
         mechanics: Mechanics,
         sample_time_s: float,
         current_rate: float | None = None,
+        mean_over: float = 0.0,
     ) -> FloatArray:
         """Time derivative of (distance, velocity, current, states); arguments as in :mod:`femfit.model.dynamics`.
 
         Parameters
         ----------
+        mean_over : float
+            Step in s over which velocity and current change by their mean rates, as in
+            :mod:`femfit.model.exponential_step`, at a held distance; the derivative itself for none.
         current_rate : float or None
             In A/s where something else than the voltage decides it: an amplifier, or a diode that blocks.
         """
@@ -108,6 +113,12 @@ class EffectDynamics:
         motional = magnetic.motional_constant * v
         at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional)
         force = with_further_force(self.effects, magnetic.force, d, i, at)
+        if np.ndim(disturbance):
+            disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
+        acceleration = mechanics.acceleration(d, v, force - disturbance, sample_time_s)
+        if mean_over:
+            motional = magnetic.motional_constant * (v + 0.5 * mean_over * acceleration)
+            at = replace(at, motional_V=motional)
         resistance, volts = circuit_of(self.effects, np.full_like(i, self.resistance_ohm), volts, i, at)
         driving = volts - resistance * i + motional
         inductance = magnetic.inductance + self.series_H
@@ -119,13 +130,16 @@ class EffectDynamics:
             slope = sign * (self._rates(memory, i, sign, at) - still)
             least = _LEAKAGE * inductance
             inductance = np.maximum(inductance + (slopes * slope).sum(axis=0), least)
+        if mean_over:
+            first, second = decay_shares(mean_over * resistance / inductance)
+            lever = second * driving / inductance
+            acceleration = acceleration - mean_over / mechanics.mass_kg * magnetic.motional_constant * lever
+            driving = first * driving
+        if self.names:
             rates = still + slope * (driving / inductance)
         if current_rate is not None:
             driving = np.full_like(i, current_rate) * inductance
             rates = self._rates(memory, i, np.full_like(i, current_rate), at) if self.names else rates
-        if np.ndim(disturbance):
-            disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
-        acceleration = mechanics.acceleration(d, v, force - disturbance, sample_time_s)
         return np.concatenate([[v, acceleration, driving / inductance], rates]).T.reshape(state.shape)
 
     def _rates(

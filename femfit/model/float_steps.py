@@ -7,13 +7,14 @@ one list a state, one entry a point. Only for models of splines without effects;
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
+from math import expm1, inf
 from operator import add
 
 from femfit.device.sensors import CurrentSensor, PositionSensor, Sensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import FloatFunction
 from femfit.model.coordinate import FloatPlaces
+from femfit.model.decay import LEAST_DECAY
 from femfit.model.hall import HallSpline
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import CoenergySpline
@@ -25,16 +26,15 @@ Columns = list[list[float]]
 
 @dataclass(frozen=True, eq=False)
 class FloatStep:
-    """(columns, voltage) -> columns one step later, by Euler's method or the midpoint method.
+    """(columns, voltage) -> columns one step later, by :func:`femfit.model.exponential_step.exponential_step`.
 
     Columns beyond the current are passed on, and the body is kept between the stops.
     """
 
     model: ActuatorModel
-    midpoint: bool = False
 
-    def __reduce__(self) -> tuple[type["FloatStep"], tuple[ActuatorModel, bool]]:
-        return FloatStep, (self.model, self.midpoint)
+    def __reduce__(self) -> tuple[type["FloatStep"], tuple[ActuatorModel]]:
+        return FloatStep, (self.model,)
 
     @cached_property
     def _numbers(
@@ -56,15 +56,25 @@ class FloatStep:
     def __call__(self, columns: Columns, voltage: float) -> Columns:
         """Columns one step later."""
         distance, velocity, current, *others = columns
-        rates = self._rates(distance, velocity, current, voltage)
+        resistance, series, mass, gravity, place, derivatives, linear = self._numbers
+        constant, per_distance, per_velocity = linear
         step = self.model.sample_time_s
-        if self.midpoint:
-            half = 0.5 * step
-            middle = (_advanced(distance, rates[0], half), _advanced(velocity, rates[1], half))
-            rates = self._rates(*middle, _advanced(current, rates[2], half), voltage)
-        moved_d = _advanced(distance, rates[0], step)
-        moved_v = _advanced(velocity, rates[1], step)
-        moved_i = _advanced(current, rates[2], step)
+        half, lever, decay = 0.5 * step, step * step / mass, step * resistance
+        middle = [d + half * v for d, v in zip(distance, velocity)]  # noqa: B905  of one length
+        u, approach = place(middle)
+        moved_d, moved_v, moved_i = [], [], []
+        for k, (slope, mixed, own) in enumerate(derivatives(u, current)):
+            v, i, per_metre = velocity[k], current[k], approach[k]
+            further = constant + per_distance * middle[k] + per_velocity * v
+            acceleration = gravity + (further - per_metre * slope) / mass
+            motional, inductance = per_metre * mixed, own + series
+            rate = (voltage - resistance * i + motional * (v + half * acceleration)) / inductance
+            z = max(decay / inductance, LEAST_DECAY)
+            first = -expm1(-z) / z
+            after = v + step * acceleration - lever * motional * rate * (1.0 - first) / z
+            moved_d.append(distance[k] + half * (v + after))
+            moved_v.append(after)
+            moved_i.append(i + step * first * rate)
         if self._ends != (-inf, inf):
             near, far = self._ends
             for k, d in enumerate(moved_d):
@@ -73,31 +83,12 @@ class FloatStep:
                     moved_v[k] = max(moved_v[k], 0.0) if d <= near else min(moved_v[k], 0.0)
         return [moved_d, moved_v, moved_i, *others]
 
-    def _rates(
-        self, distance: list[float], velocity: list[float], current: list[float], voltage: float
-    ) -> tuple[list[float], list[float], list[float]]:
-        """Time derivatives of the three states."""
-        resistance, series, mass, gravity, place, derivatives, linear = self._numbers
-        constant, per_distance, per_velocity = linear
-        u, approach = place(distance)
-        accelerations, currents = [], []
-        for k, (slope, mixed, inductance) in enumerate(derivatives(u, current)):
-            v, per_metre = velocity[k], approach[k]
-            further = constant + per_distance * distance[k] + per_velocity * v
-            accelerations.append(gravity + (further - per_metre * slope) / mass)
-            currents.append((voltage - resistance * current[k] + per_metre * mixed * v) / (inductance + series))
-        return velocity, accelerations, currents
 
-
-def _advanced(values: list[float], rates: list[float], step: float) -> list[float]:
-    return [value + step * rate for value, rate in zip(values, rates)]  # noqa: B905  of one length
-
-
-def float_step(model: ActuatorModel, *, midpoint: bool = False) -> FloatStep | None:
+def float_step(model: ActuatorModel) -> FloatStep | None:
     """The step of a model; None where this module does not cover it."""
     covered = model.dynamics is None and type(model.magnetics) is CoenergySpline
     covered = covered and len(model.circuits) == 1 and model.require_motion().linear_terms is not None
-    return FloatStep(model, midpoint) if covered else None
+    return FloatStep(model) if covered else None
 
 
 @dataclass(frozen=True, eq=False)

@@ -164,7 +164,7 @@ def sense(
     step, end = model.sample_time_s, float(base.time_s[-1])
     motion = simulate(model, drive=given, duration_s=end, sample_time_s=step)
     table = motion.table
-    built = kalman_filter(model, sensors=sensors, explicit=False)
+    built = kalman_filter(model, sensors=sensors)
     built = replace(built, process=in_fine_steps(model, built.process))
     states = np.zeros((len(table["time_s"]), built.process.order))
     states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]

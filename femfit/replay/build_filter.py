@@ -47,7 +47,6 @@ def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise
         biases=chosen,
         noise=noise,
         first_deviation_m=_first_deviation(prepared),
-        explicit=False,
     )
     return replace(built, process=in_fine_steps(model, built.process))
 

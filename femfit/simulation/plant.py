@@ -109,7 +109,7 @@ class Plant:
         if is_plain(model.circuits):
             return moved
         amplified = commands_currents(model)
-        if amplified.any():  # what Euler's step missed, taken back by one secant
+        if amplified.any():  # what the filters' step missed, taken back by one secant
             left = current_targets(model, state[:, 2 : 2 + n], command, step) - moved[:, 2 : 2 + n]
             _, _, inductance = circuit_terms(model, moved[:, 0], moved[:, 2 : 2 + n])
             more = np.einsum("rjk,rk->rj", inductance, np.where(amplified, left, 0.0)) / step

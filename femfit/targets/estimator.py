@@ -13,8 +13,7 @@ from pathlib import Path
 from femfit import __version__
 from femfit.core.errors import MissingPartError, RunDirectoryError
 from femfit.effects import catalogue as effects
-from femfit.filters.levitation import chosen_sensors, require_slow_coil
-from femfit.filters.noise import operating_distance
+from femfit.filters.levitation import chosen_sensors
 from femfit.laws import catalogue as laws
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import write_model
@@ -37,7 +36,6 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     _require_built_in_law(model)
     _require_built_in_effects(model)
     model.require_dynamics()
-    require_slow_coil(model, operating_distance(model))
     directory = Path(directory)
     _require_free(directory)
     texts = _texts(model)

@@ -10,7 +10,7 @@ from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.error_bound import bound_along, error_bound
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.noise import FilterNoise
-from femfit.model.dynamics import euler_step
+from femfit.model.exponential_step import exponential_step
 from femfit.model.sensors import predict_sensors
 from tests.support.solenoids import solenoid
 
@@ -59,9 +59,9 @@ def test_a_filter_reaches_the_bound_and_does_not_beat_it(model):
     state = filter_.start(nominal[0], runs=runs)
     states = [nominal[0]]
     for volt in volts[1:]:
-        nominal = euler_step(model, nominal, np.full(1, volt), model.sample_time_s)
+        nominal = exponential_step(model, nominal, np.full(1, volt), model.sample_time_s)
         states.append(nominal[0])
-        truth = euler_step(model, truth, np.full(runs, volt), model.sample_time_s)
+        truth = exponential_step(model, truth, np.full(runs, volt), model.sample_time_s)
         truth = truth + generator.standard_normal((runs, 3)) @ factor.T
         readings = predict_sensors(model, truth, names) + generator.standard_normal((runs, 2)) * [2e-3, 2e-5]
         state = filter_.step(state, volt, readings)

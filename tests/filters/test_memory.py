@@ -85,7 +85,7 @@ def test_a_filter_follows_a_body_by_a_late_laser_where_a_prompt_one_is_believed_
     read = sampled_readings(model, sensor_named(model, "laser"), states) + 2e-5 * noise.standard_normal(len(states))
     errors = []
     for told in (model, late(0.0)):
-        built = ff.kalman_filter(told, kind, sensors=("laser",), explicit=False)
+        built = ff.kalman_filter(told, kind, sensors=("laser",))
         built = replace(built, process=in_fine_steps(told, built.process))
         state, seen = built.start(states[0]), []
         for k, u in enumerate(volts):

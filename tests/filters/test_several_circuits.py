@@ -15,7 +15,7 @@ from femfit.filters.levitation import fastest_time_constant
 from femfit.filters.theory import unstable_pole
 from femfit.fit.build import fit_model
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.dynamics import euler_step, midpoint_step
+from femfit.model.exponential_step import exponential_step
 from femfit.model.sensors import predict_sensors
 from support.bearing import hall_field, table_with_hall
 from support.halves import cut_in_two
@@ -45,19 +45,18 @@ def as_halves(covariance):
 
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
 def test_the_filters_current_rises_with_the_inductance_in_series(whole, kind):
-    """A step of Euler's from rest, by U / (L + L_s)."""
+    """From rest, by the part of U / R that 1 - exp(-t R / (L + L_s)) is."""
     built, start = kalman_filter(whole, kind), np.array([0.024, 0.0, 0.5])
     volts = whole.circuit.resistance_ohm * start[2] + 1.0
     moved = built.step(built.start(start), volts, np.full(2, np.nan)).mean[0, 2] - start[2]
     inductance = float(whole.inductance(*start[[0, 2]])) + 2e-3
-    assert moved == pytest.approx(whole.sample_time_s / inductance, rel=1e-3)
+    ohms = whole.circuit.resistance_ohm
+    assert moved == pytest.approx(-np.expm1(-whole.sample_time_s * ohms / inductance) / ohms, rel=1e-3)
 
 
 @pytest.mark.parametrize(("kind", "digits"), [("ekf", 1e-6), ("ukf", 1e-4)])
 def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
     """With the same errors of start and process; unscented points of four states lie farther out than of three."""
-    # So fast that the whole is moved by the midpoint method as its halves are, whose currents differ by leakage alone
-    whole = replace(whole, circuits=(replace(whole.circuit, resistance_ohm=3.0 * whole.circuit.resistance_ohm),))
     one, two = (kalman_filter(model, kind) for model in (whole, cut_in_two(whole)))
     process = replace(two.process, process_covariance=as_halves(one.process.process_covariance))
     two = replace(two, process=process)
@@ -66,7 +65,7 @@ def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
     truth, generator = np.array([[0.0245, 0.01, 0.52]]), np.random.default_rng(2)
     for _ in range(40):
         volts = generator.uniform(0.5, 3.0)
-        truth = midpoint_step(whole, truth, np.array([volts]), whole.sample_time_s)
+        truth = exponential_step(whole, truth, np.array([volts]), whole.sample_time_s)
         readings = predict_sensors(whole, truth)[0] + generator.standard_normal(2) * [2e-5, 2e-3]
         first = one.step(first[0], volts, readings), two.step(first[1], [0.5 * volts, 0.5 * volts], readings)
     deviation = np.sqrt(np.diag(first[0].covariance[0]))
@@ -100,7 +99,7 @@ def test_magnets_alone_are_followed_by_a_laser(levitation_model):
     assert filter_.process.names == ("distance_m", "velocity_m_s")
     truth, state = np.array([[0.03, 0.0]]), filter_.start([0.031, 0.0])
     for _ in range(60):
-        truth = euler_step(model, truth, np.zeros((1, 0)), model.sample_time_s)
+        truth = exponential_step(model, truth, np.zeros((1, 0)), model.sample_time_s)
         state = filter_.step(state, np.zeros(0), truth[0, 0])
     assert state.mean[0] == pytest.approx(truth[0], abs=2e-5)
     assert error_bound(model).observed.all()

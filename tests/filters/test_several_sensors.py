@@ -8,7 +8,7 @@ import pytest
 from femfit.core.errors import FilterError, MissingPartError
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.filters.kalman_filter import kalman_filter
-from femfit.model.dynamics import euler_step
+from femfit.model.exponential_step import exponential_step
 from femfit.model.sensors import predict_sensors
 from tests.support.solenoids import solenoid
 
@@ -32,7 +32,7 @@ def a_record(model, names, steps=300, seed=3, bias=0.0):
     truth = np.empty((steps, 3))
     state = np.array([[3.5e-3, 0.0, 0.1]])
     for k, volt in enumerate(volts):
-        state = euler_step(model, state, np.array([volt]), model.sample_time_s)  # as the filters move
+        state = exponential_step(model, state, np.array([volt]), model.sample_time_s)  # as the filters move
         truth[k] = state[0]
     noise = generator.standard_normal((steps, len(names))) * [NOISE[name] for name in names]
     return truth, volts, predict_sensors(model, truth, names) + noise + bias

@@ -10,14 +10,11 @@ from femfit.device.mechanics import Mechanics
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.dynamics import (
-    euler_jacobian,
-    euler_step,
-    midpoint_jacobian,
-    midpoint_step,
     runge_kutta_step,
     state_derivative,
     state_jacobian,
 )
+from femfit.model.exponential_step import exponential_jacobian, exponential_step
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 
 RANDOM = np.random.default_rng(5)
@@ -135,10 +132,10 @@ def test_energy_is_conserved_without_resistance_and_gravity(levitation_model):
     ("function", "jacobian"),
     [
         (state_derivative, state_jacobian),
-        (lambda m, x, u: euler_step(m, x, u, 5e-4), lambda m, x, u: euler_jacobian(m, x, u, 5e-4)),
-        (lambda m, x, u: midpoint_step(m, x, u, 5e-4), lambda m, x, u: midpoint_jacobian(m, x, u, 5e-4)),
+        (lambda m, x, u: exponential_step(m, x, u, 5e-4), lambda m, x, u: exponential_jacobian(m, x, u, 5e-4)),
+        (lambda m, x, u: exponential_step(m, x, u, 3e-3), lambda m, x, u: exponential_jacobian(m, x, u, 3e-3)),
     ],
-    ids=["derivative", "euler", "midpoint"],
+    ids=["derivative", "step", "step of the coil's time constant"],
 )
 def test_jacobians_are_difference_quotients(levitation_model, states, function, jacobian):
     state, voltage = states
@@ -152,21 +149,6 @@ def test_jacobians_are_difference_quotients(levitation_model, states, function, 
         # In units of what each state's typical change does to each component.
         scale = np.abs(exact[:, :, k] * width).max(axis=0) + 1e-9
         assert (np.abs(found - exact[:, :, k] * width) / scale).max() < 1e-6
-
-
-def test_the_midpoint_method_converges_with_the_second_order(levitation_model):
-    start, voltage = np.array([[0.024, 0.02, 0.4]]), np.array([1.5])
-
-    def moved(steps):
-        state = start
-        for _ in range(steps):
-            state = midpoint_step(levitation_model, state, voltage, 0.016 / steps)
-        return state
-
-    exact = runge_kutta_step(levitation_model, start, voltage, 0.016, substeps=512)
-    coarse, fine = (np.abs(moved(steps) - exact)[0] for steps in (32, 64))
-    # Asymptotic ratio 2^2; 10 % of an order for the pre-asymptotic part.
-    np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)
 
 
 def test_runge_kutta_converges_with_the_fourth_order(levitation_model):

@@ -12,7 +12,8 @@ from femfit.device.sensors import CurrentSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
-from femfit.model.dynamics import euler_step, runge_kutta_step, state_derivative, state_jacobian
+from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
+from femfit.model.exponential_step import exponential_step
 from femfit.model.float_steps import float_step
 from femfit.model.sensors import predict_sensors, reading_of
 from femfit.model.validity import ValidityBox
@@ -109,7 +110,7 @@ def test_the_step_in_floats_counts_it_too(whole):
     state = np.array([[0.03, 0.1, 0.4]])
     step = float_step(whole)([[one] for one in state[0]], 2.0)
     np.testing.assert_allclose(
-        np.array(step).T, euler_step(whole, state, np.array([2.0]), whole.sample_time_s), rtol=1e-13
+        np.array(step).T, exponential_step(whole, state, np.array([2.0]), whole.sample_time_s), rtol=1e-13
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import femfit
-from femfit.core.errors import FilterError, MissingPartError, RunDirectoryError, UsageError
+from femfit.core.errors import MissingPartError, RunDirectoryError, UsageError
 from femfit.device.circuit import Drive
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.effects.catalogue import effect_by_name
@@ -325,10 +325,3 @@ def test_the_packages_description_is_valid_toml_with_numpy_as_its_only_dependenc
     project = tomllib.loads((exported / "pyproject.toml").read_text())["project"]
     assert project["dependencies"] == ["numpy>=2.0"]
     assert project["version"] == femfit.__version__
-
-
-def test_a_coil_too_fast_for_the_filters_step_is_refused_before_anything_is_written(levitation_model, tmp_path):
-    fast = replace(levitation_model, circuits=(replace(levitation_model.circuit, resistance_ohm=16e3),))  # L/R of 1 us
-    with pytest.raises(FilterError, match=r"coil has L/R = 0\.001.* ms; the sample time is 0\.5 ms"):
-        export_estimator(fast, tmp_path / "estimator")
-    assert not (tmp_path / "estimator").exists()

@@ -1,0 +1,97 @@
+"""The step of the filters: currents decay exactly, and the body drifts half the way before and after.
+
+From (d, v, i) with the voltage held over a step h: the magnetics are evaluated once, at d + h v / 2. There
+
+    a = v'(v, i),  r = (L + L_s)^-1 (U - R i + k_m (v + h a / 2)),
+    i+ = i + h f1 r,  v+ = v + h a - h^2 k_m f2 r / m,  d+ = d + h (v + v+) / 2,
+
+with f1 and f2 of :mod:`femfit.model.decay`: the force is that of the step's mean current. The step is exact for a
+current that decays at rest, however fast, and of second order in the motion and in what the motion induces.
+
+References
+----------
+M. Hochbruck and A. Ostermann, Acta Numerica 19 (2010) 209, eq. (2.6): the exponential Euler method for the currents.
+E. Hairer, C. Lubich and G. Wanner, Geometric Numerical Integration (Springer, 2006), section I.1.4: drift, kick, drift.
+"""
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.decay import decay_of
+from femfit.model.dynamics import acceleration_slopes, by_differences, current_rates, current_slopes
+
+
+def exponential_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """States (..., order) one step later; arguments as in :mod:`femfit.model.dynamics`."""
+    middle = half_way(state, step)
+    if model.dynamics is not None and model.dynamics.drives:
+        motion = model.require_motion()
+        rates = model.dynamics.derivative(middle, voltage, 0.0, motion, model.sample_time_s, mean_over=step)
+    else:
+        rates = _mean_rates(model, middle, voltage, step)
+    result = np.asarray(state + step * rates)
+    result[..., 0] = state[..., 0] + 0.5 * step * (state[..., 1] + result[..., 1])
+    return result
+
+
+def half_way(state: FloatArray, step: float) -> FloatArray:
+    """States whose bodies have drifted for half a step."""
+    middle = np.array(state)
+    middle[..., 0] += 0.5 * step * middle[..., 1]
+    return middle
+
+
+def _mean_rates(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """Rates of velocity and currents, meant over a step at a held distance."""
+    motion, end = model.require_motion(), 2 + len(model.circuits)
+    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
+    at = model.magnetics.state_of_circuits(distance, currents)
+    rates = np.zeros(state.shape[::-1]).T  # a component's values together
+    acceleration = motion.acceleration(distance, velocity, at.force, model.sample_time_s)
+    rates[..., 1] = acceleration
+    if end == 2:
+        return rates
+    rate = current_rates(model, at, velocity + 0.5 * step * acceleration, currents, voltage)
+    decay = decay_of(at.inductance + model.series_inductances_H, model.resistances_ohm, step)
+    rates[..., 2:end], lever = decay.parts(rate)
+    rates[..., 1] -= step / motion.mass_kg * (at.motional_constant * lever).sum(axis=-1)
+    return rates
+
+
+def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """Jacobian of :func:`exponential_step`; by central differences where effects change the equations."""
+    if model.dynamics is not None and model.dynamics.drives:
+        return by_differences(lambda x, u: exponential_step(model, x, u, step), model, state, voltage)
+    motion, end = model.require_motion(), 2 + len(model.circuits)
+    middle, order = half_way(state, step), state.shape[-1]
+    distance, velocity, currents = middle[..., 0], middle[..., 1], middle[..., 2:end]
+    slopes = model.magnetics.slopes_of_circuits(distance, currents)
+    row = acceleration_slopes(model, middle, slopes)
+    kick = np.zeros((*state.shape, order))  # d(v+, i+) by the state half way
+    kick[..., range(order), range(order)] = 1.0
+    kick[..., 1, :end] += step * row
+    if end > 2:
+        force = model.magnetics.state_of_circuits(distance, currents).force
+        acceleration = motion.acceleration(distance, velocity, force, model.sample_time_s)
+        seen = velocity + 0.5 * step * acceleration
+        rate = current_rates(model, slopes, seen, currents, voltage)
+        rows = current_slopes(model, slopes, seen, rate)
+        rows = rows + 0.5 * step * rows[..., 1:2] * row[..., None, :]
+        inductance = slopes.inductance + model.series_inductances_H
+        decay = decay_of(inductance, model.resistances_ohm, step)
+        _, lever = decay.parts(rate)
+        changed = np.zeros((*inductance.shape, end))
+        changed[..., 0], changed[..., 2:] = slopes.inductance_gradient, slopes.inductance_slope
+        own, mean = decay.slopes(rate, changed, step)
+        first, second = decay.applied(rows)
+        kick[..., 2:end, :end] += step * (first + own)
+        pull = np.zeros((*lever.shape, end))  # dk_m
+        pull[..., 0], pull[..., 2:] = slopes.motional_gradient, -slopes.inductance_gradient
+        along = (lever[..., None] * pull + slopes.motional_constant[..., None] * (second + mean)).sum(axis=-2)
+        kick[..., 1, :end] -= step**2 / motion.mass_kg * along
+    kick[..., :, 1] += 0.5 * step * kick[..., :, 0]  # the middle's distance holds half a step of the velocity
+    kick[..., 0, :] = 0.5 * step * kick[..., 1, :]
+    kick[..., 0, 0] += 1.0
+    kick[..., 0, 1] += 0.5 * step
+    return kick
