@@ -65,7 +65,7 @@ def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange
     ohm = resistance_at(circuit.resistance_ohm, celsius)
     lowest = float(np.clip(circuit.voltage_min_V / ohm, box.current_min_A, box.current_max_A))
     highest = float(np.clip(circuit.voltage_max_V / ohm, box.current_min_A, box.current_max_A))
-    d = np.linspace(box.distance_min_m, box.distance_max_m, _DISTANCES)
+    d = np.linspace(*model.travel_m, _DISTANCES)
     needed = motion.static_force(d)
     weight = motion.mass_kg * motion.gravity_m_s2
     ends = (lowest, *model.attracting_range(lowest, highest))  # steel is attracted by either sign of the current
@@ -107,7 +107,7 @@ def held_body(model: ActuatorModel) -> list[AuditFinding]:
     misfit = model.without_effects.misfit
     if misfit is not None and np.median(fall) > 0.0:
         off = misfit.force_rms_N / float(np.median(fall))
-        stroke = model.validity.distance_max_m - model.validity.distance_min_m
+        stroke = float(np.ptp(model.travel_m))
         text = f"the force's misfit moves the place where the body is held by {amount(off, 'm')}, "
         text += f"{amount(off / stroke, '')} of the stroke."
         severity = "note" if off > _OFF_PLACE * stroke else "holds"

@@ -228,6 +228,13 @@ class ActuatorModel(Printed):
         return 2 + len(self.circuits) + len(self.memory_names)
 
     @property
+    def travel_m(self) -> tuple[float, float]:
+        """Shortest and longest distance that the body can have: the validity domain between its stops, in m."""
+        low, high = self.validity.distance_min_m, self.validity.distance_max_m
+        near, far = (low, high) if self.motion is None else self.motion.ends
+        return max(low, near), min(high, far)
+
+    @property
     def circuit(self) -> Circuit | None:
         """The only circuit; None where there is none, or more than one."""
         return self.circuits[0] if len(self.circuits) == 1 else None

@@ -114,6 +114,8 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "closed_loop": None if content.study is None else loop_facts(content.study),
         "misfit": model.misfit,
         "validity": model.validity,
+        "travel": model.travel_m,
+        "stopped": model.motion is not None and None not in {model.motion.near_stop, model.motion.far_stop},
         "provenance": _provenance(content),
         "unfinished": content.unfinished,
     }
@@ -288,11 +290,11 @@ def _terms(fit: LawFit) -> list[tuple[str, int, float | None, tuple[float, float
 
 
 def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
-    """The sensor's characteristic over the validity domain; None without a sensor."""
+    """The sensor's characteristic over the distances that the body can have; None without a sensor."""
     sensor, box = content.model.sensor, content.model.validity
     if sensor is None:
         return None
-    d = np.linspace(box.distance_min_m, box.distance_max_m, 41)
+    d = np.linspace(*content.model.travel_m, 41)
     zero = np.clip(0.0, *box.current_limits_A.T)
     zero = np.broadcast_to(zero, (len(d), len(zero))) if box.further_A else np.full_like(d, zero[0])
     names = content.model.circuit_names if box.further_A else ("",)  # one needs no name
@@ -303,6 +305,8 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
         "sensor": sensor,
         "clipped": where_clipped(sensor, places, currents, sensor.field.field(places, currents)),
         "remedy": REMEDY,
+        "near_m": float(d[0]),
+        "far_m": float(d[-1]),
         "near_T": float(idle[0]),
         "far_T": float(idle[-1]),
         "slopes": [_hall_slope(name, slope) for name, slope in zip(names, slopes.T, strict=True)],

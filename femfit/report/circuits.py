@@ -65,7 +65,7 @@ def several_circuits(model: ActuatorModel) -> SeveralCircuits | None:
     bias = bias_currents(model, middle)
     strength = magnetics.motional_constant(np.asarray(middle), bias) * np.ptp(limits, axis=1) ** 2
     along = strength / np.abs(strength).max() if np.any(strength) else np.eye(len(bias))[0]
-    distance = np.linspace(box.distance_min_m, box.distance_max_m, POINTS)
+    distance = np.linspace(*model.travel_m, POINTS)
     held = model.motion is not None and bool(model.circuits)
     currents = np.array([_held(model, d, bias) if held else bias for d in distance])
     slopes = magnetics.slopes_of_circuits(distance, currents)

@@ -106,7 +106,8 @@ def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> Pl
 
 
 def strongest_point(actuator: Actuator) -> Place:
-    """Smallest distance in m and largest currents in A of the sweep: where iron carries the most flux."""
+    """Shortest distance that the body can have in m and largest currents in A: where iron carries the most flux."""
     axes = actuator.sweep
     largest = [max(each, key=lambda i: (abs(i), i)) for each in (axes.currents_A, *axes.further_A)]
-    return min(axes.distances_m), tuple(largest) if axes.further_A else largest[0]
+    nearest = max(min(axes.distances_m), actuator.mechanics.ends[0])
+    return nearest, tuple(largest) if axes.further_A else largest[0]

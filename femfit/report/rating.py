@@ -46,7 +46,7 @@ class Feed:
     temperature_C: float
     power_W: float
     density_A_mm2: float | None  # In the wire; None where its diameter is not known
-    # At the shortest and the longest distance of the model
+    # At the shortest and the longest distance that the body can have
     force_near_N: float
     force_far_N: float
 
@@ -58,7 +58,7 @@ class Feed:
 
 @dataclass(frozen=True, eq=False)
 class Rating:
-    """Ratings of a coil and the forces over the model's distances, by the name of the feed."""
+    """Ratings of a coil and the forces over the distances that the body can have, by the name of the feed."""
 
     voltage_V: float
     cold_ohm: float
@@ -108,7 +108,7 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
     if circuit is None:
         return None
     cold, warm = circuit.resistance_ohm, resistance_at(circuit.resistance_ohm, WARM_C)
-    distance = np.linspace(box.distance_min_m, box.distance_max_m, POINTS)
+    distance = np.linspace(*model.travel_m, POINTS)
     missed = _missed(model, grid)
 
     def drawn(current: float) -> float:
@@ -170,8 +170,9 @@ def _missed(model: ActuatorModel, grid: SweepGrid | None) -> Callable[[FloatArra
 
 @dataclass(frozen=True)
 class Growth:
-    """What the second half of the sweep's largest current adds to the force at the shortest distance."""
+    """What the second half of the sweep's largest current adds to the force at the body's shortest distance."""
 
+    distance_m: float
     half_A: float
     full_A: float
     gained_N: float
@@ -187,7 +188,7 @@ def growth(model: ActuatorModel, current: float | tuple[float, ...]) -> Growth |
     """How the force grows to a current, by the model; None where it knows too few smaller currents, or of several."""
     if not isinstance(current, float):
         return None
-    low = model.validity.distance_min_m
+    low = model.travel_m[0]
     i = np.linspace(0.0, current, 41)
     i = i[(i >= model.validity.current_min_A) & (i <= model.validity.current_max_A)]
     force = np.asarray(model.force(low, i))
@@ -200,7 +201,7 @@ def growth(model: ActuatorModel, current: float | tuple[float, ...]) -> Growth |
     middle = int(np.argmin(np.abs(i - 0.5 * current)))
     sign = np.copysign(1.0, whole[-1] - whole[middle])
     gained, expected = force[-1] - force[middle], whole[-1] - whole[middle]
-    return Growth(float(i[middle]), float(i[-1]), float(sign * gained), float(sign * expected))
+    return Growth(low, float(i[middle]), float(i[-1]), float(sign * gained), float(sign * expected))
 
 
 def _cooled_surface(actuator: Actuator) -> float:

@@ -10,6 +10,7 @@ import pytest
 import femfit
 from femfit.audit.audit_model import audit_model
 from femfit.core.errors import FemfitError, RunDirectoryError
+from femfit.device.mechanics import Stop
 from femfit.fit.build import fit_model
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.numbers import percent
@@ -89,9 +90,17 @@ def test_the_chapters_follow_the_kind_of_actuator(rig_page, plunger_page):
     assert "magnet" not in plunger_page.text
 
 
-def test_a_solenoid_has_a_holding_force_and_a_hanging_body_has_none(plunger_page, rig_page):
-    assert "The holding force, that at the shortest distance, 15 mm, is" in plunger_page.text
+def test_without_a_stop_no_force_is_called_the_holding_force(plunger_page, rig_page):
+    assert "The force at the shortest distance of the sweep, 15 mm, is" in plunger_page.text
     assert "holding force" not in rig_page.text
+
+
+def test_the_holding_force_is_that_on_the_stop(plunger_content):
+    motion = replace(plunger_content.model.motion, near_stop=Stop(0.02), far_stop=Stop(0.04))
+    page = page_of(replace(plunger_content, model=replace(plunger_content.model, motion=motion)))
+    assert "The holding force, that on the stop at 20 mm, is" in page.text
+    assert "Force over the stroke from 20 to 40 mm" in page.text
+    assert "at 15 mm" not in page.text
 
 
 def test_a_clipped_hall_element_is_said_on_the_page(rig_content, rig_figures):

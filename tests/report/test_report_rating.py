@@ -6,9 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from femfit.audit.carried import carried_range
 from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
 from femfit.device.bh_curve import BHCurve
 from femfit.device.load import read_actuator
+from femfit.device.mechanics import Stop
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.report.content import levitates, picture_point, strongest_point
 from femfit.report.rating import HEAT_TRANSFER_W_M2_K, copper_share, growth, iron_loads, knee_T, rate
@@ -55,6 +57,29 @@ def test_forces_beyond_the_models_current_are_taken_at_its_end_and_said_to_be(ra
     assert cold.force_near_N == pytest.approx(float(weak.force(weak.validity.distance_min_m, cold.drawn_A)))
 
 
+def stopped(content, near=0.02, far=0.04):
+    """The same device between two stops within its sweep."""
+    motion = replace(content.model.motion, near_stop=Stop(near), far_stop=Stop(far))
+    drawn = replace(content.actuator, mechanics=replace(content.actuator.mechanics, near_stop=motion.near_stop))
+    return replace(content, model=replace(content.model, motion=motion), actuator=drawn)
+
+
+def test_what_is_said_of_a_device_ends_at_its_stops_and_not_with_the_sweep(plunger_content):
+    content = stopped(plunger_content)
+    rated = rate(content.model, content.actuator)
+    cold = rated.feed("cold")
+    assert cold.force_near_N == pytest.approx(float(content.model.force(0.02, cold.drawn_A)))
+    assert cold.force_far_N == pytest.approx(float(content.model.force(0.04, cold.drawn_A)))
+    assert (rated.distance_m[0], rated.distance_m[-1]) == (0.02, 0.04)
+    assert growth(content.model, content.model.validity.current_max_A).distance_m == 0.02
+    assert strongest_point(content.actuator)[0] == 0.02
+
+
+def test_the_weight_is_carried_between_the_stops_alone(rig_content):
+    free, held = carried_range(rig_content.model), carried_range(stopped(rig_content, near=0.02).model)
+    assert free.low_m < 0.02 <= held.low_m
+
+
 def test_the_motor_constant_is_the_slope_of_the_force_over_the_root_of_the_resistance(rating, plunger_content):
     model, current, step = plunger_content.model, rating.reference.drawn_A, 1e-4
     d = rating.distance_m[40]
@@ -88,7 +113,9 @@ def test_a_force_in_proportion_to_the_current_is_not_said_to_be_limited_by_satur
         assert grown.gained_N == pytest.approx(grown.expected_N, rel=0.02)
         assert not grown.limited
     box = rig_content.model.validity
-    flat = SimpleNamespace(force=lambda d, i: np.tanh(2.0 * i) + 0.0 * d, has_magnet=True, validity=box)
+    flat = SimpleNamespace(
+        force=lambda d, i: np.tanh(2.0 * i) + 0.0 * d, has_magnet=True, validity=box, travel_m=(0.015, 0.045)
+    )
     assert growth(flat, box.current_max_A).limited
     assert growth(replace(rig_content.model, validity=replace(box, current_min_A=1.3)), 1.4) is None
 
@@ -101,7 +128,7 @@ def test_a_supply_of_both_signs_is_rated_at_the_one_that_attracts(rig_content):
     box = replace(model.validity, current_min_A=-1.4)
     turned = SimpleNamespace(
         circuit=model.circuit, validity=box, has_magnet=True, inductance=lambda d, i: 0.0 * d,
-        magnetics=model.magnetics,
+        magnetics=model.magnetics, travel_m=model.travel_m,
         force=lambda d, i: -0.1 * np.asarray(i) + 0.0 * d,
     )  # fmt: skip
     assert rate(turned, None).voltage_V == -3.0
