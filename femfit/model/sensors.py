@@ -109,20 +109,26 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
     high = np.inf if sensor.maximum is None else sensor.maximum
     units = {"current": "A", "acceleration": "m/s^2", "force": "N", "pickup_coil": "V"}
     unit = sensor.unit if isinstance(sensor, PositionSensor) else units[sensor.kind]
-    of_circuit = circuit_currents(model.circuit_names)
-    current = of_circuit[current_index(model, sensor) - 2] if isinstance(sensor, CurrentSensor) else None
-    columns = {"A": current, "m": "distance_m", "N": "force_N", "V": _volts_column(model, sensor)}
-    columns["m/s^2"] = "acceleration_m_s2"
-    return Reading(
-        name, unit, columns.get(unit), sensor.noise, low, high, sensor.bits, sensor.delay_s, sensor.sample_time_s
-    )
+    column = _column(model, sensor)
+    return Reading(name, unit, column, sensor.noise, low, high, sensor.bits, sensor.delay_s, sensor.sample_time_s)
 
 
-def _volts_column(model: ActuatorModel, sensor: OtherSensor) -> str | None:
-    """The column of a position sensor or pickup coil; none where several of its kind would share it."""
-    alike = [one for one in model.other_sensors if one.kind == sensor.kind and getattr(one, "unit", "V") == "V"]
-    column = "pickup_V" if isinstance(sensor, PickupSensor) else "position_V"
-    return column if len(alike) == 1 else None
+def _column(model: ActuatorModel, sensor: OtherSensor) -> str | None:
+    """The column of a record that holds a sensor's readings; none where several sensors would share it."""
+    if sum(_quantity(model, one) == _quantity(model, sensor) for one in model.other_sensors) > 1:
+        return None
+    if isinstance(sensor, CurrentSensor):
+        return circuit_currents(model.circuit_names)[current_index(model, sensor) - 2]
+    columns = {"position": "position_V", "pickup_coil": "pickup_V", "acceleration": "acceleration_m_s2"}
+    in_metres = isinstance(sensor, PositionSensor) and sensor.unit == "m"
+    return "distance_m" if in_metres else {**columns, "force": "force_N"}[sensor.kind]
+
+
+def _quantity(model: ActuatorModel, sensor: OtherSensor) -> tuple[str, str]:
+    """What a sensor reads, and in which unit or of which circuit."""
+    if isinstance(sensor, CurrentSensor):
+        return sensor.kind, sensor.circuit if len(model.circuits) > 1 else ""
+    return sensor.kind, sensor.unit if isinstance(sensor, PositionSensor) else ""
 
 
 def predict_sensors(

@@ -89,3 +89,17 @@ def test_a_drawing_s_sensors_reach_the_model_and_a_pickup_coil_that_was_not_swep
     assert kept == ALL
     assert len(notes) == 1
     assert "search" in notes[0]
+
+
+def test_a_column_of_a_record_belongs_to_one_sensor_at_most(model):
+    twins = {
+        "distance_m": replace(LASER, name="second"),
+        "force_N": ForceSensor(name="second"),
+        "acceleration_m_s2": PROPER,
+        "current_A": replace(SHUNT, name="second"),
+        "position_V": replace(GATE, name="second"),
+    }
+    for column, twin in twins.items():
+        both = replace(model, other_sensors=(*ALL, twin))
+        assert column in {reading_of(model, one.name).column for one in ALL}
+        assert column not in {reading_of(both, one.name).column for one in both.other_sensors}
