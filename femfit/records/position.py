@@ -1,14 +1,18 @@
 """The distance of a record that a position sensor gives in volts."""
 
 from dataclasses import replace
+from math import floor
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.amount import counted
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.finding import Finding
 from femfit.device.sensors import PositionSensor
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import piece_slope, reading_of
+from femfit.model.sampling import WHOLE
+from femfit.model.sensors import Reading, piece_slope, reading_of
+from femfit.records.readings import at_ends, without_repeats
 from femfit.tables.measurement import TimeSeries
 
 
@@ -20,20 +24,55 @@ def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
         column = reading_of(model, sensor.name).column
         if not isinstance(sensor, PositionSensor) or column not in series.given:
             continue
-        distance = distance_of(sensor, series.rows[column].to_numpy())
+        distance, passed = _known_distance(sensor, series, reading_of(model, sensor.name))
         slope = np.abs(piece_slope(sensor, distance[np.isfinite(distance)]))
         declared, noise = series.declared_noise.get(str(column)), dict(series.declared_noise)
         if declared and len(slope):
             noise["distance_m"] = declared / float(np.median(slope))
         text = f"distance_m is worked out from {column} by the characteristic of sensor {sensor.name}."
+        findings = [Finding("distance", "info", text, column="distance_m"), *passed]
         return replace(
             series,
             rows=series.rows.assign(distance_m=distance),
             given=(*series.given, "distance_m"),
             declared_noise=noise,
-            findings=(*series.findings, Finding("distance", "info", text, column="distance_m")),
+            findings=(*series.findings, *findings),
         )
     return series
+
+
+def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading) -> tuple[FloatArray, list[Finding]]:
+    """Distances in m when they were, NaN where none is known: at the ends of the range, and between slow readings.
+
+    A delay that is no whole number of samples is taken back by a line between two; between slow readings there is none,
+    and the nearest sample takes its place.
+    """
+    time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
+    begins = np.flatnonzero(np.r_[True, np.diff(segment) != 0])
+    inside = np.delete(np.diff(time), begins[1:] - 1)
+    step = float(np.median(inside)) if len(inside) else 1.0
+    read, passed = without_repeats(series.rows[str(reading.column)].to_numpy(copy=True), begins, reading, step)
+    clipped, _ = at_ends(read, reading)
+    if clipped.any():
+        text = (
+            f"{counted(int(clipped.sum()), 'reading')} of {len(read)} of sensor {sensor.name} stand at an end of its "
+        )
+        passed.append(Finding("clipped", "warning", f"{text}range; they tell no distance.", column="distance_m"))
+    distance, late = distance_of(sensor, np.where(clipped, np.nan, read)), reading.delay_s / step
+    slow = reading.sample_time_s is not None and reading.sample_time_s > 1.5 * step
+    if slow or abs(late - round(late)) < WHOLE:
+        return _later(distance, segment, round(late)), passed
+    part, whole = late - floor(late), floor(late)
+    return (1.0 - part) * _later(distance, segment, whole) + part * _later(distance, segment, whole + 1), passed
+
+
+def _later(values: FloatArray, segment: IntArray, samples: int) -> FloatArray:
+    """The values so many samples later within their segments, NaN beyond the last."""
+    found = np.full(len(values), np.nan)
+    here = np.arange(max(0, len(values) - samples))
+    same = segment[here] == segment[here + samples]
+    found[here[same]] = values[here + samples][same]
+    return found
 
 
 def distance_of(sensor: PositionSensor, readings: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Samples of a record that repeat an earlier reading of a sensor which is slower than the record."""
+"""Which samples of a sensor in a record tell nothing: repeats of a reading, and what stands at an end of its range."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,3 +47,11 @@ def without_repeats(
         "that repeat a reading are passed over."
     )
     return np.where(again, np.nan, values), [Finding("repeated", "info", text, column=str(reading.column))]
+
+
+def at_ends(values: FloatArray, reading: Reading) -> tuple[BoolArray, BoolArray]:
+    """Which samples stand at an end of the sensor's range, and which of all at the upper one."""
+    span = reading.high - reading.low
+    slack = 1e-9 * span if np.isfinite(span) else 0.0
+    above = values >= reading.high - slack
+    return above | (values <= reading.low + slack), above

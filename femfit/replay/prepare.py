@@ -21,10 +21,10 @@ from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
 from femfit.records.noise import converter_step, white_noise
 from femfit.records.position import with_distance
+from femfit.records.readings import at_ends, without_repeats
 from femfit.records.rests import Rests, find_rests
 from femfit.records.supply import given_voltage
 from femfit.replay.constants import STANDS_STILL
-from femfit.replay.repeats import without_repeats
 from femfit.replay.run_filter import Log
 from femfit.tables.measurement import TimeSeries
 
@@ -195,10 +195,10 @@ def _kept(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: 
     name = str(reading.column)
     column, findings = without_repeats(series.rows[name].to_numpy(copy=True), begins, reading, step)
     limit = np.array(series.clipped.get(name, np.full(len(column), np.nan)))
-    slack = 1e-9 * (reading.high - reading.low) if np.isfinite(reading.high - reading.low) else 0.0
-    clipped = (column <= reading.low + slack) | (column >= reading.high - slack)
+    clipped, above = at_ends(column, reading)
     if clipped.any():
-        limits = amount_range(reading.low, reading.high, reading.unit) if slack else "its range"
+        known = np.isfinite(reading.high - reading.low)
+        limits = amount_range(reading.low, reading.high, reading.unit) if known else "its range"
         findings.append(
             Finding(
                 "clipped",
@@ -208,7 +208,7 @@ def _kept(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: 
                 column=name,
             )
         )
-        limit[clipped] = np.where(column[clipped] >= reading.high - slack, reading.high, reading.low)
+        limit[clipped] = np.where(above[clipped], reading.high, reading.low)
         column[clipped] = np.nan
     middle = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
     return _Kept(column, limit, np.where(limit > middle, 1.0, -1.0), findings)

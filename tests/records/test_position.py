@@ -10,6 +10,7 @@ import femfit as ff
 from femfit.device.sensors import AccelerationSensor, PositionSensor
 from femfit.model.sensors import characteristic, predict_sensor, reading_of
 from femfit.records.position import distance_of, with_distance
+from femfit.tables.measurement import TimeSeries
 from femfit.tables.measurement_file import read_measurement
 from tests.support.replays import TRUE, damped, logs
 from tests.support.solenoids import solenoid
@@ -63,6 +64,37 @@ def test_compare_takes_the_distance_from_the_sensor_and_says_so(recorded):
 def test_noise_of_the_volts_is_noise_of_the_distance(recorded):
     series = read_measurement(recorded / "volts.csv", noise={"position_V": 0.04})
     assert with_distance(model(), series).declared_noise["distance_m"] == pytest.approx(2e-5)
+
+
+def series_of(volts, step_s=1e-3, segment=None):
+    rows = pd.DataFrame({"time_s": step_s * np.arange(len(volts)), "position_V": volts})
+    rows["segment"] = 0 if segment is None else segment
+    return TimeSeries(rows, given=("time_s", "position_V"))
+
+
+def placed(sensor, series):
+    return with_distance(replace(solenoid(), other_sensors=(sensor,)), series).rows["distance_m"].to_numpy()
+
+
+def test_a_distance_from_volts_is_of_the_instant_that_the_late_reading_belongs_to():
+    gate = PositionSensor(name="gate", distances_m=(0.0, 1.0), readings=(0.0, 1e3), delay_s=2.5e-3)
+    time = 1e-3 * np.arange(20)
+    true = 1e-3 + 0.1 * time
+    late = characteristic(gate, true - 0.1 * gate.delay_s)
+    np.testing.assert_allclose(placed(gate, series_of(late))[:-3], true[:-3], rtol=1e-9)
+    assert np.isnan(placed(gate, series_of(late))[-3:]).all()
+    cut = placed(gate, series_of(late, segment=np.repeat([0, 1], 10)))
+    assert np.isnan(cut[7:10]).all()
+    np.testing.assert_allclose(cut[10:17], true[10:17], rtol=1e-9)
+
+
+def test_volts_at_the_rails_and_repeated_readings_tell_no_distance():
+    gate = PositionSensor(name="gate", distances_m=(0.0, 1e-2), readings=(0.0, 10.0), minimum=1.0, maximum=9.0)
+    found = placed(gate, series_of(np.array([1.0, 2.0, 5.0, 9.0, 8.0])))
+    np.testing.assert_allclose(found, [np.nan, 2e-3, 5e-3, np.nan, 8e-3])
+    slow = replace(gate, sample_time_s=3e-3)
+    found = placed(slow, series_of(np.array([2.0, 2.0, 2.0, 4.0, 4.0, 4.0])))
+    np.testing.assert_allclose(found, [2e-3, np.nan, np.nan, 4e-3, np.nan, np.nan])
 
 
 def test_an_accelerometer_of_silicon_reads_gravity_at_rest():
