@@ -38,7 +38,7 @@ class CoenergyFit:
     held_out: float
     # Error of the force at each row with inner rows predicted by the others, at least that of the fit; shape (rows,)
     left_out_N: FloatArray
-    # What a finer sweep must lower: the same where the inductance bends, for a spline may meet its own table and swing
+    # What a finer sweep must lower: the same where the iron saturates, for a spline may meet its own table and swing
     # between, and else the error of the fit; shape (rows,)
     missed_N: FloatArray
     constraints: tuple[str, ...]
@@ -78,7 +78,7 @@ def fit_coenergy(
         basis=basis,
         held_out=held_out,
         left_out_N=left_out,
-        missed_N=missed if rows.inductance is None else left_out,
+        missed_N=left_out if rows.saturates else missed,
         constraints=names,
         active=active,
         qp=qp,

@@ -74,7 +74,8 @@ CLOSEST = 0.05
 passes it: closer to its pole, an inverse distance puts all distances but one into a corner."""
 
 CELLS_IN_CURRENT, BENT_CELLS = (1, 2, 3, 4, 6), (3, 6, 12, 24)
-"""Assumed: cells in the current that are tried; and where the inductance shows a bend, with knots denser at it."""
+"""Assumed: cells in the current that are tried; and where the inductance shows a bend, with breaks at thirds of
+the currents' intervals."""
 
 MOST_CELLS = 8
 """Numerical: in the distance, where the inductance bends: as many functions as a QP with shapes solves in seconds."""

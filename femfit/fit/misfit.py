@@ -113,7 +113,9 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, missed: FloatArray | None)
 
 
 def _finer_sweep(missed: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]:
-    """Where a co-energy misses its table most, and the distances and currents that halve the intervals around it.
+    """Where a co-energy's force is least certain, and the distances and currents that halve the intervals around it.
+
+    Of iron that saturates that is where a point left out is missed most, whatever the misfit to all points says.
 
     The largest error in newtons is asked for even where errors relative to each point's own force are what is poor:
     points added there also help between the points, where points added at the smallest forces do not.
@@ -124,10 +126,11 @@ def _finer_sweep(missed: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]
         return []
     worst, finer = int(np.argmax(missed)), finer_settings(missed, rows)
     d, i = rows.distance[worst], rows.current[worst]
+    where = " with inner points left out" if rows.saturates and poor is shares[0] else ""
     return [
         (
-            f"The sweep is too coarse for its force: the co-energy misses it by {amount(poor[0], '')} of {poor[1]}, "
-            f"most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. {to_be_added(finer)}"
+            f"The sweep is too coarse for its force: the co-energy misses it by {amount(poor[0], '')} of {poor[1]}"
+            f"{where}, most at {1e3 * d:.4g} mm and {i:.4g} A, and a diagnosis inherits that. {to_be_added(finer)}"
         )
     ]
 

@@ -42,6 +42,13 @@ class FitRows:
         return not self.current.any()
 
     @property
+    def saturates(self) -> bool:
+        """Whether the inductance, or the flux linkage's slope where none is given, changes with the current."""
+        if self.inductance is not None:
+            return True
+        return self.flux_linkage is not None and _bends(self.distance, self.current, self.flux_linkage)
+
+    @property
     def hanging_weight(self) -> float | None:
         """The weight, where the moving part can hang within the sweep and its forces are of that order.
 
@@ -167,6 +174,19 @@ def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
             f"{values[where]}. Remove the row, give it another status, or drop the column."
         )
     return values
+
+
+def _bends(distance: FloatArray, current: FloatArray, flux_linkage: FloatArray) -> bool:
+    """Whether the flux linkage is no straight function of the current at some distance."""
+    bends, largest = [0.0], 0.0
+    for d in np.unique(distance):
+        at = np.flatnonzero(distance == d)
+        at = at[np.argsort(current[at])]
+        slopes = np.diff(flux_linkage[at]) / np.diff(current[at])
+        if len(slopes):
+            bends.append(float(np.ptp(slopes)))
+            largest = max(largest, float(np.abs(slopes).max()))
+    return max(bends) > STRAIGHT * largest
 
 
 def incremental_inductance(

@@ -116,6 +116,23 @@ def test_points_left_out_are_missed_by_no_less_than_all_points():
         assert np.all(fit.left_out_N >= own)
 
 
+@pytest.mark.parametrize("column", ["inductance_H", "nothing"])
+def test_a_sweep_of_saturating_iron_is_judged_by_points_left_out_with_or_without_inductances(column):
+    table = HARD.table(*COARSE)
+    bare = SweepTable(table.rows.drop(columns=column, errors="ignore"), table.manifest)
+    fit = fit_coenergy(rows_of(bare))
+    np.testing.assert_array_equal(fit.missed_N, fit.left_out_N)
+    (note,) = (note for note in fit_model(bare).notes if "too coarse" in note)
+    assert "left out" in note  # the printed misfit to all points is another number
+
+
+def test_a_sweep_of_straight_iron_is_judged_by_its_own_points():
+    rows = rows_of(full_table())
+    fit = fit_coenergy(rows)
+    assert not rows.saturates
+    np.testing.assert_array_equal(fit.missed_N, np.abs(fit.magnetics.force(rows.distance, rows.current) - rows.force))
+
+
 VALVE = SaturatingCircuit(turns=300.0, area=5.5e-5, fringing=1e-3, saturation=7.5e-5, core=5.0, leakage=0.8e-3)
 """A flat armature, which saturates between 0.3 A at its least distance and 1.5 A at its largest."""
 
