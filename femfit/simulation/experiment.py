@@ -175,8 +175,14 @@ def _place(design: LoopDesign, name: str | None) -> int:
 
 
 def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
-    """The direct measurement of a recorded loop in m: its readings inverted with the current that its observer had."""
+    """The direct measurement of a recorded loop in m: its readings inverted with the current that its observer had.
+
+    Between the readings of a slow sensor it stays what the last one said; it is NaN before the first and in lost runs.
+    """
     readings, currents = series.readings[..., 0], series.estimated_currents_A
     currents = currents.reshape(readings.size, -1) if len(design.model.circuits) > 1 else currents[..., 0].ravel()
     distance, _ = distance_inverse(design.model, design.sensors[0]).distance(readings.ravel(), currents)
-    return distance.reshape(readings.shape)
+    rows = np.arange(len(readings))[:, None]
+    latest = np.maximum.accumulate(np.where(np.isnan(readings), 0, rows), axis=0)
+    held = np.take_along_axis(distance.reshape(readings.shape), latest, axis=0)
+    return np.where(np.isnan(series.distance_m), np.nan, held)

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from femfit.device.sensors import PositionSensor
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
-from femfit.simulation.experiment import Experiment, run_experiments
+from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 
 PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
 
@@ -74,3 +74,11 @@ def test_the_band_of_the_innovations_counts_the_readings(slow):
     squared = loop.result.windows[0]
     assert squared.readings.tolist() == [100.0] * 3
     assert loop.normalised_innovation_squared == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 300))
+
+
+def test_the_direct_measurement_stays_what_the_last_reading_said(slow):
+    experiment = Experiment("backstepping", "ekf", (DISTANCE,))
+    (result,) = run_experiments(slow, [experiment], np.random.default_rng(5), runs=4, steps=40, supported_steps=300)
+    direct = direct_distance(slow, result.series)
+    read = result.series.readings[::PERIOD, :, 0]  # The laser says the distance itself
+    np.testing.assert_allclose(direct, np.repeat(read, PERIOD, axis=0), rtol=1e-9)
