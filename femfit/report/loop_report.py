@@ -9,7 +9,14 @@ from femfit.report.numbers import percent, quantity
 from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, Drawing, new_figure, styled, words
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_text import gains_text, margins_text, observed_lines, sensor_line, sensor_word
+from femfit.simulation.loop_text import (
+    consistency_line,
+    gains_text,
+    margins_text,
+    observed_lines,
+    sensor_line,
+    sensor_word,
+)
 from femfit.simulation.margins import worst_of
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.simulation.study_rows import FaultRow, SpectrumPair, StepSeries
@@ -48,7 +55,7 @@ def loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
         "ratios": (min(r.ratio for r in held), max(r.ratio for r in held)) if shares else None,
         "bounds": (min(r.bound for r in held), max(r.bound for r in held)) if shares else None,
         "shares": (min(shares), max(shares)) if shares else None,
-        "consistent": sum(r.innovation_band.contains(r.normalised_innovation_squared) for r in study.holds),
+        "consistency": consistency_line(study.holds),
         "ends": _ends(study),
         "series": [(f"steps-{s.controller}", name_of(s.controller), name_of(s.observer)) for s in study.series],
         "spectra": [(f"spectrum-{p.controller}", name_of(p.controller)) for p in study.spectra],

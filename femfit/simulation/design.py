@@ -157,9 +157,10 @@ class LoopDesign:
 
     @cached_property
     def told(self) -> tuple[float, float] | None:
-        """Least rms errors of distance and velocity that these sensors allow at rest; None where they cannot tell it.
+        """Rms errors of distance and velocity that a settled filter expects at rest; None where it cannot tell them.
 
-        They are those of a settled Kalman filter in the middle of the reference.
+        It stands in the middle of the reference and allows for the filter's process noises, so that a filter in a
+        plant without them does better.
         """
         try:
             return settled_errors(self.bench("ekf"))

@@ -19,9 +19,31 @@ from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.operating_point import OperatingPoint
 from femfit.simulation.pid import Pid
 from femfit.simulation.state_feedback import StateFeedback
+from femfit.simulation.study_rows import HoldRow
 
 FRAGILE_DEGREES = 10.0
 """Conventional: phase margin below which a loop is called fragile; 30 degrees are usual as the least."""
+
+TOO_CAUTIOUS = (
+    "the filter is too cautious here: it allows for errors of force and voltage that a plant which is the model itself "
+    "does not have. Nothing is wrong with its estimate"
+)
+
+
+def consistency_line(holds: Sequence[HoldRow]) -> str:
+    """How many filters' predictions are as wrong as they expect, and what it means where most are not."""
+    known = [row for row in holds if isfinite(row.normalised_innovation_squared)]
+    inside = sum(row.innovation_band.contains(row.normalised_innovation_squared) for row in known)
+    below = sum(row.normalised_innovation_squared < row.innovation_band.lower for row in known)
+    above = len(known) - inside - below
+    counts = f"Of {len(known)} mean normalised innovations {inside} lie in their 95 % band"
+    if 2 * below > len(known):
+        return f"{counts} and {below} below it, because {TOO_CAUTIOUS}."
+    if 2 * above > len(known):
+        return f"{counts} and {above} above it: the filter's error is larger than it expects."
+    if inside == len(known):
+        return f"{counts}, as they do for a filter that knows its own error."
+    return f"{counts}, {below} below it and {above} above it."
 
 
 def verdict(
@@ -201,13 +223,13 @@ def sensor_line(design: LoopDesign) -> str:
 
 
 def observed_lines(design: LoopDesign) -> list[str]:
-    """How well the sensors can tell distance and velocity at rest, in the middle of the reference."""
+    """What error a settled filter expects of distance and velocity at rest, in the middle of the reference."""
     told = design.told
     if told is None:
         return ["these sensors cannot tell the distance of a body at rest"]
     distance, velocity = told
     both = f"the distance to {amount(distance, 'm')} and the velocity to {amount(velocity, 'm/s')}"
-    return [f"at best these sensors tell {both} rms"]
+    return [f"a filter that allows for this model's process noises expects to know {both} rms"]
 
 
 def design_data(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]] = ()) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from femfit.core.amount import amount, counted
 from femfit.simulation.design import CONTROLLERS, LoopDesign
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_text import design_lines, losses, sensor_word, verdict
+from femfit.simulation.loop_text import consistency_line, design_lines, losses, sensor_word, verdict
 from femfit.simulation.study_rows import FaultRow
 
 if TYPE_CHECKING:
@@ -46,6 +46,7 @@ def study_lines(study: "ClosedLoopStudy") -> list[str]:
         f"({r.innovation_band.lower:.3f} .. {r.innovation_band.upper:.3f}){_lost(r.held, r.runs)}"
         for r in study.holds
     ]
+    lines += [f"  {consistency_line(study.holds)}"] if any(row.held for row in study.holds) else []
     if study.no_direct:
         lines += [f"  no direct measurement to compare with: {study.no_direct}"]
     lines += ["", "With a fault", *(_fault_line(design, row) for row in study.faults)]

@@ -14,7 +14,7 @@ from femfit.filters.theory import ConsistencyBand
 from femfit.simulation.design import ControllerName, LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome, LoopResult
-from femfit.simulation.loop_text import design_data, design_lines, verdict
+from femfit.simulation.loop_text import TOO_CAUTIOUS, design_data, design_lines, verdict
 from femfit.simulation.series_table import write_series
 
 
@@ -121,10 +121,7 @@ class LoopSummary(Printed):
                 f"expects (a filter that knows its errors: {band.lower:.3f} to {band.upper:.3f}, 95 %)"
             )
             if self.expects_absent_errors:
-                lines.append(
-                    "  less than expected, because the filter allows for errors of force and voltage that a plant "
-                    "which is the model itself does not have"
-                )
+                lines.append(f"  less than expected, because {TOO_CAUTIOUS}")
         return lines
 
     def data(self) -> dict[str, Any]:
