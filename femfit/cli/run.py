@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 STEP_WIDTH = 26  # of the steps' names on the terminal
 NO_SENSOR = 'the drawing has no sensor that a filter could read. Add one, as [sensors.NAME] with kind = "position".'
+NO_DISTANCE = (
+    "no sensor of the drawing reads the distance, as a Hall element or one of kind position does, and a body that is "
+    "switched needs no loop. femfit simulate {model} tries one with {sensors} alone."
+)
 NO_COIL = "the drawing has no coil, so that there is nothing to control."
 
 
@@ -70,7 +74,7 @@ def run(
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
     _print_lines(reference.notes)
     with process_pool(1) as pool:
-        loop = pool.submit(_close_loop, reference.model, seed)  # beside the ranking: each takes a core
+        loop = pool.submit(_close_loop, reference.model, seed, model_file)  # beside the ranking: each takes a core
         with steps.timed("open loop"):
             motion = motion_at_supply(reference.model)
         steps.say(_motion_line(motion, parts))
@@ -154,11 +158,15 @@ class _Steps:
         self.times: dict[str, float] = {}
 
     @contextmanager
-    def timed(self, name: str) -> Iterator[None]:
+    def timed(self, name: str, *, told: bool = True) -> Iterator[None]:
+        """Time a step; one that does not tell by itself how far it is says now and then that it goes on."""
         from time import perf_counter
 
+        from femfit.cli.output import status
+
         start = perf_counter()
-        yield
+        with status(name) if told else nullcontext():
+            yield
         self.times[name] = perf_counter() - start
 
     def say(self, text: str) -> None:
@@ -172,7 +180,7 @@ def _sweep(steps: _Steps, parts: "Actuator", directory: Path, workers: int) -> "
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, summarise
 
-    with steps.timed("sweep"), sweep_progress(parts.name) as progress:
+    with steps.timed("sweep", told=False), sweep_progress(parts.name) as progress:
         table = run_sweep(parts, directory, workers=workers, progress=progress)
     summary = summarise(table)
     steps.say(_solved(summary))
@@ -202,14 +210,18 @@ def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":
     return result
 
 
-def _close_loop(model: "ActuatorModel", seed: int) -> "tuple[ClosedLoopStudy | None, str]":
+def _close_loop(model: "ActuatorModel", seed: int, file: Path) -> "tuple[ClosedLoopStudy | None, str]":
     """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
     from femfit.core.errors import DomainError, FilterError, MissingPartError
-    from femfit.model.sensors import sensors_of
+    from femfit.device.sensors import PositionSensor
+    from femfit.model.sensors import HALL, sensors_of
     from femfit.simulation.study import closed_loop_study
 
-    if not (model.has_winding and sensors_of(model)):
+    known = sensors_of(model)
+    if not (model.has_winding and known):
         return None, NO_SENSOR if model.has_winding else NO_COIL
+    if HALL not in known and not any(isinstance(one, PositionSensor) for one in known.values()):
+        return None, NO_DISTANCE.format(model=file, sensors=" and ".join(known))
     try:
         return closed_loop_study(model, seed), ""
     except (DomainError, FilterError, MissingPartError) as error:
