@@ -1,6 +1,6 @@
 """The sampled loop about a point of rest: plant with its drivers and delays, observer and controller, all linear.
 
-    plant       x(k+1) = A x(k) + B u(k - q),              y_j(k) = c_j x(k - m_j) + e_j x(k - m_j - 1)
+    plant       x(k+1) = A x(k) + B u(k - q),              y_j(k) = sum over m of c_jm x(k - m)
     observer    x^(k) = P x^(k-1) + G u(k - 1 - q) + L y(k)
     controller  m(k+1) = M m(k) + E x^(k),                 u(k) = N m(k) + D x^(k)
 
@@ -15,22 +15,20 @@ K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import floor
 
 import numpy as np
 
 from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.filters.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.pickup import PickupSensor
-from femfit.model.sampling import sampled_value
+from femfit.model.sampling import sample_weights, sampled_value
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
 from femfit.simulation.riccati import solve_riccati
-from femfit.simulation.sensor import LoopSensor, between
+from femfit.simulation.sensor import LoopSensor
 
 _PROBE = 1e-5
 """Part of a state's range over which differences are taken."""
@@ -42,17 +40,13 @@ class LinearPlant:
 
     A: FloatArray  # (N, N)
     B: FloatArray  # (N, n)
-    # Of each sensor: what it reads of the state so many samples ago and of the one before that, (sensors, N), and when
-    newer: FloatArray
-    older: FloatArray
-    delays: tuple[int, ...]
+    C: FloatArray  # What each sensor reads of the state now, one sample ago and so on, (sensors, samples, N)
     noise: FloatArray  # Standard deviation of each reading, (sensors,)
 
     def response(self, z: ComplexArray, latency: int = 0) -> ComplexArray:
         """Readings over commands that are applied so many samples late, of shape (frequencies, sensors, n)."""
         states = np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, self.B + 0j)
-        delay = z[:, None] ** -np.array(self.delays)
-        seen = delay[:, :, None] * (self.newer + self.older / z[:, None, None])
+        seen = np.einsum("fm,jmx->fjx", z[:, None] ** -np.arange(self.C.shape[1]), self.C)
         return np.asarray(seen @ states * z[:, None, None] ** -latency)
 
 
@@ -83,39 +77,24 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
         return plant.step(points, commands)
 
     A, B = _differences(moved, rest, point.commands, scale, push)
-    order = len(rest)
-    later, earlier = np.zeros((order, len(sensors))), np.zeros((order, len(sensors)))
-    unit, none = np.eye(order), np.zeros((order, order))
-    delays = []
-    for j, one in enumerate(sensors):
-        slope = _slope(partial(sampled_value, model, one.sensor), rest, scale)
+    seen = []
+    for one in sensors:
         # Of p samples one is read: what is seen is (p - 1)/2 samples old on average
-        late = one.delay + 0.5 * (one.period - 1)
-        whole = floor(late)
-        part = late - whole
-        delays.append(whole)
-        if isinstance(one.sensor, PickupSensor):  # the mean voltage over a sample, at whole samples
-            later[:, j], earlier[:, j] = slope / model.sample_time_s, -slope / model.sample_time_s
-        elif part == 0.0:
-            later[:, j] = slope
-        else:
-            later[:, j] = between(none, unit, 1.0 - part, model.sample_time_s) @ slope
-            earlier[:, j] = between(unit, none, 1.0 - part, model.sample_time_s) @ slope
+        late = (one.delay + 0.5 * (one.period - 1)) * model.sample_time_s
+        weights = sample_weights(replace(one.sensor, delay_s=late), model.sample_time_s)
+        seen.append(np.outer(weights, _slope(partial(sampled_value, model, one.sensor), rest, scale)))
+    C = np.zeros((len(sensors), max(map(len, seen), default=1), len(rest)))
+    for j, rows in enumerate(seen):
+        C[j, : len(rows)] = rows
     # As in a filter's R: noise that is met once in p samples tells as little as sqrt(p) times as much at each
     noise = np.array([one.reading.white * np.sqrt(one.period) for one in sensors])
-    return LinearPlant(A, B, later.T, earlier.T, tuple(delays), noise)
+    return LinearPlant(A, B, C, noise)
 
 
 def exact_readings(plant: LinearPlant) -> LinearPlant:
     """The plant where every state is known at once, without noise."""
     order = len(plant.A)
-    return replace(
-        plant,
-        newer=np.eye(order),
-        older=np.zeros((order, order)),
-        delays=(0,) * order,
-        noise=np.zeros(order),
-    )
+    return replace(plant, C=np.eye(order)[:, None], noise=np.zeros(order))
 
 
 def linear_controller(
@@ -151,24 +130,17 @@ def linear_controller(
 def closed_loop_matrix(plant: LinearPlant, controller: LinearController) -> FloatArray:
     """The state matrix of the whole loop; its eigenvalues are the loop's poles."""
     N, n = plant.B.shape
-    chains = [d + bool(np.any(plant.older[j])) for j, d in enumerate(plant.delays)]
-    offset = np.concatenate([[N], N + np.cumsum(chains)]).astype(int)
-    inner, size = int(offset[-1]), int(offset[-1]) + len(controller.A)
-    y = np.zeros((len(plant.delays), size))
-    F = np.zeros((size, size))
-    for j, delay in enumerate(plant.delays):
-        start, length = offset[j], chains[j]
-        if delay == 0:
-            y[j, :N] = plant.newer[j]
-        if length:
-            y[j, start + length - 1] = 1.0
-        # A chain moves on towards its end; the newer state enters ``delay`` places before it, the older at its start
-        for k in range(1, length):
-            F[start + k, start + k - 1] = 1.0
-        if length:
-            F[start, :N] += plant.older[j] if np.any(plant.older[j]) else 0.0
-        if delay:
-            F[start + length - delay, :N] += plant.newer[j]
+    sensors, samples, _ = plant.C.shape
+    late = samples - 1
+    inner, size = N + sensors * late, N + sensors * late + len(controller.A)
+    y, F = np.zeros((sensors, size)), np.zeros((size, size))
+    y[:, :N] = plant.C[:, 0]
+    # A sensor's chain holds what earlier states add to its next readings, the next one first
+    for j in range(sensors if late else 0):
+        chain = np.arange(N + j * late, N + (j + 1) * late)
+        y[j, chain[0]] = 1.0
+        F[chain[:-1], chain[1:]] = 1.0
+        F[chain, :N] = plant.C[j, 1:]
     own = slice(inner, size)
     u = controller.D @ y
     u[:, own] += controller.C

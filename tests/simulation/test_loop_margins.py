@@ -19,8 +19,7 @@ def sampled(A, B):
     block = np.zeros((n + 1, n + 1))
     block[:n, :n], block[:n, n] = A, B
     whole = expm(STEP * block)
-    c, none = np.eye(n)[:1], np.zeros((1, n))
-    return LinearPlant(whole[:n, :n], whole[:n, n:], c, none, (0,), np.array([1e-6]))
+    return LinearPlant(whole[:n, :n], whole[:n, n:], np.eye(n)[:1, None], np.array([1e-6]))
 
 
 def pid(kp, ki, kd, rate):
@@ -35,7 +34,7 @@ def pid(kp, ki, kd, rate):
 
 def largest_root(plant, controller, factor):
     """Of the loop's characteristic polynomial with the commands times a factor."""
-    above, below = ss2tf(plant.A, plant.B, plant.newer, np.zeros((1, 1)))
+    above, below = ss2tf(plant.A, plant.B, plant.C[:, 0], np.zeros((1, 1)))
     own_above, own_below = ss2tf(controller.A, controller.B, controller.C, controller.D)
     closed = np.polysub(np.polymul(below, own_below), factor * np.polymul(above[0], own_above[0]))
     return np.abs(np.roots(closed)).max()
@@ -84,7 +83,7 @@ def test_gain_margins_are_where_the_swept_loop_turns_unstable(name):
 @pytest.mark.parametrize("name", ["damped body, with an integral", "unstable body, without an integral"])
 def test_the_share_of_noise_is_that_of_lyapunovs_equation(name):
     plant, own = LOOPS[name]
-    c, room = plant.newer, 0.02
+    c, room = plant.C[:, 0], 0.02
     whole = np.block([[plant.A + plant.B @ own.D @ c, plant.B @ own.C], [own.B @ c, own.A]])
     enters = np.concatenate([plant.B @ own.D, own.B])
     states = solve_discrete_lyapunov(whole, plant.noise[0] ** 2 * enters @ enters.T, method="bilinear")

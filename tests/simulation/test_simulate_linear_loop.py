@@ -12,12 +12,15 @@ from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import Backstepping
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.linear_loop import closed_loop_matrix, linear_controller
+from femfit.simulation.linear_loop import closed_loop_matrix, linear_controller, linear_plant
 from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin
+from femfit.simulation.operating_point import operating_point
 from femfit.simulation.pid import pid_of_parts
 from femfit.simulation.riccati import feedback_gain, solve_riccati
+from femfit.simulation.sensor import loop_sensors
 from femfit.simulation.state_feedback import augmented, placed
 from femfit.simulation.tune import make_bench
+from support.pickups import searched
 
 
 @pytest.fixture(scope="module")
@@ -120,9 +123,8 @@ def test_the_delay_margin_is_the_delay_that_the_loop_bears(late):
         A[:size, size + samples - 1 :] = plant.B
         A[range(size + 1, size + samples), range(size, size + samples - 1)] = 1.0
         B[size] = 1.0
-        wide = np.hstack([plant.newer, np.zeros((1, samples))])
-        older = np.hstack([plant.older, np.zeros((1, samples))])
-        return largest_of(replace(plant, A=A, B=B, newer=wide, older=older), linear) < 1.0
+        wide = np.concatenate([plant.C, np.zeros((*plant.C.shape[:2], samples))], axis=2)
+        return largest_of(replace(plant, A=A, B=B, C=wide), linear) < 1.0
 
     bearable = max(k for k in range(40) if all(stable(j) for j in range(k + 1)))
     assert bearable == int(found.delay_s / step)
@@ -226,3 +228,22 @@ def test_pid_gains_are_the_same_in_both_forms(design):
     again = pid_of_parts(design.model, **design.pid.parts)
     np.testing.assert_allclose(again.gains, design.pid.gains, rtol=1e-9)
     assert again.filter_pole == pytest.approx(design.pid.filter_pole, rel=1e-9)
+
+
+@pytest.mark.parametrize("period", [1, 4])
+@pytest.mark.parametrize("delay", [0.0, 0.4, 2.0])
+def test_the_linear_loop_reads_a_late_or_slow_pickup_coil_as_late_as_it_is(delay, period):
+    """The phase of its readings over those of a prompt coil falls with the delay, and half of the samples between."""
+    step = searched().sample_time_s
+    model = searched(noise=1e-3, delay_s=delay * step, sample_time_s=period * step)
+    point = operating_point(model, 2.5e-3)
+
+    def response(one, z):
+        sensors = loop_sensors(one, ("search",), {"search": 1e-3}, step)
+        return linear_plant(one, point, sensors).response(z)[:, 0, 0]
+
+    angle = 2.0 * np.pi * np.array([0.01, 0.03])
+    z = np.exp(1j * angle)
+    late = -np.angle(response(model, z) / response(searched(noise=1e-3), z)) / angle
+    # A line between two samples turns by its part of a sample to (2 pi 0.03)^2 / 12
+    np.testing.assert_allclose(late, delay + 0.5 * (period - 1), atol=3e-3)
