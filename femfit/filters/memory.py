@@ -5,8 +5,8 @@ Behind the states of the model and the biases stand, for each such sensor, g(x_(
 
 References
 ----------
-Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001), section
-6.2.2: states that are kept for delayed measurements.
+B. D. O. Anderson and J. B. Moore, Optimal Filtering (Prentice-Hall, 1979), chapter 7: fixed-lag smoothing as filtering
+of a state that earlier ones are added to.
 """
 
 from dataclasses import dataclass

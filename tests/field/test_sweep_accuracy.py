@@ -30,9 +30,10 @@ def check(rows):
     np.testing.assert_allclose(rows["flux_linkage_Wb"], rows["flux_linkage_Wb_true"], rtol=1e-3)
     if "hall_T" in rows:
         np.testing.assert_allclose(rows["hall_T"], rows["hall_T_true"], rtol=1e-3)
-    # The estimate covers the error in at least 95 % of the rows and is typically not ten times too large.
+    # The estimate covers the error but in one row of twenty, of three distances in one row, and is typically not ten
+    # times too large.
     ratio = rows["force_error_N"] / error
-    assert (ratio >= 1.0).mean() >= 0.95
+    assert (ratio < 1.0).sum() <= len(rows) // 20
     assert ratio.median() <= 10.0
 
 
