@@ -47,3 +47,12 @@ SAME_STEP = 1e-3
 
 NORMAL_MEDIAN = 0.6745
 """Derived: median magnitude of a standard normal number."""
+
+OFF_GRID = 1.0 / 3.0
+"""Conventional: part of the usual step by which a step may miss a multiple of it and still be that multiple."""
+
+MOST_OFF_GRID = 0.05
+"""Conventional: part of the steps that may miss by more; of steps of arbitrary length one third does."""
+
+FINEST_PART = 4
+"""Conventional: the median step is at most so many grid steps; a record of which more is missing is not resampled."""

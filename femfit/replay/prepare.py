@@ -19,6 +19,7 @@ from femfit.model.other_sensor import OtherSensor
 from femfit.model.recorded import true_setting_of
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
+from femfit.records.grid import bridged, on_grid
 from femfit.records.noise import converter_step, white_noise
 from femfit.records.position import with_distance
 from femfit.records.readings import at_ends, without_repeats
@@ -47,7 +48,7 @@ class Prepared:
 
 def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
     """Choose sensors, take the record's step, and set aside what no filter should believe."""
-    rows, commands = series.rows, voltage_columns(model.circuit_names)
+    commands = voltage_columns(model.circuit_names)
     model.require_circuits()
     lacking = [name for name in commands if name not in series.given]
     if lacking:
@@ -56,6 +57,8 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
             f"{', '.join(series.given)}. Record {' and '.join(lacking)}, or say which column it is with --column "
             f"HEADER={lacking[0]}. {_left_out(series)}".rstrip()
         )
+    series, added = on_grid(series)
+    rows = series.rows
     model, findings = with_recorded_sensors(model, series), list(series.findings)
     names = _chosen(model, series, sensors)
     readings = tuple(reading_of(model, name) for name in names)
@@ -72,9 +75,9 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     columns = circuit_currents(model.circuit_names)
     each = np.stack([recorded.get(name, unknown) for name in columns], axis=1) if columns else np.zeros((len(time), 0))
     current = model.currents_of(np.column_stack([distance, distance, each]))
-    spread_m = _sample_noise(series, "distance_m", distance)
-    spreads_A = [_sample_noise(series, name, each[:, k]) for k, name in enumerate(columns)]
-    distance, current = true_setting_of(model, distance, current)
+    spread_m = _sample_noise(series, "distance_m", distance, added)
+    spreads_A = [_sample_noise(series, name, each[:, k], added) for k, name in enumerate(columns)]
+    distance, current = (bridged(one, added) for one in true_setting_of(model, distance, current))
     rests = find_rests(model, time, segment, distance, current, spread_m)
     given = [
         given_voltage(model, time, segment, recorded[command], current, distance, (spreads_A[k], spread_m), k)
@@ -145,10 +148,13 @@ def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     return wanted
 
 
-def _sample_noise(series: TimeSeries, name: str, values: FloatArray) -> float:
+def _sample_noise(series: TimeSeries, name: str, values: FloatArray, added: BoolArray) -> float:
     """Of a channel, as declared or from neighbouring samples; NaN where neither says it."""
-    declared = series.declared_noise.get(name)
-    return float(declared) if declared else white_noise(values, series.rows["segment"].to_numpy())
+    declared, segment = series.declared_noise.get(name), series.rows["segment"].to_numpy()
+    if declared:
+        return float(declared)
+    spread = white_noise(values, segment)  # of rows that follow each other, or else of those that were written
+    return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
 
 
 def _held(rests: Rests, readings: Sequence[Reading]) -> BoolArray:
