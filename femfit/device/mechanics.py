@@ -130,6 +130,12 @@ class Mechanics:
             sum((spring_force(spring, distance) for spring in self.springs), np.zeros(np.shape(distance)))
         )
 
+    def energy_of_springs(self, distance: FloatArray, order: int = 0) -> FloatArray:
+        """Energy of all springs in J at distances in m of any shape, or a derivative: the first is minus their push."""
+        derivative = (spring_energy, lambda one, d: -spring_force(one, d), lambda one, d: -spring_gradient(one, d))
+        zero = np.zeros(np.shape(distance))
+        return np.asarray(sum((derivative[order](spring, distance) for spring in self.springs), zero))
+
     def _creep(self, sample_time_s: float) -> float:
         return self.coulomb_N * sample_time_s / self.mass_kg
 
@@ -148,3 +154,17 @@ def spring_gradient(spring: Spring | ForceTable, distance: FloatArray) -> FloatA
     at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
     slopes = np.concatenate([[0.0], np.diff(force) / np.diff(at), [0.0]])
     return np.asarray(slopes[np.searchsorted(at, distance, side="right")])
+
+
+def spring_energy(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
+    """Energy of a spring in J, from nought at its distance or at the first one of its table."""
+    if isinstance(spring, Spring):
+        stretched = distance - spring.distance_m
+        return np.asarray(0.5 * spring.stiffness_N_per_m * stretched**2 - spring.preload_N * stretched)
+    at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(at))])
+    inside = np.clip(distance, at[0], at[-1])
+    k = np.clip(np.searchsorted(at, inside, side="right") - 1, 0, len(at) - 2)
+    there = np.interp(inside, at, force)
+    done = work[k] + 0.5 * (force[k] + there) * (inside - at[k]) + there * (distance - inside)
+    return np.asarray(-done)

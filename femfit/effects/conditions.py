@@ -43,8 +43,8 @@ class Nominal:
     hall_swing_V: float
     voltage_V: float  # Largest magnitude that the driver gives; NaN where the model has no circuit
     sample_time_s: float
-    # Push of all drawn springs away from the electromagnet in N at distances in m of any shape; None without springs
-    springs: Callable[[FloatArray], FloatArray] | None = None
+    # Energy of all drawn springs in J at distances in m, or its derivative of an order; None without springs
+    springs: Callable[[FloatArray, int], FloatArray] | None = None
     stops_m: tuple[float, float] = (-np.inf, np.inf)  # Of the drawing, near and far; infinite where there is none
     circuits: tuple[str, ...] = ()  # Names of several circuits; numbers of the winding are those of the first
     magnets_apart: bool = True  # Whether the model's co-energy has a part of the magnets alone
@@ -73,13 +73,11 @@ class Nominal:
 
     def spring_push(self, distance: FloatArray) -> FloatArray:
         """Push of the drawn springs away from the electromagnet in N; zero without springs."""
-        return np.zeros(np.shape(distance)) if self.springs is None else self.springs(distance)
+        return -self.spring_energy(distance, 1)
 
-    @property
-    def spring_N_per_m(self) -> float:  # noqa: N802 - the unit
-        """Stiffness of the drawn springs, its mean over the range of distances; zero without springs."""
-        near, far = self.spring_push(np.array([self.distance_min_m, self.distance_max_m]))
-        return float(near - far) / self.travel_m
+    def spring_energy(self, distance: FloatArray, order: int = 0) -> FloatArray:
+        """Energy of the drawn springs in J, or its derivative of an order up to 2; zero without springs."""
+        return np.zeros(np.shape(distance)) if self.springs is None else self.springs(distance, order)
 
     @property
     def weight_N(self) -> float:  # noqa: N802 - the unit

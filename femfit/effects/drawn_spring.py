@@ -1,8 +1,9 @@
 """The spring of the drawing is another one, or the force sensor carries it.
 
-Stiffer by a part e of the drawn stiffness k, its preload at the largest distance the same: further force away from the
-electromagnet e k (d_max - d); with another preload, a further constant. A model's force is the magnetic one; a load
-cell between spring and frame reads that, one that holds the body reads the spring as well.
+Stiffer by a part e, as of thicker wire, a spring has no force at the same free length and 1 + e times the drawn force
+anywhere else: its further energy is e U(d), also of several springs and of a force table. Another preload is a further
+constant. A model's force is the magnetic one; a load cell between spring and frame reads that, one that holds the body
+reads the spring as well.
 """
 
 from collections.abc import Mapping
@@ -11,7 +12,7 @@ from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.spring import spring_coenergy
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
 
 _BALANCE = "Take the spring out and read its force at two lengths with a spring balance."
 _REFERENCE = "Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10"
@@ -20,20 +21,20 @@ _REFERENCE = "Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015
 def _stiffer(
     base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
 ) -> TaylorSeries:
-    further = p["stiffness_error"] * conditions.nominal.spring_N_per_m
-    return spring_coenergy(base(d, i, n_d, n_i), d, conditions, further, 0.0)
+    energy = distance_series(d, n_d, n_i).compose([conditions.nominal.spring_energy(d, order) for order in range(3)])
+    return base(d, i, n_d, n_i) - p["stiffness_error"] * energy
 
 
 SPRING_STIFFNESS = Effect(
     name="spring_stiffness",
-    symptom="The body is pushed further away near the electromagnet than at the end of its travel, at any current.",
+    symptom="The force has a further part in proportion to that of the drawn spring, at any current.",
     acts_on=("force",),
     parameters=(
         EffectParameter(
             "stiffness_error",
             bounds=(-1.0, 9.0),
             plausible=(-0.3, 0.3),
-            description="True over drawn stiffness of all springs, less one.",
+            description="True over drawn stiffness of all springs, less one; their free lengths are the drawn ones.",
             words="the spring is {size} {stiffer|softer} than drawn",
         ),
     ),

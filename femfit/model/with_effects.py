@@ -67,7 +67,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         sample_time_s=base.sample_time_s,
         voltage_driver=circuit is None or circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
-        springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
+        springs=base.motion.energy_of_springs if base.motion is not None and base.motion.springs else None,
         circuits=base.circuit_names if domain.further_A else (),
         magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
         has_iron=base.kind is None or base.kind.fixed_iron or base.kind.moving_iron,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.device.mechanics import ForceTable, Mechanics, Spring
+from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 
 
@@ -67,26 +67,12 @@ def balance(
     coenergy, flux = model.magnetics.coenergy(d, i), model.magnetics.flux_linkage(d, i)
     linked = (each * flux.reshape(each.shape)).sum(axis=1) if each.shape[1] else np.zeros(2)
     in_series = 0.5 * np.einsum("pk,kl,pl->p", each, model.series_inductances_H, each)
-    springs = sum((_spring_energy(spring, d) for spring in mechanics.springs), np.zeros(2))
     stored = [
         linked - coenergy + in_series,
         0.5 * mechanics.mass_kg * v**2,
-        springs,
+        mechanics.energy_of_springs(d),
         -(mechanics.mass_kg * mechanics.gravity_m_s2 + mechanics.load_N) * d,
     ]
     magnetic, kinetic, strain, potential = (float(one[1] - one[0]) for one in stored)
     gone_to = (copper, diode, friction, impact, magnetic, kinetic, strain, potential)
     return EnergyBalance(source, *gone_to, source - sum(gone_to))
-
-
-def _spring_energy(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
-    if isinstance(spring, Spring):
-        stretched = distance - spring.distance_m
-        return np.asarray(0.5 * spring.stiffness_N_per_m * stretched**2 - spring.preload_N * stretched)
-    at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
-    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(at))])
-    inside = np.clip(distance, at[0], at[-1])
-    k = np.clip(np.searchsorted(at, inside, side="right") - 1, 0, len(at) - 2)
-    there = np.interp(inside, at, force)
-    done = work[k] + 0.5 * (force[k] + there) * (inside - at[k]) + there * (distance - inside)
-    return np.asarray(-done)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.mechanics import Spring
+from femfit.device.mechanics import ForceTable, Spring
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -53,8 +53,8 @@ def test_a_spring_that_is_missing_acts_on_readings_and_motion_as_one_that_is_dra
 @pytest.mark.parametrize(
     ("name", "parameters", "true"),
     [
-        # The same push at the largest distance, 6 mm
-        ("spring_stiffness", lambda _: {"stiffness_error": 0.2}, Spring(240.0, 0.1 - 200.0 * 2e-3, 6e-3)),
+        # The same free length, 4.5 mm
+        ("spring_stiffness", lambda _: {"stiffness_error": 0.2}, Spring(240.0, 0.0, 4.5e-3)),
         ("spring_preload", lambda n: {"preload": 0.05 / n.force_N}, Spring(200.0, 0.15, 4e-3)),
     ],
 )
@@ -62,6 +62,24 @@ def test_a_drawn_spring_that_is_off_moves_the_body_as_the_true_one(name, paramet
     drawn = with_springs(Spring(200.0, 0.1, 4e-3))
     changed = with_effects(drawn, [AddedEffect(effect_by_name(name), parameters(nominal_of(drawn)))])
     np.testing.assert_allclose(accelerations(changed), accelerations(with_springs(true)), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "springs",
+    [
+        (Spring(1600.0, 0.0, 4e-3),),
+        (Spring(200.0, 0.1, 4e-3), Spring(300.0, -0.5, 2e-3)),
+        (Spring(200.0, 0.1, 4e-3), ForceTable((0.2e-3, 3e-3, 7e-3), (3.0, 1.0, -0.5))),
+    ],
+)
+def test_stiffer_springs_keep_their_free_lengths(springs):
+    drawn = with_springs(*springs)
+    at, stiffer = (
+        Conditions(nominal_of(drawn)),
+        AddedEffect(effect_by_name("spring_stiffness"), {"stiffness_error": 0.3}),
+    )
+    true, alone = (predict_readings(drawn, D, CURRENT, at, effects)["force_N"] for effects in ([stiffer], []))
+    np.testing.assert_allclose(true - alone, -0.3 * drawn.motion.push_of_springs(D), rtol=1e-12, atol=1e-13)
 
 
 def test_a_force_sensor_that_holds_the_body_reads_the_drawn_spring_as_well():

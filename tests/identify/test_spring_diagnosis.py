@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import femfit as ff
 from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import effect_by_name
@@ -18,6 +19,7 @@ from femfit.model.with_effects import nominal_of
 from support.campaign import campaign
 from support.reference import REFERENCE
 from support.solenoids import solenoid
+from support.switching import logged, switched
 
 STRANGER = REFERENCE / "strangers" / "push.toml"
 QUICK = {"bootstrap": 0}
@@ -88,3 +90,19 @@ def test_the_newcomers_return_spring_is_found(tmp_path):
     assert found.lack_of_fit_before.p_value < 1e-6
     force = found.error_fall.channels[0]
     assert force.rms_after < 0.03 * force.rms_before
+
+
+@pytest.mark.parametrize("hidden", [2300.0, 2600.0])
+def test_a_stiffer_suspension_is_no_pair_of_stops_and_no_other_preload(hidden):
+    """A body that swings on a suspension at rest in the middle of its travel, 15 % and 30 % stiffer than drawn."""
+    drawn, true = (
+        replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(k, 0.0, 3e-3),), viscous_N_s_per_m=0.5))
+        for k in (2000.0, hidden)
+    )
+    swing = logged([switched([0.0], [0.4], 0.12, model=true, start_m=1.2e-3)], noise=(5e-4, 2e-6))
+    found = diagnose(drawn, swing, **QUICK)
+    assert (found.verdict, found.missing[0].name) == ("named", "spring_stiffness")
+    assert found.missing[0].parameters["stiffness_error"] == pytest.approx(hidden / 2000.0 - 1.0, rel=0.05)
+    both = ff.add_effects(drawn, swing, ["spring_stiffness", "spring_preload"], base="never")
+    low, high = both.added[1].ci95["preload"]
+    assert low < 0.0 < high

@@ -11,7 +11,7 @@ from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.constants import CONTINUED, LEVEL_AFTER, NONLINEAR_PRICE, ROUNDING, STRUCTURE_LEFT
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.scoring import further_effects, parameter_price
-from femfit.identify.refit.refit import Refit, refit
+from femfit.identify.refit.refit import Refit, is_plausible, refit
 from femfit.identify.refit.start import Start
 
 
@@ -28,6 +28,11 @@ class Candidate:
     as_recorded: float
     further: float  # Smallest p-value of a further effect beside it, with that allowance, times the amplitudes tried
     beside: tuple[Start, ...]  # The best of the other effects as they would go on from here, best first
+
+    @property
+    def plausible(self) -> bool:
+        """Whether every parameter has a usual size."""
+        return all(is_plausible(one, p) for one in self.fit.effects for p in one.effect.parameters)
 
     def passes(self, level: float = LEVEL_AFTER) -> bool:
         """Whether it leaves neither structure beyond the model's own misfit nor anything for a further effect."""

@@ -64,7 +64,7 @@ def decide(campaign: Campaign) -> Decision:
 def _search(campaign: Campaign, test: ModelTest) -> Decision:
     """One effect if it passes, else two, else what explains most of the excess but not its form."""
     singles = refitted_candidates(campaign, [[item] for item in test.starts[:REFITTED]])
-    chosen = _first_passing(singles, test.excess)
+    chosen = _first_passing(campaign, singles, test.excess)
     if chosen is not None:
         return _named(campaign, "named", chosen, singles, test)
     starts = best_pairs(campaign.whitened_residual, test.starts, PAIRED, REFITTED // 2)
@@ -72,7 +72,7 @@ def _search(campaign: Campaign, test: ModelTest) -> Decision:
     pairs = refitted_candidates(campaign, _without_repeats(starts))
     pairs = [pair for pair in pairs if _both_needed(campaign, pair, singles, test.excess)]
     every = ranked([*singles, *pairs], lambda one: -one.cost, ROUNDING)
-    chosen = _first_passing(pairs, test.excess)
+    chosen = _first_passing(campaign, pairs, test.excess)
     if chosen is not None and all(chosen.cost < one.cost for one in _explaining(singles, ENOUGH, test.excess)):
         return _named(campaign, "named", chosen, every, test)
     insufficient = _insufficient(campaign, singles, pairs, test.excess)
@@ -81,10 +81,16 @@ def _search(campaign: Campaign, test: ModelTest) -> Decision:
     return Decision("unexplained", test, candidates=tuple(every))
 
 
-def _first_passing(candidates: Sequence[Candidate], excess: float) -> Candidate | None:
-    """The cheapest candidate after which the lack-of-fit test passes."""
-    passing = (c for c in candidates if c.passes() and c.excess <= (1.0 - LEAST_SHARE) * excess)
-    return next(passing, None)
+def _first_passing(campaign: Campaign, candidates: Sequence[Candidate], excess: float) -> Candidate | None:
+    """The cheapest candidate after which the lack-of-fit test passes.
+
+    Of those that the data cannot tell from it, the first one of usual size goes before one of unusual size.
+    """
+    passing = [c for c in candidates if c.passes() and c.excess <= (1.0 - LEAST_SHARE) * excess]
+    if not passing:
+        return None
+    alike = [c for c in passing if c.cost - passing[0].cost <= tie(campaign, passing[0])]
+    return next((c for c in alike if c.plausible), passing[0])
 
 
 def _explaining(candidates: Sequence[Candidate], share: float, excess: float) -> list[Candidate]:

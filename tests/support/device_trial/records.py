@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
+from femfit.device.mechanics import spring_force
 from support.device_trial.bench import Campaign
 from support.device_trial.causes import CLEAN, Cause
 from support.device_trial.motion import CREEP_M_S, SAMPLE_STEPS, STEP_S, Physics, dry, simulate
@@ -63,7 +64,7 @@ def _further_push(device: SolvedDevice, hidden: str, size: float) -> Callable[[f
     half = 0.5 * (box.distance_max_m - box.distance_min_m)
     stiffness, middle = size * spring.stiffness_N_per_m, spring.distance_m
     laws: dict[str, Callable[[float], float]] = {
-        "stiffer_spring": lambda d: -0.35 * stiffness * (d - middle),
+        "stiffer_spring": lambda d: 0.35 * size * float(spring_force(spring, np.array(d))),  # of the same free length
         # a second spring that is met on the way
         "kinked_spring": lambda d: 0.5 * stiffness * max(box.distance_max_m - 0.8 * half - d, 0.0),
         "hardening_spring": lambda d: -0.5 * stiffness * (d - middle) ** 3 / half**2,
