@@ -125,7 +125,7 @@ def _hall(table: SweepTable, entry: Mapping[str, Any], rows: CircuitRows) -> tup
         found = fit_sensed(SensedRows(rows.distance, rows.currents, values), "The field at the Hall element")
     except FitError as error:
         return None, (f"The Hall element is not in the model: {error}",)
-    return hall_sensor_of(entry["hall"], found.field), ()
+    return hall_sensor_of(entry["hall"], found.field), (found.said("The field at the Hall element", "T"),)
 
 
 def _hall_values(table: SweepTable) -> FloatArray | None:

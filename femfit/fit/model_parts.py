@@ -17,13 +17,13 @@ from femfit.device.sensors import AnySensor, HallElement, PickupCoil, Sensor
 from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
+from femfit.fit.sensed_field import SensedFit
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallField
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.other_sensor import OtherSensor
 from femfit.model.pickup import PickupSensor
-from femfit.model.sensed_field import SensedField
 
 Part = TypeVar("Part")
 
@@ -129,13 +129,13 @@ def _circuit(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Circuit:
 
 
 def other_sensors_of(
-    entry: Mapping[str, Any], linked: Mapping[str, SensedField | str]
+    entry: Mapping[str, Any], linked: Mapping[str, SensedFit | str]
 ) -> tuple[tuple[OtherSensor, ...], tuple[str, ...]]:
-    """Sensors beside the Hall element of a manifest's actuator entry, and why some of them are not in the model.
+    """Sensors beside the Hall element of a manifest's actuator entry; which are not in the model, and misfits.
 
     Parameters
     ----------
-    linked : mapping of str to SensedField or str
+    linked : mapping of str to SensedFit or str
         Flux linkage of each pickup coil that the sweep holds, or why it has none.
     """
     kept: list[OtherSensor] = []
@@ -148,7 +148,8 @@ def other_sensors_of(
                 notes.append(f"Pickup coil {sensor.name!r} is not in the model: {flux}")
             else:
                 shared = {f.name: getattr(sensor, f.name) for f in fields(Sensor)}
-                kept.append(PickupSensor(**shared, flux=flux))
+                kept.append(PickupSensor(**shared, flux=flux.field))
+                notes.append(flux.said(f"Pickup coil {sensor.name!r}", "Wb"))
         elif isinstance(sensor, HallElement):
             halls += 1
             if halls > 1:

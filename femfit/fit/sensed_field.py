@@ -9,10 +9,11 @@ from functools import reduce
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.circuit_rows import Along, choose_along_distance
-from femfit.fit.constants import CURRENT_DEGREE, DISTANCE_FOLDS, HELD_OUT_TARGET, U_DEGREE
+from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HELD_OUT_TARGET, U_DEGREE
 from femfit.model.bspline import basis_matrix
 from femfit.model.sensed_field import SensedField
 
@@ -38,6 +39,12 @@ class SensedFit:
     field: SensedField
     held_out: float
     rms: float
+
+    def said(self, what: str, unit: str) -> str:
+        """Both errors as a sentence, and what to do about a large one."""
+        text = f"{what}: misfit {amount(self.rms, unit, 3)} rms, and {amount(self.held_out, '')} of its range at "
+        text += "distances left out."
+        return text if self.held_out < COARSE else f"{text} The sweep is too coarse for it: sweep more distances."
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +90,18 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
     if one:
         raise FitError(f"{what} needs two currents or more of each circuit; circuit {one[0]} has one. Sweep another.")
     linear = _Currents(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes), True)
-    currents = linear if _not_linear(rows, linear) <= HELD_OUT_TARGET else _splines(axes)
-    columns = currents.columns(rows.currents)
-
-    def held_out(*along: object) -> float:
-        return _left_out(along, rows, columns) / scale  # type: ignore[arg-type]
-
-    (coordinate, knots), error = choose_along_distance(rows.distances, held_out)
-    every = np.ones(len(rows.values), dtype=np.bool_)
-    found = _solved((coordinate, knots), rows, columns, every)
-    if found is None:
+    missed = _not_linear(rows, linear)
+    # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
+    tried = [linear] if missed <= HELD_OUT_TARGET else [_splines(axes), *([linear] if missed < COARSE else [])]
+    for currents in tried:
+        columns = currents.columns(rows.currents)
+        (coordinate, knots), error = choose_along_distance(
+            rows.distances, lambda *along, of=columns: _left_out(along, rows, of) / scale
+        )
+        found = _solved((coordinate, knots), rows, columns, np.ones(len(rows.values), dtype=np.bool_))
+        if found is not None:
+            break
+    else:
         raise FitError(
             f"{what}: the rows do not determine it. Sweep each circuit's current by itself, or every combination of "
             "them where the iron saturates."

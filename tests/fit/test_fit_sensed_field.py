@@ -68,3 +68,27 @@ def test_rows_that_do_not_tell_a_current_are_refused():
     d, currents = np.repeat(DISTANCES, 2), np.tile([[0.0, 0.0], [1.0, 1.0]], (15, 1))
     with pytest.raises(FitError, match="do not determine"):
         fit_sensed(SensedRows(d, currents, currents[:, 0]), "B")
+
+
+def test_noisy_rows_off_a_grid_are_lines_where_lines_miss_little():
+    random = np.random.default_rng(4)
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.3, -0.8]])
+    d, currents = np.repeat(DISTANCES, 5), np.tile(points, (15, 1))
+    exact = lines(d, currents)
+    noise = 1e-4 * np.ptp(exact)
+    fit = fit_sensed(SensedRows(d, currents, exact + noise * random.standard_normal(len(d))), "B")
+    between, both = np.array([1.4e-3, 3.1e-3]), np.array([[0.5, 0.4], [-0.5, 0.5]])
+    np.testing.assert_allclose(fit.field.field(between, both), lines(between, both), atol=4.0 * noise)
+    with pytest.raises(FitError, match="do not determine"):
+        fit_sensed(SensedRows(d, currents, bent(d, 2.0 * currents)), "B")
+
+
+def test_a_field_that_is_fitted_badly_is_said_with_what_to_do():
+    few = np.linspace(1e-3, 5e-3, 6)
+    d, i = (one.ravel() for one in np.meshgrid(few, [0.0, 1.0]))
+    bad = fit_sensed(SensedRows(d, i[:, None], i * np.sin(3e3 * d)), "search")
+    d, currents = grid([0.0, 1.0], [0.0, 1.0])
+    good = fit_sensed(SensedRows(d, currents, lines(d, currents)), "search")
+    assert bad.held_out > 0.05
+    assert "more distances" in bad.said("search", "Wb")
+    assert "more distances" not in good.said("search", "Wb")
