@@ -76,4 +76,6 @@ def test_a_hall_element_of_several_circuits_is_left_to_the_filters(levitation_mo
     hall = replace(halves, sensor=replace(levitation_model.sensor, field=field))
     data = of_both(record)
     heard = replace(data, rows=data.rows.assign(hall_V=2.5), given=(*data.given, "hall_V"))
-    assert series_observations(hall, heard).channels == series_observations(halves, data).channels
+    found = series_observations(hall, heard)
+    assert found.channels == series_observations(halves, data).channels
+    assert [one.column for one in found.findings if one.code == "hall-not-compared"] == ["hall_V"]

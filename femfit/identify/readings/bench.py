@@ -14,7 +14,13 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER
-from femfit.identify.readings.currents import current_directions, current_names, currents_in, with_leading_current
+from femfit.identify.readings.currents import (
+    current_directions,
+    current_names,
+    currents_in,
+    hall_not_compared,
+    with_leading_current,
+)
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
@@ -95,7 +101,13 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         declared_noise={name: sd for name, sd in declared.items() if name in channels},
         tolerance=np.array([tolerance.get(parts_of(name)[0], 0.0) for name in channels])[channel],
         setting_columns=np.stack(uncertain, axis=1),
-        findings=(*table.findings, *findings, *_declared_settings(declared), *_drawn_spring(nominal, channels)),
+        findings=(
+            *table.findings,
+            *findings,
+            *hall_not_compared(model, table.given),
+            *_declared_settings(declared),
+            *_drawn_spring(nominal, channels),
+        ),
         present=tuple(added.effect.name for added in model.effects),
     )
 

@@ -1,12 +1,13 @@
 """The currents of a bench table as a model takes them: one, or one of each circuit."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
 from femfit.core.sweep_columns import circuit_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import BenchTable
@@ -17,6 +18,14 @@ def current_names(model: ActuatorModel) -> tuple[str, ...]:
     if not model.validity.further_A:
         return ()
     return tuple(circuit_currents(getattr(model.without_effects.magnetics, "names", model.circuit_names)))
+
+
+def hall_not_compared(model: ActuatorModel, given: Sequence[str]) -> tuple[Finding, ...]:
+    """That a recorded Hall voltage of several circuits is left out, where it is."""
+    if not model.validity.further_A or "hall_V" not in given:
+        return ()
+    text = "hall_V is neither compared nor diagnosed: with several circuits no effect on a Hall element is known."
+    return (Finding("hall-not-compared", "info", text, "femfit observe reads it.", column="hall_V"),)
 
 
 def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:

@@ -26,6 +26,7 @@ from femfit.effects.stop_position import REST
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.bench import model_tolerance
+from femfit.identify.readings.currents import hall_not_compared
 from femfit.identify.readings.observations import Observations
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
@@ -91,9 +92,8 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
             "voltage of a known circuit, or readings of a sensor that the model has; it holds "
             f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
         )
-    return _with_scatter(
-        _assembled(model, series, (*series.findings, *samples.findings), (balances, sensors), channels, nominal)
-    )
+    findings = (*series.findings, *samples.findings, *hall_not_compared(model, series.given))
+    return _with_scatter(_assembled(model, series, findings, (balances, sensors), channels, nominal))
 
 
 def _assembled(
