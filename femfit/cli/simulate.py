@@ -22,6 +22,7 @@ def simulate(
     interpolation: Literal["held", "linear"] = "held",
     duration_ms: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
     start_mm: float | None = None,
+    step_ms: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
     extrapolate: Annotated[bool, Parameter(negative=())] = False,
     picture: Path | None = None,
     controller: ControllerOption | None = None,
@@ -69,6 +70,8 @@ def simulate(
         Of the open loop; default: up to the table's last time, or 100.
     start_mm : float
         Where the body begins in open loop; default: where it rests without current.
+    step_ms : float
+        Between two rows of the open loop's table; default: a 2000th of its duration.
     extrapolate : bool
         Go on in open loop where distance or current leave the validity domain.
     picture : Path
@@ -125,7 +128,7 @@ def simulate(
     loop = (controller, observer, runs, seconds, plant, gain, bandwidth_rad_s, pole_rad_s, faulty, stuck_after_s)
     chosen = (*loop, csv, picture)
     faults = (offset, drift_per_s, force_scale - 1.0, dropout, latency)
-    open_loop = (voltage, current, drive, duration_ms, start_mm)
+    open_loop = (voltage, current, drive, duration_ms, start_mm, step_ms)
     if any(choice is not None for choice in open_loop) or extrapolate:
         if any(choice is not None for choice in (*loop, noise, sensor)) or any(faults):
             raise UsageError(
@@ -139,6 +142,7 @@ def simulate(
                 "current_A": _constant("--current", current),
                 "drive": drive,
                 "interpolation": interpolation,
+                "sample_time_s": None if step_ms is None else 1e-3 * step_ms,
             },
             duration_s=None if duration_ms is None else 1e-3 * duration_ms,
             start_m=None if start_mm is None else 1e-3 * start_mm,

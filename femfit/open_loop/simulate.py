@@ -21,6 +21,7 @@ from femfit.open_loop.profile import Interpolation, Profile
 from femfit.open_loop.rest import rest_distance
 from femfit.open_loop.result import OpenLoop
 from femfit.open_loop.run import Run, Stretch, run
+from femfit.open_loop.sensed import sensor_columns
 from femfit.open_loop.switching import switchings
 from femfit.open_loop.system import ENERGIES, Side, System
 
@@ -171,7 +172,7 @@ def _side(mechanics: Mechanics, distance: float) -> Side | None:
 
 
 def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dict[str, FloatArray]:
-    """The motion at equal steps, up to where it ended."""
+    """The motion at equal steps, up to where it ended; its own columns are true, whatever a sensor reads of them."""
     if not step > 0.0 or found.end_s / step > 1e7:
         raise UsageError(
             f"The table's step must be > 0 s and give at most ten million rows; instead received {step:g} s."
@@ -189,7 +190,7 @@ def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dic
         volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
     d, i, names = states[0], model.currents_of(states.T), model.circuit_names
     flux = model.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, :circuits]
-    return {
+    motion = {
         "time_s": time,
         "distance_m": d,
         "velocity_m_s": states[1],
@@ -199,6 +200,8 @@ def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dic
         "static_force_N": system.mechanics.static_force(d),
         **dict(zip(flux_columns(names), flux.T, strict=True)),
     }
+    sensed = sensor_columns(model, time, states[: system.size].T)
+    return motion | {name: read for name, read in sensed.items() if name not in motion}
 
 
 def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatArray) -> FloatArray:

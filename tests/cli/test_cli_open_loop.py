@@ -48,6 +48,13 @@ def test_start_and_duration_are_taken_in_millimetres_and_milliseconds(model_file
     assert (table["distance_m"][0], table["time_s"][-1]) == (pytest.approx(2e-3), pytest.approx(5e-3))
 
 
+def test_the_rows_of_the_table_stand_as_far_apart_as_asked_for(model_file, tmp_path):
+    motion = tmp_path / "motion.csv"
+    result = femfit("simulate", model_file, "--voltage", 12, "--duration-ms", 5, "--step-ms", 0.05, "--csv", motion)
+    assert result.returncode == 0, result.stderr
+    np.testing.assert_allclose(np.diff(np.genfromtxt(motion, delimiter=",", names=True)["time_s"]), 5e-5)
+
+
 def test_a_command_beyond_the_supply_is_cut_and_said(model_file):
     result = femfit("simulate", model_file, "--voltage", 24)
     assert result.returncode == 0, result.stderr
