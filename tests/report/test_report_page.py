@@ -11,6 +11,7 @@ import femfit
 from femfit.audit.audit_model import audit_model
 from femfit.core.errors import FemfitError, RunDirectoryError
 from femfit.device.mechanics import Stop
+from femfit.device.sensors import AccelerationSensor, CurrentSensor, PositionSensor
 from femfit.fit.build import fit_model
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.numbers import percent
@@ -107,6 +108,18 @@ def test_a_clipped_hall_element_is_said_on_the_page(rig_content, rig_figures):
     sensor = replace(rig_content.model.sensor, sensitivity_V_per_T=500.0)
     page = Page(render_report(replace(rig_content, model=replace(rig_content.model, sensor=sensor)), rig_figures))
     assert "Its output is clipped at 5 V from 15" in page.text
+
+
+def test_every_drawn_sensor_is_listed(plunger_content):
+    sensors = (
+        AccelerationSensor(name="mems", noise=0.5, minimum=-800.0, maximum=800.0, bits=14),
+        PositionSensor(name="laser", noise=4e-3, distances_m=(0.0, 1.0), readings=(0.5, 800.5), delay_s=3e-4),
+        CurrentSensor(name="shunt", circuit="coil"),
+    )
+    text = page_of(replace(plunger_content, actuator=replace(plunger_content.actuator, sensors=sensors))).text
+    assert "sensor mems acceleration; noise of 0.500 m/s² rms; −800 to 800 m/s²; 14 bits" in text
+    assert "sensor laser distance in V; noise of 4.00 mV rms; 300 µs late" in text
+    assert "sensor shunt current; its noise not known" in text
 
 
 def test_every_picture_says_what_it_shows(rig_page):
