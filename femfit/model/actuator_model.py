@@ -61,7 +61,7 @@ class ActuatorModel(Printed):
     kind : ActuatorKind or None
         What the drawing is made of; None where the model was fitted to a table without a drawing.
     other_sensors : tuple
-        All sensors but the Hall element; :func:`femfit.model.sensors.predict_sensors` says what they read.
+        All sensors but the Hall element; :func:`femfit.model.sensors.predict_sensor` says what they read.
     process_noise : ProcessNoise or None
         Found from a record; a filter derives it from the model's misfit where None.
 

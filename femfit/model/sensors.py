@@ -6,7 +6,6 @@ force, and a pickup coil the voltage that its flux linkage induces. Distance, cu
 effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sampling`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -131,29 +130,6 @@ def _quantity(model: ActuatorModel, sensor: OtherSensor) -> tuple[str, str]:
     return sensor.kind, sensor.unit if isinstance(sensor, PositionSensor) else ""
 
 
-def predict_sensors(
-    model: ActuatorModel, state: FloatArray, names: Sequence[str] | None = None, time: FloatArray | float = 0.0
-) -> FloatArray:
-    """Readings without noise, clipping and rounding, in the units of :func:`reading_of`.
-
-    Parameters
-    ----------
-    state : array, shape (..., n)
-        Distance, velocity, current and the states of effects, as in :mod:`femfit.model.dynamics`.
-    names : sequence of str or None
-        Which sensors, in which order; all where None.
-    time : array or float
-        Since the start in s; matters to drifts alone.
-
-    Returns
-    -------
-    array, shape (..., sensors)
-    """
-    chosen = tuple(sensors_of(model)) if names is None else tuple(names)
-    readings = [predict_sensor(model, sensor_named(model, name), state, time) for name in chosen]
-    return np.stack(readings, axis=-1) if readings else np.empty((*state.shape[:-1], 0))
-
-
 def predict_sensor(
     model: ActuatorModel,
     sensor: AnySensor,
@@ -161,10 +137,16 @@ def predict_sensor(
     time: FloatArray | float = 0.0,
     voltage: FloatArray | None = None,
 ) -> FloatArray:
-    """Reading of one sensor at an instant, of shape (...), without its delay; arguments as of :func:`predict_sensors`.
+    """Reading of a sensor at an instant, of shape (...), without delay, noise, clipping and rounding.
+
+    Its unit is that of :func:`reading_of`.
 
     Parameters
     ----------
+    state : array, shape (..., n)
+        Distance, velocity, current and the states of effects, as in :mod:`femfit.model.dynamics`.
+    time : array or float
+        Since the start in s; matters to drifts alone.
     voltage : array or None
         Across the circuits, as of :func:`femfit.model.dynamics.state_derivative`; it reaches pickup coils alone. What
         holds the currents where None.

@@ -11,7 +11,7 @@ from femfit.filters.error_bound import bound_along, error_bound
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.noise import FilterNoise
 from femfit.model.exponential_step import exponential_step
-from femfit.model.sensors import predict_sensors
+from tests.support.readings import predict_sensors
 from tests.support.solenoids import solenoid
 
 SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")

@@ -16,9 +16,9 @@ from femfit.filters.theory import unstable_pole
 from femfit.fit.build import fit_model
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.exponential_step import exponential_step
-from femfit.model.sensors import predict_sensors
 from support.bearing import hall_field, table_with_hall
 from support.halves import cut_in_two
+from support.readings import predict_sensors
 
 LASER = PositionSensor(name="laser", noise=2e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
 SENSORS = (LASER, CurrentSensor(name="shunt", noise=2e-3, circuit="inner"))

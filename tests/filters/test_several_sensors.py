@@ -9,7 +9,7 @@ from femfit.core.errors import FilterError, MissingPartError
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.model.exponential_step import exponential_step
-from femfit.model.sensors import predict_sensors
+from tests.support.readings import predict_sensors
 from tests.support.solenoids import solenoid
 
 SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")

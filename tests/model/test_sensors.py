@@ -11,7 +11,8 @@ from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor
 from femfit.fit.model_parts import other_sensors_of
 from femfit.model.dynamics import state_derivative
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
-from femfit.model.sensors import predict_sensor, predict_sensors, reading_of, sensors_of
+from femfit.model.sensors import predict_sensor, reading_of, sensors_of
+from tests.support.readings import predict_sensors
 from tests.support.solenoids import inductance, solenoid
 
 LASER = PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", delay_s=1e-3)

@@ -15,10 +15,11 @@ from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.exponential_step import exponential_step
 from femfit.model.float_steps import float_step
-from femfit.model.sensors import predict_sensors, reading_of
+from femfit.model.sensors import reading_of
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import with_effects
 from support.halves import NAMES, cut_in_two
+from support.readings import predict_sensors
 
 SERIES_H = 4e-3
 

@@ -10,9 +10,10 @@ from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.filters.filter_state import FilterOutcome
-from femfit.model.sensors import predict_sensors, reading_of
+from femfit.model.sensors import reading_of
 from femfit.model.with_effects import with_effects
 from femfit.replay.found_noise import FoundNoise, NoiseEstimate, with_noise
+from tests.support.readings import predict_sensors
 from tests.support.replays import STEP_S, TRUE, damped, logs, series
 from tests.support.solenoids import solenoid
 from tests.support.switching import logged, switched

@@ -9,8 +9,8 @@ from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.noise import FilterNoise, process_covariance
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.process_noise import ProcessNoise
-from femfit.model.sensors import predict_sensors
 from femfit.tables.measurement import TimeSeries
+from tests.support.readings import predict_sensors
 from tests.support.solenoids import solenoid
 
 STEP_S = 1e-4
