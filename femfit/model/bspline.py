@@ -204,8 +204,8 @@ class TensorSpline:
     def _cells(self) -> CellPolynomials:
         """One polynomial a cell, from the Taylor coefficients of the basis at its corner."""
         x_breaks, y_breaks = np.unique(self.x_knots), np.unique(self.y_knots)
-        x_taylor = _taylor_rows(x_breaks[:-1], self.x_knots, self.x_degree)
-        y_taylor = _taylor_rows(y_breaks[:-1], self.y_knots, self.y_degree)
+        x_taylor = taylor_rows(x_breaks[:-1], self.x_knots, self.x_degree)
+        y_taylor = taylor_rows(y_breaks[:-1], self.y_knots, self.y_degree)
         cells = np.einsum("xai,ij,ybj->xyab", x_taylor, self.coefficients, y_taylor)
         return CellPolynomials(x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1))
 
@@ -218,7 +218,7 @@ class TensorSpline:
         return self._cells.in_floats(orders)
 
 
-def _taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
+def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
     """Taylor coefficients of every basis function at points, shape (n, degree + 1, functions)."""
     rows = [basis_matrix(points, knots, degree, k) / factorial(k) for k in range(degree + 1)]
     return np.stack(rows, axis=1)

@@ -12,11 +12,12 @@ C. de Boor, A Practical Guide to Splines (Springer, 2001), chapter XVII: tensor 
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.model.bspline import basis_matrix
+from femfit.model.basis_polynomials import BasisPolynomials, Places
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import MagneticSlopes, MagneticState
 from femfit.model.several_magnetics import SeveralMagnetics
@@ -33,6 +34,12 @@ class CoenergyTensor(SeveralMagnetics):
     current_knots_A: tuple[FloatArray, ...]  # Of each circuit
     current_degrees: tuple[int, ...]
     coefficients: FloatArray  # In J, shape (functions of u, functions of i_1, ..)
+
+    @cached_property
+    def axes(self) -> tuple[BasisPolynomials, ...]:
+        """The basis functions of u and of each current."""
+        currents = zip(self.current_knots_A, self.current_degrees, strict=True)
+        return (BasisPolynomials(self.u_knots, self.u_degree), *(BasisPolynomials(*axis) for axis in currents))
 
     def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, of shape (...)."""
@@ -93,6 +100,7 @@ class _Point:
             for part in tensor.coordinate.with_slopes(np.asarray(distance, dtype=np.float64))
         ]
         self.currents = [np.broadcast_to(current[..., k], self.shape).ravel() for k in range(len(tensor.names))]
+        self._places: dict[int, Places] = {}
         self._along_u: dict[int, FloatArray] = {}
         self._bases: dict[tuple[int, int], FloatArray] = {}
         self._partials: dict[tuple[int, ...], FloatArray] = {}
@@ -126,12 +134,16 @@ class _Point:
     def _in_u(self, order: int) -> FloatArray:
         if order not in self._along_u:
             tensor = self.tensor
-            basis = basis_matrix(self.u[0], tensor.u_knots, tensor.u_degree, order)
+            basis = tensor.axes[0].values(self._place(0), order)
             self._along_u[order] = np.tensordot(basis, tensor.coefficients, axes=1)
         return self._along_u[order]
 
     def _basis(self, circuit: int, order: int) -> FloatArray:
         if (circuit, order) not in self._bases:
-            knots, degree = self.tensor.current_knots_A[circuit], self.tensor.current_degrees[circuit]
-            self._bases[circuit, order] = basis_matrix(self.currents[circuit], knots, degree, order)
+            self._bases[circuit, order] = self.tensor.axes[1 + circuit].values(self._place(1 + circuit), order)
         return self._bases[circuit, order]
+
+    def _place(self, axis: int) -> Places:
+        if axis not in self._places:
+            self._places[axis] = self.tensor.axes[axis].places([self.u[0], *self.currents][axis])
+        return self._places[axis]
