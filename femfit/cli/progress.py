@@ -2,12 +2,13 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from time import monotonic
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from femfit.field.sweep import SweepProgress
+    from femfit.simulation.loop_progress import LoopProgress
 
 INTERVAL_S = 10.0
 """Seconds between two lines where standard error is no terminal."""
@@ -44,6 +45,24 @@ def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
                 text = "the drawing, the solver's settings or versions are not those of this directory's last sweep"
                 print(f"sweep {name}: {text}; it is solved anew", file=sys.stderr, flush=True)
             show(state.points_done, state.points)
+
+        yield update
+
+
+@contextmanager
+def loop_progress(name: str) -> "Iterator[LoopProgress]":
+    """Show how far the closed loops of a model are, part by part."""
+    with ExitStack() as parts:
+        shown = ""
+        show: Show | None = None
+
+        def update(part: str, done: int, total: int) -> None:
+            nonlocal shown, show
+            if show is None or part != shown:
+                parts.close()
+                shown, show = part, parts.enter_context(progress(f"{part} of {name}", "samples"))
+                show(0, total)
+            show(done, total)
 
         yield update
 

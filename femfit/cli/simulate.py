@@ -111,7 +111,7 @@ def simulate(
     runs : int
         Repeats of one loop with different noise; default 1.
     seconds : float
-        Of one loop; default 1 a reference distance.
+        Of one loop; default 1 a reference distance, or 2000 samples and a step's time where that is less.
     seed : int
         Of the noise.
     plant : Path
@@ -122,6 +122,7 @@ def simulate(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
+    from femfit.cli.progress import loop_progress
     from femfit.core.outputs import LOOP, PICTURE, RESULT, require_outputs
     from femfit.model.json_file import read_model
 
@@ -156,34 +157,37 @@ def simulate(
     if all(choice is None for choice in chosen) and not any(faults):
         from femfit.simulation.study import closed_loop_study
 
-        study = closed_loop_study(actuator, seed, white, sensors=sensor)
+        with loop_progress(actuator.name) as shown:
+            study = closed_loop_study(actuator, seed, white, sensors=sensor, progress=shown)
         print(study)
         write_json(json, study.data())
         return
     from femfit.simulation.close_loop import close_loop
 
-    summary = close_loop(
-        actuator,
-        controller=controller,
-        estimator=observer or "ukf4",
-        runs=1 if runs is None else runs,
-        seconds=seconds,
-        plant=plant,
-        rng=seed,
-        sensors=sensor,
-        gains=dict(map(named_number, gain or ())),
-        bandwidth_rad_s=bandwidth_rad_s,
-        poles_rad_s=pole_rad_s,
-        latency=latency,
-        noise=white,
-        faulty=faulty,
-        offset=offset,
-        drift_per_s=drift_per_s,
-        force_scale=force_scale,
-        stuck_after_s=stuck_after_s,
-        dropout=dropout,
-        recorded=10 if csv is not None else 0 if picture is None else 1,
-    )
+    with loop_progress(actuator.name) as shown:
+        summary = close_loop(
+            actuator,
+            controller=controller,
+            estimator=observer or "ukf4",
+            runs=1 if runs is None else runs,
+            seconds=seconds,
+            plant=plant,
+            rng=seed,
+            sensors=sensor,
+            gains=dict(map(named_number, gain or ())),
+            bandwidth_rad_s=bandwidth_rad_s,
+            poles_rad_s=pole_rad_s,
+            latency=latency,
+            noise=white,
+            faulty=faulty,
+            offset=offset,
+            drift_per_s=drift_per_s,
+            force_scale=force_scale,
+            stuck_after_s=stuck_after_s,
+            dropout=dropout,
+            recorded=10 if csv is not None else 0 if picture is None else 1,
+            progress=shown,
+        )
     print(summary)
     write_json(json, {"seed": seed, **summary.data()})
     if csv is not None:

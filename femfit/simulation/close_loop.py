@@ -19,6 +19,7 @@ from femfit.simulation.choose import choose
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
+from femfit.simulation.loop_progress import LoopProgress, stage
 from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.summary import LoopSummary, Spread
 from femfit.simulation.why_lost import why_lost
@@ -50,6 +51,7 @@ def close_loop(
     stuck_after_s: float | None = None,
     dropout: float = 0.0,
     recorded: int = 1,
+    progress: LoopProgress | None = None,
 ) -> LoopSummary:
     """Simulate a closed loop many times with different noise.
 
@@ -70,7 +72,7 @@ def close_loop(
     targets_m : iterable of float or None
         Distances that the reference steps to in turn; those of the model where None.
     seconds : float or None
-        Of one run; one second a target where None.
+        Of one run; where None one second a target, or less where the samples are short (2000 of them, and a step).
     plant : ActuatorModel, str, Path or None
         What truly moves and is truly sensed, where that is another model.
     gains, bandwidth_rad_s, poles_rad_s : optional
@@ -91,6 +93,8 @@ def close_loop(
         Probability of a reading at the lower end of the sensor's range.
     recorded : int
         Runs whose series are kept.
+    progress : callable or None
+        Called with what is simulated, the samples done and all of them, now and then.
 
     Raises
     ------
@@ -138,8 +142,10 @@ def close_loop(
         stuck_after_s=np.inf if stuck_after_s is None else stuck_after_s,
         dropout_probability=dropout,
     )
-    duration = float(len(design.targets_m)) if seconds is None else seconds
-    summary = run_loops(design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth)
+    duration = len(design.targets_m) * design.stay_s if seconds is None else seconds
+    summary = run_loops(
+        design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth, progress=progress
+    )
     return replace(summary, choice=str(choice or ""))
 
 
@@ -161,6 +167,7 @@ def run_loops(
     duration_s: float,
     recorded: int = 0,
     plant: ActuatorModel | None = None,
+    progress: LoopProgress | None = None,
 ) -> LoopSummary:
     """Repeat one experiment and sum it up while it runs: nothing is stored but what is to be recorded."""
     steps = max(1, round(duration_s / design.model.sample_time_s))
@@ -184,6 +191,7 @@ def run_loops(
             supported_steps=supported,
             recorded=recorded,
             plant=plant,
+            show=stage(progress, "closed loop"),
         )
     except MemoryError as error:
         raise too_long from error
@@ -204,7 +212,7 @@ def run_loops(
         innovation_band=band,
         advice=""
         if held.all()
-        else why_lost(LostLoop(design, experiment, before, runs, steps, steps, supported, plant), result),
+        else why_lost(LostLoop(design, experiment, before, runs, steps, steps, supported, plant, progress), result),
         result=result,
     )
 

@@ -46,6 +46,14 @@ rest to steps of the reference, which use half of it."""
 NOISE_FILLS = 1.0 / 3.0
 """Derived: rms of the noise's command over the room to the limit, from which three deviations reach it."""
 
+FOLLOWED_PART = 0.1
+"""Conventional: rate of the reference over the body's own that a loop follows whose coil is slow: what holds a body
+that runs away closes a loop faster than the body, through a current that the driver's voltage forces, not R/L."""
+
+LONGEST_STAY_S, LEAST_SAMPLES = 1.0, 2000
+"""Conventional: of a loop at each reference distance; less than a second where 2000 samples and the step itself take
+less, since a loop of 10 kHz needs as many samples to be judged as one of 1 kHz, not as many seconds."""
+
 SLOW_COIL, WANTED_COIL = 3.0, 6.0
 """Conventional: coil's pole over the body's unstable one below which a PID closes a loop of the current, and what that
 loop makes of it. Backstepping asks for three times as well; at six times four equal poles are faster than the body."""

@@ -15,7 +15,7 @@ from femfit.filters.levitation import chosen_sensors
 from femfit.filters.noise import FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
-from femfit.simulation.constants import DESIGN_POINTS
+from femfit.simulation.constants import DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S
 from femfit.simulation.controllers import Backstepping, Controller, design_backstepping
 from femfit.simulation.distance_inverse import distance_inverse
 from femfit.simulation.margins import Margins
@@ -57,6 +57,16 @@ class LoopDesign:
         """
         rates = [p.unstable_pole_rad_s or max(p.natural_rad_s, self.reference_rate_rad_s) for p in self.points]
         return min(rates)
+
+    @property
+    def step_s(self) -> float:
+        """Time in s for a step of the reference, and for loop and filter to settle after it."""
+        return 7.0 / self.reference_rate_rad_s + 4.0 / self.rate_rad_s
+
+    @property
+    def stay_s(self) -> float:
+        """Time in s at each reference distance where none is asked for."""
+        return min(LONGEST_STAY_S, max(self.step_s, LEAST_SAMPLES * self.model.sample_time_s))
 
     @cached_property
     def why_no_direct(self) -> str:

@@ -14,7 +14,7 @@ from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
 from femfit.simulation.distance_inverse import distance_inverse
-from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
+from femfit.simulation.loop import ClosedLoop, LoopResult, Show, TimeSeries, run_loop
 from femfit.simulation.observers import SplitObserver
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
@@ -70,6 +70,7 @@ def run_experiments(
     recorded: int | None = None,
     plant: ActuatorModel | None = None,
     path_steps: int | None = None,
+    show: Show | None = None,
 ) -> tuple[LoopResult, ...]:
     """Run experiments side by side.
 
@@ -84,6 +85,8 @@ def run_experiments(
         What truly moves and is truly sensed, where that is another model than the design's.
     path_steps : int or None
         Samples that the reference is laid out for, where the runs end before its end.
+    show : callable or None
+        Takes the samples done and all of them, now and then.
     """
     model = design.model
     truth = model if plant is None else replace(plant, sample_time_s=model.sample_time_s)
@@ -129,6 +132,7 @@ def run_experiments(
         supported_steps=supported_steps,
         windows=windows,
         recorded=recorded,
+        show=show,
     )
     return tuple(result.part(slice(k * runs, (k + 1) * runs)) for k in range(len(experiments)))
 

@@ -6,6 +6,7 @@ latency. A run that is lost stops there; its series are NaN from then on and it 
 """
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -21,6 +22,12 @@ from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
 from femfit.simulation.sensor import History, LoopSensor, SensorErrors, read_sensors, true_readings
 from femfit.simulation.window import WindowStatistics, window_statistics
+
+Show = Callable[[int, int], None]
+"""Takes how many samples are done, and of how many."""
+
+SHOWN = 50
+"""Conventional: samples between two reports of how far a loop is."""
 
 
 class LoopOutcome(IntEnum):
@@ -125,6 +132,7 @@ def run_loop(
     supported_steps: int = 0,
     recorded: int | None = None,
     windows: tuple[slice, ...] = (),
+    show: Show | None = None,
 ) -> LoopResult:
     """Run a batch of closed loops.
 
@@ -137,6 +145,8 @@ def run_loop(
     supported_steps : int
         Samples before the first during which the body rests on a support and the driver holds the current, so that the
         observer settles before the loop is closed.
+    show : callable or None
+        Takes the samples done and all of them, now and then.
     recorded : int or None
         Number of runs whose series are kept; None: all.
     """
@@ -165,6 +175,8 @@ def run_loop(
             first = k == -supported_steps
             seen = loop.observer.update(seen, given) if first else loop.observer.step(seen, acted, given)
             estimate, diverged, quality = seen.mean[:, : 2 + n], seen.diverged, innovation_quality(seen)
+        if show is not None and k % SHOWN == 0:
+            show(k + supported_steps, steps + supported_steps)
         if k < 0:
             continue
         alive = watch.alive(k * step, state, estimate, diverged)

@@ -12,6 +12,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.loop import LoopResult
+from femfit.simulation.loop_progress import LoopProgress, stage
 
 START_ERROR = 5e-3
 """Conventional: how far the body starts off where hardly any noise disturbs it, over the reference distance."""
@@ -53,6 +54,7 @@ class LostLoop:
     path_steps: int  # That the reference is laid out for
     supported_steps: int
     plant: ActuatorModel | None  # What truly moves, where that is another model than the design's
+    progress: LoopProgress | None = None
     known: dict[Improved, BoolArray | None] = field(default_factory=dict)  # What was tried already
     designs: dict[Improved, LoopDesign] = field(default_factory=dict)
 
@@ -90,6 +92,7 @@ class LostLoop:
             recorded=recorded,
             plant=None if self.plant is None or better.true_plant else improved(self.plant, better),
             path_steps=self.path_steps,
+            show=stage(self.progress, f"why runs are lost, trial {len(self.known) + 1}"),
         )
         return result
 

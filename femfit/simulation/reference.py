@@ -21,7 +21,7 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, voltage_limits
 from femfit.simulation.allocation import currents_for_acceleration
-from femfit.simulation.constants import REFERENCE_PART, USED_AUTHORITY
+from femfit.simulation.constants import FOLLOWED_PART, REFERENCE_PART, USABLE_PART, USED_AUTHORITY
 from femfit.simulation.limits import covered_currents
 from femfit.simulation.operating_point import operating_point, usable_coil_pole, zero_order_hold
 
@@ -68,12 +68,14 @@ def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> 
 def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:
     """The largest w in rad/s that leaves the feedback its part of the voltage.
 
-    At most a third of the coil's pole, and not much faster than the body itself, where it has a rate of its own.
+    At most a third of the coil's pole, or a tenth of the body's own rate where the coil is slower than that, and not
+    much faster than the body itself, where it has a rate of its own.
     """
     point = operating_point(model, targets[0])
     highest = usable_coil_pole(model, point) / 3.0
     if point.natural_rad_s:
-        highest = min(highest, REFERENCE_PART * point.natural_rad_s)
+        followed = min(FOLLOWED_PART * point.natural_rad_s, USABLE_PART / 3.0 / model.sample_time_s)
+        highest = min(max(highest, followed), REFERENCE_PART * point.natural_rad_s)
     pairs = {pair for pair in pairwise(targets) if pair[0] != pair[1]}
     low, high = 1e-3 * highest, highest
     if all(_fits(model, pair, high) for pair in pairs):

@@ -29,9 +29,11 @@ from femfit.model.sensors import reading_of, sensor_named
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.loop import LoopResult
+from femfit.simulation.loop import LoopResult, Show
+from femfit.simulation.loop_progress import LoopProgress, stage
 from femfit.simulation.loop_text import design_data
 from femfit.simulation.sensor import span_of
+from femfit.simulation.spectrum import amplitude_spectrum
 from femfit.simulation.study_rows import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.simulation.study_text import study_lines
 
@@ -85,6 +87,7 @@ def closed_loop_study(
     noise: Mapping[str, float] | float | None = None,
     *,
     sensors: Sequence[str] | None = None,
+    progress: LoopProgress | None = None,
 ) -> ClosedLoopStudy:
     """Run the study.
 
@@ -94,20 +97,22 @@ def closed_loop_study(
         White noise of one sample by the sensors' names, or that of the first; the model's where None.
     sensors : sequence of str or None
         Which of the model's sensors the loops read; the Hall element, or all where there is none.
+    progress : callable or None
+        Called with what is simulated, the samples done and all of them, now and then.
     """
     design = design_loop(model, noise, sensors=sensors)
     if not design.controllers:
         raise DomainError(" ".join(design.why_no(name) for name in CONTROLLERS))
-    steps, series = _steps(design, seed)
-    holds, faults, spectra = _holds(design, seed)
+    steps, series = _steps(design, seed, stage(progress, "steps of the reference"))
+    holds, faults, spectra = _holds(design, seed, stage(progress, "loops at rest"))
     return ClosedLoopStudy(
         design=design,
         seed=seed,
         seconds=len(series[0].time_s) * model.sample_time_s,
         steps=steps,
         holds=holds,
-        faults=(*_without_filter(design, seed), *faults),
-        acquisition=_acquisition(design, seed),
+        faults=(*_without_filter(design, seed, stage(progress, "loops without a filter")), *faults),
+        acquisition=_acquisition(design, seed, stage(progress, "filters started wrong")),
         series=series,
         spectra=spectra,
         no_direct=design.why_no_direct,
@@ -131,7 +136,9 @@ def _run(
     return dict(zip(experiments, results, strict=True))
 
 
-def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[FaultRow, ...], tuple[SpectrumPair, ...]]:
+def _holds(
+    design: LoopDesign, seed: int, show: Show | None
+) -> tuple[tuple[HoldRow, ...], tuple[FaultRow, ...], tuple[SpectrumPair, ...]]:
     """All loops at rest, with and without a fault, in one batch on the same noise."""
     places = list(product(design.controllers, _ends(design)))
 
@@ -160,6 +167,7 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Fa
         windows=(window,),
         supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
         recorded=RUNS * len(clean),
+        show=show,
     )
     holds: list[HoldRow] = []
     spectra: list[SpectrumPair] = []
@@ -177,17 +185,17 @@ def _holds(design: LoopDesign, seed: int) -> tuple[tuple[HoldRow, ...], tuple[Fa
     return tuple(holds), faults, tuple(spectra)
 
 
-def _without_filter(design: LoopDesign, seed: int) -> tuple[FaultRow, ...]:
+def _without_filter(design: LoopDesign, seed: int, show: Show | None) -> tuple[FaultRow, ...]:
     """Apart from the other faults: this batch ends as soon as all of its runs are lost."""
     if design.why_no_direct:
         return ()
     window = _window(design)
     experiments = [Experiment(c, "direct", (d,)) for c, d in product(design.controllers, _ends(design))]
-    results = _run(design, experiments, seed, ACQUISITION_RUNS, window.stop, windows=(window,), recorded=0)
+    results = _run(design, experiments, seed, ACQUISITION_RUNS, window.stop, windows=(window,), recorded=0, show=show)
     return tuple(_fault_row(e, r) for e, r in results.items())
 
 
-def _acquisition(design: LoopDesign, seed: int) -> tuple[FaultRow, ...]:
+def _acquisition(design: LoopDesign, seed: int, show: Show | None) -> tuple[FaultRow, ...]:
     near, far = _ends(design)
     controller, steps = design.controllers[0], design.steps(WINDOW)
     experiments = [
@@ -195,7 +203,9 @@ def _acquisition(design: LoopDesign, seed: int) -> tuple[FaultRow, ...]:
         for name in FILTERS
         for true, believed in ((near, far), (far, near))
     ]
-    results = _run(design, experiments, seed, ACQUISITION_RUNS, steps, windows=(slice(0, steps),), recorded=0)
+    results = _run(
+        design, experiments, seed, ACQUISITION_RUNS, steps, windows=(slice(0, steps),), recorded=0, show=show
+    )
     return tuple(_fault_row(e, r) for e, r in results.items())
 
 
@@ -204,16 +214,6 @@ def _direct(design: LoopDesign, result: LoopResult) -> FloatArray:
     if design.why_no_direct:
         return np.full_like(result.series.distance_m, np.nan)
     return direct_distance(design, result.series)
-
-
-def amplitude_spectrum(distance: FloatArray) -> FloatArray:
-    """One-sided amplitudes |X_k| 2 / sum(window) of Hann-windowed records of shape (samples, runs) without their means.
-
-    Root mean square over the runs (F. J. Harris, Proc. IEEE 66 (1978) 51: windows).
-    """
-    window = np.hanning(len(distance))[:, None]
-    transform = np.abs(np.fft.rfft(window * (distance - distance.mean(axis=0)), axis=0)) * 2.0 / window.sum()
-    return np.asarray(np.sqrt(np.mean(transform**2, axis=1)))
 
 
 def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, direct: FloatArray) -> HoldRow:
@@ -274,14 +274,13 @@ def _fault_row(experiment: Experiment, result: LoopResult, undisturbed: LoopResu
     )
 
 
-def _steps(design: LoopDesign, seed: int) -> tuple[tuple[StepRow, ...], tuple[StepSeries, ...]]:
+def _steps(design: LoopDesign, seed: int, show: Show | None) -> tuple[tuple[StepRow, ...], tuple[StepSeries, ...]]:
     experiments = [Experiment(controller, "ukf", design.targets_m) for controller in design.controllers]
-    stay = 7.0 / design.reference_rate_rad_s + 4.0 / design.rate_rad_s
-    steps = len(design.targets_m) * math.ceil(stay / design.model.sample_time_s)
+    steps = len(design.targets_m) * math.ceil(design.step_s / design.model.sample_time_s)
     support = design.steps(SUPPORT_TIME_CONSTANTS)
     rows: list[StepRow] = []
     drawn: list[StepSeries] = []
-    for e, result in _run(design, experiments, seed, STEP_RUNS, steps, supported_steps=support).items():
+    for e, result in _run(design, experiments, seed, STEP_RUNS, steps, supported_steps=support, show=show).items():
         series, held, direct = result.series, result.held, _direct(design, result)
         run = int(np.argmax(held))  # the first that was held, or the first of all
         measured = {} if design.why_no_direct else {"direct": direct}

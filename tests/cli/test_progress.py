@@ -7,7 +7,7 @@ import pytest
 from femfit.cli import output
 from femfit.cli import progress as progress_module
 from femfit.cli.output import status
-from femfit.cli.progress import duration, progress
+from femfit.cli.progress import duration, loop_progress, progress
 
 
 @pytest.fixture
@@ -71,3 +71,16 @@ def test_a_short_command_says_nothing_of_what_it_does(capsys):
 @pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (89.0, "89 s"), (200.0, "3 min"), (9000.0, "2.5 h")])
 def test_a_duration_is_said_as_one_would(seconds, text):
     assert duration(seconds) == text
+
+
+def test_each_part_of_a_closed_loop_has_lines_of_its_own(clock, capsys):
+    with loop_progress("valve") as show:
+        show("closed loop", 0, 1000)
+        clock[0] += 5.0
+        show("closed loop", 100, 1000)
+        show("trial 1", 0, 300)
+        clock[0] += 20.0
+        show("trial 1", 100, 300)
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == "closed loop of valve: 100 of 1000 samples, about 45 s left"
+    assert second == "trial 1 of valve: 100 of 300 samples, about 40 s left"

@@ -7,6 +7,7 @@ import pytest
 import scipy.linalg
 
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.device.circuit import Circuit
 from femfit.model.dynamics import state_derivative
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
@@ -236,3 +237,18 @@ def test_steel_alone_is_held_by_a_driver_of_both_signs_as_by_one_of_positive_vol
     both, positive = ([point.current_A for point in design.points] for design in designs)
     assert min(both) > 0.0
     np.testing.assert_allclose(both, positive, rtol=1e-6)
+
+
+def test_a_coil_slower_than_the_body_leaves_the_reference_a_tenth_of_the_bodys_rate(levitation_model):
+    """A loop that holds a body which runs away is faster than it, whatever R/L is."""
+    targets = (0.022, 0.024)
+    slow = replace(levitation_model, circuits=(Circuit(2.69, -3.0, 3.0, inductance_H=0.6),))
+    point = operating_point(slow, targets[0])
+    assert point.coil_pole_rad_s / 3.0 < 0.1 * point.natural_rad_s
+    assert reference_rate(slow, targets) == pytest.approx(0.1 * point.natural_rad_s)
+
+
+def test_a_loop_of_short_samples_stays_for_fewer_seconds(levitation_model):
+    slow, fast = (design_loop(replace(levitation_model, sample_time_s=step)) for step in (1e-3, 5e-5))
+    assert slow.stay_s == 1.0
+    assert fast.stay_s == max(fast.step_s, 2000 * 5e-5) < 1.0

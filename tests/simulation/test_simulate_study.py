@@ -11,7 +11,8 @@ from femfit.model.hall import HallSpline
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.pattern_search import pattern_search
 from femfit.simulation.pid import pid_of_parts
-from femfit.simulation.study import amplitude_spectrum, closed_loop_study
+from femfit.simulation.spectrum import amplitude_spectrum
+from femfit.simulation.study import closed_loop_study
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 
