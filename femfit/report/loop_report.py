@@ -61,7 +61,14 @@ def loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
         "spectra": [(f"spectrum-{p.controller}", name_of(p.controller)) for p in study.spectra],
         "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
         "margins": [
-            (name_of(name), margins_text(worst_of(study.design.margins(name, "ukf")), len(study.design.model.circuits)))
+            (
+                name_of(name),
+                margins_text(
+                    worst_of(study.design.margins(name, "ukf")),
+                    len(study.design.model.circuits),
+                    study.design.reads_slowly,
+                ),
+            )
             for name in study.design.controllers
         ],
         "gains": [

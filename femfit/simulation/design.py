@@ -86,6 +86,11 @@ class LoopDesign:
         own = self.model if model is None else model
         return loop_sensors(own, self.sensors, self.noise, self.model.sample_time_s)
 
+    @property
+    def reads_slowly(self) -> bool:
+        """Whether a sensor is not read at each sample."""
+        return any(one.period > 1 for one in self.loop_sensors())
+
     @cached_property
     def backstepping(self) -> Backstepping:
         """The nonlinear controller."""

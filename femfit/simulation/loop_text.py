@@ -160,7 +160,7 @@ def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> li
     except (DomainError, FilterError) as error:
         return [f"no margins of {name} on {observer}: {error}"]
     worst = worst_of(found)
-    lines = [f"{name} on {observer}: {margins_text(worst, len(design.model.circuits))}"]
+    lines = [f"{name} on {observer}: {margins_text(worst, len(design.model.circuits), design.reads_slowly)}"]
     if worst.stable and degrees(worst.phase_rad) < FRAGILE_DEGREES:
         lines.append(f"fragile: body and delay must be as in the model for {name} to hold it{_raised(design, name)}")
     if name == "backstepping" and name not in design.given and worst.modulus < WANTED_MODULUS:
@@ -196,8 +196,15 @@ def _raised(design: LoopDesign, name: ControllerName) -> str:
     return f"; the phase margin would be {' and '.join(parts)}" if parts else ""
 
 
-def margins_text(margins: Margins, circuits: int = 1) -> str:
-    """The margins of a loop at its worst point of rest, in a line; with several circuits of what they are."""
+def margins_text(margins: Margins, circuits: int = 1, slow: bool = False) -> str:
+    """The margins of a loop at its worst point of rest, in a line; with several circuits of what they are.
+
+    Parameters
+    ----------
+    slow : bool
+        Whether a sensor is not read at each sample: its noise, which comes at once, is then counted as spread evenly,
+        and runs have more of it.
+    """
     if not margins.stable:
         return f"unstable about its rest: a deviation grows by {-margins.slowest_pole_rad_s:.3g} 1/s"
     above = f"{margins.gain_above:.3g}" if isfinite(margins.gain_above) else "any number of"
@@ -207,7 +214,8 @@ def margins_text(margins: Margins, circuits: int = 1) -> str:
     return (
         f"stable with {gains} from {below} to {above} times these, {each}phase margin {degrees(margins.phase_rad):.3g} "
         f"degrees, delay margin {delay}, modulus margin {margins.modulus:.2g}; noise takes "
-        f"{100.0 * margins.noise_share:.2g} % of the command's room"
+        f"{'at least ' if slow else ''}{100.0 * margins.noise_share:.2g} % of the command's room"
+        f"{', spread evenly over the samples between two readings' if slow else ''}"
     )
 
 

@@ -10,6 +10,7 @@ from femfit.device.sensors import PositionSensor
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
+from femfit.simulation.loop_text import design_lines
 
 PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
 
@@ -50,6 +51,11 @@ def test_the_share_of_noise_grows_with_the_time_between_readings_as_runs_do(slow
     one, other = (design.margins("backstepping", "ekf")[0].noise_share for design in (slow, prompt))
     # 16 runs of 0.3 s about a loop of 24 rad/s know their rms to some 5 % each
     assert one / other == pytest.approx(command_rms(slow) / command_rms(prompt), rel=0.15)
+
+
+def test_noise_that_comes_between_samples_without_a_reading_is_told_as_a_lower_bound(slow, prompt):
+    bounds = [any("at least" in line for line in design_lines(one, [("pid", "ekf")])) for one in (slow, prompt)]
+    assert bounds == [True, False]
 
 
 def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, prompt):
