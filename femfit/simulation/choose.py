@@ -1,15 +1,15 @@
 """Which controller a loop has where none is asked for: the one whose linear loop is farthest from instability.
 
-Every controller is designed, since that takes seconds, and none is simulated for the choice. Of those that are stable
-with their filter, delays and drivers, and whose noise leaves the commands their room, the one with the largest modulus
-margin at its worst point of rest is taken.
+Every controller is designed, since that takes seconds. Of those that are stable
+with their filter, delays and drivers the one with the largest modulus margin at its worst point of rest is taken, cut
+where noise takes too much of the commands' room.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from femfit.core.errors import DomainError, FilterError
-from femfit.simulation.constants import NOISE_FILLS
+from femfit.simulation.constants import NOISE_ROOM
 from femfit.simulation.design import CONTROLLERS, ControllerName, LoopDesign, ObserverName
 from femfit.simulation.margins import Margins, worst_of
 
@@ -26,12 +26,14 @@ class Choice:
         """The one that is taken."""
         return next(iter(self.margins))
 
-    def __str__(self) -> str:
+    def text(self, lost: Sequence[str] = ()) -> str:
+        """A line for the first controller that is not among those with which runs were lost."""
+        taken = next(name for name in self.margins if name not in lost)
         first, *others = [_standing(name, margins) for name, margins in self.margins.items()]
-        found = next(iter(self.margins.values()))
-        why = "its linear loop keeps the largest modulus margin" if sound(found) else "it comes nearest to a sound loop"
-        beside = f"; {', '.join(others)}" if others else ""
-        return f"{self.controller} is chosen, as {why} on {self.observer}: {first}{beside}"
+        why = "its linear loop keeps the largest modulus margin" if self.margins[taken].stable else "it grows least"
+        if lost:
+            why = f"runs are lost with {' and '.join(lost)}, whose linear loop keeps a larger modulus margin"
+        return f"{taken} is chosen on {self.observer}, as {why}: {', '.join((first, *others))}"
 
 
 def choose(design: LoopDesign, observer: ObserverName) -> Choice:
@@ -54,19 +56,21 @@ def choose(design: LoopDesign, observer: ObserverName) -> Choice:
     return Choice(observer, dict(sorted(found.items(), key=lambda item: _rank(item[1]), reverse=True)))
 
 
-def sound(margins: Margins) -> bool:
-    """Whether a loop is stable and its noise seldom reaches the commands' limits."""
-    return margins.stable and margins.noise_share <= NOISE_FILLS
+def kept(margins: Margins) -> float:
+    """The modulus margin, cut in proportion where noise takes more of the command's room than a design may.
+
+    So are gains tuned as well: steps of the reference use half of the room, and a loop at its limits is another loop.
+    """
+    return margins.modulus * min(1.0, NOISE_ROOM / max(margins.noise_share, 1e-300))
 
 
-def _rank(margins: Margins) -> tuple[bool, bool, float, float]:
-    """Sound before stable before unstable; then the margin, or the slower growth."""
-    return sound(margins), margins.stable, margins.modulus, margins.slowest_pole_rad_s
+def _rank(margins: Margins) -> tuple[bool, float, float]:
+    """Stable before unstable; then the margin, or the slower growth."""
+    return margins.stable, kept(margins), margins.slowest_pole_rad_s
 
 
 def _standing(name: str, margins: Margins) -> str:
     if not margins.stable:
         return f"{name} unstable, growing by {-margins.slowest_pole_rad_s:.3g} 1/s"
-    if not sound(margins):
-        return f"{name} {margins.modulus:.2g} with noise of {100.0 * margins.noise_share:.0f} % of the command's room"
-    return f"{name} {margins.modulus:.2g}"
+    cut = f" cut to {kept(margins):.2g} by noise" if margins.noise_share > NOISE_ROOM else ""
+    return f"{name} {margins.modulus:.2g}{cut}"

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from femfit.core.random_numbers import random_generator
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.simulation.adjust import adjusted
-from femfit.simulation.choose import choose
+from femfit.simulation.choose import Choice, choose
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
@@ -63,7 +64,8 @@ def close_loop(
         What controller and filter believe, or its file.
     controller : str or None
         ``pid``, ``state-feedback`` (a linear-quadratic regulator with an integral) or ``backstepping``. Where None: the
-        one whose linear loop keeps the largest margin, or the PID that gains, a bandwidth or poles are given for.
+        one whose linear loop keeps the largest margin of those that hold all runs, or the PID where gains, a bandwidth
+        or poles are given.
     estimator : str
         ``ukf`` or ``ekf``, with a 4 to estimate the first sensor's bias too, or ``direct``, which inverts the first
         sensor's characteristic.
@@ -143,10 +145,29 @@ def close_loop(
         dropout_probability=dropout,
     )
     duration = len(design.targets_m) * design.stay_s if seconds is None else seconds
-    summary = run_loops(
-        design, experiment, random, runs=runs, duration_s=duration, recorded=recorded, plant=truth, progress=progress
-    )
-    return replace(summary, choice=str(choice or ""))
+    options: dict[str, Any] = {"runs": runs, "duration_s": duration, "recorded": recorded, "plant": truth}
+    options["progress"] = progress
+    if choice is None:
+        return run_loops(design, experiment, random, **options)
+    return _first_that_holds(choice, design, experiment, random, options)
+
+
+def _first_that_holds(
+    choice: Choice, design: LoopDesign, experiment: Experiment, random: np.random.Generator, options: dict[str, Any]
+) -> LoopSummary:
+    """The loop of the best linear margin that holds all runs: steps of the reference may be more than a margin tells.
+
+    Where none does, that of the best margin with the cause of its loss.
+    """
+    lost: list[str] = []
+    for name in [name for name, margins in choice.margins.items() if margins.stable]:
+        noise = deepcopy(random)
+        summary = run_loops(design, replace(experiment, controller=name), noise, advised=False, **options)
+        if summary.held == summary.runs:
+            random.bit_generator.state = noise.bit_generator.state
+            return replace(summary, choice=choice.text(lost))
+        lost.append(name)
+    return replace(run_loops(design, experiment, random, **options), choice=choice.text())
 
 
 def _distances(targets_m: Iterable[float]) -> tuple[float, ...]:
@@ -168,8 +189,15 @@ def run_loops(
     recorded: int = 0,
     plant: ActuatorModel | None = None,
     progress: LoopProgress | None = None,
+    advised: bool = True,
 ) -> LoopSummary:
-    """Repeat one experiment and sum it up while it runs: nothing is stored but what is to be recorded."""
+    """Repeat one experiment and sum it up while it runs: nothing is stored but what is to be recorded.
+
+    Parameters
+    ----------
+    advised : bool
+        Whether it is found out why runs are lost, by trials.
+    """
     steps = max(1, round(duration_s / design.model.sample_time_s))
     supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
     before = deepcopy(random)
@@ -211,7 +239,7 @@ def run_loops(
         normalised_innovation_squared=quality if np.isfinite(quality) else None,
         innovation_band=band,
         advice=""
-        if held.all()
+        if held.all() or not advised
         else why_lost(LostLoop(design, experiment, before, runs, steps, steps, supported, plant, progress), result),
         result=result,
     )

@@ -53,7 +53,7 @@ DRIVES = {
 
 
 @pytest.mark.parametrize("drive", DRIVES)
-def test_a_steel_ball_is_held_by_the_default_pid_behind_every_driver(ball, drive):
+def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball, drive):
     loop = close_loop(driven(ball, **DRIVES[drive]), runs=2, seconds=0.9, recorded=1)
     assert loop.held == 2, loop
     assert loop.tracking_rms_m.median < 4e-4
