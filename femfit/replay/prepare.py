@@ -129,7 +129,7 @@ def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence
 
 
 def _left_out(series: TimeSeries) -> str:
-    return " ".join(str(one) for one in series.findings if one.code == "unused-column")
+    return " ".join(str(one) for one in series.findings if one.code in {"unused-column", "stuck"})
 
 
 def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
+from femfit.tables.coarse_stamps import spread_stamps
 from femfit.tables.column_option import column_option, remedy_for_columns
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, match_columns, recognise
 from femfit.tables.header import parse_header
@@ -273,13 +274,15 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
     if lost:
         text = f"{counted(lost, 'row without a time was', 'rows without a time were')} left out."
         findings.append(Finding("cells", "info", text, size=float(lost)))
+    rows, coarse = spread_stamps(rows, path.name)
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings, clipped = check_readings(rows)
+    given = tuple(name for name in given if name in clipped or rows[name].notna().any())
     return TimeSeries(
         rows=rows,
         given=given,
         declared_noise=sidecar.noise,
-        findings=(*findings, *clock, *readings, *suspected_by_size(rows), *sidecar.findings),
+        findings=(*findings, *coarse, *clock, *readings, *suspected_by_size(rows), *sidecar.findings),
         source=path.name,
         test_object=sidecar.test_object,
         notes=sidecar.notes,

@@ -11,6 +11,7 @@ from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, Severity
 from femfit.tables.circuit_columns import parts_of
+from femfit.tables.suspected_units import LIMITS
 
 _PAUSE = 5.0
 """Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
@@ -27,6 +28,9 @@ seventh differences, in which a motion of ten samples a radian has fallen to its
 
 _NORMAL_MEDIAN = 0.6745
 """Derived: median of the magnitude of a normal number of deviation one."""
+
+_MOST_IMPOSSIBLE = 0.02
+"""Assumed: largest part of a channel that can be impossible by single faults, as of a bench table's outliers."""
 
 _LEAST_CLIPPED, _PILED = 20, 5
 """Assumed: samples at the end of a range, and how many times those of the next hundredth of the range that must be."""
@@ -59,8 +63,9 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
 
 
 def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dict[str, FloatArray]]:
-    """Set aside readings that are stuck or clipped, which become NaN; and the levels of those clipped, by channel."""
-    findings, rows, time = [], rows.copy(), rows["time_s"].to_numpy()
+    """Set aside what is impossible, stuck or clipped, which becomes NaN; and the levels of the clipped, by channel."""
+    rows, findings = _without_impossible(rows)
+    time = rows["time_s"].to_numpy()
     levels_of: dict[str, FloatArray] = {}
     for name in (name for name in rows.columns if parts_of(name)[0] in _SENSORS):
         values = rows[name].to_numpy(copy=True)
@@ -100,6 +105,25 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
                 values[found] = np.nan
         rows[name] = values
     return rows, findings, levels_of
+
+
+def _without_impossible(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
+    """Set aside single numbers that no actuator has, such as 1e30 A; many of them are a wrong unit, and stay."""
+    findings, rows, time = [], rows.copy(), rows["time_s"].to_numpy()
+    for name in (name for name in rows.columns if parts_of(name)[0] in LIMITS):
+        limit, values = LIMITS[parts_of(name)[0]].possible, rows[name].to_numpy(copy=True)
+        beyond = np.abs(values) > limit
+        if not beyond.any() or beyond.mean() > _MOST_IMPOSSIBLE:
+            continue
+        first = int(np.flatnonzero(beyond)[0])
+        count = counted(int(beyond.sum()), "reading is", "readings are")
+        text = (
+            f"{count} beyond the possible {limit:g} in {name}, first {values[first]:.3g} at {time[first]:.6g} s; "
+            "set aside."
+        )
+        findings.append(Finding("outliers", "warning", text, size=float(beyond.sum()), column=name))
+        rows[name] = np.where(beyond, np.nan, values)
+    return rows, findings
 
 
 def _lengths(values: FloatArray) -> tuple[IntArray, IntArray]:

@@ -161,3 +161,48 @@ def test_a_clock_may_count_in_other_units_than_seconds(unit, seconds, tmp_path):
     (tmp_path / "log.csv").write_text(f"t [{unit}],current_A,distance_m,force_N\n{rows}")
     series = read_measurement(tmp_path / "log.csv")
     np.testing.assert_allclose(series.rows["time_s"], time, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("step", [2e-4, 3e-4, 7e-4], ids=["five", "three or four", "one or two"])
+def test_rows_of_one_coarse_stamp_are_spread_evenly(step, tmp_path):
+    table = record(600, step)
+    table["time_s"] = np.floor(table["time_s"] / 1e-3) * 1e-3  # whose rounding takes some a stamp too low
+    table = table.iloc[2:]  # within a stamp
+    result = series(tmp_path, table)
+    np.testing.assert_allclose(np.diff(result.rows["time_s"]), step, rtol=2e-3)  # a line through rounded stamps
+    assert (
+        result.rows["time_s"] - table["time_s"].to_numpy()
+    ).abs().max() < 1.25e-3  # a stamp and what the line misses
+    assert result.rows["segment"].unique().tolist() == [0]
+    assert [one.code for one in result.findings] == ["coarse-clock"]
+
+
+def test_coarse_stamps_are_spread_in_each_stretch_of_the_clock(tmp_path):
+    table = record(400, 2e-4)
+    table.loc[200:, "time_s"] += 0.5
+    table["time_s"] = np.floor(table["time_s"] * 1e3 + 1e-9) * 1e-3
+    result = series(tmp_path, table)
+    assert result.rows["segment"].unique().tolist() == [0, 1]
+    assert np.delete(np.diff(result.rows["time_s"]), 199) == pytest.approx(2e-4, rel=1e-2)
+
+
+def test_stamps_of_changing_numbers_of_rows_are_refused(tmp_path):
+    table = record(400, 2e-4)
+    bursts = np.cumsum(np.random.default_rng(2).integers(2, 9, 400))
+    table["time_s"] = 1e-3 * np.searchsorted(bursts, np.arange(400), side="right")
+    with pytest.raises(TableError, match="one stamp"):
+        series(tmp_path, table)
+
+
+def test_a_channel_without_a_reading_left_is_not_given(tmp_path):
+    result = series(tmp_path, record().assign(current_A=0.3))
+    assert "current_A" not in result.given
+    assert any((one.code, one.column) == ("stuck", "current_A") for one in result.findings)
+
+
+def test_an_impossible_cell_is_set_aside_and_named(tmp_path):
+    table = record()
+    table.loc[100, "current_A"] = 1e30
+    result = series(tmp_path, table)
+    assert np.flatnonzero(result.rows["current_A"].isna()).tolist() == [100]
+    assert ("outliers", "current_A") in {(one.code, one.column) for one in result.findings}
