@@ -193,7 +193,7 @@ def _acceleration(path: str, name: str, table: dict[str, Any], problems: list[st
         return None
     limits = entry.range_m_per_s2
     common = _common(path, name, entry, entry.noise_m_per_s2, limits, "range_m_per_s2", problems)
-    return AccelerationSensor(**common, proper=entry.proper)
+    return AccelerationSensor(**common, reads_gravity=entry.reads_gravity)
 
 
 def _force(path: str, name: str, table: dict[str, Any], problems: list[str]) -> ForceSensor | None:

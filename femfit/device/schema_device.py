@@ -141,7 +141,7 @@ class AccelerationSensorEntry(SensorTiming):
     """``[sensors.NAME]`` with ``kind = "acceleration"``."""
 
     kind: Literal["acceleration"] = Field(description='Give "acceleration" for an accelerometer on the body.')
-    proper: bool = Field(
+    reads_gravity: bool = Field(
         False, description="Give true for one that reads gravity too at rest, as MEMS accelerometers do."
     )
     noise_m_per_s2: float = Field(0.0, ge=0, le=1e9, description="Give the standard deviation of one sample in m/s^2.")

@@ -76,7 +76,7 @@ class AccelerationSensor(Sensor):
     """The moving part's acceleration along growing distance, in m/s^2."""
 
     # Whether it reads d'' - g, as accelerometers of silicon do: a body at rest that hangs reads 9.8 towards the magnet
-    proper: bool = False
+    reads_gravity: bool = False
     kind: Literal["acceleration"] = "acceleration"
 
 

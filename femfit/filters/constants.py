@@ -59,8 +59,8 @@ DIVERGENCE_STEPS = 200
 """Conventional: a run is named INNOVATIONS_OUT_OF_BAND once more than half of its last (exponentially weighted) so many
 innovations left their 99.9 % band; a true filter leaves it once in a thousand steps."""
 
-LONGEST_MEMORY = 100
+MOST_DELAYED_SAMPLES = 100
 """Conventional: samples by which a sensor may be late; each of them is a state of the filter."""
 
-MEMORY_NOISE = 1e-3
+DELAYED_NOISE = 1e-3
 """Numerical: process noise of a remembered value over what its reading's noise makes of it, so that Q is definite."""

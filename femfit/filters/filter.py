@@ -114,13 +114,13 @@ class Filter(Printed, ABC):
         order = self.process.order
         if covariance is None:
             covariance = self.process.require_start_covariance()
-            memory = self.process.memory
-            base = order if memory is None else memory.base
+            delayed = self.process.delayed
+            base = order if delayed is None else delayed.base
             missing = base - mean.shape[-1] if mean.ndim else 0
             if 0 < missing < base:
                 mean = np.concatenate([mean, np.zeros((*mean.shape[:-1], missing), dtype)], axis=-1)
-            if memory is not None and mean.shape[-1:] == (base,):
-                mean = memory.completed(mean)
+            if delayed is not None and mean.shape[-1:] == (base,):
+                mean = delayed.from_rest(mean)
         if mean.shape[-1:] != (order,) or np.shape(covariance)[-2:] != (order, order):
             raise FilterError(
                 f"Initial mean and covariance must have the shapes ({order},) and ({order}, {order}) for the states "

@@ -18,8 +18,8 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
-from femfit.filters.constants import FARTHEST, MEMORY_NOISE, NEAREST
-from femfit.filters.memory import SampleMemory, memory_of, memory_variances
+from femfit.filters.constants import DELAYED_NOISE, FARTHEST, NEAREST
+from femfit.filters.delayed_samples import DelayedSamples, delayed_samples, delayed_variances
 from femfit.filters.noise import (
     FilterNoise,
     default_noise,
@@ -79,21 +79,21 @@ def levitation_process(
     first, walks = bias_deviations(model, biases)
     walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
     covariance = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
-    covariance, drift = with_memory(model, covariance), process_covariance(model, noise, distance, walks)
+    covariance, noises = with_memory(model, covariance), process_covariance(model, noise, distance, walks)
     named = {name: sensor_named(model, name) for name in sensors}
-    memory = memory_of(model, named, np.sqrt(np.diag(covariance)))
-    own, *further = outputs_of(model, sensors, biases, noise, memory)
-    if memory is not None:
-        names, unlimited = (*names, *memory.names), np.full(memory.order, np.inf)
+    delayed = delayed_samples(model, named, np.sqrt(np.diag(covariance)))
+    own, *further = outputs_of(model, sensors, biases, noise, delayed)
+    if delayed is not None:
+        names, unlimited = (*names, *delayed.names), np.full(delayed.order, np.inf)
         lower, upper = np.concatenate([lower, -unlimited]), np.concatenate([upper, unlimited])
-        covariance = _joined(covariance, memory_variances(memory, _places(model, len(covariance))))
-        drift = _joined(drift, _memory_noise(memory, (own, *further)))
+        covariance = _joined(covariance, delayed_variances(delayed, _places(model, len(covariance))))
+        noises = _joined(noises, _delayed_noise(delayed, (own, *further)))
     process = FilterProcess(
         names=names,
         step_s=model.sample_time_s,
         transition=partial(_driven_transition if driven else _transition, model),
         measure=own.measure,
-        process_covariance=drift,
+        process_covariance=noises,
         measurement_variance=own.variance,
         transition_jacobian=None if driven else partial(_transition_jacobian, model),
         measurement_jacobian=own.jacobian,
@@ -106,10 +106,10 @@ def levitation_process(
         unit=own.unit,
         further=tuple(further),
         period=own.period,
-        memory=memory,
+        delayed=delayed,
         inputs=len(model.circuits),
     )
-    return process if memory is None else process.predicting(process.transition, process.transition_jacobian)
+    return process if delayed is None else process.predicting(process.transition, process.transition_jacobian)
 
 
 def _places(model: ActuatorModel, base: int) -> FloatArray:
@@ -120,11 +120,12 @@ def _places(model: ActuatorModel, base: int) -> FloatArray:
     return places
 
 
-def _memory_noise(memory: SampleMemory, outputs: Sequence[Output]) -> FloatArray:
+def _delayed_noise(delayed: DelayedSamples, outputs: Sequence[Output]) -> FloatArray:
     """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
     variance = {output.name: output.variance for output in outputs}
     parts = [
-        np.full(one.count, MEMORY_NOISE**2 * variance[one.name] / np.abs(one.weights).max() ** 2) for one in memory.kept
+        np.full(one.count, DELAYED_NOISE**2 * variance[one.name] / np.abs(one.weights).max() ** 2)
+        for one in delayed.by_sensor
     ]
     return np.concatenate(parts)
 

@@ -9,7 +9,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.constants import BIAS_DEVIATION_V, BIAS_SHARE, BIAS_SHARE_PER_ROOT_S
-from femfit.filters.memory import Kept, SampleMemory
+from femfit.filters.delayed_samples import DelayedSamples, SensorSamples
 from femfit.filters.noise import FilterNoise
 from femfit.filters.process import Output
 from femfit.model.actuator_model import ActuatorModel
@@ -17,7 +17,16 @@ from femfit.model.float_steps import float_reading
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.recorded import records_as_it_is
 from femfit.model.sampling import readings_span
-from femfit.model.sensors import HALL, AnySensor, current_index, piece_slope, predict_sensor, reading_of, sensor_named
+from femfit.model.sensors import (
+    HALL,
+    AnySensor,
+    current_index,
+    piece_slope,
+    predict_sensor,
+    reading_of,
+    sensor_named,
+    unit_in_name,
+)
 
 
 def outputs_of(
@@ -25,7 +34,7 @@ def outputs_of(
     sensors: Sequence[str],
     biases: Sequence[str],
     noise: FilterNoise,
-    memory: SampleMemory | None = None,
+    delayed: DelayedSamples | None = None,
 ) -> tuple[Output, ...]:
     """One output a sensor; a bias is the state at its place in ``biases``, after those of the model."""
     moving = model.order
@@ -42,9 +51,12 @@ def outputs_of(
         bias = moving + list(biases).index(name) if name in biases else None
         period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / model.sample_time_s))
         measure, slope = partial(_read, model, sensor, moving, bias), _slope(model, sensor, bias)
-        columns, kept = float_reading(model, sensor, bias), None if memory is None else memory.of(name)
-        if memory is not None and kept is not None:
-            measure, slope = partial(_read_kept, memory, kept, bias), partial(_kept_slope, memory, kept, bias)
+        columns, samples = float_reading(model, sensor, bias), None if delayed is None else delayed.of_sensor(name)
+        if delayed is not None and samples is not None:
+            measure, slope = (
+                partial(_read_delayed, delayed, samples, bias),
+                partial(_delayed_slope, delayed, samples, bias),
+            )
             columns = None
         found.append(Output(name, reading.unit, measure, white**2, slope, columns, period))
     return tuple(found)
@@ -53,7 +65,7 @@ def outputs_of(
 def bias_names(model: ActuatorModel, biases: Sequence[str]) -> tuple[str, ...]:
     """Names of the states that are biases."""
     units = {name: reading_of(model, name).unit for name in biases}
-    return tuple(f"{name}_bias_{unit.replace('/', '_per_').replace('^', '')}" for name, unit in units.items())
+    return tuple(f"{name}_bias_{unit_in_name(unit)}" for name, unit in units.items())
 
 
 def bias_deviations(model: ActuatorModel, biases: Sequence[str]) -> tuple[list[float], list[float]]:
@@ -68,17 +80,17 @@ def _read(model: ActuatorModel, sensor: AnySensor, moving: int, bias: int | None
     return value if bias is None else value + states[:, bias]
 
 
-def _read_kept(memory: SampleMemory, kept: Kept, bias: int | None, states: FloatArray) -> FloatArray:
-    before = states[:, kept.first : kept.first + kept.count] @ kept.weights[1:]
-    value = before + kept.weights[0] * memory.values(kept, states) if kept.weights[0] else before
+def _read_delayed(delayed: DelayedSamples, samples: SensorSamples, bias: int | None, states: FloatArray) -> FloatArray:
+    before = states[:, samples.first : samples.first + samples.count] @ samples.weights[1:]
+    value = before + samples.weights[0] * delayed.values(samples, states) if samples.weights[0] else before
     return value if bias is None else value + states[:, bias]
 
 
-def _kept_slope(memory: SampleMemory, kept: Kept, bias: int | None, states: FloatArray) -> FloatArray:
+def _delayed_slope(delayed: DelayedSamples, samples: SensorSamples, bias: int | None, states: FloatArray) -> FloatArray:
     result = np.zeros_like(states)
-    if kept.weights[0]:
-        result[:, : memory.base] = kept.weights[0] * memory.slope(kept, states)
-    result[:, kept.first : kept.first + kept.count] = kept.weights[1:]
+    if samples.weights[0]:
+        result[:, : delayed.base] = samples.weights[0] * delayed.slope(samples, states)
+    result[:, samples.first : samples.first + samples.count] = samples.weights[1:]
     if bias is not None:
         result[:, bias] = 1.0
     return result

@@ -10,7 +10,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.differences import central_differences
 from femfit.core.errors import FilterError
-from femfit.filters.memory import SampleMemory
+from femfit.filters.delayed_samples import DelayedSamples
 
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 Measure = Callable[[FloatArray], FloatArray]
@@ -64,7 +64,7 @@ class FilterProcess:
     unit: str = "V"
     further: tuple[Output, ...] = ()
     period: int = 1  # Samples from one reading of ``measure`` to the next
-    memory: SampleMemory | None = None  # States after the others that are values of earlier samples
+    delayed: DelayedSamples | None = None  # States after the others that are values of earlier samples
     inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
 
     @cached_property
@@ -78,12 +78,12 @@ class FilterProcess:
 
     def predicting(self, transition: Transition, jacobian: Transition | None = None) -> "FilterProcess":
         """The same process with another transition of all states but those that are remembered, by arrays."""
-        if self.memory is None:
+        if self.delayed is None:
             return replace(self, transition=transition, transition_jacobian=jacobian, transition_columns=None)
         return replace(
             self,
-            transition=partial(_remembering, self.memory, transition),
-            transition_jacobian=None if jacobian is None else partial(_remembering_slope, self.memory, jacobian),
+            transition=partial(_with_samples, self.delayed, transition),
+            transition_jacobian=None if jacobian is None else partial(_slope_with_samples, self.delayed, jacobian),
             transition_columns=None,
         )
 
@@ -161,11 +161,13 @@ class FilterProcess:
         return central_differences(lambda points: measure(points)[:, None], states, self._deviations)[:, 0, :]
 
 
-def _remembering(memory: SampleMemory, transition: Transition, states: FloatArray, inputs: FloatArray) -> FloatArray:
-    return memory.moved(transition(states[:, : memory.base], inputs), states)
-
-
-def _remembering_slope(
-    memory: SampleMemory, jacobian: Transition, states: FloatArray, inputs: FloatArray
+def _with_samples(
+    delayed: DelayedSamples, transition: Transition, states: FloatArray, inputs: FloatArray
 ) -> FloatArray:
-    return memory.jacobian(jacobian(states[:, : memory.base], inputs), states)
+    return delayed.moved(transition(states[:, : delayed.base], inputs), states)
+
+
+def _slope_with_samples(
+    delayed: DelayedSamples, jacobian: Transition, states: FloatArray, inputs: FloatArray
+) -> FloatArray:
+    return delayed.jacobian(jacobian(states[:, : delayed.base], inputs), states)

@@ -62,5 +62,7 @@ def _sensor_from(section: Section) -> OtherSensor:
     if kind == "pickup_coil":
         return PickupSensor(**common, flux=sensed_from(section.section("flux")))
     if kind == "acceleration":
-        return AccelerationSensor(**common, proper="proper" in section.data and section.truth("proper"))
+        return AccelerationSensor(
+            **common, reads_gravity="reads_gravity" in section.data and section.truth("reads_gravity")
+        )
     return ForceSensor(**common)

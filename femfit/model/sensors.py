@@ -1,9 +1,9 @@
 """What the sensors of a model read in a state, beside the Hall element's voltage: one prediction for all of them.
 
 A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
-d'', which is zero at rest, or d'' - g where it is proper, as accelerometers of silicon are; a force sensor the magnetic
-force, and a pickup coil the voltage that its flux linkage induces. Distance, current and force are those that the
-effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sampling`.
+d'', which is zero at rest, or d'' - g where it reads gravity, as accelerometers of silicon do; a force sensor the
+magnetic force, and a pickup coil the voltage that its flux linkage induces. Distance, current and force are those that
+the effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sampling`.
 """
 
 from dataclasses import dataclass
@@ -112,6 +112,11 @@ def reading_of(model: ActuatorModel, name: str) -> Reading:
     return Reading(name, unit, column, sensor.noise, low, high, sensor.bits, sensor.delay_s, sensor.sample_time_s)
 
 
+def unit_in_name(unit: str) -> str:
+    """A unit as the name of a state ends in it: m_per_s2 of m/s^2."""
+    return unit.replace("/", "_per_").replace("^", "")
+
+
 def _column(model: ActuatorModel, sensor: OtherSensor) -> str | None:
     """The column of a record that holds a sensor's readings; none where several sensors would share it."""
     if sum(_quantity(model, one) == _quantity(model, sensor) for one in model.other_sensors) > 1:
@@ -170,8 +175,8 @@ def predict_sensor(
         found = np.where(state[..., 0] <= motion.near_stop.distance_m, np.maximum(found, 0.0), found)
     if motion.far_stop is not None:
         found = np.where(state[..., 0] >= motion.far_stop.distance_m, np.minimum(found, 0.0), found)
-    proper = isinstance(sensor, AccelerationSensor) and sensor.proper
-    return np.asarray(found - motion.gravity_m_s2 if proper else found)
+    weighed = isinstance(sensor, AccelerationSensor) and sensor.reads_gravity
+    return np.asarray(found - motion.gravity_m_s2 if weighed else found)
 
 
 def characteristic(sensor: PositionSensor, distance: FloatArray) -> FloatArray:

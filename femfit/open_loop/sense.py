@@ -217,7 +217,7 @@ def _errors(
     """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
     process, names = built.process, [output.name for output in built.process.outputs]
     # What is remembered follows from the first states: the body was at rest before
-    known = process.order if process.memory is None else process.memory.base
+    known = process.order if process.delayed is None else process.delayed.base
     first = np.linalg.cholesky(process.require_start_covariance()[:known, :known])
     start = states[0, :known] + generator.standard_normal((runs, known)) @ first.T
     start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)

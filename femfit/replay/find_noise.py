@@ -155,7 +155,7 @@ def _parts(process: FilterProcess) -> list[FloatArray]:
     acceleration, voltage = np.zeros_like(whole), np.zeros_like(whole)
     acceleration[:2, :2] = whole[:2, :2]
     biases = {k for k, name in enumerate(process.names) if "_bias_" in name}
-    end = process.order if process.memory is None else process.memory.base
+    end = process.order if process.delayed is None else process.delayed.base
     electrical = [k for k in range(2, end) if k not in biases]
     voltage[np.ix_(electrical, electrical)] = whole[np.ix_(electrical, electrical)]
     return [acceleration, voltage, whole - acceleration - voltage]

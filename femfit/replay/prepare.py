@@ -86,18 +86,18 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     volts = np.stack([one.voltage_V for one in given], axis=1) if given else np.zeros((len(time), 0))
     inputs, said = _inputs(volts, begins)
     findings += [*rests.findings, *(finding for one in given for finding in one.findings), *said]
-    kept = [_kept(series, reading, begins, step) for reading in readings]
-    noises = [_noise(series, one.values, reading) for one, reading in zip(kept, readings, strict=True)]
-    findings += [finding for one in kept for finding in one.findings]
+    channels = [_channel(series, reading, begins, step) for reading in readings]
+    noises = [_noise(series, one.values, reading) for one, reading in zip(channels, readings, strict=True)]
+    findings += [finding for one in channels for finding in one.findings]
     findings += [finding for _, said in noises for finding in said]
     log = Log(
         inputs=inputs[:, 0] if len(commands) == 1 else inputs,
-        readings=np.stack([one.values for one in kept], axis=1),
+        readings=np.stack([one.values for one in channels], axis=1),
         begins=begins,
         guesses=_guesses(model, distance, current.reshape(len(time), -1)[:, : len(columns)]),
-        held=_held(rests, readings),
-        limits=np.stack([one.limit for one in kept], axis=1),
-        side=np.stack([one.side for one in kept], axis=1),
+        held=_held(model, rests, names),
+        limits=np.stack([one.limit for one in channels], axis=1),
+        side=np.stack([one.side for one in channels], axis=1),
     )
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
@@ -157,12 +157,12 @@ def _sample_noise(series: TimeSeries, name: str, values: FloatArray, added: Bool
     return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
 
 
-def _held(rests: Rests, readings: Sequence[Reading]) -> BoolArray:
+def _held(model: ActuatorModel, rests: Rests, sensors: Sequence[str]) -> BoolArray:
     """Samples at which the body is kept where the estimate is; on a stop only where the filter reads the distance.
 
     An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there.
     """
-    read = any(reading.unit == "m" or str(reading.column).startswith("position_") for reading in readings)
+    read = any(isinstance(sensor_named(model, name), PositionSensor) for name in sensors)
     return replace(rests, rests=tuple(one for one in rests.rests if read or one.place == "held")).held
 
 
@@ -187,7 +187,7 @@ def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, li
     return before, findings
 
 
-class _Kept(NamedTuple):
+class _Channel(NamedTuple):
     """Readings of a sensor, NaN where they are missing or clipped; and the end of the range where they are clipped."""
 
     values: FloatArray
@@ -196,7 +196,7 @@ class _Kept(NamedTuple):
     findings: list[Finding]
 
 
-def _kept(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: float) -> _Kept:
+def _channel(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: float) -> _Channel:
     """Set aside what stands at an end of the range that the drawing or the record shows."""
     name = str(reading.column)
     column, findings = without_repeats(series.rows[name].to_numpy(copy=True), begins, reading, step)
@@ -217,7 +217,7 @@ def _kept(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: 
         limit[clipped] = np.where(above[clipped], reading.high, reading.low)
         column[clipped] = np.nan
     middle = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
-    return _Kept(column, limit, np.where(limit > middle, 1.0, -1.0), findings)
+    return _Channel(column, limit, np.where(limit > middle, 1.0, -1.0), findings)
 
 
 def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:

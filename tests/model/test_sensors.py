@@ -19,7 +19,7 @@ LASER = PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), reading
 SHUNT = CurrentSensor(name="shunt", noise=1e-3, minimum=-2.0, maximum=2.0, bits=8, circuit="coil", gain=0.99)
 GATE = PositionSensor(name="gate", distances_m=(1e-3, 2e-3, 4e-3), readings=(5.0, 3.0, 1.0))
 ALL = (SHUNT, LASER, GATE, AccelerationSensor(name="mems"), ForceSensor(name="cell"))
-PROPER = AccelerationSensor(name="proper", proper=True)
+PROPER = AccelerationSensor(name="proper", reads_gravity=True)
 
 
 @pytest.fixture

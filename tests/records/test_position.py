@@ -99,7 +99,7 @@ def test_volts_at_the_rails_and_repeated_readings_tell_no_distance():
 
 def test_an_accelerometer_of_silicon_reads_gravity_at_rest():
     plain = AccelerationSensor(name="mems")
-    proper = replace(plain, proper=True)
+    weighing = replace(plain, reads_gravity=True)
     base = solenoid()
     hanging = replace(
         base,
@@ -108,10 +108,10 @@ def test_an_accelerometer_of_silicon_reads_gravity_at_rest():
     )
     resting, falling = np.array([[4e-3, 0.0, 0.0]]), np.array([[2e-3, 0.0, 0.0]])
     assert predict_sensor(hanging, plain, resting) == 0.0
-    assert predict_sensor(hanging, proper, resting) == pytest.approx(-9.81)
+    assert predict_sensor(hanging, weighing, resting) == pytest.approx(-9.81)
     free = replace(hanging, motion=replace(hanging.motion, springs=(), load_N=0.0))
     assert predict_sensor(free, plain, falling) == pytest.approx(9.81)
-    assert predict_sensor(free, proper, falling) == pytest.approx(0.0, abs=1e-9)  # weightless
+    assert predict_sensor(free, weighing, falling) == pytest.approx(0.0, abs=1e-9)  # weightless
     assert reading_of(hanging, "mems").column == "acceleration_m_s2"
 
 

@@ -42,7 +42,7 @@ def run_of(model, samples=200):
 
 def test_a_filter_remembers_one_flux_linkage_of_a_pickup_coil():
     process = ff.kalman_filter(of(), sensors=("search", "shunt")).process
-    assert process.names == ("distance_m", "velocity_m_s", "current_A", "search_before_1")
+    assert process.names == ("distance_m", "velocity_m_s", "current_A", "search_before_1_Wb")
 
 
 @pytest.mark.parametrize("name", ["search", "laser"])
@@ -118,6 +118,6 @@ def test_a_pickup_coil_tells_the_distance_that_a_current_alone_tells_less_well()
     bounds = []
     for names in (("shunt",), ("shunt", "search")):
         built = ff.kalman_filter(model, sensors=names)
-        path = built.process.memory.completed(states) if built.process.memory else states
+        path = built.process.delayed.from_rest(states) if built.process.delayed else states
         bounds.append(np.sqrt(bound_along(built.process, path, volts)[-1, 0, 0]))
     assert bounds[1] < bounds[0]

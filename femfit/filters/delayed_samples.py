@@ -16,14 +16,15 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.differences import central_differences
 from femfit.core.errors import FilterError
-from femfit.filters.constants import LONGEST_MEMORY
+from femfit.filters.constants import MOST_DELAYED_SAMPLES
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.pickup import PickupSensor
 from femfit.model.sampling import sample_weights, sampled_value
-from femfit.model.sensors import AnySensor
+from femfit.model.sensors import AnySensor, reading_of, unit_in_name
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class SensorSamples:
     """What is remembered of one sensor."""
 
     name: str
@@ -38,33 +39,38 @@ class Kept:
 
 
 @dataclass(frozen=True, eq=False)
-class SampleMemory:
+class DelayedSamples:
     """All that a filter remembers; places from ``base`` on are these states'."""
 
     model: ActuatorModel
     base: int  # States of the model and biases
-    kept: tuple[Kept, ...]
+    by_sensor: tuple[SensorSamples, ...]
     scale: FloatArray  # Deviations of the first ``base`` states, over which slopes are taken
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the states."""
-        return tuple(f"{one.name}_before_{k + 1}" for one in self.kept for k in range(one.count))
+        """Of the states, with their units; a pickup coil's are flux linkages."""
+        units = [
+            "Wb" if isinstance(one.sensor, PickupSensor) else unit_in_name(reading_of(self.model, one.name).unit)
+            for one in self.by_sensor
+        ]
+        pairs = zip(self.by_sensor, units, strict=True)
+        return tuple(f"{one.name}_before_{k + 1}_{unit}" for one, unit in pairs for k in range(one.count))
 
     @property
     def order(self) -> int:
         """Number of these states."""
-        return sum(one.count for one in self.kept)
+        return sum(one.count for one in self.by_sensor)
 
-    def of(self, name: str) -> Kept | None:
+    def of_sensor(self, name: str) -> SensorSamples | None:
         """What is remembered of a sensor."""
-        return next((one for one in self.kept if one.name == name), None)
+        return next((one for one in self.by_sensor if one.name == name), None)
 
-    def values(self, one: Kept, states: FloatArray) -> FloatArray:
+    def values(self, one: SensorSamples, states: FloatArray) -> FloatArray:
         """G at states (N, n), of shape (N,)."""
         return sampled_value(self.model, one.sensor, states[:, : self.model.order])
 
-    def slope(self, one: Kept, states: FloatArray) -> FloatArray:
+    def slope(self, one: SensorSamples, states: FloatArray) -> FloatArray:
         """dg/dx in the first ``base`` states, (N, base), by differences."""
         return central_differences(
             lambda points: self.values(one, points)[:, None], states[:, : self.base], self.scale
@@ -74,7 +80,7 @@ class SampleMemory:
         """All states one sample later, from the first ones (N, base) of then and all of before (N, n)."""
         result = np.empty((before.shape[1], len(before))).T
         result[:, : self.base] = base[:, : self.base]
-        for one in self.kept:
+        for one in self.by_sensor:
             end = one.first + one.count
             result[:, one.first] = self.values(one, before)
             result[:, one.first + 1 : end] = before[:, one.first : end - 1]
@@ -85,20 +91,20 @@ class SampleMemory:
         n = before.shape[1]
         result = np.zeros((len(before), n, n))
         result[:, : self.base, : self.base] = base
-        for one in self.kept:
+        for one in self.by_sensor:
             later = range(one.first + 1, one.first + one.count)
             result[:, one.first, : self.base] = self.slope(one, before)
             result[:, later, [k - 1 for k in later]] = 1.0
         return result
 
-    def completed(self, mean: FloatArray) -> FloatArray:
+    def from_rest(self, mean: FloatArray) -> FloatArray:
         """A first estimate (..., base) with what was remembered if nothing had moved before."""
         rows = mean.reshape(-1, self.base)
-        parts = [np.repeat(self.values(one, rows)[:, None], one.count, axis=1) for one in self.kept]
+        parts = [np.repeat(self.values(one, rows)[:, None], one.count, axis=1) for one in self.by_sensor]
         return np.concatenate([rows, *parts], axis=1).reshape(*mean.shape[:-1], -1)
 
 
-def memory_of(model: ActuatorModel, sensors: dict[str, AnySensor], scale: FloatArray) -> SampleMemory | None:
+def delayed_samples(model: ActuatorModel, sensors: dict[str, AnySensor], scale: FloatArray) -> DelayedSamples | None:
     """What sensors ask to be remembered; None where all are prompt.
 
     Parameters
@@ -111,25 +117,25 @@ def memory_of(model: ActuatorModel, sensors: dict[str, AnySensor], scale: FloatA
     FilterError
         If a delay is longer than a filter remembers.
     """
-    place, kept = len(scale), []
+    place, found = len(scale), []
     for name, sensor in sensors.items():
-        if sensor.delay_s > LONGEST_MEMORY * model.sample_time_s:
+        if sensor.delay_s > MOST_DELAYED_SAMPLES * model.sample_time_s:
             raise FilterError(
-                f"A filter remembers {LONGEST_MEMORY} samples at most; sensor {name!r} is late by "
+                f"A filter remembers {MOST_DELAYED_SAMPLES} samples at most; sensor {name!r} is late by "
                 f"{1e3 * sensor.delay_s:g} ms, which are {sensor.delay_s / model.sample_time_s:.0f}. Lengthen the "
                 "sample time, or leave the sensor out."
             )
         weights = sample_weights(sensor, model.sample_time_s)
         if len(weights) > 1:
-            kept.append(Kept(name, sensor, place, weights))
+            found.append(SensorSamples(name, sensor, place, weights))
             place += len(weights) - 1
-    return SampleMemory(model, len(scale), tuple(kept), scale) if kept else None
+    return DelayedSamples(model, len(scale), tuple(found), scale) if found else None
 
 
-def memory_variances(memory: SampleMemory, places: FloatArray) -> FloatArray:
+def delayed_variances(delayed: DelayedSamples, places: FloatArray) -> FloatArray:
     """First variances of the states that are remembered: the largest over places (N, base), independent of others."""
     result = []
-    for one in memory.kept:
-        spread = np.abs(memory.slope(one, places)) @ memory.scale
+    for one in delayed.by_sensor:
+        spread = np.abs(delayed.slope(one, places)) @ delayed.scale
         result += [float(spread.max() ** 2)] * one.count
     return np.array(result)
