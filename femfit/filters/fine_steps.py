@@ -4,12 +4,15 @@ One step a sample holds the inductance and rests a body at a stop; these follow 
 and what a stop does to the body and the current.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.filters.levitation import blocked_by_diodes, fastest_time_constant, kept_between_stops
+from femfit.device.mechanics import Stop
+from femfit.filters.constants import UNMOVED_KG
+from femfit.filters.levitation import blocked_by_diodes, fastest_time_constant
 from femfit.filters.noise import operating_distance
 from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
@@ -19,7 +22,15 @@ from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kut
 def in_fine_steps(model: ActuatorModel, process: FilterProcess) -> FilterProcess:
     """A process of this model whose prediction takes steps of Runge and Kutta."""
     # The one step's Jacobian is another; a filter takes that of this one over the width of its first estimate
-    return process.predicting(partial(advance, model, substeps(model)))
+    return process.predicting(partial(advance, model, unmoved(model), substeps(model)))
+
+
+def unmoved(model: ActuatorModel) -> ActuatorModel:
+    """The model of a body that nothing moves."""
+    still = replace(
+        model.require_motion(), mass_kg=UNMOVED_KG, gravity_m_s2=0.0, near_stop=None, far_stop=None, coulomb_N=0.0
+    )
+    return replace(model, motion=still)
 
 
 def substeps(model: ActuatorModel) -> int:
@@ -30,36 +41,57 @@ def substeps(model: ActuatorModel) -> int:
     return max(1, int(np.ceil(model.sample_time_s / fastest / LONGEST_STEP)))
 
 
-def advance(model: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
+def advance(
+    model: ActuatorModel, still: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray
+) -> FloatArray:
     """States (N, n) one sample later, by so many steps; a body comes to rest at a stop, or bounces."""
-    order, ends = model.order, model.require_motion().ends
-    moved = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, count)
+    order, motion = model.order, model.require_motion()
+    moved = states.copy()
+    states = states.copy()
+    states[:, 0] = np.clip(states[:, 0], *motion.ends)  # no body is beyond a stop, though an estimate's points are
+    moved[:, :order] = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, count)
     blocked_by_diodes(model, moved)
-    moved = np.concatenate([moved, states[:, order:]], axis=1)
-    if ends == (-np.inf, np.inf):
-        return moved
-    beyond = moved[:, 0].copy()
-    kept = kept_between_stops(model, _rebounding(model, states, moved))
-    turned = np.flatnonzero(kept[:, 0] != beyond)
-    if len(turned):  # the flux linkage goes on at U - R i, wherever within the step the body was stopped
-        end = 2 + len(model.circuits)
-        kept[turned, 2:end] = currents_of_same_flux(model, kept[turned, 2:end], beyond[turned], kept[turned, 0])
-    return blocked_by_diodes(model, kept)
-
-
-def _rebounding(model: ActuatorModel, before: FloatArray, after: FloatArray) -> FloatArray:
-    """What arrives at a stop goes back with the part of its speed that the stop returns; changes ``after``.
-
-    Not where it would be back within the step: what presses it to the stop then keeps it there.
-    """
-    motion = model.require_motion()
     for stop, outward in ((motion.near_stop, -1.0), (motion.far_stop, 1.0)):
-        if stop is None or not stop.restitution:
+        if stop is None:
             continue
-        beyond = outward * (after[:, 0] - stop.distance_m)
-        gained = outward * (after[:, 1] - before[:, 1])
-        hits = (beyond >= 0.0) & (outward * (before[:, 0] - stop.distance_m) < 0.0)
-        hits &= 2.0 * stop.restitution * outward * after[:, 1] > gained
-        after[:, 0] = np.where(hits, stop.distance_m - outward * stop.restitution * beyond, after[:, 0])
-        after[:, 1] = np.where(hits, -stop.restitution * after[:, 1], after[:, 1])
-    return after
+        met = np.flatnonzero(outward * (moved[:, 0] - stop.distance_m) > 0.0)
+        if len(met):
+            after = moved[met, 1]
+            moved[met, :order] = _stopped((model, still), count, (states[met, :order], after), voltage[met], stop)
+    return moved
+
+
+def _stopped(
+    models: tuple[ActuatorModel, ActuatorModel],
+    count: int,
+    between: tuple[FloatArray, FloatArray],
+    voltage: FloatArray,
+    stop: Stop,
+) -> FloatArray:
+    """The step of bodies that meet a stop: up to it, and from there at rest on it, or back with what it returns.
+
+    A body that lies on its stop stays there all the step: were it let through the stop and put back, the current would
+    be that of a way that it does not go. ``between`` holds the states before, and the velocities of a free body after.
+    """
+    (model, still), (before, after) = models, between
+    outward = 1.0 if stop is model.require_motion().far_stop else -1.0
+    away, speed = -outward * (before[:, 0] - stop.distance_m), outward * before[:, 1]
+    gain = (outward * after - speed) / model.sample_time_s
+    with np.errstate(invalid="ignore", divide="ignore"):  # a body at rest on the stop is there at once
+        time = 2.0 * away / (speed + np.sqrt(np.maximum(speed**2 + 2.0 * gain * away, 0.0)))
+    time = np.clip(np.nan_to_num(time), 0.0, model.sample_time_s)
+    met = runge_kutta_step(model, before, voltage, time[:, None], count)
+    end, at_stop = 2 + len(model.circuits), np.full(len(met), stop.distance_m)
+    # What the parabola misses of the way, with the flux linkage kept
+    met[:, 2:end], met[:, 0] = currents_of_same_flux(model, met[:, 2:end], met[:, 0], at_stop), stop.distance_m
+    returned, met[:, 1] = -stop.restitution * outward * np.maximum(outward * met[:, 1], 0.0), 0.0
+    left = (model.sample_time_s - time)[:, None]
+    result = runge_kutta_step(still, met, voltage, left, count)
+    result[:, 0], result[:, 1] = stop.distance_m, 0.0
+    back = np.flatnonzero(returned)
+    if len(back):
+        met[back, 1] = returned[back]
+        free = runge_kutta_step(model, met[back], voltage[back], left[back], count)
+        bounced = outward * (free[:, 0] - stop.distance_m) < 0.0  # else what presses it to the stop keeps it there
+        result[back[bounced]] = free[bounced]
+    return blocked_by_diodes(model, result)

@@ -93,11 +93,11 @@ def runge_kutta_step(
     model: ActuatorModel,
     state: FloatArray,
     voltage: FloatArray,
-    step: float,
+    step: FloatArray | float,
     substeps: int = 1,
     disturbance: FloatArray | float = 0.0,
 ) -> FloatArray:
-    """Advance by classical fourth-order Runge-Kutta with equal substeps."""
+    """Advance by classical fourth-order Runge-Kutta with equal substeps; steps of their own have the shape (..., 1)."""
     h = step / substeps
     for _ in range(substeps):
         k1 = state_derivative(model, state, voltage, disturbance)

@@ -8,13 +8,12 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.filters.filter import Filter
-from femfit.filters.fine_steps import advance, in_fine_steps, substeps
+from femfit.filters.fine_steps import advance, in_fine_steps, substeps, unmoved
 from femfit.filters.kalman_filter import FilterKind, kalman_filter
 from femfit.filters.noise import FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
 from femfit.records.constants import AT_STOP
-from femfit.replay.constants import UNMOVED_KG
 from femfit.replay.prepare import Prepared
 
 FILTERS: dict[str, tuple[FilterKind, bool]] = {
@@ -65,11 +64,8 @@ def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
     """The same filter of a body that stands still: the current flows as it does in a body that nothing moves."""
     if prepared.resting is None:
         return None
-    model, process = prepared.model, built.process
-    still = replace(
-        model.require_motion(), mass_kg=UNMOVED_KG, gravity_m_s2=0.0, near_stop=None, far_stop=None, coulomb_N=0.0
-    )
-    transition = partial(_stay, replace(model, motion=still), substeps(model))
+    process = built.process
+    transition = partial(_stay, unmoved(prepared.model), substeps(prepared.model))
     covariance = process.process_covariance.copy()
     covariance[:2, :2] = np.diag(np.square(prepared.resting))
     return replace(built, process=replace(process.predicting(transition), process_covariance=covariance))
@@ -78,6 +74,6 @@ def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
 def _stay(model: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
     still = states.copy()
     still[:, 1] = 0.0
-    moved = advance(model, count, still, voltage)
+    moved = advance(model, model, count, still, voltage)
     moved[:, :2] = still[:, :2]
     return moved

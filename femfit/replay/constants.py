@@ -17,9 +17,6 @@ LAGS = 20
 DELAY_GAIN = 0.9
 """Conventional: a shift counts as a delay if it takes the rms of what is left of a channel below this part."""
 
-UNMOVED_KG = 1e12
-"""Numerical: a body of this mass stays where it is."""
-
 STANDS_STILL = 1e-3
 """Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
 

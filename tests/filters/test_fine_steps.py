@@ -7,12 +7,13 @@ import pytest
 from scipy.linalg import expm
 
 import femfit as ff
+from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.error_bound import without_stops
 from femfit.filters.fine_steps import in_fine_steps
 from femfit.model.dynamics import state_jacobian
 from tests.support.halves import cut_in_two
-from tests.support.solenoids import solenoid
+from tests.support.solenoids import inductance, solenoid
 
 AT_REST = np.array([[2e-3, 0.0, 0.8]])
 
@@ -64,12 +65,46 @@ def alone(model):
     return ff.kalman_filter(replace(model, other_sensors=(laser,)), sensors=("laser",)).process
 
 
-def test_a_stop_within_a_step_leaves_the_flux_linkage_as_it_is():
+def linked(model, state):
+    """Flux linkage of one state."""
+    return float(model.magnetics.flux_linkage(state[:1], state[2:3])[0])
+
+
+def test_a_stop_within_a_step_changes_the_flux_linkage_by_nothing_but_the_voltage():
     model = replace(solenoid(), sample_time_s=2e-4)
     (beyond, kept) = arriving(model, 0.6)
-    linked = [float(model.magnetics.flux_linkage(one[:, 0], one[:, 2])[0]) for one in (beyond, kept)]
-    assert linked[1] == pytest.approx(linked[0], rel=1e-9)
+    before, after = (linked(model, one) for one in (np.array([0.25e-3, -3.0, 0.6]), kept[0]))
+    least, most = ((0.5 - 20.0 * current) * 2e-4 for current in (0.6, kept[0, 2]))  # U - R i, which falls meanwhile
+    assert min(least, most) < after - before < max(least, most)
     assert abs(kept[0, 2] - beyond[0, 2]) > 0.01
+
+
+@pytest.mark.parametrize("velocity", [0.0, -0.02, 0.02])
+def test_the_current_of_a_body_pressed_to_its_stop_rises_as_its_inductance_there_says(velocity):
+    """A light body that two amperes pull through a tenth of a millimetre in a sample, were there no stop."""
+    light = Mechanics(0.5e-3, 0.0, near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
+    model = replace(solenoid(light), sample_time_s=2e-4)
+    fine, free = in_fine_steps(model, alone(model)), in_fine_steps(without_stops(model), alone(model))
+    state, volts = np.array([[0.2e-3, velocity, 1.8]]), np.full(1, 40.0)
+    assert free.transition(state, volts)[0, 0] < 0.0
+    decay = np.exp(-20.0 * 2e-4 / inductance(0.2e-3))
+    moved = fine.transition(state, volts)[0]
+    assert moved[:2].tolist() == [0.2e-3, 0.0]
+    assert moved[2] == pytest.approx(2.0 - 0.2 * decay, abs=1e-4)  # a body off the stop by 4 um is not quite there
+
+
+@pytest.mark.parametrize(("away", "velocity"), [(10e-6, -0.33), (1e-6, -0.33), (2e-6, -0.1), (0.0, 0.1), (0.0, -0.33)])
+def test_a_step_in_which_a_body_bounces_is_that_of_many_short_steps(away, velocity):
+    """A spring pulls it away from the stop with 80 times its weight meanwhile."""
+    swinging = Mechanics(2.2e-3, 0.0, springs=(Spring(1600.0, 0.0, 1.3e-3),), near_stop=Stop(0.2e-3, 0.4))
+    model, short = (replace(solenoid(swinging), sample_time_s=5e-5 / parts) for parts in (1, 200))
+    state = short_state = np.array([[0.2e-3 + away, velocity, 0.1]])
+    moved = in_fine_steps(model, alone(model)).transition(state, np.zeros(1))[0]
+    shortly = in_fine_steps(short, alone(short))
+    for _ in range(200):
+        short_state = shortly.transition(short_state, np.zeros(1))
+    assert moved[0] - 0.2e-3 == pytest.approx(short_state[0, 0] - 0.2e-3, rel=0.01)
+    assert moved[1] == pytest.approx(short_state[0, 1], rel=1e-3)  # the parabola's time, of which the force knows
 
 
 def test_the_halves_of_a_coil_arrive_at_a_stop_as_the_whole_does():
