@@ -27,6 +27,11 @@ _WORDS = {
     "to_far": "The far stop is reached",
 }
 
+_SWITCHES = ("pull_in", "drop_out")
+
+_MOST_PRINTED = 6
+"""Conventional: ways to a stop that are printed; the JSON has all."""
+
 _AT_ONCE = 1e-6
 """Numerical: part of the simulated time below which a wait is the integrator's first step."""
 
@@ -148,18 +153,25 @@ class OpenLoop(Printed):
             way = "comes back to its stop" if touched else "reaches no stop"
             return [f"The body {way} in {amount(self.end_s, 's', 3)}; {end}{end and ', '}{where}."]
         lines = []
-        for one in self.switchings:
+        for one in self.switchings[:_MOST_PRINTED]:
             bounces = counted(one.bounces, "bounce") if one.bounces else "no bounce"
             rest = ""
             if one.rested_s is not None and one.bounces:
                 rest = f", at rest after {amount(one.rested_s - one.command_s, 's', 3)}"
             waited = one.started_s - one.command_s
             starts = f"after {amount(waited, 's', 3)}" if waited > _AT_ONCE * self.end_s else "at once"
+            if one.kind not in _SWITCHES and len(self.switchings) > 1:
+                lines.append(
+                    f"{_WORDS[one.kind]} at {amount(one.reached_s, 's', 3)} with "
+                    f"{amount(one.seating_velocity_m_s, 'm', 3)}/s, {bounces}."
+                )
+                continue
             lines.append(
                 f"{_WORDS[one.kind]} {amount(one.switching_time_s, 's', 3)} after the command: the body starts "
                 f"{starts} and seats with {amount(one.seating_velocity_m_s, 'm', 3)}/s, {bounces}{rest}."
             )
-        return lines
+        more = len(self.switchings) - _MOST_PRINTED
+        return lines + ([f"... and {counted(more, 'more arrival')} at a stop (--json)."] if more > 0 else [])
 
     def _energy_lines(self) -> list[str]:
         energy = self.energy

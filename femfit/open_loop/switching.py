@@ -19,7 +19,8 @@ class Switching:
     Parameters
     ----------
     kind : str
-        ``pull_in`` from the far stop to the near one, ``drop_out`` back; ``to_near`` or ``to_far`` from between them.
+        ``pull_in`` from rest on the far stop to the near one, ``drop_out`` back; ``to_near`` or ``to_far`` from between
+        them, or rebounding from the other one without having come to rest there.
     command_s : float
         The last change of the command before the body started; of a chopped one, where the chopping began.
     started_s, reached_s : float
@@ -49,7 +50,7 @@ class Switching:
 def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequence[Profile]) -> tuple[Switching, ...]:
     """Every way to a stop in a list of events, from a start on a stop or in the air."""
     found: list[Switching] = []
-    at, started = begun_at, 0.0
+    at, started, rebounds = begun_at, 0.0, False
     for event in events:
         action, _, place = event.name.partition("_")
         side: Side | None = "near" if place == "near" else "far" if place == "far" else None
@@ -62,10 +63,12 @@ def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequenc
         elif action == "hits" and side != at:
             command = command_before(profiles, started, found[-1].reached_s if found else 0.0)
             kind: Kind = "pull_in" if side == "near" else "drop_out"
-            if at is None:
+            if at is None or rebounds:
                 kind = "to_near" if side == "near" else "to_far"
             found.append(Switching(kind, command, started, event.time_s, None, abs(event.velocity_m_s), 0))
             at = side
+        if action in {"hits", "rests", "starts", "leaves"}:
+            rebounds = action == "hits"
         if action in {"hits", "leaves"}:  # where it goes on without resting
             started = event.time_s
     return tuple(found)
