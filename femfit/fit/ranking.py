@@ -89,7 +89,6 @@ class Ranking:
         ]
         for c in self.candidates:
             if c.fit is None or c.misfit is None:
-                lines.append(f"  {c.law.name:23} not fitted: {shorten(c.failure, 90)}")
                 continue
             shares = (c.misfit.flux_linkage_share, c.misfit.inductance_share)
             lines.append(
@@ -97,7 +96,12 @@ class Ranking:
                 + (f" {_percent(shares[0]):>13} {_percent(shares[1]):>11}" if circuit else "")
                 + f" {c.fit.operations:11d}"
             )
-        return lines
+        return lines + [f"  {', '.join(names)} not fitted: {shorten(why, 90)}" for names, why in self.failures]
+
+    @property
+    def failures(self) -> tuple[tuple[tuple[str, ...], str], ...]:
+        """The laws that were not fitted, those of one reason together, and that reason."""
+        return _grouped(self.candidates)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, best first; null in place of what a law that could not be fitted does not have."""
@@ -126,6 +130,18 @@ class Ranking:
         }
 
 
+def _grouped(candidates: Sequence[Candidate]) -> tuple[tuple[tuple[str, ...], str], ...]:
+    """Names of the laws without a fit by their reason, in which ``Each`` stands for them where they are several."""
+    groups: dict[str, list[Candidate]] = {}
+    for one in candidates:
+        if one.fit is None:
+            groups.setdefault(one.failure.replace(f"Law {one.law.name}", "Each"), []).append(one)
+    return tuple(
+        (tuple(one.law.name for one in alike), why if len(alike) > 1 else alike[0].failure)
+        for why, alike in groups.items()
+    )
+
+
 def _percent(share: float | None) -> str:
     return "-" if share is None else rounded(100.0 * share, 2)
 
@@ -136,9 +152,10 @@ def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:
     candidates = ranked([_candidate(law, rows, folds) for law in laws], lambda c: -c.error)
     fitted = [c for c in candidates if c.fit is not None]
     if not fitted:
-        if len(candidates) > 1 and len({c.failure for c in candidates}) == 1:
-            raise FitError(f"No law could be fitted. {candidates[0].failure}")
-        raise FitError("No law could be fitted. " + " ".join(f"{c.law.name}: {c.failure}" for c in candidates[:3]))
+        groups = _grouped(candidates)
+        if len(candidates) > 1 and len(groups) == 1:
+            raise FitError(f"No law could be fitted. {groups[0][1]}")
+        raise FitError("No law could be fitted. " + " ".join(f"{', '.join(who)}: {why}" for who, why in groups[:3]))
     cost = {c.fit.operations: c for c in reversed(candidates) if c.fit and c.error <= TARGET}
     recommended = cost[min(cost)] if cost else fitted[0]
     return Ranking(tuple(candidates), recommended, bool(cost), rows.error_scale[1], _why_of(rows))

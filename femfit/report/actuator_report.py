@@ -269,7 +269,7 @@ def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] |
         "fitted": sum(c.fit is not None for c in candidates),
         "target": TARGET,
         "terms": _terms(fit.ranking.recommended.fit),
-        "failures": [(c.law.name, c.failure) for c in candidates if c.fit is None],
+        "failures": fit.ranking.failures,
     }
 
 

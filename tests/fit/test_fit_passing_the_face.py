@@ -9,7 +9,9 @@ import pytest
 from femfit.core.errors import DomainError, FitError, ModelFileError
 from femfit.fit.build import fit_model
 from femfit.fit.coenergy import fit_coenergy
+from femfit.fit.ranking import rank_laws
 from femfit.fit.rows import rows_of_table
+from femfit.laws.catalogue import all_laws
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.tables.sweep_table import SweepTable
@@ -119,6 +121,17 @@ def test_the_law_of_a_moving_coil_gives_its_force_factor_and_inductance():
 def test_laws_that_are_infinite_at_the_face_refuse_distances_beyond_it():
     with pytest.raises(FitError, match=r"F1e must have distances > 0.*moving-coil"):
         fit_model(voice_coil_table(), law="F1e")
+
+
+def test_laws_that_fail_for_one_reason_are_named_together():
+    laws = all_laws()
+    ranking = rank_laws(
+        [laws[name] for name in ("F1e", "F2e", "moving-coil")], rows_of_table(voice_coil_table(), None, G)
+    )
+    ((names, why),) = ranking.failures
+    assert set(names) == {"F1e", "F2e"}
+    assert "F1e" not in why
+    assert sum("not fitted" in line for line in ranking.lines()) == 1
 
 
 def test_the_ranking_takes_the_law_that_passes_the_face():
