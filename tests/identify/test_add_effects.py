@@ -18,6 +18,7 @@ from femfit.identify.refit import add_effects as add
 from femfit.identify.refit import checked_refit as checked
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.refit.refit import refit
+from femfit.identify.refit.sizes import EffectSize
 from femfit.identify.refit.start import starting_point
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -331,3 +332,8 @@ def test_a_tolerance_that_explains_more_than_the_effect_is_given_the_credit(levi
     assert "turns" in result.better_alone
     assert "turns" in str(result).split("\n")[0]
     assert not add_effects(levitation_model, table, "turns").better_alone
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.62, "62 % of its largest"), (-6.2, "6.2 times its largest")])
+def test_a_change_beyond_the_largest_is_a_factor(share, said):
+    assert said in str(EffectSize("spring", "force_N", share, (share, share), share, 1e-3, 0.5))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from femfit.core.amount import amount, amount_range
+from femfit.core.amount import amount, amount_range, rounded
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
@@ -30,9 +30,11 @@ class EffectSize:
     current_A: float
 
     def __str__(self) -> str:
+        share = abs(self.of_largest)
+        part = f"{100.0 * share:.2g} % of" if share <= 1.0 else f"{rounded(share, 2)} times"
         return (
             f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount(self.change, self.channel)} (95 %: "
-            f"{amount_range(*self.ci95, self.channel)}), {100.0 * abs(self.of_largest):.2g} % of its largest, at "
+            f"{amount_range(*self.ci95, self.channel)}), {part} its largest, at "
             f"{amount(self.distance_m, 'distance_m', 3)} and {amount(self.current_A, 'current_A')}"
         )
 
