@@ -18,8 +18,9 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FilterError
-from femfit.filters.constants import DELAYED_NOISE, FARTHEST, NEAREST
-from femfit.filters.delayed_samples import DelayedSamples, delayed_samples, delayed_variances
+from femfit.filters.constants import FARTHEST, NEAREST
+from femfit.filters.delayed_process import with_delayed_samples
+from femfit.filters.delayed_samples import delayed_samples
 from femfit.filters.noise import (
     FilterNoise,
     default_noise,
@@ -30,7 +31,7 @@ from femfit.filters.noise import (
     with_memory,
 )
 from femfit.filters.outputs import bias_deviations, bias_names, outputs_of
-from femfit.filters.process import FilterProcess, Output
+from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import is_plain, winding_voltage
 from femfit.model.exponential_step import exponential_jacobian, exponential_step, half_way
@@ -76,24 +77,16 @@ def levitation_process(
     noise = default_noise(model, distance) if noise is None else noise
     names = (*model.state_names, *bias_names(model, biases))
     lower, upper = _plausible_range(model, len(names))
-    first, walks = bias_deviations(model, biases)
-    walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
-    covariance = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
-    covariance, noises = with_memory(model, covariance), process_covariance(model, noise, distance, walks)
+    start, process_noise = _covariances(model, noise, distance, biases)
     named = {name: sensor_named(model, name) for name in sensors}
-    delayed = delayed_samples(model, named, np.sqrt(np.diag(covariance)))
+    delayed = delayed_samples(model, named, np.sqrt(np.diag(start)))
     own, *further = outputs_of(model, sensors, biases, noise, delayed)
-    if delayed is not None:
-        names, unlimited = (*names, *delayed.names), np.full(delayed.order, np.inf)
-        lower, upper = np.concatenate([lower, -unlimited]), np.concatenate([upper, unlimited])
-        covariance = _joined(covariance, delayed_variances(delayed, _places(model, len(covariance))))
-        noises = _joined(noises, _delayed_noise(delayed, (own, *further)))
     process = FilterProcess(
         names=names,
         step_s=model.sample_time_s,
         transition=partial(_driven_transition if driven else _transition, model),
         measure=own.measure,
-        process_covariance=noises,
+        process_covariance=process_noise,
         measurement_variance=own.variance,
         transition_jacobian=None if driven else partial(_transition_jacobian, model),
         measurement_jacobian=own.jacobian,
@@ -101,41 +94,24 @@ def levitation_process(
         measure_columns=own.columns,
         lower=lower,
         upper=upper,
-        start_covariance=covariance,
+        start_covariance=start,
         sensor=own.name,
         unit=own.unit,
         further=tuple(further),
         period=own.period,
-        delayed=delayed,
         inputs=len(model.circuits),
     )
-    return process if delayed is None else process.predicting(process.transition, process.transition_jacobian)
+    return with_delayed_samples(process, delayed)
 
 
-def _places(model: ActuatorModel, base: int) -> FloatArray:
-    """Bodies held still all over the validity domain, of shape (N, base)."""
-    distance, currents = model.validity.grid(5, 3)
-    places, n = np.zeros((distance.size, base)), len(model.circuits)
-    places[:, 0], places[:, 2 : 2 + n] = distance, currents.reshape(distance.size, -1)[:, :n]
-    return places
-
-
-def _delayed_noise(delayed: DelayedSamples, outputs: Sequence[Output]) -> FloatArray:
-    """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
-    variance = {output.name: output.variance for output in outputs}
-    parts = [
-        np.full(one.count, DELAYED_NOISE**2 * variance[one.name] / np.abs(one.weights).max() ** 2)
-        for one in delayed.by_sensor
-    ]
-    return np.concatenate(parts)
-
-
-def _joined(covariance: FloatArray, variances: FloatArray) -> FloatArray:
-    """A covariance with independent states after its own."""
-    n = len(covariance)
-    result = np.diag(np.concatenate([np.zeros(n), variances]))
-    result[:n, :n] = covariance
-    return result
+def _covariances(
+    model: ActuatorModel, noise: FilterNoise, distance: float, biases: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Of the first estimate and of a step's process noise, (n, n) each; delayed samples are not among the states."""
+    first, walks = bias_deviations(model, biases)
+    walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
+    start = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
+    return with_memory(model, start), process_covariance(model, noise, distance, walks)
 
 
 def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:
