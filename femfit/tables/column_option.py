@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
+from femfit.tables.column_names import COLUMN_NAMES
 from femfit.tables.header import match_score, parse_header
 from femfit.tables.units import column_unit, unit_factor
 
@@ -60,4 +61,5 @@ def likely_columns(headers: Sequence[str], names: Sequence[str], *, by_words: bo
 def _may_be(header: str, name: str, *, by_words: bool) -> bool:
     parsed, (stem, si_unit) = parse_header(header), column_unit(name)
     fits = bool(si_unit) and parsed.unit is not None and unit_factor(parsed.unit, si_unit) is not None
-    return (match_score(parsed, name, guess=True) > 0 or (fits and stem in parsed.words)) if by_words else fits
+    words = fits and bool({stem, *COLUMN_NAMES.get(name, ())}.intersection(parsed.words))
+    return (match_score(parsed, name, guess=True) > 0 or words) if by_words else fits

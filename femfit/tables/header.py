@@ -84,8 +84,9 @@ def match_score(header: Header, column: str, *, guess: bool = True) -> int:
     """Tell how surely a header names a column.
 
     0: not; 2: a name stands inside a word; 4: it stands as words; 6: it is the name; one more if the unit fits. A unit
-    of another kind makes it 0. Without guessing 2: it is the name; 1: it may be, and the unit fits. A name of one
-    letter, and one that means several things, then counts only beside a unit of the right kind.
+    of another kind makes it 0. Without guessing 2: it is the name; 1: it may be, or is made of its names as in
+    ``Spannung U [mV]``, and the unit fits. A name of one letter, and one that means several things, then counts only
+    beside a unit of the right kind.
     """
     stem, si_unit = column_unit(column)
     fits = header.unit is not None and bool(si_unit) and unit_factor(header.unit, si_unit) is not None
@@ -95,7 +96,9 @@ def match_score(header: Header, column: str, *, guess: bool = True) -> int:
     vague = header.name in NEEDS_UNIT
     if not guess:
         named = header.name == stem.replace("_", "") or header.name in names
-        return (2 - vague) * (named and (fits or not (vague or len(header.name) == 1)))
+        if not named:
+            return int(fits and bool(header.words) and all(word in names for word in header.words))
+        return (2 - vague) * (fits or not (vague or len(header.name) == 1))
     if column == "distance_m":
         names = (*names, *STEP_NAMES)
     score = _name_score(header.words, [name for name in names if name not in NEEDS_UNIT])

@@ -5,9 +5,11 @@ from itertools import pairwise
 
 import pytest
 
+import femfit as ff
 from femfit.core.errors import TableError
 from femfit.tables.column_option import column_option
 from femfit.tables.measurement_file import read_measurement
+from tests.support.solenoids import solenoid
 
 HEADERS = [
     "CH1 voltage (V)",
@@ -65,3 +67,26 @@ def test_a_column_that_is_not_used_is_offered_where_its_words_say_what_it_may_be
         path, columns={"note": "force_N", "Kraft ges. [N]": "hall_V"}, units={"Kraft ges. [N]": "V"}
     )
     assert not [one for one in table.findings if one.code == "unused-column"]
+
+
+@pytest.mark.parametrize("header", ["Spannung U [mV]", "U Spannung (mV)", "Voltage U / mV"])
+def test_a_name_beside_its_letter_and_a_unit_is_the_column(tmp_path, header):
+    path = tmp_path / "scope.csv"
+    path.write_text(f"Zeit (ms),{header},Strom in A\n" + "".join(f"{k},{k},1\n" for k in range(9)))
+    assert read_measurement(path).rows["voltage_V"].max() == pytest.approx(8e-3)
+
+
+def test_a_second_column_made_of_a_name_and_its_letter_does_not_take_the_place_of_the_name(tmp_path):
+    path = tmp_path / "scope.csv"
+    path.write_text("t [s],voltage U [V],voltage_V,i [A]\n" + "".join(f"{k / 10},{k},{2 * k},1\n" for k in range(9)))
+    assert read_measurement(path).rows["voltage_V"].max() == 16.0
+
+
+@pytest.mark.parametrize("header", ["V", "Spannung am Ventil [mV]"])
+def test_a_filter_without_its_command_is_told_the_option_once(tmp_path, header):
+    path = tmp_path / "scope.csv"
+    path.write_text(f"t [s],{header},i [A]\n" + "".join(f"{k / 10},{k},1\n" for k in range(9)))
+    with pytest.raises(TableError) as refused:
+        ff.observe(solenoid(), path)
+    assert str(refused.value).count("--column") == 1
+    assert options_in(str(refused.value)) == {header: "voltage_V"}
