@@ -58,7 +58,7 @@ FILTER_WORSE, FILTER_GREW = 3.0, 1.05
 """Conventional: standard errors, and a factor of an error, from which the filter has become worse."""
 
 FILTER_CHANCE = 0.05
-"""Conventional: chance below which more runs that the filter loses are no chance."""
+"""Conventional: chance below which more runs that are lost, or more blocks that are less likely, are no chance."""
 
 # Which effect is named
 
@@ -124,7 +124,8 @@ HELPS = 9.0
 """Conventional: fall of the weighted error on runs left out from which tolerances are used (three deviations)."""
 
 HARMS = 1.05
-"""Assumed: rise of a channel's error on runs left out from which they are not, whatever the other channels gain."""
+"""Assumed: rise of a channel's error on runs left out from which they are not, whatever the other channels gain, and
+from which it is said of an effect that is added."""
 
 SETTLED = 2.0
 """Assumed: time constants that the longest run must last for it to show where an effect settles (to 14 %)."""

@@ -106,3 +106,15 @@ def test_a_stiffer_suspension_is_no_pair_of_stops_and_no_other_preload(hidden):
     both = ff.add_effects(drawn, swing, ["spring_stiffness", "spring_preload"], base="never")
     low, high = both.added[1].ci95["preload"]
     assert low < 0.0 < high
+
+
+def test_an_effect_that_raises_the_error_on_runs_left_out_is_not_accepted_without_a_word():
+    """Two swings with suspensions 40 % stiffer and 40 % softer: what one of them shows is wrong of the other."""
+    drawn, stiff, soft = (
+        replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(k, 0.0, 3e-3),), viscous_N_s_per_m=0.5))
+        for k in (2000.0, 2800.0, 1200.0)
+    )
+    swings = [switched([0.0], [0.4], 0.06, model=true, start_m=1.2e-3) for true in (stiff, soft)]
+    result = ff.add_effects(drawn, logged(swings, noise=(5e-4, 2e-6)), "spring_stiffness", base="never")
+    assert max(result.left_out[one.channel] / one.rms_before for one in result.fall.channels) > 1.2
+    assert "left out" in str(result).splitlines()[0]

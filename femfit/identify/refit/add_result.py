@@ -11,7 +11,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.constants import LEVEL_AFTER
+from femfit.identify.constants import HARMS, LEVEL_AFTER
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.refit.filter_fall import FilterFall
@@ -90,8 +90,9 @@ class AddResult(Printed):
 
     @property
     def accepted(self) -> bool:
-        """Whether the filter is no worse with the effects on runs left out; true where no filter can tell."""
-        return self.filter is None or self.filter.accepted
+        """Whether the effects help on runs left out: the error falls somewhere, and no filter there is worse."""
+        helps = any(HARMS * self.left_out[one.channel] < one.rms_before for one in self.fall.channels)
+        return (helps or not self._risen()) and (self.filter is None or self.filter.accepted)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -135,9 +136,24 @@ class AddResult(Printed):
         doubt = " Its size is not certain: see below." if self.suspicious else ""
         if self.better_alone:
             names += f", but a tolerance of the drawing explains more than it by itself ({self.better_alone})"
+        risen = f"the error on runs left out rises: {self._risen()}" if self._risen() else ""
         if not self.accepted:
-            return f"Not accepted: with {names} the filter is worse on runs left out. On the readings fitted, {rest}"
-        return f"Added {names}: {rest}{doubt}"
+            worse = risen if self.filter is None or self.filter.accepted else "the filter is worse on runs left out"
+            return f"Not accepted: with {names} {worse}. On the readings fitted, {rest}"
+        return (
+            f"Added {names}, although {risen}. On the readings fitted, {rest}{doubt}"
+            if risen
+            else (f"Added {names}: {rest}{doubt}")
+        )
+
+    def _risen(self) -> str:
+        """The channels whose error on runs left out is larger than before, in words."""
+        return ", ".join(
+            f"{CHANNEL_WORDS[one.channel]} from {amount(one.rms_before, one.channel, 3)} to "
+            f"{amount(self.left_out[one.channel], one.channel, 3)} rms"
+            for one in self.fall.channels
+            if self.left_out[one.channel] > HARMS * one.rms_before
+        )
 
     def _left_out(self) -> str:
         errors = ", ".join(f"{CHANNEL_WORDS[name]} {amount(rms, name, 3)}" for name, rms in self.left_out.items())
