@@ -67,6 +67,12 @@ UNITS = {si_unit: spellings | _symbols(si_unit, _CASED_PREFIX) for si_unit, spel
 """SI unit to its spellings and their factors."""
 
 
+POSITION_IN_VOLTS = (
+    "Readings in volts belong in the column position_V (--column HEADER=position_V): the gain and offset, or the "
+    "table, of the drawing's position sensor make the distance of them."
+)
+
+
 def unit_factor(unit: str, si_unit: str) -> float | None:
     """Return the factor that turns a number in ``unit`` into ``si_unit``; None if it is not a unit of that kind.
 
@@ -99,9 +105,11 @@ def given_factor(unit: str, si_unit: str, header: str, source: str, column: str)
             factor = math.nan
     if not math.isfinite(factor) or factor == 0.0:
         known = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
+        volts = si_unit == "m" and unit_factor(unit, "V") is not None
         raise TableError(
             f"{source}: {quoted(unit)!r} is not a unit of column {quoted(header)!r}. Give {known}a number that "
             f"multiplies it{' to ' + si_unit if si_unit else ''}, with --unit {column}=UNIT."
+            + (f" {POSITION_IN_VOLTS}" if volts else "")
         )
     return factor
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError
+from femfit.device.sensors import PositionSensor
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.lack_of_fit import pattern_space
@@ -172,6 +173,17 @@ def test_a_record_from_a_file_is_diagnosed_like_one_in_memory(model, clean, tmp_
     assert read.findings == ()
     first, second = (series_observations(model, one) for one in (record, read))
     np.testing.assert_allclose(second.residual, first.residual, atol=1e-9)
+
+
+def test_a_record_without_a_distance_is_told_of_the_position_sensors_volts(model, clean):
+    record = recorded(clean)
+    without = replace(record, given=tuple(name for name in record.given if name != "distance_m"))
+    laser = PositionSensor(name="laser", distances_m=(0.0, 0.1), readings=(0.5, 80.5), unit="V")
+    with pytest.raises(TableError, match=r"--column HEADER=position_V"):
+        series_observations(replace(model, other_sensors=(laser,)), without)
+    with pytest.raises(TableError) as refused:
+        series_observations(model, without)
+    assert "position_V" not in str(refused.value)
 
 
 def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, clean):

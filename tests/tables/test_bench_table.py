@@ -165,3 +165,10 @@ def test_a_drawing_of_the_same_name_is_no_sidecar(tmp_path):
     table = read_bench_table(written(tmp_path, CONTRACT, "schema = 1\n[coil]\nturns = 100\n[hall]\nz_mm = 1.0\n"))
     assert not table.declared_noise
     assert not [one for one in table.findings if one.code == "unused-setting"]
+
+
+def test_a_distance_in_volts_is_told_of_the_column_of_position_sensors(tmp_path):
+    path = tmp_path / "bench.csv"
+    path.write_text("current_A,laser_V,force_N\n1,2,3\n")
+    with pytest.raises(TableError, match=r"--column HEADER=position_V"):
+        read_bench_table(path, columns={"laser_V": "distance_m"})

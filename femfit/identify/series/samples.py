@@ -16,10 +16,12 @@ from femfit.identify.readings.plausible import at_ends_of_range, suspect_setting
 from femfit.identify.series.constants import ON_STOP
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.recorded import true_setting_of
+from femfit.model.sensors import reading_of, sensors_of
 from femfit.records.noise import white_noise
 from femfit.records.rests import Rest, find_rests
 from femfit.records.supply import given_voltage
 from femfit.tables.measurement import TimeSeries
+from femfit.tables.units import POSITION_IN_VOLTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +61,11 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     needed = (*currents, "distance_m") if model.has_winding else ("distance_m",)
     missing = [name for name in needed if name not in series.given]
     if missing:
+        volts = any(reading_of(model, name).column == "position_V" for name in sensors_of(model))
         raise TableError(
             f"A time series must record {' and '.join(needed)} for its balances; {series.source} lacks "
             f"{' and '.join(missing)}. Record it, or estimate the distance by a filter and give it as distance_m."
+            + (f" {POSITION_IN_VOLTS}" if volts and "distance_m" in missing else "")
         )
     rows = series.rows
     findings: list[Finding] = []
