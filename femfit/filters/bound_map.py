@@ -61,7 +61,8 @@ class BoundMap(Printed):
         if self.test_voltage_V:
             test = amount(self.test_voltage_V, "V"), amount(self.test_frequency_Hz, "Hz")
             with_test = f"with a square wave of +-{test[0]} at {test[1]} on the command"
-        lines = [f"Best that any filter can tell of the distance with {', '.join(self.sensors)}, {with_test}:"]
+        against = f"with {', '.join(self.sensors)} against the process noises that it allows for"
+        lines = [f"Best that any filter can tell of the distance {against}, {with_test}:"]
         for k in range(0, len(self.currents_A), max(1, len(self.currents_A) // 5)):
             best = self.deviation_m[:, k]
             told = best[~self.blind[:, k]]

@@ -31,7 +31,7 @@ from femfit.model.json_file import model_of
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ErrorBound(Printed):
-    """Least standard deviations that any unbiased filter can reach.
+    """Least standard deviations that any unbiased filter can reach where its process noises act.
 
     Examples
     --------
@@ -53,7 +53,8 @@ class ErrorBound(Printed):
         return np.asarray(self.deviations < OBSERVED_SHARE * self.first)
 
     def __str__(self) -> str:
-        lines = [f"Best that any filter can do with {', '.join(self.sensors)}, the body held still:"]
+        against = f"with {', '.join(self.sensors)} against the process noises that it allows for"
+        lines = [f"Best that any filter can do {against}, the body held still:"]
         for place, deviations, seen in zip(self.places, self.deviations, self.observed, strict=True):
             currents = [amount(float(place[k]), "A") for k, name in enumerate(self.names) if is_current(name)]
             where = " and ".join([f"at {amount(place[0], 'm')}", *currents])
