@@ -53,10 +53,10 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     lacking = [name for name in commands if name not in series.given]
     if lacking:
         left_out = _left_out(series)
-        said = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
+        other = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
         raise TableError(
             f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
-            f"{', '.join(series.given)}. Record {' and '.join(lacking)}{said}. {left_out}".rstrip()
+            f"{', '.join(series.given)}. Record {' and '.join(lacking)}{other}. {left_out}".rstrip()
         )
     series, added = on_grid(series)
     rows = series.rows
