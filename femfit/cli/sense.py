@@ -28,7 +28,7 @@ def sense(
     model : Path
         Model file with circuit, motion and the sensors.
     sensors : str
-        Names of the sensors that the filter reads, with commas.
+        Names of the sensors that the filter reads, or their kinds (current, position), with commas.
     voltage : float
         Step of the command in V, after 20 ms of rest; default: the supply's largest.
     drive : Path

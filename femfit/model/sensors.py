@@ -6,6 +6,7 @@ magnetic force, and a pickup coil the voltage that its flux linkage induces. Dis
 the effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sampling`.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -75,6 +76,15 @@ def sensor_named(model: ActuatorModel, name: str) -> AnySensor:
             "to the actuator file and fit again."
         )
     return known[name]
+
+
+def names_or_kinds(model: ActuatorModel, sensors: Sequence[str]) -> tuple[str, ...]:
+    """Names of sensors as given; for one that no sensor bears, those of all sensors of that kind, as ``current``."""
+    known, found = sensors_of(model), []
+    for name in sensors:
+        of_kind = [one for one, sensor in known.items() if getattr(sensor, "kind", HALL) == name]
+        found += [name] if name in known or not of_kind else of_kind
+    return tuple(dict.fromkeys(found))
 
 
 def current_index(model: ActuatorModel, sensor: CurrentSensor) -> int:

@@ -26,7 +26,7 @@ from femfit.filters.kalman_filter import kalman_filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.sampling import sampled_readings
-from femfit.model.sensors import sensor_named
+from femfit.model.sensors import names_or_kinds, sensor_named
 from femfit.open_loop.command import commanded
 from femfit.open_loop.profile import Profile
 from femfit.open_loop.result import OpenLoop
@@ -129,7 +129,7 @@ def sense(
     Parameters
     ----------
     sensors : sequence of str
-        Names of the sensors that the filter reads.
+        Names of the sensors that the filter reads, or their kinds.
     drive : Profile, str, Path or None
         What is commanded over time; a step to ``voltage_V`` after 20 ms of rest where None.
     voltage_V : float or None
@@ -158,6 +158,7 @@ def sense(
     model = model_of(model)
     if runs < 1 or (drive is not None and voltage_V is not None):
         raise UsageError("sense needs at least one run, and one of drive and voltage_V at most.")
+    sensors = names_or_kinds(model, sensors)
     found = bound_map(model, sensors=sensors, test_voltage_V=test_voltage_V, test_frequency_Hz=test_frequency_Hz)
     base = _base(model, drive, voltage_V)
     given = _with_test(base, model, test_voltage_V, found.test_frequency_Hz)
@@ -173,7 +174,7 @@ def sense(
     free = in_fine_steps(without_stops(model), built.process)
     return Sensing(
         motion=motion,
-        sensors=tuple(sensors),
+        sensors=sensors,
         runs=runs,
         time_s=table["time_s"],
         distance_m=table["distance_m"],

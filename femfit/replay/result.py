@@ -20,6 +20,8 @@ from femfit.replay.found_noise import FoundNoise
 from femfit.replay.run_filter import Replayed
 from femfit.replay.seating import Seating
 
+UNUSED = "unused-column"
+
 
 @dataclass(frozen=True, eq=False)
 class OneFilter:
@@ -107,8 +109,13 @@ class Observation(Printed):
     def __str__(self) -> str:
         first, *others = self.filters
         span = amount_range(float(self.time_s.min()), float(self.time_s.max()), "s", 3)
+        count, unused = counted(len(self.time_s), "sample"), [one for one in self.findings if one.code == UNUSED]
         lines = first.lines()
-        lines[1:1] = [f"check first: {one}" for one in self.findings if one.severity != "info"]
+        lines[1:1] = [
+            *(f"check first: {one}" for one in self.findings if one.severity != "info"),
+            f"{self.source}: {count} from {span}, read through {', '.join(self.sensors)}",
+            *(str(one) for one in unused),
+        ]
         lines += [str(one) for one in self.seatings[:MOST_SEATINGS]]
         if len(self.seatings) > MOST_SEATINGS:
             lines.append(f"... and {counted(len(self.seatings) - MOST_SEATINGS, 'more arrival')} at a stop (--json)")
@@ -116,10 +123,8 @@ class Observation(Printed):
             lines += other.lines()
         if self.noise is not None:
             lines += self.noise.lines()
-        lines.append(
-            f"{self.source}: {counted(len(self.time_s), 'sample')} from {span}, read through {', '.join(self.sensors)}"
-        )
-        return "\n".join([*lines, *(f"note: {one}" for one in self.findings if one.severity == "info")])
+        notes = [one for one in self.findings if one.severity == "info" and one not in unused]
+        return "\n".join([*lines, *(f"note: {one}" for one in notes)])
 
     @property
     def table(self) -> pd.DataFrame:

@@ -62,6 +62,11 @@ def test_the_command_writes_numbers_map_and_picture(model, tmp_path):
         assert (tmp_path / name).stat().st_size > 1000
 
 
+def test_the_current_is_read_by_the_sensor_of_that_kind_whatever_its_name(model):
+    shunt = CurrentSensor(name="shunt", noise=4e-3, circuit="coil")
+    assert ff.sense(replace(model, other_sensors=(shunt,)), runs=1).sensors == ("shunt",)
+
+
 def test_a_drive_and_a_voltage_are_refused_together(model):
     with pytest.raises(UsageError, match="one of drive and voltage_V"):
         ff.sense(model, drive=ff.Profile("voltage", [0.0, 0.1], [12.0, 0.0]), voltage_V=3.0)

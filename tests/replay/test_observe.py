@@ -7,6 +7,7 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import FilterError, MissingPartError, TableError
+from femfit.core.finding import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.filters.filter_state import FilterOutcome
@@ -100,6 +101,14 @@ def test_clipped_readings_and_commands_beyond_the_supply_are_said_and_not_believ
     assert clipped > 500
     assert found.filters[0].innovations[0].count == 4000 - clipped
     assert "check first" in str(found).splitlines()[1]
+
+
+def test_what_is_read_and_what_is_not_used_is_said_before_the_innovations(log):
+    unused = Finding("unused-column", "info", "Not used: Laser (mm).")
+    said = str(ff.observe(damped(), replace(log[1], findings=(unused,)), sensors=("current",), find=False)).splitlines()
+    innovations = next(number for number, line in enumerate(said) if "innovations of" in line)
+    assert any("read through current" in line for line in said[:innovations])
+    assert [number < innovations for number, line in enumerate(said) if "Laser (mm)" in line] == [True]
 
 
 def test_a_rest_on_a_stop_is_recognised():
