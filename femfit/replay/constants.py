@@ -35,6 +35,12 @@ BEYOND = 0.1
 LEAST_CONFIDENCE, CERTAIN = 0.95, 0.999
 """Conventional: probabilities from which a seating is said, and from which no more digits are given."""
 
+FOLLOWED = 0.998
+"""Conventional: level of the band that the mean square of the innovations at a seating must not exceed."""
+
+WORK_POINTS = 41
+"""Numerical: distances, and currents, over which the largest work of the force is added up."""
+
 MOST_SEATINGS = 6
 """Conventional: arrivals at a stop that are printed; all of them are in the JSON."""
 

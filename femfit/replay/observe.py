@@ -155,13 +155,17 @@ def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> On
 
 
 def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
-    """Rests on a stop where no recorded distance tells them, and where the model leaves its validity domain."""
+    """Rests on a stop where no recorded distance tells them, and where the model leaves its validity domain.
+
+    An estimate that is not consistent with the readings, or does not claim to know the distance, tells no rest.
+    """
     model, mean, found = prepared.model, one.replayed.mean, []
     near, far = model.require_motion().ends
     samples = len(mean)
     box, deviation = model.validity, one.replayed.deviation
-    close = np.minimum(deviation[:, 0], AT_STOP * (box.distance_max_m - box.distance_min_m))
-    if "distance_m" not in prepared.recorded:
+    least = AT_STOP * (box.distance_max_m - box.distance_min_m)
+    close = np.where(deviation[:, 0] <= least, deviation[:, 0], -1.0)
+    if "distance_m" not in prepared.recorded and one.trusted:
         for side, stop in (("near", near), ("far", far)):
             resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
             if resting.any():

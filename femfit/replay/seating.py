@@ -6,6 +6,8 @@ alone comes there, as one does that finds the body again once a current flows. A
 to it, lies on the stop there (its distance is read as that of the stop, without noise) with the part of its speed that
 the stop returns and an unchanged flux linkage, and is kept by the stop from then on. The likelihood of the readings
 weighs the hypotheses; that of an arrival within one sample is the density of the distance at the stop times |v| h.
+A weight says which is the best, and not that it is right: a seating is told only where the filter is not lost, the
+innovations of the best are as large as the filter says, and the body could have been as fast.
 
 References
 ----------
@@ -22,13 +24,23 @@ from femfit.core.amount import amount, amount_range
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.device.mechanics import Stop
 from femfit.filters.cholesky import cholesky
-from femfit.filters.error_bound import without_stops
 from femfit.filters.filter import Filter
-from femfit.filters.filter_state import FilterState
+from femfit.filters.filter_state import FilterOutcome, FilterState
 from femfit.filters.fine_steps import in_fine_steps
+from femfit.filters.theory import consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import currents_of_same_flux
-from femfit.replay.constants import APART, AT_REST, BEYOND, CERTAIN, LEAST_CONFIDENCE, LEAST_UNSEATED, SEAT_BEFORE
+from femfit.replay.constants import (
+    APART,
+    AT_REST,
+    BEYOND,
+    CERTAIN,
+    FOLLOWED,
+    LEAST_CONFIDENCE,
+    LEAST_UNSEATED,
+    SEAT_BEFORE,
+    WORK_POINTS,
+)
 from femfit.replay.prepare import Prepared
 from femfit.replay.run_filter import Replayed
 
@@ -45,9 +57,16 @@ class Seating:
     high_s: float
     velocity_m_s: float
     confidence: float  # Probability that it seated rather than went on or lay there, all as likely beforehand
+    followed: bool = True  # Whether the filter explains the readings there
 
     def __str__(self) -> str:
         speed = amount(abs(self.velocity_m_s), "m/s")
+        if not self.followed:
+            at = amount(self.time_s, "s", 3)
+            return (
+                f"The estimate reaches the {self.stop} stop at {at}, but the filter does not follow the readings "
+                "there: it cannot be told whether the body does."
+            )
         if self.confidence < LEAST_CONFIDENCE:
             at = amount(self.time_s, "s", 3)
             return f"The estimate reaches the {self.stop} stop at {at}; the record does not tell whether the body does."
@@ -63,26 +82,45 @@ def find_seatings(prepared: Prepared, built: Filter, replayed: Replayed) -> tupl
     for side, stop in sides:
         if stop is not None and stop.stiffness_N_per_m is None:
             outward = -1.0 if side == "near" else 1.0
-            for row in _arrivals(prepared, replayed, stop.distance_m, outward):
-                one = _judged(prepared, built, replayed, row, (side, stop, outward))
+            for rows in _arrivals(prepared, replayed, stop.distance_m, outward):
+                one = _judged(prepared, built, replayed, rows, (side, stop, outward))
                 found += [] if one is None else [one]
     return tuple(sorted(found, key=lambda one: one.time_s))
 
 
-def _arrivals(prepared: Prepared, replayed: Replayed, stop: float, outward: float) -> Iterator[int]:
-    """Rows at which the estimate first is at a stop, to within a sample's way, after it was away from it."""
+def _arrivals(prepared: Prepared, replayed: Replayed, stop: float, outward: float) -> Iterator[tuple[int, int]]:
+    """Rows at which the estimate first is at a stop, to within a sample's way, and last was at it before."""
     box = prepared.model.validity
     stroke = box.distance_max_m - box.distance_min_m
     off = -outward * (replayed.mean[:, 0] - stop)
     way = np.maximum(LEAST_UNSEATED * stroke, np.abs(replayed.mean[:, 1]) * prepared.model.sample_time_s)
     near = off <= np.maximum(way, np.r_[0.0, way[:-1]])
-    away = False
+    away, touched = False, -1
     begins = set(prepared.log.begins.tolist())
     for row, (distance, there) in enumerate(zip(off.tolist(), near.tolist(), strict=True)):
         away = (away and row not in begins) or distance > APART * stroke
         if away and there:
-            yield row
+            yield row, touched
             away = False
+        touched = row if there else touched
+
+
+def fastest(model: ActuatorModel, outward: float) -> float:
+    """The largest speed in m/s at which a body arrives at a stop.
+
+    Force and driver's currents do no more than W, the work over the stroke of the largest force there is towards the
+    stop at each distance; the other stop leaves a part e^2 of what the body brings along: m v^2 / 2 <= W / (1 - e^2).
+    """
+    motion, box = model.require_motion(), model.validity
+    distance, currents = box.grid(WORK_POINTS, WORK_POINTS if len(model.circuits) <= 1 else 3)
+    force = outward * (motion.static_force(distance) - model.magnetics.force(distance, currents))
+    places, which = np.unique(distance, return_inverse=True)
+    most = np.zeros(len(places))
+    np.maximum.at(most, which, force)
+    work = float(np.sum(0.5 * (most[1:] + most[:-1]) * np.diff(places)))
+    returned = max((stop.restitution for stop in (motion.near_stop, motion.far_stop) if stop is not None), default=0.0)
+    left = 1.0 - returned**2
+    return float(np.sqrt(2.0 * work / (motion.mass_kg * left))) if left > 0.0 else np.inf
 
 
 @dataclass
@@ -93,12 +131,14 @@ class _Rivals:
     likelihood: FloatArray
     overshoot_s: FloatArray  # By which the stop was passed before its sample
     velocity: FloatArray
+    squares: FloatArray  # Sum of the normalised innovations' squares
+    count: int = 0  # Of these innovations
 
 
 def _judged(
-    prepared: Prepared, built: Filter, replayed: Replayed, row: int, at: tuple[Side, Stop, float]
+    prepared: Prepared, built: Filter, replayed: Replayed, rows: tuple[int, int], at: tuple[Side, Stop, float]
 ) -> Seating | None:
-    side, stop, outward = at
+    (side, stop, outward), (row, touched) = at, rows
     step, log = prepared.model.sample_time_s, prepared.log
     recent = np.arange(max(row - SEAT_BEFORE, 0), row)
     before = int(recent[np.argmax(outward * replayed.mean[recent, 1])]) if len(recent) else row
@@ -106,31 +146,45 @@ def _judged(
     box = prepared.model.validity
     if not speed > 0.0:
         return None
+    unknown = Seating(side, float(prepared.time_s[row]), np.nan, np.nan, outward * speed, 0.0, followed=False)
+    if replayed.outcome[row] != FilterOutcome.RUNNING:
+        return unknown
     beyond = max(2, int(np.ceil(BEYOND * (box.distance_max_m - box.distance_min_m) / (speed * step))))
     spread = int(np.ceil(3.0 * replayed.deviation[before, 0] / (speed * step)))
     begin = int(log.begins[log.begins <= row].max())
     first, last = max(begin + 1, row - SEAT_BEFORE - spread), min(row + spread + beyond, len(prepared.time_s) - 1)
-    start = max(begin, first - 5 * SEAT_BEFORE)
+    first = max(first, touched + 2)
+    start = max(begin, touched + 1, first - 5 * SEAT_BEFORE)
     candidates = np.arange(first, min(row + spread + 1, last - 1) + 1)
     if len(candidates) < 2:
         return None
-    rivals = run_rivals(prepared, built, (start, last), candidates, (stop, outward, replayed))
+    with np.errstate(over="ignore", invalid="ignore"):  # a rival that breaks down is set aside
+        rivals = run_rivals(prepared, built, (start, last), candidates, (stop, outward, replayed))
+    return _weighed(prepared, rivals, prepared.time_s[candidates], outward, unknown)
+
+
+def _weighed(
+    prepared: Prepared, rivals: _Rivals, times: FloatArray, outward: float, unknown: Seating
+) -> Seating | None:
+    """What the likelihoods say of an arrival; ``unknown`` where the filter explains the readings by none of them."""
     if not np.isfinite(rivals.likelihood).any():
-        return None
-    weight = np.exp(rivals.likelihood - np.nanmax(rivals.likelihood))
-    weight = np.nan_to_num(weight)
+        return unknown
+    weight = np.exp(rivals.likelihood - rivals.likelihood.max())
     if weight[0] > LEAST_CONFIDENCE * weight.sum():
         return None
-    confidence = weight[1:-1].sum() / weight.sum()
-    if not weight[1:-1].sum() > 0.0:
-        return Seating(side, float(prepared.time_s[row]), np.nan, np.nan, outward * speed, float(confidence))
-    share = weight[1:-1] / weight[1:-1].sum()
-    times = prepared.time_s[candidates] - rivals.overshoot_s[1:-1]
-    mean = float(share @ times)
+    best, seated = int(np.argmax(weight)), weight[1:-1].sum()
+    if rivals.count and rivals.squares[best] > rivals.count * consistency_band(rivals.count, FOLLOWED).upper:
+        return unknown
+    if not seated > 0.0:
+        return replace(unknown, followed=True)
+    share, times = weight[1:-1] / seated, times - rivals.overshoot_s[1:-1]
+    mean, velocity = float(share @ times), float(share @ rivals.velocity[1:-1])
+    if abs(velocity) > fastest(prepared.model, outward):
+        return unknown
     # A sample is seen as a whole: the time within it comes from the speed alone
-    deviation = float(np.sqrt(share @ (times - mean) ** 2 + step**2 / 12.0))
-    velocity = float(share @ rivals.velocity[1:-1])
-    return Seating(side, mean, mean - 1.96 * deviation, mean + 1.96 * deviation, velocity, float(confidence))
+    deviation = float(np.sqrt(share @ (times - mean) ** 2 + prepared.model.sample_time_s**2 / 12.0))
+    low, high = mean - 1.96 * deviation, mean + 1.96 * deviation
+    return Seating(unknown.stop, mean, low, high, velocity, float(seated / weight.sum()))
 
 
 def run_rivals(
@@ -143,17 +197,21 @@ def run_rivals(
     """The likelihood of the readings for a body that lies on the stop, that seats at each candidate, or goes on."""
     stop, outward, replayed = at
     model, log = prepared.model, prepared.log
-    free = replace(built, process=in_fine_steps(without_stops(model), built.process))
+    # An impact at the other stop may lie in the stretch
+    motion = model.require_motion()
+    motion = replace(motion, near_stop=None) if outward < 0.0 else replace(motion, far_stop=None)
+    without = replace(model, motion=motion)
+    free = replace(built, process=in_fine_steps(without, built.process))
     start, last = rows
     seats = np.concatenate([[start], candidates, [last + 1]])
     runs = len(seats)
     state = built.start(np.tile(replayed.mean[start], (runs, 1)), replayed.covariance[start])
-    rivals = _Rivals(seats, np.zeros(runs), np.zeros(runs), np.zeros(runs))
+    rivals = _Rivals(seats, np.zeros(runs), np.zeros(runs), np.zeros(runs), np.zeros(runs))
     # The less likely, the less the estimate allows for it
     rivals.likelihood[0] = -0.5 * (stop.distance_m - state.mean[0, 0]) ** 2 / state.covariance[0, 0, 0]
     state = _lying(state, stop)
     for row in range(start + 1, last + 1):
-        volts = np.full(runs, log.inputs[row])
+        volts = np.repeat(log.inputs[row][None], runs, axis=0)
         seated, now = rivals.seats < row, rivals.seats == row
         state = _lying(_either(free.predict(state, volts), built.predict(state, volts), seated), stop)
         if now.any():
@@ -161,8 +219,13 @@ def run_rivals(
         readings = np.tile(log.readings[row], (runs, 1))
         state = built.update(state, readings[:, 0] if readings.shape[1] == 1 else readings)
         innovation, variance = state.innovation.reshape(runs, -1), state.innovation_variance.reshape(runs, -1)
-        each = np.where(np.isfinite(innovation), innovation**2 / variance + np.log(variance), 0.0)
-        rivals.likelihood -= 0.5 * each.sum(axis=1)
+        read = np.isfinite(log.readings[row])
+        squares = (innovation[:, read] ** 2 / variance[:, read]).sum(axis=1)
+        rivals.likelihood -= 0.5 * (squares + np.log(variance[:, read]).sum(axis=1))
+        rivals.squares += squares
+        rivals.count += int(read.sum())
+    broken = ~np.isfinite(rivals.likelihood) | ~np.isfinite(state.mean).all(axis=1)
+    rivals.likelihood[broken] = -np.inf
     return rivals
 
 
@@ -184,11 +247,12 @@ def _seat(
     mean, covariance = state.mean.copy(), state.covariance.copy()
     variance = covariance[now, 0, 0]
     gap = stop.distance_m - mean[now, 0]
-    speed = np.maximum(outward * mean[now, 1], np.finfo(float).tiny)
-    rivals.overshoot_s[now] = np.clip(-outward * gap / speed, 0.0, model.sample_time_s)
-    rivals.velocity[now] = mean[now, 1]
+    moves = outward * mean[now, 1] > 0.0  # a body that moves away does not arrive
+    speed = np.where(moves, outward * mean[now, 1], 1.0)
+    rivals.overshoot_s[now] = np.where(moves, np.clip(-outward * gap / speed, 0.0, model.sample_time_s), 0.0)
+    rivals.velocity[now] = np.where(moves, mean[now, 1], 0.0)
     density = -0.5 * (gap**2 / variance + np.log(2.0 * np.pi * variance))
-    rivals.likelihood[now] += density + np.log(speed * model.sample_time_s)
+    rivals.likelihood[now] += np.where(moves, density + np.log(speed * model.sample_time_s), -np.inf)
     passed = outward * np.maximum(-outward * gap, 0.0)
     d = np.full(int(now.sum()), stop.distance_m)
     end = 2 + len(model.circuits)

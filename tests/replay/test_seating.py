@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.device.mechanics import Stop
+from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.device.sensors import CurrentSensor
 from femfit.model.process_noise import ProcessNoise
+from femfit.model.validity import ValidityBox
 from femfit.replay.build_filter import filter_of, noise_of
 from femfit.replay.prepare import prepare
 from femfit.replay.run_filter import replay
-from femfit.replay.seating import run_rivals
+from femfit.replay.seating import fastest, run_rivals
 from tests.support.replays import damped, logs
 from tests.support.solenoids import solenoid
 from tests.support.switching import CURRENT_A, STEP_S, logged, switched
@@ -83,6 +84,31 @@ def test_a_body_in_the_middle_seats_nowhere():
     record = logged([switched([0.0], [0.0], 0.1, model=device)], drop=("distance_m",))
     assert not ff.observe(device, record, find=False).seatings
     assert np.isfinite(record.rows["current_A"]).all()
+
+
+def offset_by(record, amperes):
+    """The record of an ammeter with a wrong zero."""
+    return replace(record, rows=record.rows.assign(current_A=record.rows["current_A"] + amperes))
+
+
+@pytest.mark.parametrize("amperes", [0.02, 0.05, -0.05])
+def test_a_filter_that_does_not_follow_the_readings_claims_neither_seatings_nor_rests(amperes):
+    device = model()
+    loop = switched([0.0, 0.02, 0.1], [0.0, 12.0, 0.0], 0.2, model=device)
+    found = ff.observe(device, offset_by(logged([loop], drop=("distance_m",)), amperes), find=False)
+    assert found.seatings
+    assert "Seats on" not in str(found)
+    assert "at-stop" not in {finding.code for finding in found.findings}
+
+
+def test_no_body_seats_faster_than_its_spring_makes_it():
+    motion = Mechanics(
+        0.025, 0.0, springs=(Spring(200.0, 0.1, 4e-3),), near_stop=Stop(0.2e-3, 0.5), far_stop=Stop(4e-3, 0.2)
+    )
+    device = replace(solenoid(motion), validity=ValidityBox(0.2e-3, 4e-3, 0.0, 0.0))
+    work = sum(0.5 * 3.8e-3 * float(motion.static_force(np.array(d))) for d in (0.2e-3, 4e-3))  # of a linear spring
+    assert fastest(device, 1.0) == pytest.approx(np.sqrt(2.0 * work / 0.025 / (1.0 - 0.5**2)), rel=1e-3)
+    assert fastest(device, -1.0) == 0.0  # without a current nothing brings it back
 
 
 def test_a_rival_that_goes_on_is_the_filter_itself_where_nothing_is_near():
