@@ -56,3 +56,11 @@ MOST_OFF_GRID = 0.05
 
 FINEST_PART = 4
 """Conventional: the median step is at most so many grid steps; a record of which more is missing is not resampled."""
+
+FLOWS, AGAINST = 0.1, 0.5
+"""Conventional: parts of the largest command or current from which one flows, and of the heat in the winding that the
+mean power must be negative by before its polarity is suspected: a body that is driven from outside gives less back."""
+
+SLOWEST_STEP, FASTEST_STEP = 100.0, 1e-6
+"""Conventional: times of the model's slowest own time above which a step cannot be filtered, and of its fastest below
+which rounding is all that a step changes."""

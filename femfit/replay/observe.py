@@ -15,6 +15,7 @@ from femfit.filters.noise import FilterNoise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.records.constants import AT_STOP
+from femfit.records.plausible import suspect_record
 from femfit.replay.build_filter import FILTERS, filter_of, noise_of, resting_filter
 from femfit.replay.consistency import beside, innovations_of
 from femfit.replay.constants import LEAST_JUDGED, NOISE_SAMPLES
@@ -108,6 +109,7 @@ def observe(
         recorded=prepared.recorded,
         filters=tuple(runs),
         findings=(
+            *suspect_record(prepared.model, series),
             *prepared.findings,
             *_told_by_estimate(prepared, runs[0]),
             *([NO_NOISE_FOUND] if find and found is None else []),

@@ -21,6 +21,7 @@ from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
 from femfit.records.grid import bridged, on_grid
 from femfit.records.noise import converter_step, white_noise
+from femfit.records.plausible import require_possible_step
 from femfit.records.position import with_distance
 from femfit.records.readings import at_ends, without_repeats
 from femfit.records.rests import Rests, find_rests
@@ -70,6 +71,7 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     begins = np.flatnonzero(np.r_[True, np.diff(rows["segment"].to_numpy()) != 0])
     inside = np.delete(np.diff(time), begins[1:] - 1)
     step = float(np.median(inside)) if len(inside) else model.sample_time_s
+    require_possible_step(model, step, series.source)
     segment, unknown = rows["segment"].to_numpy(), np.full(len(time), np.nan)
     placed = with_distance(model, series)
     distance = placed.rows["distance_m"].to_numpy() if "distance_m" in placed.given else unknown

@@ -102,8 +102,8 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
 
 def suspected_by_range(name: str, values: FloatArray, low: float, high: float) -> Finding | None:
     """Suspect a setting that lies outside of a model's range, and inside once its unit or sign is taken for another."""
-    slack = 0.05 * (high - low)
-    factors = common_factors(name) | ({OTHER_SIGN: -1.0} if name == "current_A" else {})
+    slack, values = 0.05 * (high - low), values[np.isfinite(values)]
+    factors = common_factors(name) | {OTHER_SIGN: -1.0}
     now = (values >= low - slack) & (values <= high + slack)
     for unit, factor in factors.items():
         converted = factor * values
@@ -112,11 +112,12 @@ def suspected_by_range(name: str, values: FloatArray, low: float, high: float) -
         reaches = float(np.nanmax(np.abs(converted), initial=0.0)) >= _LEAST_SHARE * max(abs(low), abs(high))
         if reaches and few and (then & ~now).sum() >= LEAST_READINGS and then.mean() > 0.8:
             why = "few rows lie in the model's range, but then they would"
-            return other_sign(why) if unit == OTHER_SIGN else suspicion(name, unit, why)
+            return other_sign(why, name) if unit == OTHER_SIGN else suspicion(name, unit, why)
     return None
 
 
-def other_sign(why: str) -> Finding:
-    """Say that the current seems to count the other way round."""
-    text = f"current_A seems to be {OTHER_SIGN} (positive current attracts): {why}."
-    return Finding("suspected-sign", "warning", text, "Convert the column.", column="current_A")
+def other_sign(why: str, name: str = "current_A") -> Finding:
+    """Say that a column, the current where none is named, seems to count the other way round."""
+    convention = "" if name == "distance_m" else " (positive current attracts)"
+    text = f"{name} seems to be {OTHER_SIGN}{convention}: {why}."
+    return Finding("suspected-sign", "warning", text, "Convert the column.", column=name)

@@ -25,6 +25,7 @@ from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
+from femfit.records.plausible import suspect_settings
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import without_outliers
 from femfit.tables.suspected_units import (
@@ -32,7 +33,6 @@ from femfit.tables.suspected_units import (
     OTHER_SIGN,
     common_factors,
     other_sign,
-    suspected_by_range,
     suspicion,
 )
 
@@ -70,7 +70,7 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     d, i, rows = d[placed], i[placed], rows[placed]
     if len(d) < LEAST_READINGS:
         return []
-    settings = suspect_settings(model, d, i)
+    settings = suspect_settings(model, d, i, current_names(model) or ("current_A",))
     if settings:
         return settings
     predict = _predictor(model, table.channels)
@@ -99,16 +99,6 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
     base = model.without_effects
     weight = suspected_weight(base, name, read, usual)
     return weight or suspected_factor(base, name, read, usual)
-
-
-def suspect_settings(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> list[Finding]:
-    """Find units and signs that would bring the distances, or the currents, into the model's validity domain."""
-    box = model.without_effects.validity
-    columns = current.reshape(len(current), -1).T
-    limits = zip(current_names(model) or ("current_A",), columns, box.current_limits_A.tolist(), strict=True)
-    found = [suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m)]
-    found += [suspected_by_range(name, values, low, high) for name, values, (low, high) in limits]
-    return [one for one in found if one is not None]
 
 
 def _suspected(name: str, words: str, why: str) -> Finding:

@@ -12,12 +12,13 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.sweep_columns import voltage_columns
 from femfit.identify.readings.currents import current_names, currents_in, leading_current
-from femfit.identify.readings.plausible import at_ends_of_range, suspect_settings, within_domain
+from femfit.identify.readings.plausible import at_ends_of_range, within_domain
 from femfit.identify.series.constants import ON_STOP
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.recorded import true_setting_of
 from femfit.model.sensors import reading_of, sensors_of
 from femfit.records.noise import white_noise
+from femfit.records.plausible import suspect_settings
 from femfit.records.rests import Rest, find_rests
 from femfit.records.supply import given_voltage
 from femfit.tables.measurement import TimeSeries
@@ -135,8 +136,9 @@ def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatAr
 
 
 def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, current: FloatArray) -> str:
-    box, suspected = model.validity, suspect_settings(model, distance, current)
-    limits = zip(current_names(model) or ("current_A",), box.current_limits_A.tolist(), strict=True)
+    box, names = model.validity, current_names(model) or ("current_A",)
+    suspected = suspect_settings(model, distance, current, names)
+    limits = zip(names, box.current_limits_A.tolist(), strict=True)
     ranges = ", ".join(f"{low:g} to {high:g} A of {name}" for name, (low, high) in limits)
     hint = " ".join(map(str, suspected)) or "Check the columns and units, or sweep and fit a wider range."
     return (

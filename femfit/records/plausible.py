@@ -1,0 +1,129 @@
+"""Whole columns of a record that contradict the model: units and signs of the settings, polarity, and the time's unit.
+
+A passive winding turns what it takes up into heat and motion: the mean of U i is no less than that of R i^2 unless
+something drives the body. Where it is clearly negative, voltage and current are counted opposite ways.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from femfit.core.amount import amount, amount_range
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.model.actuator_model import ActuatorModel
+from femfit.records.constants import AGAINST, FASTEST_STEP, FLOWS, SLOWEST_STEP
+from femfit.tables.measurement import TimeSeries
+from femfit.tables.suspected_units import LEAST_READINGS, suspected_by_range
+
+
+def suspect_settings(
+    model: ActuatorModel, distance: FloatArray, current: FloatArray, names: Sequence[str]
+) -> list[Finding]:
+    """Find units and signs that would bring the distances, or the currents, into the model's validity domain.
+
+    Parameters
+    ----------
+    distance, current : array
+        In m and A; of several circuits all currents, shape (samples, n).
+    names : sequence of str
+        Columns of the currents.
+    """
+    box = model.without_effects.validity
+    columns = current.reshape(len(current), -1).T
+    limits = zip(names, columns, box.current_limits_A.tolist(), strict=False)  # magnets alone have no current
+    found = [suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m)]
+    found += [suspected_by_range(name, values, low, high) for name, values, (low, high) in limits]
+    return [one for one in found if one is not None]
+
+
+def suspect_record(model: ActuatorModel, series: TimeSeries) -> list[Finding]:
+    """Find columns of a record whose unit, sign or polarity is another than the model's; each is named once."""
+    rows, names = series.rows, circuit_currents(model.circuit_names)
+    known = {one.column for one in series.findings if one.code == "suspected-unit"}
+    empty = np.full(len(rows), np.nan)
+    distance = rows["distance_m"].to_numpy() if "distance_m" in series.given else empty
+    columns = [rows[name].to_numpy() if name in series.given else empty for name in names]
+    currents = np.stack(columns, axis=1) if columns else np.zeros((len(rows), 0))
+    found = [one for one in suspect_settings(model, distance, currents, names) if one.column not in known]
+    known |= {one.column for one in found}
+    for k, command in enumerate(voltage_columns(model.circuit_names)):
+        polarity = _polarity(model, k, command, rows[command].to_numpy(), columns[k])
+        if polarity is not None and not known & {command, names[k]}:
+            found.append(polarity)
+    return found
+
+
+def require_possible_step(model: ActuatorModel, step_s: float, source: str) -> None:
+    """Refuse a step that is far from the times in which currents settle and the body moves.
+
+    Raises
+    ------
+    TableError
+        If the step is many times longer than both, or a millionth of the shorter one.
+    """
+    times = _own_times(model)
+    if not times or SLOWEST_STEP * max(times) >= step_s >= FASTEST_STEP * min(times):
+        return
+    shown = amount_range(min(times), max(times), "s")
+    ratio = step_s / max(times)
+    # A sixth of the time is how finely such motions are usually recorded, to the nearest power of a thousand
+    factor = 1000.0 ** abs(round(float(np.log10(60.0 * ratio)) / 3.0))
+    kind = "long" if ratio > 1.0 else "short"
+    raise TableError(
+        f"The step of {source} is {amount(step_s, 's')}, where the model's currents settle and its body moves within "
+        f"{shown}: the unit of time_s looks wrong, the times seem about {factor:,.0f} times too {kind}. Give it with "
+        "--unit time_s=UNIT (s, ms, us)."
+    )
+
+
+def _polarity(
+    model: ActuatorModel, circuit: int, command: str, volts: FloatArray, current: FloatArray
+) -> Finding | None:
+    """A command that its supply gives only the other way round, or that takes power out of the winding."""
+    fed, given = model.circuits[circuit], volts[np.isfinite(volts)]
+    low, high = fed.voltage_min_V, fed.voltage_max_V
+    turned, most = np.sign(high + low), max(abs(low), abs(high))
+    if low * high >= 0.0 and np.isfinite(most):
+        beyond = turned * given < -FLOWS * most
+        if beyond.sum() >= LEAST_READINGS and not (turned * given > FLOWS * most).any():
+            supply, seen = amount_range(low, high, "V"), amount_range(float(given.min()), float(given.max()), "V")
+            why = f"the supply gives {supply}, and all commands are {seen}"
+            return _other_polarity(command, f"{command} seems to be of the other sign: {why}.", "Convert the column.")
+    mean = np.append(0.5 * (current[1:] + current[:-1]), np.nan)  # the command is held over the step
+    here = np.isfinite(mean) & np.isfinite(volts)
+    bounds = np.abs(model.validity.current_limits_A[circuit : circuit + 1])
+    if here.sum() < LEAST_READINGS or not bounds.size or np.sqrt(np.mean(mean[here] ** 2)) < FLOWS * bounds.max():
+        return None
+    power, heat = float(np.mean(volts[here] * mean[here])), float(np.mean(mean[here] ** 2)) * fed.resistance_ohm
+    if power > -AGAINST * heat:
+        return None
+    name = circuit_currents(model.circuit_names)[circuit]
+    text = (
+        f"{command} and {name} seem to count opposite ways: on average the winding would give {amount(-power, 'W')} "
+        f"to its driver, while its resistance takes {amount(heat, 'W')}."
+    )
+    return _other_polarity(command, text, "Convert one of the two columns.")
+
+
+def _other_polarity(command: str, text: str, remedy: str) -> Finding:
+    return Finding("suspected-sign", "warning", text, remedy, column=command)
+
+
+def _own_times(model: ActuatorModel) -> tuple[float, ...]:
+    """Shortest and longest L / R of the windings, and the time in which the largest force takes the body its way."""
+    distance, current = model.validity.grid(5, 3)
+    at = model.magnetics.state_of_circuits(distance, current.reshape(len(distance), -1))
+    found: list[float] = []
+    if model.circuits:
+        own = np.diagonal(at.inductance + model.series_inductances_H, axis1=-2, axis2=-1) / model.resistances_ohm
+        found += [float(own.min()), float(own.max())]
+    motion = model.motion
+    if motion is not None:
+        box, forces = model.validity, np.abs(at.force)
+        most = float(forces.max()) + motion.mass_kg * abs(motion.gravity_m_s2)
+        if most > 0.0:
+            found.append(float(np.sqrt(2.0 * motion.mass_kg * (box.distance_max_m - box.distance_min_m) / most)))
+    return tuple(one for one in found if one > 0.0 and np.isfinite(one))
