@@ -29,6 +29,9 @@ CLEAN_CAMPAIGNS = 40
 BEYOND_NOISE = 3.0
 """Conventional: standard errors of an rms from which it is said to be more than noise makes it."""
 
+WITHIN_NOISE = 1.2
+"""Conventional: rms error over the noise of one reading up to which data are explained within their noise."""
+
 # Smooth patterns, the alternatives of the lack-of-fit test
 
 DEGREE, BRANCH_DEGREE = 5, 3

@@ -17,7 +17,7 @@ from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
-from femfit.identify.signatures.columns import effect_columns, why_untestable
+from femfit.identify.signatures.columns import CHANGES_NOTHING, effect_columns, why_untestable
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
@@ -156,7 +156,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
         if any(not np.isfinite(one.columns).all() for one in columns):
             columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
         if not columns:
-            untestable[effect.name] = reason or "it changes no reading at these settings"
+            untestable[effect.name] = reason or CHANGES_NOTHING
         starts += [Start.at_null(one, whitening) for one in columns]
     return Campaign(observations, whitening, patterns, tuple(starts), untestable)
 

@@ -6,19 +6,23 @@ from typing import TYPE_CHECKING
 from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
-from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER
-from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
+from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER, WITHIN_NOISE
+from femfit.identify.decision.own_misfit import finer_model, own_misfit, own_misfit_sentence
 from femfit.identify.readings.place import notes, suspicions
+from femfit.identify.signatures.columns import CHANGES_NOTHING
 from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
+    from femfit.identify.comparison.fall import ChannelFall
     from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 
 _SHOWN, _ALIKE = 8, 4
 
 _VERDICTS = {
-    "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}.",
+    "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}{own}.",
+    "nothing_named": "No effect is named, but the model misses {left}.",
     "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}{own}.",
+    "named_and_left": "Missing: {names}. With {it} the model still misses {left}.",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
     "unexplained": "Something is missing that no effect of the catalogue explains, nor any two of them.",
     "compare_only": "No verdict. {why}",
@@ -30,6 +34,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
     lines = [*suspicions(diagnosis.findings), verdict_sentence(diagnosis)]
     for one in diagnosis.missing:
         lines += _named(one)
+    lines += [] if diagnosis.missing else _not_shown(diagnosis)
     lines += str(diagnosis.error_fall).split("\n") if diagnosis.missing else _misfit(diagnosis)
     if diagnosis.missing:
         lines.append(certainty_sentence(diagnosis))
@@ -46,14 +51,51 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     names = " and ".join(one.name for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
+    beyond = _beyond_noise(diagnosis)
+    left = _left(diagnosis, beyond)
     if diagnosis.own_misfit and diagnosis.decision is not None:
-        return own_misfit_sentence(diagnosis.observations, diagnosis.decision.test.times_own)
+        own = own_misfit_sentence(diagnosis.observations, diagnosis.decision.test.times_own, tuple(left))
+        return f"{_VERDICTS['nothing_named'].format(left=' and '.join(left.values()))} {own}".strip() if left else own
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
     after = diagnosis.lack_of_fit_after
-    own = " and its own misfit to the table that it was fitted to" if after and after.p_value <= LEVEL_AFTER else ""
-    return _VERDICTS[diagnosis.verdict].format(
-        names=names, it=it, explain=explain, why=why, scatter=_scatter(diagnosis), own=own
+    own = (
+        " and its own misfit to the table that it was fitted to"
+        if beyond or (after and after.p_value <= LEVEL_AFTER)
+        else ""
     )
+    also = {"nothing_missing": "nothing_named", "named": "named_and_left"}
+    kind = also.get(diagnosis.verdict, diagnosis.verdict) if left else diagnosis.verdict
+    return _VERDICTS[kind].format(
+        names=names,
+        it=it,
+        explain=explain,
+        why=why,
+        scatter=_scatter(diagnosis),
+        own=own,
+        left=" and ".join(left.values()),
+    )
+
+
+def _beyond_noise(diagnosis: "Diagnosis") -> list["ChannelFall"]:
+    """Channels whose error is more than their noise and, where bodies are put back, no mounting either."""
+    falls = [] if _scatter(diagnosis) else diagnosis.error_fall.channels
+    ratios = [one.after_over_noise or 0.0 for one in falls]
+    return [
+        one
+        for one, ratio in zip(falls, ratios, strict=True)
+        if ratio > WITHIN_NOISE and beyond_noise(ratio, one.readings)
+    ]
+
+
+def _left(diagnosis: "Diagnosis", beyond: "list[ChannelFall]") -> dict[str, str]:
+    """Of such channels, those that the model's own misfit to its table does not make, in words."""
+    own = own_misfit(diagnosis.observations)
+    return {
+        one.channel: f"the {CHANNEL_WORDS[one.channel]} by {amount(one.rms_after, one.channel, 3)} rms, "
+        f"{one.after_over_noise:.3g} times the noise of one reading"
+        for one in beyond
+        if one.rms_after > own[one.channel]
+    }
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
@@ -119,6 +161,12 @@ def _misfit(diagnosis: "Diagnosis") -> list[str]:
     return lines
 
 
+def _not_shown(diagnosis: "Diagnosis") -> list[str]:
+    """What may be missing all the same, since it changes no reading."""
+    blind = [score.name for score in diagnosis.ranking if score.note == CHANGES_NOTHING]
+    return [f"These readings cannot tell whether these are missing: {', '.join(blind)}."] if blind else []
+
+
 def _evidence(diagnosis: "Diagnosis") -> list[str]:
     if diagnosis.verdict == "compare_only":
         return []
@@ -151,6 +199,7 @@ def _could_show(diagnosis: "Diagnosis") -> list[str]:
     shown = [
         (name, smallest_visible(effects[name], amplitudes, nominal))
         for name, amplitudes in diagnosis.detectable.items()
+        if name not in {one.name for one in diagnosis.missing}
     ]
     beyond = " beyond the model's own misfit" if diagnosis.own_misfit else ""
     lines = [f"These data would have shown{beyond}, nine times in ten:"]

@@ -14,23 +14,25 @@ from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.tables.measurement import CHANNEL_WORDS
 
 _VERDICT = (
-    "Nothing is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. Noise "
+    "{nothing} is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. Noise "
     "taken off, that is {times} times its own misfit. Up to {most} times is taken for its own; this factor is "
     "assumed, and an error of up to {hidden} could hide behind it."
 )
 _FINER = "To see smaller errors, make the model's own misfit smaller. "
 
 
-def own_misfit_sentence(observations: Observations, times_own: float) -> str:
+def own_misfit_sentence(observations: Observations, times_own: float, apart: tuple[str, ...] = ()) -> str:
     """The verdict where a model misses the readings no more than its own table by an assumed factor.
 
     Parameters
     ----------
     times_own : float
         Of :class:`~femfit.identify.decision.model_test.ModelTest`.
+    apart : tuple of str
+        Channels whose error is more than noise and own misfit, which the sentence leaves out.
     """
     factor, both, hidden = math.sqrt(OWN_MISFIT), [], []
-    for name in observations.channels:
+    for name in (one for one in observations.channels if one not in apart):
         here, words = observations.of(name), CHANNEL_WORDS[name]
         read, own = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.tolerance))
         if own > 0.0:
@@ -38,9 +40,24 @@ def own_misfit_sentence(observations: Observations, times_own: float) -> str:
                 f"the {words} by {amount(read, name)} rms in these readings and {amount(own, name)} in that table"
             )
             hidden.append(f"{amount(factor * own, name)} rms of the {words}")
+    if not both:
+        return ""
     return _VERDICT.format(
-        both=", ".join(both), times=rounded(times_own, 2), most=f"{factor:g}", hidden=" or ".join(hidden)
+        nothing="Apart from that, nothing" if apart else "Nothing",
+        both=", ".join(both),
+        times=rounded(times_own, 2),
+        most=f"{factor:g}",
+        hidden=" or ".join(hidden),
     )
+
+
+def own_misfit(observations: Observations) -> dict[str, float]:
+    """Rms error per channel, in its unit, up to which it is taken for the model's own misfit to its table."""
+    factor = math.sqrt(OWN_MISFIT)
+    return {
+        name: factor * float(np.sqrt(np.mean(observations.tolerance[observations.of(name)] ** 2)))
+        for name in observations.channels
+    }
 
 
 def finer_model(model: ActuatorModel) -> str:

@@ -15,6 +15,9 @@ from femfit.identify.constants import COLUMN_STEP
 from femfit.identify.readings.observations import Observations
 
 _NO_MAGNET = "the drawing has no magnet"
+CHANGES_NOTHING = "it changes no reading at these settings"
+"""Why an effect cannot be tested that would be seen at other settings."""
+
 _MAGNET_UNKNOWN = (
     "whether there is a magnet is unknown: the model has no drawing and was fitted to no current of zero (fit it with "
     "--actuator)"
