@@ -17,11 +17,12 @@ from math import floor
 
 import numpy as np
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.pickup import PickupSensor
-from femfit.model.sampling import readings_span, sampled_value
+from femfit.model.sampling import WHOLE, readings_span, sampled_value
 from femfit.model.sensors import AnySensor, Reading, reading_of, sensor_named
 from femfit.simulation.constants import UNKNOWN_NOISE_PART
 
@@ -60,12 +61,25 @@ class SensorErrors:
 def loop_sensors(
     model: ActuatorModel, names: Sequence[str], noise: Mapping[str, float], sample_time_s: float
 ) -> tuple[LoopSensor, ...]:
-    """The named sensors of a model as a loop with this sample time reads them."""
+    """The named sensors of a model as a loop with this sample time reads them; a faster sensor at each of its samples.
+
+    Raises
+    ------
+    DomainError
+        If a slower sensor's sample time is no multiple of the loop's.
+    """
     found = []
     for name in names:
         sensor = sensor_named(model, name)
         reading = replace(reading_of(model, name), noise=noise[name])
-        period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / sample_time_s))
+        samples = (reading.sample_time_s or sample_time_s) / sample_time_s
+        period = max(1, round(samples))
+        if samples > 1.0 + WHOLE and abs(samples - period) > WHOLE * samples:
+            raise DomainError(
+                f"A sensor must be read at whole samples of the controller; sensor {name} is read every "
+                f"{amount(samples * sample_time_s, 's', 3)} and the controller's sample is "
+                f"{amount(sample_time_s, 's', 3)}. Make [sensors.{name}] sample_time_ms a multiple of it."
+            )
         found.append(LoopSensor(reading, sensor, reading.delay_s / sample_time_s, period))
     return tuple(found)
 

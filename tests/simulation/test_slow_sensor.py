@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from femfit.core.errors import DomainError
 from femfit.device.sensors import PositionSensor
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
@@ -88,3 +89,14 @@ def test_the_direct_measurement_stays_what_the_last_reading_said(slow):
     direct = direct_distance(slow, result.series)
     read = result.series.readings[::PERIOD, :, 0]  # The laser says the distance itself
     np.testing.assert_allclose(direct, np.repeat(read, PERIOD, axis=0), rtol=1e-9)
+
+
+def test_a_sample_time_between_those_of_the_controller_is_refused(levitation_model):
+    with pytest.raises(DomainError, match="multiple"):
+        design_with(levitation_model, NOISE, 1.5).loop_sensors()
+
+
+@pytest.mark.parametrize(("times", "period"), [(0.1, 1), (1.0, 1), (3.0, 3)])
+def test_a_sensor_is_read_at_whole_samples_and_a_faster_one_at_each(levitation_model, times, period):
+    (sensor,) = design_with(levitation_model, NOISE, times).loop_sensors()
+    assert sensor.period == period
