@@ -59,7 +59,9 @@ def test_departure_is_told_before_the_body_has_gone_as_far_as_the_noise(free):
     starts = next(event.time_s for event in free.events if event.name == "starts")
     gone = 1e-4 * np.argmax(free.table["distance_m"] < 4e-3 - 2.0 * DISTANCE_M)
     assert starts - 1e-3 < 1e-4 * found.rests[0].last < gone
-    assert "lift-off" in {one.code for one in found.findings}
+    said = next(one.text for one in found.findings if one.code == "lift-off")
+    by = float(said.partition(" by ")[2].split()[0])
+    assert starts < 1e-3 * by < starts + 5e-3, said
 
 
 def test_a_blocked_body_away_from_stops_is_held_whatever_the_model_misses(blocked):
