@@ -22,6 +22,7 @@ templates_path: list[str] = []
 # Pages
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
+highlight_language = "none"  # a block without a language is what a command prints
 nb_execution_mode = os.environ.get("FEMFIT_DOCS_EXECUTION", "cache")  # "off" leaves the tutorials' results out
 nb_execution_timeout = 600
 nb_execution_raise_on_error = True
