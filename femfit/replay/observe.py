@@ -81,7 +81,7 @@ def observe(
     >>> loop.write_csv("log.csv")
     >>> seen = ff.observe("model.json", "log.csv", sensors=("hall",), find=False)
     >>> print(str(seen).splitlines()[0])
-    ukf: consistent. It claims the distance to 26 µm.
+    ukf: consistent. It claims the distance to 27 µm.
     """
     model = model_of(model)
     series = read_measurement(record) if isinstance(record, str | Path) else record

@@ -203,6 +203,8 @@ def _units_by_header(headers: Sequence[str], units: Mapping[str, str]) -> dict[s
 
 def _score(header: str, name: str, said: str | None, guess: bool) -> int:
     """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
+    if header.strip() == name:
+        return 7 if guess else 2
     parsed, (_, si_unit) = parse_header(header), column_unit(name)
     if said is not None and unit_factor(said, si_unit) is not None:
         parsed = replace(parsed, unit=said)

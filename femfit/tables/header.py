@@ -14,7 +14,10 @@ from femfit.tables.number_text import looks_numeric
 from femfit.tables.units import column_unit, is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
-_TRAILING = re.compile(r"(?:\s*/\s*|\s*,\s*|\s+in\s+|\s+en\s+|\s+v\s+|[_\s]+)([^\s_/,]+)$")
+_BEFORE = r"(?:\s*/\s*|\s*,\s*|\s+in\s+|\s+en\s+|\s+v\s+|[_\s]+)"
+_TRAILING = tuple(re.compile(_BEFORE + unit) for unit in (r"([^\s_/,]+[/_][^\s_/,]+)$", r"([^\s_/,]+)$"))
+"""Units at the end of a header, a quotient before its denominator alone."""
+
 _WORD = re.compile(r"[A-ZΑ-Ω]?[a-zα-ω]+|[A-ZΑ-Ω]+(?![a-z])|\d+")
 _LONGEST = 200
 """Characters of a header that are looked at."""
@@ -56,9 +59,10 @@ def parse_header(text: str) -> Header:
         if inner and unit is None and unknown and inner != "-" and not looks_numeric(inner):
             unit, name, known = inner, stripped[: match.start()] + " " + stripped[match.end() :], False
     if unit is None:
-        trailing = _TRAILING.search(stripped)
-        if trailing and trailing.start() > 0 and is_unit(trailing.group(1)):
-            unit, name = trailing.group(1), stripped[: trailing.start()]
+        for trailing in (pattern.search(stripped) for pattern in _TRAILING):
+            if trailing and trailing.start() > 0 and is_unit(trailing.group(1).replace("_", "/")):
+                unit, name = trailing.group(1).replace("_", "/"), stripped[: trailing.start()]
+                break
     words = tuple(word.casefold() for word in _WORD.findall(plain(name)))
     return Header(stripped, words, unit, known)
 

@@ -206,3 +206,21 @@ def test_an_impossible_cell_is_set_aside_and_named(tmp_path):
     result = series(tmp_path, table)
     assert np.flatnonzero(result.rows["current_A"].isna()).tolist() == [100]
     assert ("outliers", "current_A") in {(one.code, one.column) for one in result.findings}
+
+
+@pytest.mark.parametrize("name", SERIES_COLUMNS[2:])
+def test_every_column_is_read_by_its_own_name(name, tmp_path):
+    table = record(50)
+    table[name] = np.linspace(1.0, 1.1, len(table))
+    read = series(tmp_path, table)
+    assert name in read.given
+    assert "unused-column" not in {one.code for one in read.findings}
+
+
+@pytest.mark.parametrize(
+    "header", ["Accel (m/s2)", "Beschleunigung in m/s²", "acceleration/m/s^2", "acc_m_s2", "Acceleration [m/s^2]"]
+)
+def test_an_acceleration_is_read_as_laboratories_write_it(header, tmp_path):
+    read = series(tmp_path, record(50).assign(**{header: 9.81}))
+    assert "acceleration_m_s2" in read.given
+    np.testing.assert_allclose(read.rows["acceleration_m_s2"], 9.81)

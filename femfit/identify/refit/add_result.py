@@ -139,9 +139,9 @@ class AddResult(Printed):
         risen = f"the error on runs left out rises: {self._risen()}" if self._risen() else ""
         if not self.accepted:
             worse = risen if self.filter is None or self.filter.accepted else "the filter is worse on runs left out"
-            return f"Not accepted: with {names} {worse}. On the readings fitted, {rest}"
+            return f"Not accepted: with {names} {worse}.\nOn the readings fitted, {rest}"
         return (
-            f"Added {names}, although {risen}. On the readings fitted, {rest}{doubt}"
+            f"Added {names}, although {risen}.\nOn the readings fitted, {rest}{doubt}"
             if risen
             else (f"Added {names}: {rest}{doubt}")
         )
