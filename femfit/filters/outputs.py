@@ -49,7 +49,7 @@ def outputs_of(
                 f"Give [sensors.{name}] its noise in the actuator file, or take it from a record: femfit observe."
             )
         bias = moving + list(biases).index(name) if name in biases else None
-        period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / model.sample_time_s))
+        period = reading.period(model.sample_time_s)
         measure, slope = partial(_read, model, sensor, moving, bias), _slope(model, sensor, bias)
         columns, samples = float_reading(model, sensor, bias), None if delayed is None else delayed.of_sensor(name)
         if delayed is not None and samples is not None:

@@ -59,6 +59,10 @@ class Reading:
         """Standard deviation of one sample, the rounding included."""
         return float(np.hypot(self.noise, self.rounding))
 
+    def period(self, step_s: float) -> int:
+        """Samples of ``step_s`` from one reading to the next, to the nearest; 1 where it is read at each."""
+        return 1 if self.sample_time_s is None else max(1, round(self.sample_time_s / step_s))
+
 
 def sensors_of(model: ActuatorModel) -> dict[str, AnySensor]:
     """All sensors by name, the Hall element first."""

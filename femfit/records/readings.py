@@ -40,7 +40,7 @@ def without_repeats(
     values: FloatArray, begins: NDArray[np.intp], reading: Reading, step_s: float
 ) -> tuple[FloatArray, list[Finding]]:
     """Readings with NaN where a slow sensor's last one was repeated, and what is said of it."""
-    period = 1 if reading.sample_time_s is None else max(1, round(reading.sample_time_s / step_s))
+    period = reading.period(step_s)
     again = repeated(values, begins, period)
     if not again.any():
         return values, []

@@ -73,7 +73,7 @@ def loop_sensors(
         sensor = sensor_named(model, name)
         reading = replace(reading_of(model, name), noise=noise[name])
         samples = (reading.sample_time_s or sample_time_s) / sample_time_s
-        period = max(1, round(samples))
+        period = reading.period(sample_time_s)
         if samples > 1.0 + WHOLE and abs(samples - period) > WHOLE * samples:
             raise DomainError(
                 f"A sensor must be read at whole samples of the controller; sensor {name} is read every "
