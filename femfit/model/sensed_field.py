@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.errors import DomainError
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallField
+from femfit.model.several_magnetics import of_one_circuit
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +55,7 @@ class SensedField(HallField):
         current: FloatArray,  # noqa: ARG002
         orders: tuple[tuple[int, int], ...],  # noqa: ARG002
     ) -> list[FloatArray]:
-        raise MissingPartError(
-            f"This needs a model with one circuit; instead its sensor's field is of {len(self.current_knots_A)}. Take "
-            "a drawing with one circuit, for example both coils in series."
-        )
+        raise of_one_circuit(f"its sensor's field is of {len(self.current_knots_A)}")
 
     def _values(self, distance: FloatArray, current: FloatArray, *, slopes: bool) -> list[FloatArray]:
         """The value and, where asked for, its slopes along the distance and each current."""

@@ -5,6 +5,14 @@ from femfit.core.errors import MissingPartError
 from femfit.model.magnetics import Magnetics, MagneticState
 
 
+def of_one_circuit(instead: str) -> MissingPartError:
+    """The refusal of what is written for one current, with what there is instead."""
+    return MissingPartError(
+        f"This needs a model with one circuit; instead {instead}. Take a drawing with one circuit, for example both "
+        "coils in series."
+    )
+
+
 class SeveralMagnetics(Magnetics):
     """A co-energy W'(d, i_1..i_n); distances have the shape (...), currents (..., n) in the order of ``names``."""
 
@@ -21,10 +29,7 @@ class SeveralMagnetics(Magnetics):
         orders: tuple[tuple[int, int], ...],  # noqa: ARG002
     ) -> list[FloatArray]:
         """Refuse what is written for one current."""
-        raise MissingPartError(
-            f"This needs a model with one circuit; instead the model has the circuits {', '.join(self.names)}. Take a "
-            "drawing with one circuit, for example both coils in series."
-        )
+        raise of_one_circuit(f"the model has the circuits {', '.join(self.names)}")
 
     def _derivatives(
         self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
