@@ -1,6 +1,7 @@
 """Co-energy splines and laws in a model file."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -13,6 +14,7 @@ from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.json_section import Section
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.network_magnetics import NetworkMagnetics
+from femfit.model.sensed_field import SensedField
 
 INVERSE, PLAIN = "inverse_distance", "distance"
 """What u may be: d_0 / (d + s), or d / d_0."""
@@ -138,40 +140,65 @@ def knots_from(section: Section, key: str, degree: int) -> tuple[FloatArray, int
 
 def tensor_to(tensor: CoenergyTensor) -> dict[str, Any]:
     """The co-energy of several circuits that saturate as JSON-ready data."""
-    along = zip(tensor.names, tensor.current_knots_A, tensor.current_degrees, strict=True)
-    return {
-        "kind": TENSOR_KIND,
-        **coordinate_to(tensor.coordinate),
-        "u_knots": tensor.u_knots.tolist(),
-        "u_degree": tensor.u_degree,
-        "circuits": [{"name": name, "knots_A": knots.tolist(), "degree": degree} for name, knots, degree in along],
-        "coefficients": tensor.coefficients.tolist(),
-    }
+    nested = nested_to(tensor, "circuits")
+    named = [{"name": name, **along} for name, along in zip(tensor.names, nested["circuits"], strict=True)]
+    return {"kind": TENSOR_KIND, **nested, "circuits": named}
 
 
 def _tensor_from(section: Section) -> CoenergyTensor:
-    place = ("coordinate", "reference_distance_m", "distance_shift_m")
-    section.refuse_others(("kind", "circuits", *place, "u_knots", "u_degree", "coefficients"))
     along = section.sections("circuits")
-    for one in along:
-        one.refuse_others(("name", "knots_A", "degree"))
     if len(along) < 2:
         raise section.refusal("circuits", "a list of two or more, each with name, knots_A and degree")
-    knots, degree = knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
-    each = [knots_from(one, "knots_A", one.integer("degree", 2, 9)) for one in along]
+    return CoenergyTensor(
+        tuple(one.text("name") for one in along),
+        *nested_from(section, "circuits", along, least_degree=2, others=("kind",), named=True),
+    )
+
+
+def nested_to(spline: CoenergyTensor | SensedField, key: str) -> dict[str, Any]:
+    """A spline of the distance and any currents as JSON-ready data, the currents' knots under a key."""
+    along = zip(spline.current_knots_A, spline.current_degrees, strict=True)
+    return {
+        **coordinate_to(spline.coordinate),
+        "u_knots": spline.u_knots.tolist(),
+        "u_degree": spline.u_degree,
+        key: [{"knots_A": knots.tolist(), "degree": degree} for knots, degree in along],
+        "coefficients": spline.coefficients.tolist(),
+    }
+
+
+def nested_from(
+    section: Section,
+    key: str,
+    along: Sequence[Section],
+    *,
+    least_degree: int,
+    others: tuple[str, ...] = (),
+    named: bool = False,
+) -> tuple[DistanceCoordinate, FloatArray, int, tuple[FloatArray, ...], tuple[int, ...], FloatArray]:
+    """Coordinate, knots and degree in it, those in each current, and coefficients, as :func:`nested_to` wrote them.
+
+    Parameters
+    ----------
+    along : sequence of Section
+        One a current.
+    others : tuple of str
+        Further keys of the section.
+    named : bool
+        Whether each current's section has a name.
+    """
+    place = ("coordinate", "reference_distance_m", "distance_shift_m")
+    section.refuse_others((*others, *place, "u_knots", "u_degree", key, "coefficients"))
+    for one in along:
+        one.refuse_others((*(("name",) if named else ()), "knots_A", "degree"))
+    knots, degree = knots_from(section, "u_knots", section.integer("u_degree", least_degree, 9))
+    each = [knots_from(one, "knots_A", one.integer("degree", least_degree, 9)) for one in along]
     needed = tuple(len(inner) - power - 1 for inner, power in ((knots, degree), *each))
     coefficients = section.array("coefficients", len(needed))
     if coefficients.shape != needed:
         raise section.refusal("coefficients", f"nested lists of {needed} numbers, as the knots ask for")
-    return CoenergyTensor(
-        tuple(one.text("name") for one in along),
-        coordinate_from(section),
-        knots,
-        degree,
-        tuple(inner for inner, _ in each),
-        tuple(power for _, power in each),
-        coefficients,
-    )
+    inner, powers = tuple(one for one, _ in each), tuple(power for _, power in each)
+    return coordinate_from(section), knots, degree, inner, powers, coefficients
 
 
 def coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
