@@ -175,6 +175,8 @@ class Effect:
     hall_point: Setting | None = None
     calibrations: tuple[Calibration, ...] = ()
     words: Callable[[Parameters, Nominal], Sequence[str]] | None = None
+    # What stands with it in the model file, of an effect that no name finds; see :mod:`femfit.model.carried`
+    carried: object | None = None
     of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.of_circuits`
 
     @property
@@ -187,7 +189,10 @@ class Effect:
         return {p.name: p.null for p in self.parameters}
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
-        """Copy and pickle an effect of the catalogue as its name: functions of its stages may have none."""
+        """Copy and pickle an effect of the catalogue as its name: functions of its stages may have none.
+
+        One that carries its data is pickled with them.
+        """
         from femfit.effects.catalogue import all_effects, effect_by_name  # noqa: PLC0415  it imports this file
 
         if self.of or all_effects().get(self.name) is self:

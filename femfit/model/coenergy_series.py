@@ -1,5 +1,6 @@
 """The co-energy of a base model as a Taylor series."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,13 +21,16 @@ class ModelCoenergy:
     def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
         """Taylor coefficients at points (n,) in m and A."""
         orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
-        factorials = np.cumprod(np.maximum(np.arange(max(in_distance, in_current) + 1.0), 1.0))
+        field = None if self.hall is None else self.hall.partials(distance, current, orders)
         result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
-        field = self.hall.partials(distance, current, orders) if self.hall else None
-        for k, ((a, b), value) in enumerate(
-            zip(orders, self.magnetics.coenergy_derivatives(distance, current, orders), strict=True)
-        ):
-            result[0, a, b] = value / (factorials[a] * factorials[b])
-            if field is not None:
-                result[1, a, b] = field[k] / (factorials[a] * factorials[b])
+        result[0] = taylor(self.magnetics.coenergy_derivatives(distance, current, orders), in_distance, in_current)
+        if field is not None:
+            result[1] = taylor(field, in_distance, in_current)
         return TaylorSeries(result)
+
+
+def taylor(derivatives: Sequence[FloatArray], in_distance: int, in_current: int) -> FloatArray:
+    """Taylor coefficients, shape (A + 1, B + 1, n), from derivatives of orders (0, 0), (0, 1), .. (A, B)."""
+    factorials = np.cumprod(np.maximum(np.arange(max(in_distance, in_current) + 1.0), 1.0))
+    both = factorials[: in_distance + 1, None] * factorials[: in_current + 1]
+    return np.asarray(np.reshape(derivatives, (*both.shape, -1)) / both[..., None])

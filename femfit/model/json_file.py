@@ -22,10 +22,12 @@ from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.carried import Carried
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.hall import HallField, HallSpline
 from femfit.model.hall_sensor import HallSensor
+from femfit.model.json_carried import carried_from, carried_to
 from femfit.model.json_magnetics import (
     NETWORK_KIND,
     magnetics_from,
@@ -164,7 +166,8 @@ def _plain(value: object) -> Any:
 
 def _record(value: "DataclassInstance") -> dict[str, Any]:
     if isinstance(value, AddedEffect):
-        return {"name": value.effect.name, "parameters": dict(value.parameters), "ci95": _plain(value.ci95)}
+        data = {"name": value.effect.name, "parameters": dict(value.parameters), "ci95": _plain(value.ci95)}
+        return data | ({"carried": carried_to(value.effect)} if isinstance(value.effect.carried, Carried) else {})
     if isinstance(value, CoenergySpline | HallSpline):
         kind = {} if isinstance(value, HallSpline) else {"kind": "coenergy_spline"}
         return kind | spline_to(value.coordinate, value.spline)
@@ -256,8 +259,9 @@ def _validity_from(section: Section) -> ValidityBox:
 
 
 def _effect_from(section: Section) -> AddedEffect:
-    section.refuse_others(("name", "parameters", "ci95"))
-    effect = section.item("name", effect_by_name)
+    section.refuse_others(("name", "parameters", "ci95", "carried"))
+    carried = section.optional_section("carried")
+    effect = carried_from(section.text("name"), carried) if carried else section.item("name", effect_by_name)
     names = tuple(p.name for p in effect.parameters)
     parameters, intervals = section.section("parameters"), section.section("ci95")
     parameters.refuse_others(names)

@@ -107,7 +107,9 @@ def _require_built_in_law(model: ActuatorModel) -> None:
 
 def _require_built_in_effects(model: ActuatorModel) -> None:
     own = {effect.name for effect in effects.BUILT_IN}
-    foreign = [added.effect.name for added in model.effects if added.effect.name not in own]
+    foreign = [
+        added.effect.name for added in model.effects if added.effect.name not in own and added.effect.carried is None
+    ]
     if foreign:
         raise MissingPartError(
             f"Effect {foreign[0]!r} comes from another installed package and cannot be exported; the export holds "

@@ -1,0 +1,197 @@
+"""Effects that carry their own data: splines in place of a formula, kept with the effect in the model file.
+
+An effect of the catalogue is a formula that its name finds. A carried one is known by what stands with it: a change of
+the co-energy W'(d, i) and of the field at the Hall element, from which force, flux linkage, motional constant and
+inductance follow together; curves that straighten or bend a sensor; a brake. Each is in proportion to a power of one of
+the effect's parameters.
+
+Splines whose outermost cells are constant are constant for ever beyond them (:func:`bounded_basis`): what was learnt
+from data then adds no force beyond their distances, nor a flux linkage that grows beyond their currents.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Effect, EffectParameter, Parameters
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.coenergy_series import taylor
+from femfit.model.coordinate import DistanceCoordinate
+
+
+@dataclass(frozen=True, eq=False)
+class FieldTerm:
+    """What one parameter changes of W'(d, i) and of the field at the Hall element."""
+
+    parameter: str
+    coordinate: DistanceCoordinate
+    coenergy: TensorSpline | None = None  # In (u, i), in J over the parameter's unit
+    hall: TensorSpline | None = None  # In (u, i), in T over the parameter's unit
+    power: int = 1  # Of the parameter
+
+
+@dataclass(frozen=True, eq=False)
+class FieldChange:
+    """The ``coenergy`` stage of a carried effect: W' + sum of a^n S(u(d), i)."""
+
+    terms: tuple[FieldTerm, ...]
+
+    def __call__(
+        self,
+        inner: CoenergySeries,
+        distance: FloatArray,
+        current: FloatArray,
+        in_distance: int,
+        in_current: int,
+        conditions: Conditions,  # noqa: ARG002  a stage's signature
+        p: Parameters,
+    ) -> TaylorSeries:
+        """The changed co-energy at points (n,)."""
+        result = inner(distance, current, in_distance, in_current).coefficients.copy()
+        orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
+        for term in self.terms:
+            size = p[term.parameter] ** term.power
+            for k, spline in enumerate((term.coenergy, term.hall)):
+                if spline is not None and size != 0.0:
+                    values = term.coordinate.partial_derivatives(spline, distance, current, orders)
+                    result[k] += size * taylor(values, in_distance, in_current)
+        return TaylorSeries(result)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A spline of one variable in proportion to a parameter; beyond its knots the values at their ends hold."""
+
+    parameter: str
+    knots: FloatArray  # Clamped
+    degree: int
+    coefficients: FloatArray
+
+    def at(self, x: FloatArray, p: Parameters) -> FloatArray:
+        """Values at points of any shape."""
+        inside = np.clip(np.ravel(x), self.knots[0], self.knots[-1])
+        values = basis_matrix(inside, self.knots, self.degree) @ self.coefficients
+        return np.asarray(p[self.parameter] * values.reshape(np.shape(x)))
+
+
+@dataclass(frozen=True, eq=False)
+class SettingChange:
+    """The ``setting`` stage: true minus recorded distance, and current, over what is recorded."""
+
+    distance_m: Curve | None = None
+    current_A: Curve | None = None
+
+    def __call__(
+        self,
+        d: FloatArray,
+        i: FloatArray,
+        conditions: Conditions,  # noqa: ARG002
+        p: Parameters,
+    ) -> tuple[FloatArray, FloatArray]:
+        """True distances and currents."""
+        moved = d if self.distance_m is None else d + self.distance_m.at(d, p)
+        return moved, i if self.current_A is None else i + self.current_A.at(i, p)
+
+
+@dataclass(frozen=True, eq=False)
+class ReadingChange:
+    """The ``readings`` stage: recorded minus true reading of each channel over the true one."""
+
+    channels: Mapping[str, Curve]
+
+    def __call__(
+        self,
+        values: Mapping[str, FloatArray],
+        d: FloatArray,  # noqa: ARG002
+        i: FloatArray,  # noqa: ARG002
+        conditions: Conditions,  # noqa: ARG002
+        p: Parameters,
+    ) -> Mapping[str, FloatArray]:
+        """The recorded readings."""
+        read = {name: curve for name, curve in self.channels.items() if name in values}
+        return {**values, **{name: values[name] + curve.at(values[name], p) for name, curve in read.items()}}
+
+
+@dataclass(frozen=True, eq=False)
+class Brake:
+    """The ``force`` stage: a force D(|v|) >= 0 against the velocity, zero at rest."""
+
+    against: Curve
+
+    def __call__(self, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:  # noqa: ARG002
+        """Towards the electromagnet where the body falls away."""
+        v = like(conditions.velocity_m_s, d)
+        return np.asarray(np.sign(v) * np.maximum(self.against.at(np.abs(v), p), 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """All that an effect carries; the stages that it has act."""
+
+    magnetics: FieldChange | None = None
+    setting: SettingChange | None = None
+    readings: ReadingChange | None = None
+    brake: Brake | None = None
+    notes: Mapping[str, str] | None = None  # Texts that go with it, as a law that it follows
+
+
+def carried_effect(
+    name: str,
+    symptom: str,
+    parameters: Sequence[EffectParameter],
+    carried: Carried,
+    *,
+    experiment: str = "",
+    reference: str = "",
+) -> Effect:
+    """The effect that acts as its data say."""
+    acts = {
+        "magnetics": carried.magnetics,
+        "bench": carried.setting,
+        "sensors": carried.readings,
+        "force": carried.brake,
+    }
+    return Effect(
+        name=name,
+        symptom=symptom,
+        acts_on=tuple(what for what, stage in acts.items() if stage is not None),
+        parameters=tuple(parameters),
+        needs=(),
+        experiment=experiment,
+        reference=reference,
+        coenergy=carried.magnetics,
+        setting=carried.setting,
+        readings=carried.readings,
+        force=carried.brake,
+        carried=carried,
+    )
+
+
+def bounded_basis(low: float, high: float, cells: int, degree: int, margin: int = 2) -> tuple[FloatArray, FloatArray]:
+    """Knots, and the map E from free coefficients to all, of a spline that is constant outside of its data.
+
+    Over the range there are ``cells`` cells, beyond each end ``margin`` of them, in the outermost of which the spline
+    is constant, since the ``degree + 1`` coefficients there are one: its continuation is that constant. By the
+    convex hull of a B-spline its slope stays within the largest slope of its coefficients.
+
+    Parameters
+    ----------
+    margin : int
+        At least 1.
+
+    Returns
+    -------
+    tuple of (array, array of shape (coefficients, free))
+        Knots, clamped, and E.
+    """
+    step = (high - low) / cells
+    inner = low + step * np.arange(-margin, cells + margin + 1)
+    knots = np.concatenate([np.full(degree, inner[0]), inner, np.full(degree, inner[-1])])
+    count = len(knots) - degree - 1
+    free = count - 2 * degree
+    place = np.clip(np.arange(count) - degree, 0, free - 1)
+    return knots, np.asarray(place[:, None] == np.arange(free), dtype=np.float64)

@@ -1,0 +1,129 @@
+"""Effects that carry their own data, in a model file."""
+
+from typing import Any
+
+from femfit.effects.effect import Effect, EffectParameter
+from femfit.model.bspline import TensorSpline
+from femfit.model.carried import (
+    Brake,
+    Carried,
+    Curve,
+    FieldChange,
+    FieldTerm,
+    ReadingChange,
+    SettingChange,
+    carried_effect,
+)
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.json_magnetics import knots_from, spline_from, spline_to
+from femfit.model.json_section import Section
+
+_TEXTS = ("symptom", "experiment", "reference")
+_MAGNETICS, _BRAKE = "magnetics", "brake"
+_CURVES = "setting", "readings"
+
+
+def carried_to(effect: Effect) -> dict[str, Any]:
+    """What an effect carries, as JSON-ready data."""
+    carried = effect.carried
+    assert isinstance(carried, Carried)  # noqa: S101  the model file asks for such effects alone
+    data: dict[str, Any] = {key: getattr(effect, key) for key in _TEXTS}
+    data["parameters"] = [_parameter_to(p) for p in effect.parameters]
+    if carried.magnetics is not None:
+        data[_MAGNETICS] = [_term_to(term) for term in carried.magnetics.terms]
+    if carried.setting is not None:
+        both = {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
+        data["setting"] = {name: _curve_to(curve) for name, curve in both.items() if curve is not None}
+    if carried.readings is not None:
+        data["readings"] = {name: _curve_to(curve) for name, curve in carried.readings.channels.items()}
+    if carried.brake is not None:
+        data[_BRAKE] = _curve_to(carried.brake.against)
+    return data | ({"notes": dict(carried.notes)} if carried.notes else {})
+
+
+def carried_from(name: str, section: Section) -> Effect:
+    """The effect of a name with what it carries."""
+    section.refuse_others((*_TEXTS, "parameters", _MAGNETICS, *_CURVES, _BRAKE, "notes"))
+    parameters = tuple(_parameter_from(one) for one in section.sections("parameters"))
+    known = {p.name for p in parameters}
+    terms = section.sections(_MAGNETICS) if section.data.get(_MAGNETICS) else ()
+    curves = {key: _curves_from(section.optional_section(key), known) for key in _CURVES}
+    brake, notes = section.optional_section(_BRAKE), section.optional_section("notes")
+    if (setting := section.optional_section("setting")) is not None:
+        setting.refuse_others(("distance_m", "current_A"))
+    carried = Carried(
+        magnetics=FieldChange(tuple(_term_from(one, known) for one in terms)) if terms else None,
+        setting=SettingChange(**curves["setting"]) if curves["setting"] else None,
+        readings=ReadingChange(curves["readings"]) if curves["readings"] else None,
+        brake=Brake(_curve_from(brake, known)) if brake else None,
+        notes={key: notes.text(key) for key in notes.data} if notes else None,
+    )
+    texts = {key: section.text(key) for key in _TEXTS}
+    return carried_effect(name, texts.pop("symptom"), parameters, carried, **texts)
+
+
+def _parameter_to(p: EffectParameter) -> dict[str, Any]:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in vars(p).items()}
+
+
+def _parameter_from(section: Section) -> EffectParameter:
+    pairs = {key: section.array(key, 1) for key in ("bounds", "plausible")}
+    for key, pair in pairs.items():
+        if len(pair) != 2:
+            raise section.refusal(key, "a pair of numbers")
+    given = {key: (float(pair[0]), float(pair[1])) for key, pair in pairs.items()}
+    return section.record(EffectParameter, **given)
+
+
+def _term_to(term: FieldTerm) -> dict[str, Any]:
+    splines = {"coenergy_J": term.coenergy, "hall_T": term.hall}
+    written = {key: spline_to(term.coordinate, one) for key, one in splines.items() if one is not None}
+    return {"parameter": term.parameter, "power": term.power, **written}
+
+
+def _term_from(section: Section, parameters: set[str]) -> FieldTerm:
+    section.refuse_others(("parameter", "power", "coenergy_J", "hall_T"))
+    found: dict[str, tuple[DistanceCoordinate, TensorSpline]] = {
+        key: spline_from(section.section(key)) for key in ("coenergy_J", "hall_T") if key in section.data
+    }
+    coordinates = {coordinate for coordinate, _ in found.values()}
+    if len(coordinates) != 1:
+        raise section.refusal("coenergy_J", "a spline, in the same coordinate as hall_T where both are there")
+    splines = {key: spline for key, (_, spline) in found.items()}
+    return FieldTerm(
+        parameter=_parameter_of(section, parameters),
+        coordinate=coordinates.pop(),
+        coenergy=splines.get("coenergy_J"),
+        hall=splines.get("hall_T"),
+        power=section.integer("power", 1, 9),
+    )
+
+
+def _curve_to(curve: Curve) -> dict[str, Any]:
+    return {
+        "parameter": curve.parameter,
+        "knots": curve.knots.tolist(),
+        "degree": curve.degree,
+        "coefficients": curve.coefficients.tolist(),
+    }
+
+
+def _curves_from(section: Section | None, parameters: set[str]) -> dict[str, Curve]:
+    keys = section.data if section is not None else ()
+    return {key: _curve_from(section.section(key), parameters) for key in keys if section is not None}
+
+
+def _curve_from(section: Section, parameters: set[str]) -> Curve:
+    section.refuse_others(("parameter", "knots", "degree", "coefficients"))
+    knots, degree = knots_from(section, "knots", section.integer("degree", 1, 9))
+    coefficients = section.array("coefficients", 1)
+    if len(coefficients) != len(knots) - degree - 1:
+        raise section.refusal("coefficients", f"{len(knots) - degree - 1} numbers, as the knots ask for")
+    return Curve(_parameter_of(section, parameters), knots, degree, coefficients)
+
+
+def _parameter_of(section: Section, known: set[str]) -> str:
+    name = section.text("parameter")
+    if name not in known:
+        raise section.refusal("parameter", f"one of the effect's ({', '.join(sorted(known))})")
+    return name

@@ -1,0 +1,177 @@
+"""An effect that carries splines: one co-energy for all channels, constant beyond its data, nothing lost on the way."""
+
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import ModelFileError
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.model.bspline import TensorSpline
+from femfit.model.carried import (
+    Brake,
+    Carried,
+    Curve,
+    FieldChange,
+    FieldTerm,
+    ReadingChange,
+    SettingChange,
+    bounded_basis,
+    carried_effect,
+)
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.json_file import model_from_dict, model_to_dict
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
+
+SHARE = EffectParameter("share", bounds=(-2.0, 2.0), plausible=(0.0, 1.0), description="How much of it is there.")
+DEGREE = 4
+RANGE_M, RANGE_A = (0.02, 0.04), (0.2, 1.2)
+
+
+def bounded(rng, *ranges, size):
+    """A spline in one variable or two with random coefficients that is constant beyond its data."""
+    knots, maps = zip(*(bounded_basis(*one, cells=4, degree=DEGREE) for one in ranges), strict=True)
+    free = size * rng.normal(size=[one.shape[1] for one in maps])
+    if len(ranges) == 1:
+        return Curve("share", knots[0], DEGREE, maps[0] @ free)
+    return TensorSpline(knots[0], knots[1], DEGREE, DEGREE, maps[0] @ free @ maps[1].T)
+
+
+@pytest.fixture(scope="module")
+def carried():
+    rng, plain = np.random.default_rng(3), DistanceCoordinate(1.0, inverse=False)
+    coenergy, hall = (bounded(rng, RANGE_M, RANGE_A, size=size) for size in (1e-5, 1e-3))
+    brake = bounded(rng, (0.0, 1.0), size=1e-3)
+    return Carried(
+        FieldChange((FieldTerm("share", plain, coenergy, hall),)),
+        SettingChange(distance_m=bounded(rng, RANGE_M, size=1e-5)),
+        ReadingChange({"force_N": bounded(rng, (0.0, 0.2), size=1e-3)}),
+        Brake(Curve("share", brake.knots, DEGREE, np.abs(brake.coefficients))),
+        {"law": "none"},
+    )
+
+
+@pytest.fixture(scope="module")
+def effect(carried):
+    return carried_effect("learnt", "The readings depart smoothly.", [SHARE], carried)
+
+
+@pytest.fixture(scope="module")
+def model(levitation_model, effect):
+    return with_effects(levitation_model, [AddedEffect(effect, {"share": 1.0})])
+
+
+def points(low_d, high_d, low_i, high_i, count=9):
+    return [x.ravel() for x in np.meshgrid(np.linspace(low_d, high_d, count), np.linspace(low_i, high_i, count))]
+
+
+def change(effect, base, d, i, orders=(2, 2), share=1.0):
+    """What the effect adds to the co-energy, as a series."""
+    coenergy = base_coenergy(base)
+    series = effect.coenergy(coenergy, d, i, *orders, Conditions(nominal_of(base)), {"share": share})
+    return series - coenergy(d, i, *orders)
+
+
+def test_force_and_flux_linkage_come_from_one_function(model, levitation_model):
+    d, i = points(0.016, 0.044, 0.05, 1.35)
+    h = 1e-6
+    before, after = levitation_model.magnetics, model.magnetics
+
+    def force(d, i):
+        return after.force(d, i) - before.force(d, i)
+
+    def flux(d, i):
+        return after.flux_linkage(d, i) - before.flux_linkage(d, i)
+
+    slopes = (force(d, i + h) - force(d, i - h)) / (2 * h), -(flux(d + h, i) - flux(d - h, i)) / (2 * h)
+    largest = np.abs(slopes[0]).max()
+    # Differences over 2e-6 of numbers with 16 digits, of a spline whose third derivative is 1e5 times its slope
+    np.testing.assert_allclose(slopes[0], slopes[1], rtol=1e-4, atol=1e-4 * largest)
+    exact = after.motional_constant(d, i) - before.motional_constant(d, i)
+    np.testing.assert_allclose(exact, slopes[0], rtol=1e-4, atol=1e-4 * largest)
+
+
+def test_no_energy_is_gained_over_a_closed_cycle(effect, levitation_model):
+    # The work of force and winding around a rectangle in (d, i): closed integral of -F dd + flux linkage di of dW'
+    nodes, weights = np.polynomial.legendre.leggauss(DEGREE)  # exact within a cell
+    d, i = ((np.linspace(*ends, 5)[:-1, None] + np.ptp(ends) / 8 * (1 + nodes)).ravel() for ends in (RANGE_M, RANGE_A))
+    over_d, over_i = (np.tile(np.ptp(ends) / 8 * weights, 4) for ends in (RANGE_M, RANGE_A))
+    parts = [
+        sign * over_d @ change(effect, levitation_model, d, np.full_like(d, at)).derivative(1, 0)
+        for at, sign in zip(RANGE_A, (1.0, -1.0), strict=True)
+    ]
+    parts += [
+        sign * over_i @ change(effect, levitation_model, np.full_like(i, at), i).derivative(0, 1)
+        for at, sign in zip(RANGE_M, (-1.0, 1.0), strict=True)
+    ]
+    assert np.abs(parts).max() > 1e-6  # J
+    assert abs(sum(parts)) < 1e-12
+
+
+def test_beyond_its_data_it_stays_constant(effect, levitation_model):
+    d, i = points(0.019, 0.041, 0.1, 1.3, 60)
+    inside = change(effect, levitation_model, d, i)
+    far = change(effect, levitation_model, *points(0.06, 1.0, 0.2, 1.2))
+    assert np.abs(inside.derivative(1, 0)).max() > 1e-4
+    assert np.abs(far.derivative(1, 0)).max() < 1e-9  # no force
+    assert np.abs(far.derivative(0, 1)).max() <= np.abs(inside.derivative(0, 1)).max() * 1.001
+    high = change(effect, levitation_model, *points(0.02, 0.04, 3.0, 50.0))
+    assert np.abs(high.derivative(0, 1)).max() < 1e-9
+    assert np.abs(high.derivative(1, 0)).max() <= np.abs(inside.derivative(1, 0)).max() * 1.001
+    assert np.abs(high.derivative(0, 0, 1)).max() <= np.abs(inside.derivative(0, 0, 1)).max() * 1.001
+
+
+def test_its_slope_stays_within_that_of_its_coefficients():
+    rng = np.random.default_rng(1)
+    knots, expand = bounded_basis(-1.0, 1.0, cells=6, degree=DEGREE)
+    free = rng.normal(size=expand.shape[1])
+    spline = TensorSpline(knots, np.array([0.0, 1.0]), DEGREE, 0, (expand @ free)[:, None])
+    x = np.linspace(-9.0, 9.0, 5001)
+    value, slope = spline.derivatives(x, np.zeros_like(x), ((0, 0), (1, 0)))
+    spans = (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1]) / DEGREE
+    assert np.abs(slope).max() <= np.abs(np.diff(expand @ free) / spans).max()
+    assert np.abs(value).max() <= np.abs(free).max()
+    assert slope[0] == pytest.approx(0.0, abs=1e-9)  # rounding of a quartic, eight cells beyond its end
+
+
+def test_the_brake_never_pushes(carried, effect, levitation_model):
+    v = np.linspace(-3.0, 3.0, 301)
+    at = Conditions(nominal_of(levitation_model), velocity_m_s=v)
+    # Towards the electromagnet where the body falls away: its power on the body is -F v
+    power = -effect.force(np.full_like(v, 0.03), np.zeros_like(v), at, {"share": 1.0}) * v
+    assert power.max() <= 0.0
+    assert power.min() < -1e-5
+
+
+def test_nothing_of_it_is_nothing(levitation_model, effect):
+    d, i = points(0.016, 0.044, 0.0, 1.4)
+    at = Conditions(nominal_of(levitation_model))
+    plain = predict_readings(levitation_model, d, i, at)
+    none = predict_readings(levitation_model, d, i, at, [AddedEffect(effect, {"share": 0.0})])
+    for name, values in plain.items():
+        np.testing.assert_array_equal(none[name], values)
+
+
+def test_it_survives_the_model_file_and_a_pickle(model):
+    d, i = points(0.016, 0.044, 0.0, 1.4)
+    read = model_from_dict(json.loads(json.dumps(model_to_dict(model))))
+    for again in (read, pickle.loads(pickle.dumps(model))):  # noqa: S301  its own
+        assert model_to_dict(again) == model_to_dict(model)
+        at = Conditions(nominal_of(model))
+        for name, values in predict_readings(model, d, i, at).items():
+            np.testing.assert_array_equal(predict_readings(again, d, i, at)[name], values)
+
+
+def test_damaged_data_are_refused(model):
+    data = model_to_dict(model)
+    term = data["effects"][0]["carried"]["magnetics"][0]
+    term["parameter"] = "amount"
+    with pytest.raises(ModelFileError, match="parameter must be one of the effect's"):
+        model_from_dict(data)
+    term["parameter"], curve = "share", data["effects"][0]["carried"]["brake"]
+    curve["coefficients"] = curve["coefficients"][1:]
+    with pytest.raises(ModelFileError, match="as the knots ask for"):
+        model_from_dict(data)
