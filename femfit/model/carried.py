@@ -118,14 +118,33 @@ class ReadingChange:
 
 @dataclass(frozen=True, eq=False)
 class Brake:
-    """The ``force`` stage: a force D(|v|) >= 0 against the velocity, zero at rest."""
+    """The ``force`` stage: a force D(|v|) tanh(|v| / v_0) >= 0 against the velocity."""
 
-    against: Curve
+    against: Curve  # D over |v|
+    rounded_m_s: float  # v_0, so that it goes through zero with the velocity
 
     def __call__(self, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:  # noqa: ARG002
         """Towards the electromagnet where the body falls away."""
         v = like(conditions.velocity_m_s, d)
-        return np.asarray(np.sign(v) * np.maximum(self.against.at(np.abs(v), p), 0.0))
+        return np.asarray(np.tanh(v / self.rounded_m_s) * np.maximum(self.against.at(np.abs(v), p), 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class FurtherResistance:
+    """The ``circuit`` stage: resistance of the winding over the magnitude of its current; it never feeds it."""
+
+    over: Curve
+
+    def __call__(
+        self,
+        resistance: FloatArray,
+        voltage: FloatArray,
+        current: FloatArray,
+        conditions: Conditions,  # noqa: ARG002
+        p: Parameters,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Resistances in ohm, and the voltages as they are."""
+        return np.maximum(resistance + self.over.at(np.abs(current), p), 0.0), voltage
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +155,7 @@ class Carried:
     setting: SettingChange | None = None
     readings: ReadingChange | None = None
     brake: Brake | None = None
+    resistance: FurtherResistance | None = None
     notes: Mapping[str, str] | None = None  # Texts that go with it, as a law that it follows
 
 
@@ -167,31 +187,26 @@ def carried_effect(
         setting=carried.setting,
         readings=carried.readings,
         force=carried.brake,
+        circuit=carried.resistance,
         carried=carried,
     )
 
 
-def bounded_basis(low: float, high: float, cells: int, degree: int, margin: int = 2) -> tuple[FloatArray, FloatArray]:
+def bounded_basis(low: float, high: float, cells: int, degree: int) -> tuple[FloatArray, FloatArray]:
     """Knots, and the map E from free coefficients to all, of a spline that is constant outside of its data.
 
-    Over the range there are ``cells`` cells, beyond each end ``margin`` of them, in the outermost of which the spline
-    is constant, since the ``degree + 1`` coefficients there are one: its continuation is that constant. By the
-    convex hull of a B-spline its slope stays within the largest slope of its coefficients.
-
-    Parameters
-    ----------
-    margin : int
-        At least 1.
+    Over the range there are ``cells`` cells and every spline is possible. Beyond each end ``degree`` further cells lead
+    to a constant: in the outermost one the ``degree + 1`` coefficients are equal, and its continuation is that
+    constant. By the convex hull of a B-spline its slope stays within the largest slope of its coefficients.
 
     Returns
     -------
-    tuple of (array, array of shape (coefficients, free))
+    tuple of (array, array of shape (coefficients, cells + degree))
         Knots, clamped, and E.
     """
     step = (high - low) / cells
-    inner = low + step * np.arange(-margin, cells + margin + 1)
+    inner = low + step * np.arange(-degree, cells + degree + 1)
     knots = np.concatenate([np.full(degree, inner[0]), inner, np.full(degree, inner[-1])])
-    count = len(knots) - degree - 1
-    free = count - 2 * degree
-    place = np.clip(np.arange(count) - degree, 0, free - 1)
+    free = cells + degree
+    place = np.clip(np.arange(len(knots) - degree - 1) - degree, 0, free - 1)
     return knots, np.asarray(place[:, None] == np.arange(free), dtype=np.float64)

@@ -10,6 +10,7 @@ from femfit.model.carried import (
     Curve,
     FieldChange,
     FieldTerm,
+    FurtherResistance,
     ReadingChange,
     SettingChange,
     carried_effect,
@@ -19,7 +20,7 @@ from femfit.model.json_magnetics import knots_from, spline_from, spline_to
 from femfit.model.json_section import Section
 
 _TEXTS = ("symptom", "experiment", "reference")
-_MAGNETICS, _BRAKE = "magnetics", "brake"
+_MAGNETICS, _BRAKE, _RESISTANCE = "magnetics", "brake", "resistance"
 _CURVES = "setting", "readings"
 
 
@@ -37,25 +38,28 @@ def carried_to(effect: Effect) -> dict[str, Any]:
     if carried.readings is not None:
         data["readings"] = {name: _curve_to(curve) for name, curve in carried.readings.channels.items()}
     if carried.brake is not None:
-        data[_BRAKE] = _curve_to(carried.brake.against)
+        data[_BRAKE] = {"rounded_m_s": carried.brake.rounded_m_s, "against": _curve_to(carried.brake.against)}
+    if carried.resistance is not None:
+        data[_RESISTANCE] = _curve_to(carried.resistance.over)
     return data | ({"notes": dict(carried.notes)} if carried.notes else {})
 
 
 def carried_from(name: str, section: Section) -> Effect:
     """The effect of a name with what it carries."""
-    section.refuse_others((*_TEXTS, "parameters", _MAGNETICS, *_CURVES, _BRAKE, "notes"))
+    section.refuse_others((*_TEXTS, "parameters", _MAGNETICS, *_CURVES, _BRAKE, _RESISTANCE, "notes"))
     parameters = tuple(_parameter_from(one) for one in section.sections("parameters"))
     known = {p.name for p in parameters}
     terms = section.sections(_MAGNETICS) if section.data.get(_MAGNETICS) else ()
     curves = {key: _curves_from(section.optional_section(key), known) for key in _CURVES}
-    brake, notes = section.optional_section(_BRAKE), section.optional_section("notes")
+    brake, resistance, notes = (section.optional_section(key) for key in (_BRAKE, _RESISTANCE, "notes"))
     if (setting := section.optional_section("setting")) is not None:
         setting.refuse_others(("distance_m", "current_A"))
     carried = Carried(
         magnetics=FieldChange(tuple(_term_from(one, known) for one in terms)) if terms else None,
         setting=SettingChange(**curves["setting"]) if curves["setting"] else None,
         readings=ReadingChange(curves["readings"]) if curves["readings"] else None,
-        brake=Brake(_curve_from(brake, known)) if brake else None,
+        brake=_brake_from(brake, known) if brake else None,
+        resistance=FurtherResistance(_curve_from(resistance, known)) if resistance else None,
         notes={key: notes.text(key) for key in notes.data} if notes else None,
     )
     texts = {key: section.text(key) for key in _TEXTS}
@@ -120,6 +124,11 @@ def _curve_from(section: Section, parameters: set[str]) -> Curve:
     if len(coefficients) != len(knots) - degree - 1:
         raise section.refusal("coefficients", f"{len(knots) - degree - 1} numbers, as the knots ask for")
     return Curve(_parameter_of(section, parameters), knots, degree, coefficients)
+
+
+def _brake_from(section: Section, parameters: set[str]) -> Brake:
+    section.refuse_others(("against", "rounded_m_s"))
+    return Brake(_curve_from(section.section("against"), parameters), section.number("rounded_m_s", positive=True))
 
 
 def _parameter_of(section: Section, known: set[str]) -> str:
