@@ -18,6 +18,7 @@ from femfit.fit.constants import (
     CLOSEST,
     FEWEST_CURRENTS,
     HELD_OUT_TARGET,
+    MOST_BENT_CELLS,
     MOST_CELLS,
     NEARLY_BEST,
     NEARLY_BEST_BENT,
@@ -45,12 +46,12 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     ]  # a bend that is not resolved hides what the distances show
     basis, error = CoenergyBasis(**in_distance[0], **start), np.inf
     for _ in range(ROUNDS):
-        before = basis.shape
+        before = basis.current_knots
         for trials in (in_distance, in_current):
             basis, error = _best([replace(basis, **trial) for trial in trials], system)
             if error < HELD_OUT_TARGET:
                 return basis, error
-        if basis.shape == before:
+        if basis.current_knots is before:  # the distance was searched with these
             break
     if not np.isfinite(error):
         raise FitError(
@@ -116,17 +117,19 @@ def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
 
 
 def _bent_breaks(rows: FitRows) -> list[FloatArray]:
-    """Breaks at the currents and at the thirds between them, or evenly fewer of these.
+    """Breaks at the currents and at the thirds between them, at each current if these are many, or evenly fewer.
 
     Each current gives three numbers of W'(i): its slope in the distance by the force, the flux linkage and the
-    inductance. From one current to the next a cubic spline meets those of both ends with three cells, not with two.
+    inductance. From one current to the next a cubic spline meets those of both ends with three cells, not with two;
+    a number that cuts some intervals once and others twice misses more than either.
     """
     if rows.inductance is None:
         return []
-    numbers = np.arange(len(rows.currents))
-    thirds = np.interp(np.arange(3 * numbers[-1] + 1) / 3.0, numbers, rows.currents)
-    counts = sorted({min(n, len(thirds) - 1) for n in BENT_CELLS})
-    return [thirds[np.rint(np.linspace(0.0, len(thirds) - 1, n + 1)).astype(int)] for n in counts]
+    last = len(rows.currents) - 1
+    thirds = np.interp(np.arange(3 * last + 1) / 3.0, np.arange(last + 1), rows.currents)
+    finest = 3 * last if 3 * last <= MOST_BENT_CELLS else min(last, MOST_BENT_CELLS)
+    counts = sorted({min(n, finest) for n in (*BENT_CELLS, finest)})
+    return [thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)] for n in counts]
 
 
 def _distance_trials(rows: FitRows) -> list[dict[str, Any]]:

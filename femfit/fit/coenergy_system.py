@@ -74,8 +74,9 @@ class CoenergyBasis:
         places = (u[:-1, None] + np.diff(u)[:, None] * (np.arange(U_DEGREE + 1.0) + 0.5) / (U_DEGREE + 1.0)).ravel()
 
         def at_each(in_u: int, in_i: int) -> FloatArray:
+            along_u = basis_matrix(places, self.u_knots, U_DEGREE, in_u)
             along_i = basis_matrix(middles, self.current_knots, self.current_degree, in_i)
-            return np.asarray(np.kron(basis_matrix(places, self.u_knots, U_DEGREE, in_u), along_i), np.float64)
+            return np.asarray(np.kron(np.linalg.qr(along_u, mode="r"), along_i), np.float64)
 
         return at_each(0, 3), at_each(3, 1)
 
@@ -159,10 +160,12 @@ class CoenergySystem:
         residual = target - q_factor @ (q_factor.T @ target)
         left_out, times = np.zeros(len(self._channel)), np.zeros(len(self._channel))
         for which in self._folds:
-            part = q_factor[which]
-            left = np.eye(part.shape[1]) - part.T @ part
+            part, errors = q_factor[which], residual[which]
             try:
-                errors = residual[which] + part @ np.linalg.solve(left, part.T @ residual[which])
+                if len(which) < part.shape[1]:
+                    errors = np.linalg.solve(np.eye(len(which)) - part @ part.T, errors)
+                else:
+                    errors = errors + part @ np.linalg.solve(np.eye(part.shape[1]) - part.T @ part, part.T @ errors)
             except np.linalg.LinAlgError:
                 return None
             left_out[which] += errors**2
