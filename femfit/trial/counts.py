@@ -1,15 +1,25 @@
 """What a trial counted: how often the diagnosis would be right on a device."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from scipy import stats
 
-from femfit.trial.run import Outcome
+from femfit.trial.judge import Outcome
 
-SHOWN = 1.0
+Hit = Callable[[Outcome], bool]
+
+LEAST_LEVEL = 1.0
 """Smallest size, in standard deviations of a reading, of the hidden errors that are counted together."""
+
+_NAMED: Mapping[str, Hit] = {
+    "it stood among the names": lambda one: all(one.found),
+    "it was named first": lambda one: one.named_first,
+    "it was named and called certain": lambda one: all(one.found) and one.certain,
+    "a wrong name was called certain": lambda one: one.certain_and_wrong,
+    "the right channel was pointed at": lambda one: one.right_channel,
+}
 
 
 @dataclass(frozen=True)
@@ -48,31 +58,43 @@ class Count:
 
 def counts(outcomes: Sequence[Outcome]) -> list[Count]:
     """Count a trial; groups without any campaign are left out."""
-    single = [one for one in outcomes if len(one.hidden) == 1 and one.level >= SHOWN]
-    groups: list[tuple[str, list[Outcome], dict[str, Callable[[Outcome], bool]]]] = [
+    shown = [one for one in outcomes if _shown(one) and not any(one.unknown)]
+    single = [one for one in shown if len(one.hidden) == 1]
+    runs = [one for one in single if one.right_runs is not None]
+    unknown = [one for one in outcomes if _shown(one) and any(one.unknown)]
+    named_unknown: dict[str, Hit] = {
+        "a name was given, not certain": lambda one: bool(one.classes) and not one.certain_and_wrong,
+        "a wrong name was called certain": lambda one: one.certain_and_wrong,
+    }
+    groups: list[tuple[str, list[Outcome], Mapping[str, Hit]]] = [
         (
             "Nothing hidden",
             [one for one in outcomes if not one.hidden],
-            {"an effect was named": lambda one: bool(one.classes)},
-        ),
-        (
-            "One error hidden",
-            single,
             {
-                "it stood among the names": lambda one: all(one.found),
-                "it was named first": lambda one: one.named_first,
-                "it was named and called certain": lambda one: all(one.found) and one.certain,
-                "a wrong name was called certain": lambda one: one.certain and not all(one.found),
-                "the right channel was pointed at": lambda one: one.right_channel,
+                "an effect was named": lambda one: bool(one.classes),
+                '"nothing missing" was said': lambda one: one.verdict == "nothing_missing",
             },
+        ),
+        ("One error hidden", _of(single, "catalogue"), _NAMED),
+        ("One number of the drawing is another", _of(single, "drawing"), _NAMED),
+        ("One error that is away in some runs, or drifts", _of(single, "when"), _NAMED),
+        (
+            "One error of which it was said when it acts",
+            runs,
+            {"its runs were right within one": lambda one: bool(one.right_runs)},
         ),
         (
             "Two errors hidden",
-            [one for one in outcomes if len(one.hidden) == 2 and one.level >= SHOWN],
+            [one for one in shown if len(one.hidden) == 2],
             {
                 "both stood among the names": lambda one: all(one.found),
                 "a third was named beside them": lambda one: one.spurious > 0,
             },
+        ),
+        *(
+            (f"A cause that the diagnosis has no name for, of {level:g} sigma", members, named_unknown)
+            for level in sorted({one.level for one in unknown})
+            for members in ([one for one in unknown if one.level == level],)
         ),
         (
             "The same campaigns again, the cause taken out of the catalogue",
@@ -85,9 +107,17 @@ def counts(outcomes: Sequence[Outcome]) -> list[Count]:
             },
         ),
         (
-            "One small error hidden",
-            [one for one in outcomes if len(one.hidden) == 1 and one.level < SHOWN],
-            {"it stood among the names": lambda one: all(one.found)},
+            "One error hidden that the readings can hardly show",
+            [one for one in outcomes if len(one.hidden) == 1 and not _shown(one) and not any(one.unknown)],
+            {
+                "it stood among the names": lambda one: all(one.found),
+                "a wrong name was called certain": lambda one: one.certain_and_wrong,
+            },
+        ),
+        (
+            "All campaigns",
+            list(outcomes),
+            {"a wrong name was called certain": lambda one: one.certain_and_wrong},
         ),
     ]
     return [
@@ -98,9 +128,17 @@ def counts(outcomes: Sequence[Outcome]) -> list[Count]:
     ]
 
 
+def _shown(one: Outcome) -> bool:
+    return bool(one.hidden) and one.level >= LEAST_LEVEL and all(one.could_be_shown)
+
+
+def _of(outcomes: Sequence[Outcome], group: str) -> list[Outcome]:
+    return [one for one in outcomes if group in one.groups]
+
+
 def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:
-    """How often each single hidden error of 1 sigma or more stood among the names."""
-    cases = [one for one in outcomes if len(one.hidden) == 1 and one.level >= SHOWN]
+    """How often each single hidden error that the readings can show stood among the names."""
+    cases = [one for one in outcomes if len(one.hidden) == 1 and _shown(one)]
     names = sorted({one.hidden[0] for one in cases})
     own = {name: [one.found[0] for one in cases if one.hidden[0] == name] for name in names}
     return {name: Share(sum(found), len(found)) for name, found in own.items()}
@@ -119,6 +157,6 @@ def trial_lines(outcomes: Sequence[Outcome]) -> list[str]:
     """What the command prints."""
     return [
         *map(str, counts(outcomes)),
-        "Which errors: named / hidden, of 1 standard deviation of a reading or more",
-        *(f"  {name:<32}{share.hits}/{share.of}" for name, share in by_error(outcomes).items()),
+        "Which errors: named / hidden, of those that the readings can show",
+        *(f"  {name:<44}{share.hits}/{share.of}" for name, share in by_error(outcomes).items()),
     ]

@@ -1,11 +1,12 @@
 """Field solutions of drawings as smooth functions of distance and current.
 
-Solved at Chebyshev nodes of log distance (and of current, where iron saturates) and interpolated by the polynomial
-through them: the fields are analytic in both, so the error of the interpolation falls geometrically (L. N. Trefethen,
-Approximation Theory and Approximation Practice, SIAM 2013, chapter 8).
+Solved at Chebyshev nodes of log distance (of the distance itself where some are zero or below) and of current (powers
+where all is linear), and interpolated by the polynomial through them: the fields are analytic in both, so the error of
+the interpolation falls geometrically (L. N. Trefethen, Approximation Theory and Approximation Practice, SIAM 2013,
+chapter 8).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,13 +14,19 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import FieldSolverError
+from femfit.core.errors import DomainError, FieldSolverError
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
 from femfit.device.variants import Variant, VariantSweep
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import Progress, run_sweep
 
 LINEAR_DISTANCES, SATURATING_DISTANCES, CURRENTS = 16, 12, 13
+
+_MARGIN = 0.06
+"""Beyond either end of distances that are not positive throughout, over their span."""
+
+_EDGE = 1.02
+"""How far beyond its nodes a polynomial of this degree still holds: its last term grows at most tenfold there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +55,24 @@ class FieldTable:
 
     distances: tuple[float, float]  # Range in m
     current: float  # Largest magnitude in A; the polynomials of a linear drawing hold beyond
-    # For force, flux linkage and Hall field: Chebyshev polynomials in log distance times, for a linear drawing, powers
-    # of the current, else Chebyshev polynomials in the current; shape (3, N_d, N_i)
+    # For force, flux linkage and Hall field: Chebyshev polynomials in (log) distance times, for a linear drawing,
+    # powers of the current, else Chebyshev polynomials in the current; shape (3, N_d, N_i)
     coefficients: FloatArray
     linear: bool
 
     def at(self, distance: FloatArray, current: FloatArray) -> Fields:
-        """The fields at n points, in m and A."""
-        count = self.coefficients.shape[1:]
-        low, high = np.log(self.distances)
-        in_distance = chebvander((2.0 * np.log(distance) - low - high) / (high - low), count[0] - 1)
+        """The fields at n points, in m and A; DomainError outside of what was solved."""
+        count, x = self.coefficients.shape[1:], _place(distance, self.distances)
+        largest = float(np.abs(current).max(initial=0.0))
+        if np.abs(x).max(initial=0.0) > _EDGE or (not self.linear and largest > _EDGE * self.current):
+            raise DomainError(
+                f"The virtual bench must stay within {1e3 * self.distances[0]:.3g} to {1e3 * self.distances[1]:.3g} mm "
+                f"and {self.current:.3g} A; instead received {1e3 * distance.min():.3g} to "
+                f"{1e3 * distance.max():.3g} mm and {largest:.3g} A."
+            )
         powers = np.vander(current, count[1], increasing=True)
         in_current = powers if self.linear else chebvander(current / self.current, count[1] - 1)
-        values = np.einsum("na,cab,nb->cn", in_distance, self.coefficients, in_current)
+        values = np.einsum("na,cab,nb->cn", chebvander(x, count[0] - 1), self.coefficients, in_current, optimize=True)
         return Fields(values[0], values[1], values[2])
 
 
@@ -72,7 +84,7 @@ def solve_drawings(
     The range is a little wider than the sweep of the first drawing, for benches whose dials are off.
     """
     first = next(iter(drawings.values()))
-    low, high = 0.8 * first.sweep.distances_m[0], 1.06 * first.sweep.distances_m[-1]
+    low, high = _range(first.sweep.distances_m)
     current = 1.05 * max(map(abs, first.sweep.currents_A))
     planned = {name: replace(one, sweep=_nodes(one, (low, high), current)) for name, one in drawings.items()}
     variants = tuple(Variant((name,), one.sweep, one) for name, one in planned.items())
@@ -105,10 +117,31 @@ def _is_linear(actuator: Actuator) -> bool:
 
 def _nodes(actuator: Actuator, distances: tuple[float, float], current: float) -> SweepAxes:
     linear = _is_linear(actuator)
-    low, high = np.log(distances)
+    low, high = map(_coordinate(distances), distances)
     x = _chebyshev(LINEAR_DISTANCES if linear else SATURATING_DISTANCES)
+    nodes = 0.5 * (low + high) + 0.5 * (high - low) * x
     currents = (-current, 0.0, current) if linear else tuple((current * _chebyshev(CURRENTS)).tolist())
-    return SweepAxes(currents, tuple(np.exp(0.5 * (low + high) + 0.5 * (high - low) * x).tolist()))
+    return SweepAxes(currents, tuple((np.exp(nodes) if distances[0] > 0.0 else nodes).tolist()))
+
+
+def _range(swept: tuple[float, ...]) -> tuple[float, float]:
+    """A little more than was swept; not where the parts touch."""
+    low, high = swept[0], swept[-1]
+    if low > 0.0:
+        return 0.8 * low, 1.06 * high
+    margin = _MARGIN * (high - low)
+    return low - margin if low < 0.0 else low, high + margin
+
+
+def _coordinate(distances: tuple[float, float]) -> Callable[[FloatArray | float], FloatArray | float]:
+    return np.log if distances[0] > 0.0 else np.asarray
+
+
+def _place(distance: FloatArray, distances: tuple[float, float]) -> FloatArray:
+    """Distances between -1 and 1 of their range."""
+    of = _coordinate(distances)
+    low, high = map(of, distances)
+    return np.asarray((2.0 * of(distance) - low - high) / (high - low))
 
 
 def _chebyshev(count: int) -> FloatArray:

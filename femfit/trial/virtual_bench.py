@@ -1,7 +1,8 @@
 """Campaigns on a virtual bench: meters with correlated noise and 12-bit converters, re-mounts, a warming winding."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,15 +10,23 @@ from scipy.signal import lfilter
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import DomainError
-from femfit.trial.hidden import HIDDEN_ERRORS, Conditions, Device, true_readings
+from femfit.device.parts import NonlinearMaterial
+from femfit.trial.device import Conditions, Device, HiddenError, true_readings
+from femfit.trial.habits import Habits, written
+from femfit.trial.shown import expected_fall
+from femfit.trial.truths.course import acting_only
 
 LEVELS = (0.5, 1.0, 3.0)
 """Sizes of a hidden error: rms over the table in noise sigmas of the channel that shows it most."""
 
 _BITS = 12
 _TRIES, _QUIETEST = 20, 0.2
+_SECANTS, _SIZED = 12, 1e-3
 _COMPLETE = 0.6
 """Part of the campaigns that measure every channel."""
+
+_MOUNT_M, _MOUNT = 50e-6, 2.5e-3
+"""Largest standard deviation of a mount's distance, in m, and over the width of the sweep."""
 
 _RECORDED = {"force_N": 1.0, "flux_linkage_Wb": 0.7, "hall_V": 0.75, "voltage_V": 0.5}
 """Part of the other campaigns that measure a channel."""
@@ -39,12 +48,32 @@ class Meter:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """What was measured, and what was hidden; ``over_noise`` is the rms of each hidden error over a channel's noise."""
+    """What was measured, and what was hidden."""
 
     rows: pd.DataFrame
     level: float
     hidden: Mapping[str, float]
-    over_noise: Mapping[str, Mapping[str, float]]
+    over_noise: Mapping[str, Mapping[str, float]]  # Rms of each hidden error over a channel's noise
+    shown: Mapping[str, float] = field(default_factory=dict)  # By how much each would lower the weighted sum of squares
+    # First and last run, from 1, of each error that does not act in all of them
+    when: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    meters: Mapping[str, Meter] = field(default_factory=dict)
+    habits: Habits = field(default_factory=Habits)
+    mount_m: float = 0.0  # Standard deviation of the mounts' distances
+    runs: int = 1
+
+    def key(self) -> dict[str, Any]:
+        """What nobody may know who diagnoses it, as JSON-ready data."""
+        names = ("level", "hidden", "over_noise", "shown", "when", "mount_m", "runs")
+        return {name: getattr(self, name) for name in names} | {
+            "meters": {name: asdict(meter) for name, meter in self.meters.items()},
+            "habits": asdict(self.habits),
+        }
+
+    @property
+    def declared_noise(self) -> dict[str, float]:
+        """Standard deviations that stand beside the data; empty where they are left out."""
+        return {name: meter.sigma for name, meter in self.meters.items()} if self.habits.noise_declared else {}
 
 
 def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Generator) -> FloatArray:
@@ -60,27 +89,90 @@ def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Gen
     return np.asarray(np.round((values + meter.sigma * noise) / meter.step) * meter.step)
 
 
-def make_campaign(device: Device, errors: Sequence[str], level: float, rng: np.random.Generator) -> Campaign:
+def make_campaign(
+    device: Device,
+    errors: Mapping[str, HiddenError],
+    level: float,
+    rng: np.random.Generator,
+    habits: Habits | None = None,
+) -> Campaign:
     """Measure a device with hidden errors, each of the same level; noise falls where one cannot be as large."""
+    habits = habits or Habits()
     for _ in range(_TRIES):
-        dials, at = _settings(device, rng)
-        meters = _meters(true_readings(device, at, {}), errors, rng)
-        quieter = _quieter(device, at, errors, level, meters)
+        dials, at = _settings(device, rng, habits)
+        runs = int(at.run.max()) + 1
+        when = {name: error.course(runs) for name, error in errors.items() if error.course and runs > 1}
+        acting = {name: acting_only(one, when[name]) if name in when else one for name, one in errors.items()}
+        bench = _Bench(device, at, acting)
+        meters = _meters(bench.read({}), acting, rng, habits)
+        quieter = bench.quieter(level, meters)
         if quieter >= _QUIETEST:
             meters = {name: replace(meter, sigma=quieter * meter.sigma) for name, meter in meters.items()}
-            hidden = {name: _size(device, at, name, level * float(rng.choice([-1.0, 1.0])), meters) for name in errors}
-            return _measure(device, (dials, at), meters, (level, hidden), rng)
+            hidden = {name: bench.size(name, level * float(rng.choice([-1.0, 1.0])), meters) for name in acting}
+            campaign = _measure(bench, dials, meters, hidden, rng)
+            rows = written(campaign.rows, habits, rng)
+            return replace(campaign, rows=rows, level=level, when=when, habits=habits)
     raise DomainError(
         f"{device.actuator.name} must show {' and '.join(errors)} by {level:g} noise sigmas; no campaign did."
     )
 
 
-def _meters(clean: Mapping[str, FloatArray], errors: Sequence[str], rng: np.random.Generator) -> dict[str, Meter]:
+@dataclass(frozen=True, eq=False)
+class _Bench:
+    """A device at the settings of a campaign, with the errors that it may have."""
+
+    device: Device
+    at: Conditions
+    errors: Mapping[str, HiddenError]
+
+    def read(self, hidden: Mapping[str, float], shift: FloatArray | float = 0.0) -> dict[str, FloatArray]:
+        """What the sensors read without noise, the body ``shift`` from its dial."""
+        return true_readings(self.device, replace(self.at, distance=self.at.distance + shift), hidden, self.errors)
+
+    def over_noise(self, hidden: Mapping[str, float], meters: Mapping[str, Meter]) -> dict[str, float]:
+        """Rms of what errors change, over the noise of each channel."""
+        with_it, without = self.read(hidden), self.read({})
+        return {
+            name: float(np.sqrt(np.mean((with_it[name] - without[name]) ** 2))) / meter.sigma
+            for name, meter in meters.items()
+        }
+
+    def quieter(self, level: float, meters: Mapping[str, Meter]) -> float:
+        """The factor on all noise, 1 at most, at which each error reaches the level within its limit."""
+        limits = [{name: error.limit(self.device)} for name, error in self.errors.items()]
+        most = [max(self.over_noise(limit, meters).values()) for limit in limits]
+        return min([1.0, *(0.9 * one / level for one in most)])
+
+    def size(self, name: str, level: float, meters: Mapping[str, Meter]) -> float:
+        """The size at which an error stands out by a level, whose sign it has, by secants between logarithms."""
+        limit = self.errors[name].limit(self.device)
+        sizes, shown = [np.log(0.1 * limit)], [self._logarithm(name, 0.1 * limit, level, meters)]
+        power = 1.0  # what stands out grows as this power of the size
+        for _ in range(_SECANTS):
+            sizes.append(min(sizes[-1] - shown[-1] / power, np.log(limit)))
+            shown.append(self._logarithm(name, float(np.exp(sizes[-1])), level, meters))
+            if abs(shown[-1]) < _SIZED or sizes[-1] == sizes[-2]:
+                break
+            power = float(np.clip((shown[-1] - shown[-2]) / (sizes[-1] - sizes[-2]), 0.3, 6.0))
+        return float(np.copysign(np.exp(sizes[-1]), level))
+
+    def _logarithm(self, name: str, size: float, level: float, meters: Mapping[str, Meter]) -> float:
+        """Of what stands out, over the level."""
+        most = max(self.over_noise({name: float(np.copysign(size, level))}, meters).values())
+        return float(np.log(max(most, 1e-9) / abs(level)))
+
+
+def _meters(
+    clean: Mapping[str, FloatArray], errors: Mapping[str, HiddenError], rng: np.random.Generator, habits: Habits
+) -> dict[str, Meter]:
     """A campaign of all or some channels, with those the errors need; noise of 0.1 to 0.6 % of a channel's span."""
     complete = rng.random() < _COMPLETE
     channels = {name for name in clean if rng.random() < _RECORDED[name] or complete}
-    for error in errors:
-        shown = [name for name in HIDDEN_ERRORS[error].channels if name in clean]
+    if habits.extent == "one channel":
+        needed = [name for error in errors.values() for name in error.channels if name in clean]
+        channels = {str(rng.choice(needed or ["force_N", "flux_linkage_Wb"]))}
+    for error in errors.values():
+        shown = [name for name in error.channels if name in clean]
         channels |= set() if set(shown) & channels else {str(rng.choice(shown))}
     return {
         name: Meter(
@@ -94,40 +186,54 @@ def _meters(clean: Mapping[str, FloatArray], errors: Sequence[str], rng: np.rand
 
 
 def _measure(
-    device: Device,
-    planned: tuple[pd.DataFrame, Conditions],
+    bench: _Bench,
+    rows: pd.DataFrame,
     meters: Mapping[str, Meter],
-    truth: tuple[float, Mapping[str, float]],
+    hidden: Mapping[str, float],
     rng: np.random.Generator,
 ) -> Campaign:
-    (rows, at), (level, hidden) = planned, truth
-    mount_m, runs = float(rng.uniform(0.0, 50e-6)), int(rows["run"].max())
-    if "distance_offset" in hidden:  # a zero error within the re-mounts is one of them, and nobody could know it
-        mount_m = min(mount_m, abs(hidden["distance_offset"]) * np.sqrt(runs) / 4.0)
-    shift = rng.normal(0.0, mount_m, runs)[rows["run"] - 1]
-    real = true_readings(device, replace(at, distance=at.distance + shift), hidden)
+    axes, run = bench.device.actuator.sweep.distances_m, bench.at.run
+    mount_m, runs = float(rng.uniform(0.0, min(_MOUNT_M, _MOUNT * (axes[-1] - axes[0])))), int(run.max()) + 1
+    for name, size in hidden.items():
+        if "distance_offset" in (bench.errors[name].names or (name,)):
+            # a zero error within the re-mounts is one of them, and nobody could know it
+            mount_m = min(mount_m, abs(size) * np.sqrt(runs) / 4.0)
+    real = bench.read(hidden, rng.normal(0.0, mount_m, runs)[run])
     for name, meter in meters.items():
-        rows[name] = measured(real[name], meter, rows["run"].to_numpy(), rng)
+        rows[name] = measured(real[name], meter, run, rng)
         rows.loc[rng.random(len(rows)) < 0.005, name] = np.nan
-    kept = rows[rng.random(len(rows)) >= rng.uniform(0.0, 0.05)].reset_index(drop=True)
-    over_noise = {name: _over_noise(device, at, {name: size}, meters) for name, size in hidden.items()}
-    return Campaign(kept, level, hidden, over_noise)
+    left = rng.random(len(rows)) >= rng.uniform(0.0, 0.05)
+    kept = {name: np.asarray(left & rows[name].notna()) for name in meters}
+    step = 1e-4 * (axes[-1] - axes[0])
+    ahead, back, whole = bench.read(hidden, step), bench.read(hidden, -step), bench.read(hidden)
+    slope = {name: (ahead[name] - back[name]) / (2.0 * step) for name in meters}
+    shown = {}
+    for name in hidden:
+        others = bench.read({other: size for other, size in hidden.items() if other != name})
+        change = {channel: whole[channel] - others[channel] for channel in meters}
+        shown[name] = expected_fall(change, slope, kept, meters, run, mount_m)
+    over_noise = {name: bench.over_noise({name: size}, meters) for name, size in hidden.items()}
+    measured_rows = rows[left].reset_index(drop=True)
+    return Campaign(measured_rows, 0.0, hidden, over_noise, shown, meters=meters, mount_m=mount_m, runs=runs)
 
 
-def _settings(device: Device, rng: np.random.Generator) -> tuple[pd.DataFrame, Conditions]:
+def _settings(device: Device, rng: np.random.Generator, habits: Habits) -> tuple[pd.DataFrame, Conditions]:
     """Two to five runs over distances and currents, and the temperatures that they lead to."""
     axes = device.actuator.sweep
     runs, step_s = int(rng.integers(2, 6)), float(rng.uniform(2.0, 12.0))
     largest = max(map(abs, axes.currents_A))
-    lowest = -largest if axes.currents_A[0] < 0.0 or rng.random() < 0.5 else 0.0
-    cycle = np.linspace(lowest, largest, int(rng.integers(5, 12)))
+    other_way = axes.currents_A[0] < 0.0 or (rng.random() < 0.5 and not _saturates(device))
+    few = habits.extent == "few readings"
+    runs = {"three runs": 3, "few readings": int(rng.integers(1, 4)) if few else 0}.get(habits.extent, runs)
+    cycle = np.linspace(-largest if other_way else 0.0, largest, int(rng.integers(5, 12) if not few else 3))
     branch = np.ones(len(cycle))
     if rng.random() < 0.5:  # falling currents too
         cycle, branch = np.concatenate([cycle, cycle[::-1]]), np.concatenate([branch, -branch])
     low, high = axes.distances_m[0], axes.distances_m[-1]
-    margin, count = 0.02 * (high - low), int(rng.integers(8, 25))
+    margin, count = 0.02 * (high - low), int(rng.integers(8, 25) if not few else rng.integers(2, 5))
     ends = low + margin, high - margin
-    distance = np.round(0.5 * (np.linspace(*ends, count) + np.geomspace(*ends, count)), 6)
+    denser = np.geomspace(*ends, count) if low > 0.0 else np.linspace(*ends, count)
+    distance = np.round(0.5 * (np.linspace(*ends, count) + denser), 6)
     each = count * len(cycle)
     run = np.repeat(np.arange(runs), each)
     time = step_s * np.tile(np.arange(each), runs).astype(np.float64)
@@ -147,37 +253,18 @@ def _settings(device: Device, rng: np.random.Generator) -> tuple[pd.DataFrame, C
             "magnet_temperature_C": np.round(magnet + rng.normal(0.0, 0.05, len(run)), 1),
         }
     )
-    return dials, Conditions(dials["distance_m"].to_numpy(), current, time, ambient + warm, magnet)
+    campaign_s = step_s * np.arange(len(run), dtype=np.float64)
+    at = Conditions(dials["distance_m"].to_numpy(), current, time, ambient + warm, magnet, run, campaign_s)
+    return dials, at
+
+
+def _saturates(device: Device) -> bool:
+    """Whether currents of the other sign are no mirror of those that were swept."""
+    parts = (*device.actuator.fixed, *device.actuator.moving.regions)
+    return any(isinstance(part.material, NonlinearMaterial) for part in parts)
 
 
 def _follow(goal: FloatArray, rate: float, each: int) -> FloatArray:
     """A first-order lag, from zero in each run of ``each`` readings; rate is the step over the time constant."""
     keep = np.exp(-rate)
     return np.asarray(lfilter([1.0 - keep], [1.0, -keep], goal.reshape(-1, each), axis=1).ravel())
-
-
-def _quieter(device: Device, at: Conditions, errors: Sequence[str], level: float, meters: Mapping[str, Meter]) -> float:
-    """The factor on all noise, 1 at most, at which each error reaches the level within its limit."""
-    limits = [{name: HIDDEN_ERRORS[name].limit(device)} for name in errors]
-    most = [max(_over_noise(device, at, limit, meters).values()) for limit in limits]
-    return min([1.0, *(0.9 * one / level for one in most)])
-
-
-def _size(device: Device, at: Conditions, name: str, level: float, meters: Mapping[str, Meter]) -> float:
-    """The size at which an error stands out by a level, whose sign it has; it grows in proportion, or nearly."""
-    limit = HIDDEN_ERRORS[name].limit(device)
-    size = float(np.copysign(0.1 * limit, level))
-    for _ in range(8):
-        size *= abs(level) / max(_over_noise(device, at, {name: size}, meters).values())
-        size = float(np.clip(size, -limit, limit))
-    return size
-
-
-def _over_noise(
-    device: Device, at: Conditions, hidden: Mapping[str, float], meters: Mapping[str, Meter]
-) -> dict[str, float]:
-    with_it, without = true_readings(device, at, hidden), true_readings(device, at, {})
-    return {
-        name: float(np.sqrt(np.mean((with_it[name] - without[name]) ** 2))) / meter.sigma
-        for name, meter in meters.items()
-    }

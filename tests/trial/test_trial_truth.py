@@ -8,14 +8,14 @@ import pytest
 from scipy.constants import mu_0
 
 from femfit.device.load import read_actuator
+from femfit.trial import off_axis
+from femfit.trial.drawing_variants import remembering_core
+from femfit.trial.off_axis import core_response, displaced
+from femfit.trial.truths.preisach import relay_ensemble
 from support.trial import points_at
-from support.trial_study.truth import off_axis
 from support.trial_study.truth.bench import true_readings
 from support.trial_study.truth.bench_effects import BENCH_EFFECTS, possible_effects
-from support.trial_study.truth.drawing_variants import remembering_core
 from support.trial_study.truth.families import family_drawings
-from support.trial_study.truth.off_axis import core_response, displaced
-from support.trial_study.truth.preisach import relay_ensemble
 from support.trial_study.truth.thermal import COPPER_PER_K, ThermalNetwork, heat
 
 D = np.array([0.0163, 0.0221, 0.0307, 0.0412])

@@ -2,55 +2,37 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from femfit.core.constants import MU_0
-from femfit.device.load import read_actuator
-from femfit.device.parts import LinearMaterial, Region
+from femfit.device.parts import LinearMaterial, NonlinearMaterial, Region
 from femfit.model.json_file import write_model
 from femfit.tables.measurement_file import read_bench_table
 from femfit.tables.sweep_table import read_sweep_table
-from femfit.trial import hidden
+from femfit.trial.campaigns import make_campaigns
 from femfit.trial.counts import Share, counts, trial_lines
-from femfit.trial.field_table import Fields, FieldTable, solve_drawings
-from femfit.trial.hidden import HIDDEN_ERRORS, Conditions, Device, possible_errors, true_readings
-from femfit.trial.run import diagnose_campaigns, judge, make_campaigns
+from femfit.trial.device import Conditions, Device
+from femfit.trial.device import true_readings as read
+from femfit.trial.drawing_variants import saturable_core
+from femfit.trial.field_table import Fields, solve_drawings
+from femfit.trial.hidden import HIDDEN_ERRORS, possible_errors
+from femfit.trial.judge import judge
+from femfit.trial.run import diagnose_campaigns
 from femfit.trial.virtual_bench import Meter, make_campaign, measured
 from support.actuators import assembly, rectangle
-
-N = 5
-D = np.array([0.0163, 0.0221, 0.0307, 0.0412, 0.0441])
+from support.closed_form_device import D, N, closed_form_device, conditions
 
 
 @pytest.fixture(scope="module")
 def device():
-    """A magnet m^2 / d^4 before a coil, as tables in closed form: F = m^2 A + m t i B + t^2 i^2 C, and so on."""
-    actuator = read_actuator(Path(__file__).parents[2] / "geometry" / "emaws-rig.toml")
-    x = np.cos(np.pi * (np.arange(16) + 0.5) / 16)[::-1]
-    low, high = 0.8 * actuator.sweep.distances_m[0], 1.06 * actuator.sweep.distances_m[-1]
-    d = np.exp(0.5 * (np.log(low) + np.log(high)) + 0.5 * (np.log(high) - np.log(low)) * x)
-    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(x, 15))
-
-    def table(magnet=1.0, turns=1.0, linear_part=1.0):
-        decay, zero = np.exp(-d / 0.0166), np.zeros(16)
-        force = [magnet**2 * 4.19e-9 / d**4, magnet * turns * 0.2925 * decay, zero + turns**2 * 6e-3 * decay]
-        flux = [magnet * turns * 0.2925 * 0.0166 * decay, turns**2 * linear_part * (0.0162 + 2e-4 * decay), zero]
-        hall = [magnet * 8.6e-8 / (d + 0.0015) ** 3, zero + 0.005 * turns, zero]
-        return FieldTable((low, high), 1.47, np.array([inverse @ np.array(one).T for one in (force, flux, hall)]), True)
-
-    forms = {"saturating": table(linear_part=0.9)}
-    for sign, factor in (("-", 0.9), ("+", 1.1)):
-        forms |= {f"remanence{sign}": table(magnet=factor), f"turns{sign}": table(turns=factor)}
-    return Device(actuator, table(), forms)
+    return closed_form_device()
 
 
-def conditions(current=1.0, coil_C=20.0, magnet_C=20.0):
-    flat = np.ones(N)
-    return Conditions(D, current * flat, 10.0 * np.arange(N), coil_C * flat, magnet_C * flat)
+def true_readings(device, at, sizes):
+    return read(device, at, sizes, HIDDEN_ERRORS)
 
 
 def changed(device, name, size, **given):
@@ -108,16 +90,19 @@ def test_a_meter_scatters_and_correlates_as_it_says():
 
 @pytest.mark.parametrize("name", HIDDEN_ERRORS)
 def test_each_error_has_the_size_that_was_asked_for(device, name):
-    campaign = make_campaign(device, (name,), 3.0, np.random.default_rng(7))
+    campaign = make_campaign(device, {name: HIDDEN_ERRORS[name]}, 3.0, np.random.default_rng(7))
     assert max(campaign.over_noise[name].values()) == pytest.approx(3.0, rel=1e-2)
     assert abs(campaign.hidden[name]) <= HIDDEN_ERRORS[name].limit(device)
-    pd.testing.assert_frame_equal(campaign.rows, make_campaign(device, (name,), 3.0, np.random.default_rng(7)).rows)
+    pd.testing.assert_frame_equal(
+        campaign.rows, make_campaign(device, {name: HIDDEN_ERRORS[name]}, 3.0, np.random.default_rng(7)).rows
+    )
 
 
 def test_no_errors_lead_out_of_the_solved_range(device):
     # Beyond its nodes the polynomial of a saturating actuator says nothing.
     for sign in (-1.0, 1.0):
-        at = Conditions(*(np.array([x]) for x in (0.0, max(device.actuator.sweep.currents_A), 0.0, 20.0, 20.0)))
+        largest = max(device.actuator.sweep.currents_A)
+        at = Conditions(*(np.array([x]) for x in (0.0, largest, 0.0, 20.0, 20.0, 0, 0.0)))
         for name in ("current_offset", "current_gain"):
             at = HIDDEN_ERRORS[name].setting(device, sign * HIDDEN_ERRORS[name].limit(device), at)
         assert abs(at.current[0]) <= device.drawn.current
@@ -142,7 +127,7 @@ def test_a_campaign_on_the_model_itself_lacks_nothing(device, levitation_model, 
 
     coil = replace(device.actuator.coil, resistance_ohm=levitation_model.circuit.resistance_ohm)
     own = Device(replace(device.actuator, coils=(coil,)), Itself(), {})
-    campaign = make_campaign(own, (), 0.0, np.random.default_rng(2))
+    campaign = make_campaign(own, {}, 0.0, np.random.default_rng(2))
     place = tmp_path / "campaigns" / "0001"
     place.mkdir(parents=True)
     campaign.rows.to_csv(place / "data.csv", index=False)
@@ -185,6 +170,51 @@ def test_what_was_called_certain_and_wrong_is_counted():
     assert any("hall_offset" in line and "0/1" in line for line in trial_lines([judge(1, KEY, wrong)]))
 
 
+def told(*classes, certain=False, ranking=(), when=None):
+    missing = [{"name": members[0], "class": list(members), "when": when} for members in classes]
+    names = [{"name": name} for name in ranking]
+    return said(confident=certain) | {"missing": missing, "ranking": names, "verdict": "named"}
+
+
+def test_a_number_of_the_drawing_is_right_by_its_part():
+    name = "drawing:moving.regions.magnet.z_mm[1] (final)"
+    key = KEY | {"hidden": {name: 0.1}, "right": {name: ["moving.regions.magnet.z_mm[1]"]}, "group": {name: "drawing"}}
+    numbers = ("moving.regions.magnet.height_mm", "coil.turns")
+    assert judge(1, key, told(numbers, ranking=numbers)).found == (True,)
+    assert judge(1, key, told(("coil.turns",), ranking=numbers)).found == (False,)
+    # A diagnosis whose suspects are not the drawing's numbers cannot be right: the cause is unseen
+    without = judge(1, key, told(("remanence",), ranking=("remanence", "turns"), certain=True))
+    assert (without.unknown, without.certain_and_wrong) == ((True,), True)
+    lines = {(one.group, one.outcome): one.share for one in counts([without])}
+    assert lines["A cause that the diagnosis has no name for, of 1 sigma", "a wrong name was called certain"] == Share(
+        1, 1
+    )
+
+
+@pytest.mark.parametrize(
+    ("when", "right"),
+    [(None, None), ({"first_run": 4}, True), ({"first_run": 5}, False), ({"first_run": 3, "last_run": 4}, False)],
+)
+def test_the_runs_in_which_an_error_acts_are_right_within_one(when, right):
+    key = KEY | {"when": {"hall_offset": [3, 6]}, "runs": 6}
+    assert judge(1, key, told(("hall_offset",), when=when)).right_runs is right
+
+
+def test_what_readings_cannot_show_is_counted_apart():
+    key = KEY | {"shown": {"hall_offset": 12.0}}
+    found = judge(1, key, told(("hall_offset",)))
+    assert found.could_be_shown == (False,)
+    assert {one.group for one in counts([found])} == {
+        "One error hidden that the readings can hardly show",
+        "All campaigns",
+    }
+
+
+def test_any_certain_name_of_a_clean_campaign_is_wrong():
+    clean = KEY | {"level": 0.0, "hidden": {}, "over_noise": {}}
+    assert judge(1, clean, told(("force_gain",), certain=True)).certain_and_wrong
+
+
 def test_intervals_are_the_exact_ones():
     # Clopper and Pearson: no hit in n leaves 1 - 0.025^(1/n)
     assert Share(0, 100).ci95 == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
@@ -194,7 +224,8 @@ def test_intervals_are_the_exact_ones():
 
 def test_a_saturating_part_keeps_its_drawn_permeability_in_small_fields(device):
     drawn = next(part.material for part in device.actuator.fixed if part.material.relative_permeability > 10.0)
-    curve = hidden._saturating(drawn)
+    saturable = saturable_core(device.actuator, 0.45, 1.0)
+    curve = next(part.material for part in saturable.fixed if isinstance(part.material, NonlinearMaterial))
     assert curve.relative_permeability == pytest.approx(drawn.relative_permeability, rel=0.03)
     slope = (curve.flux_density_T[-1] - curve.flux_density_T[-2]) / (curve.field_A_per_m[-1] - curve.field_A_per_m[-2])
     assert slope < 2.0 * MU_0 * drawn.relative_permeability / 100.0

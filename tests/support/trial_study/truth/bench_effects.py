@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from femfit.trial.drawing_variants import moves_magnet
+from femfit.trial.off_axis import has_one_core
 from support.trial_study.truth import hidden_bench as bench
 from support.trial_study.truth import hidden_magnetics as magnetics
 from support.trial_study.truth import hidden_sensor as sensor
 from support.trial_study.truth.bench import Hidden
-from support.trial_study.truth.drawing_variants import moves_magnet
 from support.trial_study.truth.families import Truth
-from support.trial_study.truth.off_axis import has_one_core
 
 Build = Callable[[Truth, np.random.Generator], Hidden]
 """Signature of every hidden truth: (actuator's field solutions, randomness for its shape) -> what is hidden."""

@@ -8,52 +8,18 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import MissingPartError
 from femfit.device.parts import Actuator
-from femfit.trial.field_table import Fields, FieldTable, solve_drawings
-from support.trial_study.truth import drawing_variants as drawn
+from femfit.trial import drawing_variants as drawn
+from femfit.trial.device import Family
+from femfit.trial.field_table import FieldTable, solve_drawings
 
 _ECCENTRICITY = (0.5, 0.8)
 """Of the clearance."""
 
-_IRON = 600.0
-"""Relative permeability above which a soft part is taken for iron."""
-
 REMANENCE_STEP, LAYER_STEP, CORE_STEP = 0.1, 0.5, 0.02
 _POLARISATION_T = {1.0: 0.6, 2.5: 0.45}
 """Ferrite: J_s by the sharpness of the knee; NiZn and MnZn grades hold 0.25 to 0.5 T."""
-
-
-@dataclass(frozen=True, eq=False)
-class Family:
-    """Fields as a function of one number p that is 0 for the drawing."""
-
-    values: tuple[float, ...]
-    tables: tuple[FieldTable, ...]
-    reference: FieldTable
-
-    def change(self, p: FloatArray | float, distance: FloatArray, current: FloatArray) -> Fields:
-        """The fields at p less those of the drawing: the polynomial through the solutions.
-
-        Parameters
-        ----------
-        p : array, shape (n,), or float
-            In the family's unit.
-        distance, current : array, shape (n,)
-            In m and A.
-        """
-        base = self.reference.at(distance, current)
-        total = base.times(0.0)
-        for k, (value, table) in enumerate(zip(self.values, self.tables, strict=True)):
-            others = [0.0, *self.values[:k], *self.values[k + 1 :]]
-            weight = np.asarray(1.0)
-            for other in others:
-                weight = weight * (p - other) / (value - other)
-            total += (table.at(distance, current) - base).times(weight)
-        return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +58,9 @@ def family_drawings(actuator: Actuator) -> dict[str, dict[float, Actuator]]:
         offsets = [share * (bore - plunger) for share in _ECCENTRICITY]
         result["bore"] = {offset**2: drawn.eccentric_bore(actuator, offset) for offset in offsets}
         result["ring"] = {1.0: drawn.with_bore(actuator, plunger + 1.3 * (bore - plunger))}
-    iron = any(region.material.relative_permeability > _IRON for region in actuator.fixed)
-    soft = any(map(drawn.is_soft, (*actuator.fixed, *actuator.moving.regions)))
+    soft = any(map(drawn.is_linear_iron, (*actuator.fixed, *actuator.moving.regions)))
     for sharpness, polarisation in _POLARISATION_T.items() if soft else ():
-        hold = (4.0 if iron else 1.0) * polarisation
-        result[f"saturation-{sharpness:g}"] = {1.0: drawn.saturable_core(actuator, hold, sharpness)}
+        result[f"saturation-{sharpness:g}"] = {1.0: drawn.saturable_core(actuator, polarisation, sharpness)}
     return result
 
 

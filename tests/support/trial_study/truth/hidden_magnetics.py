@@ -6,10 +6,10 @@ from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
 from femfit.device.parts import Region
 from femfit.trial.field_table import Fields
+from femfit.trial.off_axis import displaced
+from femfit.trial.truths.preisach import relay_ensemble
 from support.trial_study.truth.bench import Hidden, Points
 from support.trial_study.truth.families import Truth
-from support.trial_study.truth.off_axis import displaced
-from support.trial_study.truth.preisach import relay_ensemble
 from support.trial_study.truth.thermal import REFERENCE_C
 
 _REMANENCE_PER_K, _REMANENCE_PER_K2 = -1.15e-3, -1.0e-6

@@ -10,9 +10,13 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
+from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
 from femfit.core.errors import MissingPartError
 from femfit.device.parts import AIR, Actuator, LinearMaterial, Material, NonlinearMaterial, Region
+
+_IRON_PERMEABILITY = 600.0
+"""Tells iron from ferrite."""
 
 
 def is_magnet(region: Region) -> bool:
@@ -23,6 +27,11 @@ def is_magnet(region: Region) -> bool:
 def is_soft(region: Region) -> bool:
     """Whether a region is iron or ferrite."""
     return not is_magnet(region) and region.material.relative_permeability > 10.0
+
+
+def is_linear_iron(region: Region) -> bool:
+    """Whether a region is iron or ferrite that is drawn without a B-H curve."""
+    return is_soft(region) and isinstance(region.material, LinearMaterial)
 
 
 def has_magnet(actuator: Actuator) -> bool:
@@ -38,6 +47,11 @@ def moves_magnet(actuator: Actuator) -> bool:
 def scaled_magnets(actuator: Actuator, change: float) -> Actuator:
     """Every magnet with 1 + change times its remanence."""
     return _with_materials(actuator, lambda region: _scaled(region, 1.0 + change), is_magnet)
+
+
+def scaled_turns(actuator: Actuator, change: float) -> Actuator:
+    """The only coil with 1 + change times its turns."""
+    return replace(actuator, coils=(replace(actuator.coil, turns=(1.0 + change) * actuator.coil.turns),))
 
 
 def without_magnets(actuator: Actuator) -> Actuator:
@@ -106,7 +120,7 @@ def remanent_core(actuator: Actuator, remanence: float) -> Actuator:
 
 
 def saturable_core(actuator: Actuator, polarisation: float, sharpness: float) -> Actuator:
-    """Every soft part with a curve that starts at its drawn permeability and saturates.
+    """Every soft part that is drawn without a curve with one that starts at its permeability and saturates.
 
     B = mu_0 H + chi mu_0 H / (1 + (chi mu_0 H / J_s)^n)^(1/n): n = 1 is the law of Froehlich and Kennelly, larger n
     have a sharper knee.
@@ -114,20 +128,26 @@ def saturable_core(actuator: Actuator, polarisation: float, sharpness: float) ->
     Parameters
     ----------
     polarisation : float
-        J_s in T.
+        J_s of ferrite in T; iron has four times as much.
 
     References
     ----------
     R. M. Bozorth, Ferromagnetism (Van Nostrand, 1951), chapter 11: the curve for n = 1.
     """
+    return with_curve(actuator, lambda x: x / (1.0 + x**sharpness) ** (1.0 / sharpness), polarisation)
+
+
+def with_curve(actuator: Actuator, law: Callable[[FloatArray], FloatArray], polarisation: float) -> Actuator:
+    """Every soft part that is drawn without a curve with J = J_s law(chi mu_0 H / J_s); law(x) rises as x to 1."""
 
     def curve(region: Region) -> Material:
-        rising = MU_0 * (region.material.relative_permeability - 1.0)
-        h = np.concatenate([[0.0], np.geomspace(0.02, 60.0, 48)]) * polarisation / rising
-        b = MU_0 * h + rising * h / (1.0 + (rising * h / polarisation) ** sharpness) ** (1.0 / sharpness)
+        held = polarisation * (4.0 if region.material.relative_permeability > _IRON_PERMEABILITY else 1.0)
+        x = np.concatenate([[0.0], np.geomspace(0.02, 60.0, 48)])
+        h = x * held / (MU_0 * (region.material.relative_permeability - 1.0))
+        b = MU_0 * h + held * law(x)
         return NonlinearMaterial("saturable", tuple(b.tolist()), tuple(h.tolist()))
 
-    return _with_materials(actuator, curve, is_soft)
+    return _with_materials(actuator, curve, is_linear_iron)
 
 
 def with_iron_ring(actuator: Actuator) -> Actuator:
@@ -148,9 +168,9 @@ def plunger_bore(actuator: Actuator) -> tuple[Region, float, float]:
         (max(r for r, _ in region.vertices_m) for region in actuator.moving.regions if is_soft(region)), default=0
     )
     for region in filter(is_soft, actuator.fixed):
-        bore = min(r for r, _ in region.vertices_m)
-        if plunger < bore < 1.3 * plunger and min(z for _, z in region.vertices_m) > 0.0:
-            return region, bore, plunger
+        wider = [r for r, z in region.vertices_m if z > 0.0 and plunger < r < 1.3 * plunger]
+        if len(wider) > 1:
+            return region, min(wider), plunger
     raise MissingPartError(f"{actuator.name} must have a plunger that slides through a bore; none was found.")
 
 
@@ -185,8 +205,9 @@ def with_bore(actuator: Actuator, radius: float, region: Region | None = None) -
 
 
 def _scaled(region: Region, factor: float) -> LinearMaterial:
-    material = region.material
-    return LinearMaterial(material.name, material.relative_permeability, factor * material.remanence_T)
+    if not isinstance(region.material, LinearMaterial):
+        raise MissingPartError(f"{region.name} must be a magnet to be scaled; its material is {region.material.name}.")
+    return replace(region.material, remanence_T=factor * region.material.remanence_T)
 
 
 def _rectangle(name: str, r: tuple[float, float], z: tuple[float, float], material: Material) -> Region:

@@ -8,6 +8,7 @@ I. D. Mayergoyz, Mathematical Models of Hysteresis (Springer, 1991), chapter 1.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from femfit.core.arrays import FloatArray
 
@@ -83,10 +84,23 @@ def relay_ensemble(coercive: float, interaction: float, spread: float, parts: in
     coercive : float
         Median half width, in the input's unit.
     """
-    from scipy.stats import norm
-
     quantile = norm.ppf((np.arange(parts) + 0.5) / parts)
     centre, log_width = np.meshgrid(interaction * quantile, spread * quantile)
     half = coercive * np.exp(log_width)
+    count = parts * parts
+    return Relays((centre + half).ravel(), (centre - half).ravel(), np.full(count, 1.0 / count))
+
+
+def lorentzian_ensemble(coercive: float, interaction: float, spread: float, parts: int = 24) -> Relays:
+    """Relays whose half widths and centres have the heavy tails of Lorentz's law.
+
+    Parameters
+    ----------
+    coercive : float
+        Half width that is met most, in the input's unit.
+    """
+    quantile = np.tan(np.pi * ((np.arange(parts) + 0.5) / parts - 0.5))
+    centre, width = np.meshgrid(0.5 * interaction * quantile, 0.3 * spread * quantile)
+    half = coercive * np.maximum(1.0 + width, 0.05)
     count = parts * parts
     return Relays((centre + half).ravel(), (centre - half).ravel(), np.full(count, 1.0 / count))

@@ -18,10 +18,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import shapely
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
-from support.trial_study.truth.drawing_variants import is_magnet, is_soft
+from femfit.trial.drawing_variants import is_magnet, is_soft
 
 _ORDERS, _ANGLES = 5, 40
 _INSET = 0.35
@@ -76,8 +77,6 @@ def has_one_core(actuator: Actuator) -> bool:
 
 
 def _core(actuator: Actuator) -> Any:
-    import shapely
-
     return shapely.union_all([shapely.Polygon(part.vertices_m) for part in actuator.fixed if is_soft(part)])
 
 

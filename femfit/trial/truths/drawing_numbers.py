@@ -1,0 +1,176 @@
+"""Numbers of a drawing that the device does not have: edges, radii, permeabilities and knees, solved anew.
+
+Any drawing of one coil: each edge of a rectangle, each radius and height of a polygon, each circle, each permeability
+of iron without a curve, and the polarisation of each curve. A number moves by up to a 25th of its part's extent, less
+where the parts would overlap, and only one way where the other cannot be built.
+"""
+
+import zlib
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femfit.core.constants import MU_0
+from femfit.core.errors import ActuatorFileError
+from femfit.device.drawing import table_at
+from femfit.device.file_numbers import BODIES
+from femfit.device.load import actuator_from_tables, parse, read_text
+from femfit.device.parts import Actuator, LinearMaterial, NonlinearMaterial, Region
+from femfit.trial.device import Conditions, Device, HiddenError, Readings
+from femfit.trial.truths.truth import FIELD, Truth
+
+STEP = 0.04
+"""Largest change, over the extent of the part along that axis, or over the material's number."""
+
+Place = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of the file: where it stands, all places that move together, and its largest change in its unit."""
+
+    name: str
+    places: tuple[Place, ...]
+    step: float
+    material: str = ""  # Of a curve whose polarisation it is; the change is relative then
+
+    def changed(self, data: Mapping[str, Any], change: float, directory: Path) -> Actuator | None:
+        """The drawing with this number changed; None if it cannot be built."""
+        tables = deepcopy(dict(data))
+        tables.pop("sweep")
+        tables["sweep"] = {key: value for key, value in data["sweep"].items() if key in ("current_A", "distance_mm")}
+        for place in self.places:
+            table: Any = tables
+            for key in place[:-1]:
+                table = table[key]
+            table[place[-1]] = round(float(table[place[-1]]) + change, 9)
+        try:
+            actuator = actuator_from_tables(tables, "changed drawing", directory)
+        except ActuatorFileError:
+            return None
+        return _with_polarisation(actuator, self.material, 1.0 + change) if self.material else actuator
+
+
+def number_truths(drawing: Path, part: int, parts: int, count: int) -> Mapping[str, Truth]:
+    """Up to ``count`` numbers of a drawing, of those that belong to one of ``parts`` disjoint sets."""
+    data = parse(read_text(drawing), str(drawing))
+    actuator = actuator_from_tables(data, str(drawing), drawing.parent)
+    numbers = sorted(_numbers(data, actuator), key=lambda one: one.name)
+    order = np.random.default_rng(zlib.crc32(actuator.name.encode())).permutation(len(numbers))
+    found: dict[str, Truth] = {}
+    for number in (numbers[k] for k in order[part::parts]):
+        forms = _forms(number, data, drawing.parent)
+        if forms and len(found) < count:
+            found[f"drawing:{number.name}"] = _truth(number, actuator, forms)
+    return found
+
+
+def _forms(number: Number, data: Mapping[str, Any], directory: Path) -> dict[float, Actuator]:
+    """The drawing at two changes of the number: either way if both can be built, else both the same way."""
+
+    def built(*changes: float) -> dict[float, Actuator]:
+        forms = {change: number.changed(data, change, directory) for change in changes}
+        return {change: form for change, form in forms.items() if form is not None}
+
+    steps = [round(number.step * part, 6) for part in (1.0, 0.5, 0.25)]
+    either_way = [(-step, step) for step in steps[:2]]
+    one_way = [(0.5 * step, step) for step in steps] + [(-0.5 * step, -step) for step in steps]
+    for changes in (*either_way, *one_way):
+        forms = built(*changes)
+        if len(forms) == len(changes):
+            return forms
+    return {}
+
+
+def _truth(number: Number, drawn: Actuator, forms: Mapping[float, Actuator]) -> Truth:
+    largest, one_way = max(map(abs, forms)), float(np.sign(sum(forms)))
+    resistance = {change: form.coil.resistance_ohm for change, form in {0.0: drawn, **forms}.items()}
+
+    def change(size: float) -> float:
+        return one_way * abs(size) if one_way else size
+
+    def reading(device: Device, size: float, at: Conditions, values: Readings) -> Readings:
+        more = np.interp(change(size), sorted(resistance), [resistance[p] for p in sorted(resistance)])
+        return {"voltage_V": values["voltage_V"] + (more - device.actuator.coil.resistance_ohm) * at.current}
+
+    error = HiddenError(
+        lambda _: largest,
+        FIELD,
+        fields=lambda device, size, at: device.change(number.name, change(size), at),
+        reading=reading,
+        names=(number.name,),
+    )
+    return Truth(lambda _, rng: error, "drawing", families=lambda _: {number.name: forms})
+
+
+def _numbers(data: Mapping[str, Any], actuator: Actuator) -> Iterator[Number]:
+    outlined: list[tuple[Place, dict[str, Any]]] = [
+        ((body, "regions", name), table) for body in BODIES for name, table in _tables(data, body, "regions")
+    ]
+    coils: list[tuple[Place, dict[str, Any]]] = [(("coils", name), table) for name, table in _tables(data, "coils")]
+    if "coil" in data:
+        coils.append((("coil",), data["coil"]))
+    for path, table in (*outlined, *coils):
+        for key in ("r_mm", "z_mm"):
+            yield from _edges((*path, key), table.get(key))
+        yield from _levels((*path, "polygon_mm"), table.get("polygon_mm"))
+        if isinstance(table.get("circle_mm"), list):
+            place = (*path, "circle_mm")  # its lowest point stays where it is
+            yield Number(_name((*place, 2)), ((*place, 1), (*place, 2)), STEP * float(table["circle_mm"][2]))
+    element = table_at(data, "hall")
+    if "z_mm" in element:
+        yield Number("hall.z_mm", (("hall", "z_mm"),), 0.5)
+    for name, table in _tables(data, "materials"):
+        permeability = float(table.get("relative_permeability", 1.0))
+        if permeability > 10.0:
+            place = ("materials", name, "relative_permeability")
+            yield Number(_name(place), (place,), 5.0 * STEP * permeability)
+    regions = (*actuator.fixed, *actuator.moving.regions)
+    for name in sorted({one.material.name for one in regions if isinstance(one.material, NonlinearMaterial)}):
+        yield Number(f"materials.{name}.polarisation", (), 2.0 * STEP, material=name)
+
+
+def _tables(data: Mapping[str, Any], *path: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    return ((name, table) for name, table in table_at(data, *path).items() if isinstance(table, dict))
+
+
+def _edges(path: Place, interval: object) -> Iterator[Number]:
+    if isinstance(interval, list) and len(interval) == 2:
+        for k in (0, 1):
+            if path[-1] != "r_mm" or interval[k] > 0.0:
+                yield Number(_name((*path, k)), ((*path, k),), STEP * float(interval[1] - interval[0]))
+
+
+def _levels(path: Place, corners: object) -> Iterator[Number]:
+    """Corners of a polygon at one radius, or at one height, move together."""
+    if not isinstance(corners, list):
+        return
+    for axis in (0, 1):
+        values = [float(corner[axis]) for corner in corners]
+        for level in sorted(set(values)):
+            if axis == 1 or level > 0.0:
+                places = tuple((*path, k, axis) for k, value in enumerate(values) if value == level)
+                yield Number(_name(places[0]), places, STEP * float(np.ptp(values)))
+
+
+def _name(place: Place) -> str:
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)[1:]
+
+
+def _with_polarisation(actuator: Actuator, name: str, factor: float) -> Actuator:
+    """A curve with ``factor`` times its polarisation J = B - mu_0 H at each field: another knee."""
+
+    def changed(region: Region) -> Region:
+        material = region.material
+        if isinstance(material, LinearMaterial) or material.name != name:
+            return region
+        h, b = np.array(material.field_A_per_m), np.array(material.flux_density_T)
+        b = MU_0 * h + factor * (b - MU_0 * h)
+        return replace(region, material=replace(material, flux_density_T=tuple(b.tolist())))
+
+    moving = replace(actuator.moving, regions=tuple(map(changed, actuator.moving.regions)))
+    return replace(actuator, fixed=tuple(map(changed, actuator.fixed)), moving=moving)

@@ -1,0 +1,58 @@
+"""A magnet m^2 / d^4 before a coil, as tables in closed form: F = m^2 A + m t i B + t^2 i^2 C, and so on."""
+
+from pathlib import Path
+
+import numpy as np
+
+from femfit.device.load import read_actuator
+from femfit.trial.device import Conditions, Device, Family
+from femfit.trial.field_table import FieldTable
+
+N = 5
+D = np.array([0.0163, 0.0221, 0.0307, 0.0412, 0.0441])
+DRAWING = Path(__file__).parents[2] / "geometry" / "emaws-rig.toml"
+
+
+class AnyFamily(dict):
+    """Every family that is asked for, as a magnet or a winding that is a little weaker; those that are given first."""
+
+    def __missing__(self, name):
+        return Family((-1.0, 1.0), (table(0.95, 0.97), table(1.05, 1.03)), table())
+
+
+def table(magnet=1.0, turns=1.0, linear_part=1.0):
+    actuator = read_actuator(DRAWING)
+    x = np.cos(np.pi * (np.arange(16) + 0.5) / 16)[::-1]
+    low, high = 0.8 * actuator.sweep.distances_m[0], 1.06 * actuator.sweep.distances_m[-1]
+    d = np.exp(0.5 * (np.log(low) + np.log(high)) + 0.5 * (np.log(high) - np.log(low)) * x)
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(x, 15))
+    decay, zero = np.exp(-d / 0.0166), np.zeros(16)
+    force = [magnet**2 * 4.19e-9 / d**4, magnet * turns * 0.2925 * decay, zero + turns**2 * 6e-3 * decay]
+    flux = [magnet * turns * 0.2925 * 0.0166 * decay, turns**2 * linear_part * (0.0162 + 2e-4 * decay), zero]
+    hall = [magnet * 8.6e-8 / (d + 0.0015) ** 3, zero + 0.005 * turns, zero]
+    return FieldTable((low, high), 1.47, np.array([inverse @ np.array(one).T for one in (force, flux, hall)]), True)
+
+
+def closed_form_device():
+    steps, factors, drawn = (-0.1, 0.1), (0.9, 1.1), table()
+    families = {
+        "saturating": Family((1.0,), (table(linear_part=0.9),), drawn),
+        "remanence": Family(steps, tuple(table(magnet=factor) for factor in factors), drawn),
+        "turns": Family(steps, tuple(table(turns=factor) for factor in factors), drawn),
+    }
+    return Device(read_actuator(DRAWING), drawn, AnyFamily(families))
+
+
+def conditions(current=1.0, coil_C=20.0, magnet_C=20.0, distance=D, runs=1):
+    """Readings at distances, in as many runs, 10 s apart."""
+    run = np.repeat(np.arange(runs), len(distance))
+    flat, n = np.ones(len(run)), len(distance)
+    return Conditions(
+        np.tile(distance, runs),
+        current * flat,
+        np.tile(10.0 * np.arange(n), runs),
+        coil_C * flat,
+        magnet_C * flat,
+        run,
+        10.0 * np.arange(len(run)),
+    )
