@@ -153,7 +153,7 @@ def test_a_saturating_bearings_circuits_are_reciprocal():
     currents, distances = (4.0 - change, 4.0, 4.0 + change), (0.45e-3 - step, 0.45e-3, 0.45e-3 + step)
     actuator = bearing(currents=currents, distances=distances)
     points = np.array([(4.0, 4.0), (4.0 - change, 4.0), (4.0 + change, 4.0)])
-    low, middle, high = (rows_at_points(actuator, d, points) for d in distances)
+    low, middle, high = (rows_at_points(actuator, d, points[:n]) for d, n in zip(distances, (1, 3, 1), strict=True))
     slope = -(high["flux_linkage_lower_Wb"][0] - low["flux_linkage_lower_Wb"][0]) / (2.0 * step)
     by_current = (middle["force_N"][2] - middle["force_N"][1]) / (2.0 * change)
     assert by_current == pytest.approx(slope, rel=1e-2)
