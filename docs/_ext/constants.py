@@ -7,6 +7,7 @@ from typing import NamedTuple
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
     "What is missing": PACKAGE / "identify" / "constants.py",
+    "What is left unexplained": PACKAGE / "identify" / "remainder" / "constants.py",
     "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
     "Rests, held bodies and what the driver gave": PACKAGE / "records" / "constants.py",
     "A record through a filter": PACKAGE / "replay" / "constants.py",

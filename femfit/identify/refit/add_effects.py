@@ -31,6 +31,8 @@ from femfit.identify.refit.refit import refit
 from femfit.identify.refit.sizes import effect_sizes, suspicious_values
 from femfit.identify.refit.start import starting_point
 from femfit.identify.refit.unseen import channel_rms
+from femfit.identify.remainder.add import add_remainder, without_remainder
+from femfit.identify.remainder.parts import NAME as UNEXPLAINED
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -58,7 +60,7 @@ def add_effects(
         What was measured.
     effects : str, sequence of str, or Diagnosis
         Effects of the catalogue in the order of adding, or what a diagnosis names; one that the model has already is
-        refitted.
+        refitted. ``unexplained`` learns what all others leave, whatever its cause.
     base : {"auto", "always", "never"}
         Whether tolerances of the drawing are fitted beside the effects; ``auto`` where that helps on runs left out and
         makes no channel worse.
@@ -88,8 +90,15 @@ def add_effects(
     say("Reading")
     temperatures = {"coil_temperature_C": coil_temperature_C, "magnet_temperature_C": magnet_temperature_C}
     _check_temperatures(temperatures)
-    model, measured = model_of(model), measurement_of(data)
-    kept, given, new = _split(model, _names(effects), measured)
+    model, measured, names = model_of(model), measurement_of(data), _names(effects)
+    if UNEXPLAINED in names:
+        others = [name for name in names if name != UNEXPLAINED]
+
+        def named(one: ActuatorModel) -> AddResult:
+            return add_effects(one, measured, others, base=base, progress=progress, **temperatures)
+
+        return _with_remainder(without_remainder(model), measured, named if others else None, say)
+    kept, given, new = _split(model, names, measured)
     whitening = _whitening(placed(with_effects(model, kept), measured))
     observations, wanted = whitening.observations, [*(added.effect for added in given), *new]
     for effect in wanted:
@@ -119,6 +128,25 @@ def add_effects(
         return result
     say("Running the filter over what was left out")
     return replace(result, filter=filter_fall(model, after, kept, measured, observations, fitted.error.effects))
+
+
+def _with_remainder(
+    model: ActuatorModel,
+    measured: Measurement,
+    named: Callable[[ActuatorModel], AddResult] | None,
+    say: Callable[[str], None],
+) -> AddResult:
+    """What effects leave, learnt; they are fitted before it and once more beside it, since it bends what they fit."""
+    if named is None:
+        return add_remainder(model, measured, _whitening(placed(model, measured)), progress=say)
+    beside = named(model)
+    first = add_remainder(beside.model, measured, _whitening(placed(beside.model, measured)), beside, say)
+    if not first.parts:
+        return first
+    again = named(first.model)
+    beside = replace(again, added=tuple(one for one in again.added if one.effect.name != UNEXPLAINED))
+    bare = without_remainder(again.model)
+    return add_remainder(bare, measured, _whitening(placed(bare, measured)), beside, say)
 
 
 def _result(
@@ -161,7 +189,10 @@ def _result(
 def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
     if isinstance(effects, Diagnosis):
         if not effects.missing:
-            raise TableError("The diagnosis names no effect, so there is nothing to add. Give the names of effects.")
+            left = f" Add {UNEXPLAINED} to learn what it leaves." if effects.verdict == UNEXPLAINED else ""
+            raise TableError(
+                f"The diagnosis names no effect, so there is nothing to add. Give the names of effects.{left}"
+            )
         return [one.name for one in effects.missing]
     names = [effects] if isinstance(effects, str) else list(effects) if isinstance(effects, Iterable) else []
     if not names:
