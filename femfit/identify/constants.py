@@ -138,31 +138,33 @@ LEAST_CHANGE = 1e-6
 
 # The noise
 
-PRIOR_MOUNT_M, PRIOR_MOUNT_DOF = 20e-6, 6.0
-"""Assumed: a body put back by hand against a stop comes back to about this (standard deviation); that judgement counts
-like so many mounts."""
+PRIOR_MOUNT_M, PRIOR_RUN = 20e-6, 0.1
+"""Assumed: a body put back by hand against a stop comes back to about this (standard deviation), unless the user
+declares it; a run's offset over the standard deviation of one reading."""
 
-PRIOR_RUN, PRIOR_RUN_DOF = 0.1, 4.0
-"""Assumed: a run's offset over the standard deviation of one reading; that judgement counts like so many runs."""
+PRIOR_WEIGHT = 8.0
+"""Assumed: that judgement counts like so many mounts, or runs."""
 
 LEAST_REPEATS = 12
-"""Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %)."""
+"""Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each
+other."""
 
 LEAST_REPEATS_AGAINST_DECLARED = 4 * LEAST_REPEATS
-"""Conventional: the same where the noise is declared, so that repeats (to 10 %) replace what is declared."""
+"""Conventional: a declared noise counts like so many repeats (to 10 %); and from so many degrees of freedom on, what
+smooth patterns leave says how readings follow each other."""
+
+CONTRADICTED = 0.01
+"""Conventional: chance of so different a variance below which readings contradict a prior, or a declared noise."""
 
 LARGEST_CORRELATION = 0.95
 """Assumed: readings that follow each other more closely are not noise."""
-
-CORRELATION_PRICE = 0.5
-"""Assumed: a quarter of Akaike's price of 2 for a parameter, so that one that repeats show is rarely dropped."""
 
 TEST_LEVEL = 2.5e-4
 """Derived: one tail of the decision's level, 0.01, over some twenty effects; there a test's normal quantile is replaced
 by Student's, for scatter that is known from few mounts or runs."""
 
 UNKNOWN_CHANNEL = 1e6
-"""Assumed: a channel of unknown noise gets this many times the largest known one, so that it has no weight."""
+"""Numerical: a channel of unknown noise gets this many times its largest reading, so that it has no weight."""
 
 SAME_SETTING = 1.0 / 400.0
 """Assumed: settings closer than this part of their range were meant to be the same."""
@@ -186,6 +188,24 @@ settings, noise of successive readings independent and correlated by 0.5: someth
 
 SAME_READING = 1e-12
 """Derived: some thousand roundings of a float, over the largest reading."""
+
+NEAR_STEPS, WHOLE, LEAST_GAPS = 10.0, 0.05, 5
+"""Numerical: gaps between readings of up to so many steps are looked at, are whole to that part of a step, and must be
+so many for a step to be known."""
+
+EXACT = 1e9
+"""Numerical: the weight of a variance that is known."""
+
+CORRELATIONS = 40
+"""Numerical: correlations that are tried, even in artanh(rho), which moves the variance of a slow pattern,
+(1 + rho) / (1 - rho), by 10 % from one to the next."""
+
+SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-7, 1e-6
+"""Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of where the
+search began below which a variance is none."""
+
+SPANNED_SQUARE = 1e-9
+"""Numerical: part of a squared length below which a column of mounts or runs is spanned by others."""
 
 # Readings that are set aside or suspected
 

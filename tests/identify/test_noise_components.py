@@ -1,21 +1,130 @@
-"""The scatter of mounts and runs where its search does not end."""
+"""Variance components against another program, and the noise model of simulated benches."""
 
 import numpy as np
-from scipy.optimize import OptimizeResult
+import pandas as pd
+import pytest
+from statsmodels.regression.mixed_linear_model import MixedLM
 
-from femfit.identify.noise import components
-from femfit.identify.readings.bench import bench_observations
-from support.campaign import campaign
+from femfit.identify.noise.contrasts import Chain, ChannelDesign, rho_of
+from femfit.identify.noise.restricted import Contrasts, restricted_estimate
 
 
-def test_a_search_that_does_not_end_takes_no_scatter_for_smaller_than_it_is(levitation_model, monkeypatch):
-    observations = bench_observations(levitation_model, campaign(levitation_model, 1))
-    found = components.estimate_noise(observations)
+def alone(n):
+    """A chain in which no reading follows another."""
+    return Chain(np.arange(n), np.ones(n, dtype=bool), np.ones(n))
 
-    def lost(cost, start, **options):
-        return OptimizeResult(x=np.full(len(start), -4.0), success=False)
 
-    monkeypatch.setattr(components.optimize, "minimize", lost)
-    unknown = components.estimate_noise(observations)
-    assert np.all(unknown.run >= 0.5 * found.run)
-    assert unknown.mount_m >= 0.5 * found.mount_m
+def design_of(fixed, random, cell=None, chain=None):
+    n = len(random)
+    cells = 0 if cell is None else int(cell.max()) + 1
+    columns = np.linalg.qr(fixed)[0] if fixed.shape[1] else fixed
+    cell = np.zeros(n, dtype=int) if cell is None else cell
+    return ChannelDesign(np.arange(n), cell, cells, columns, random, chain or alone(n), np.ones(n))
+
+
+def nested(seed, mounts, runs, readings, missing):
+    """Readings of a line in x, by runs within mounts."""
+    rng = np.random.default_rng(seed)
+    table = pd.DataFrame(
+        [(m, r) for m in range(mounts) for r in range(runs) for _ in range(readings)], columns=["m", "r"]
+    )
+    table["run"] = table["m"] * runs + table["r"]
+    table["x"] = rng.uniform(-1.0, 1.0, len(table))
+    table["y"] = (
+        2.0
+        + 3.0 * table["x"]
+        + rng.normal(0.0, 0.8, mounts)[table["m"]]
+        + rng.normal(0.0, 0.5, mounts * runs)[table["run"]]
+        + rng.normal(0.0, 0.3, len(table))
+    )
+    return table[rng.random(len(table)) >= missing].reset_index(drop=True)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.35], ids=["balanced", "unbalanced"])
+def test_mounts_and_runs_have_the_variances_that_statsmodels_finds(missing):
+    table = nested(3, 7, 4, 6, missing)
+    oracle = MixedLM.from_formula("y ~ x", table, groups="m", vc_formula={"run": "0 + C(run)"}, re_formula="1")
+    expected = oracle.fit(reml=True, method="bfgs", gtol=1e-9)
+    one_of = [(table[name].to_numpy()[:, None] == np.unique(table[name])).astype(float) for name in ("m", "run")]
+    fixed = np.column_stack([np.ones(len(table)), table["x"]])
+    design = design_of(fixed, np.concatenate(one_of, axis=1))
+    contrasts = design.contrasts(table["y"].to_numpy(), 0)
+    group = np.repeat([0, 1], [one.shape[1] for one in one_of])
+    found = restricted_estimate([contrasts], group, np.zeros(len(group), bool), np.ones(3), np.zeros(3))
+    assert found.converged
+    want = [float(expected.cov_re.iloc[0, 0]), float(expected.vcomp[0]), expected.scale]
+    np.testing.assert_allclose(found.variance, want, rtol=1e-3)
+
+
+@pytest.mark.parametrize("missing", [0.0, 0.35], ids=["balanced", "unbalanced"])
+def test_a_slope_of_each_mount_has_the_variance_that_statsmodels_finds(missing):
+    """A body put back elsewhere changes each reading by the slope of its channel: a random slope and no intercept."""
+    table = nested(4, 9, 1, 12, missing)
+    table["y"] += np.random.default_rng(9).normal(0.0, 0.6, 9)[table["m"]] * table["x"]
+    expected = MixedLM.from_formula("y ~ x", table, groups="m", re_formula="0 + x").fit(reml=True, gtol=1e-9)
+    mounts = (table["m"].to_numpy()[:, None] == np.unique(table["m"])).astype(float) * table[["x"]].to_numpy()
+    design = design_of(np.column_stack([np.ones(len(table)), table["x"]]), mounts)
+    contrasts = design.contrasts(table["y"].to_numpy(), 0)
+    found = restricted_estimate([contrasts], np.zeros(9, int), np.zeros(9, bool), np.ones(2), np.zeros(2))
+    np.testing.assert_allclose(found.variance, [float(expected.cov_re.iloc[0, 0]), expected.scale], rtol=1e-3)
+
+
+def test_a_mean_for_each_setting_is_the_same_as_its_column_among_the_fixed_ones():
+    table = nested(5, 3, 2, 30, 0.2)
+    cell = table["x"].rank().to_numpy().astype(int) // 5
+    runs = (table["run"].to_numpy()[:, None] == np.unique(table["run"])).astype(float)
+    columns = (cell[:, None] == np.unique(cell)).astype(float)
+    follows = np.append(False, np.diff(table["run"]) == 0)
+    n = np.arange(len(table))
+    chain = Chain(np.where(follows, n - 1, n), ~follows, np.where(n % 7 == 3, 2.0, 1.0))
+    sparse = design_of(np.zeros((len(table), 0)), runs, cell, chain)
+    dense = design_of(columns, runs, None, chain)
+    y = table["y"].to_numpy()
+    assert sparse.free == dense.free
+    for k in (0, 10, 30):
+        one, other = sparse.contrasts(y, k), dense.contrasts(y, k)
+        assert one.square == pytest.approx(other.square, rel=1e-9)
+        np.testing.assert_allclose(one.columns.T @ one.columns, other.columns.T @ other.columns, atol=1e-8)
+        np.testing.assert_allclose(one.columns.T @ one.along, other.columns.T @ other.along, atol=1e-8)
+        # The determinants differ by that of the orthonormal basis' triangle, the same at every rho
+    shift = [sparse.at(k).determinant - dense.at(k).determinant for k in (0, 10, 30)]
+    np.testing.assert_allclose(shift, shift[0], atol=1e-8)
+
+
+def test_the_likelihood_of_the_correlation_is_the_normal_density_of_contrasts():
+    rng = np.random.default_rng(6)
+    n, k = 40, 20
+    fixed, rho = rng.normal(size=(n, 3)), rho_of(k)
+    chain = Chain(np.maximum(np.arange(n) - 1, 0), np.arange(n) == 0, np.ones(n))
+    design = design_of(fixed, np.zeros((n, 0)), None, chain)
+    y = rng.normal(size=n)
+    free = np.linalg.svd(fixed, full_matrices=True)[0][:, 3:]  # an orthonormal basis of what fixed columns leave
+
+    def density(rho):
+        inside = free.T @ rho ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))) @ free
+        square = y @ free @ np.linalg.solve(inside, free.T @ y)
+        return np.linalg.slogdet(inside)[1] + (n - 3) * np.log(square)
+
+    found = design.at(k).cost(y, n - 3) - design.at(0).cost(y, n - 3)
+    assert found == pytest.approx(density(rho) - density(1e-12), abs=1e-8)
+
+
+def test_an_estimate_without_a_prior_has_the_degrees_of_freedom_of_its_readings():
+    rng = np.random.default_rng(7)
+    mounts = np.kron(np.eye(12), np.ones((50, 1)))
+    y = mounts @ rng.normal(0.0, 3.0, 12) + rng.normal(0.0, 0.1, 600)
+    design = design_of(np.ones((600, 1)), mounts)
+    found = restricted_estimate(
+        [design.contrasts(y, 0)], np.zeros(12, int), np.zeros(12, bool), np.ones(2), np.zeros(2)
+    )
+    # 12 mounts that the readings resolve: 11 differences; and 600 readings less 12 means
+    np.testing.assert_allclose(found.degrees_of_freedom, [11.0, 588.0], rtol=0.01)
+
+
+def test_a_prior_counts_like_readings_of_its_variance():
+    y = np.random.default_rng(8).normal(0.0, 2.0, 30)
+    square = float(y @ y)
+    none = Contrasts(square, 30.0, np.zeros(0), np.zeros((0, 0)))
+    found = restricted_estimate([none], np.zeros(0, int), np.zeros(0, bool), np.array([9.0]), np.array([20.0]))
+    assert found.variance[0] == pytest.approx((square + 20.0 * 9.0) / 50.0, rel=1e-6)
+    assert found.degrees_of_freedom[0] == pytest.approx(50.0, rel=1e-6)

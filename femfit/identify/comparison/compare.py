@@ -1,7 +1,8 @@
 """How far a model is from measurements, against their noise, and where: ``femfit compare``."""
 
 import math
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -13,14 +14,16 @@ from femfit.core.printed import Printed
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
 from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
-from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.comparison.where import Where, where_it_fails
+from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.diagnosis_text import beyond_noise, mount_words
+from femfit.identify.decision.diagnosis_text import mount_words
 from femfit.identify.decision.model_test import judge_model
-from femfit.identify.decision.own_misfit import finer_model, own_misfit_sentence
+from femfit.identify.decision.own_misfit import finer_model, own_misfit, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
+from femfit.identify.noise.scatter import scatter_as_noise
+from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.within import beyond_noise, in_words
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
@@ -82,7 +85,8 @@ class ChannelMisfit:
 
 
 _VERDICTS = {
-    "agrees": "The model agrees with these data within their noise{scatter}.",
+    "agrees": "The model agrees with these data within {their} noise{scatter}.",
+    "agrees_beyond": "These readings do not show that anything is missing, but the model misses {left}{scatter}.",
     "fails": "The model fails: {where}",
     "wrong_shape": "{own} {where}",
     "compare_only": "No verdict. {why} The misfit: {where}",
@@ -112,6 +116,9 @@ class Comparison(Printed):
         Whether it is assumed rather than estimated, since there are few mounts.
     times_own : float
         Misfit beyond noise over the model's own misfit to its table; infinite where that is none or there is no test.
+    beyond_noise : mapping of str to float
+        Channels whose error is more than 1.2 times what declared noise, or repeats, show, and how many times the noise
+        of one reading it is.
     filter : OneFilter or None
         A record through the model's filter; None of a bench table, and where the model has no filter for it.
     shape : ShapeMisfit or None
@@ -139,10 +146,11 @@ class Comparison(Printed):
     model: ActuatorModel
     findings: tuple[Finding, ...] = ()
     filter: OneFilter | None = None
+    beyond_noise: Mapping[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        plain = ("verdict", "p_value", "mount_m", "mount_assumed")
+        plain = ("verdict", "p_value", "mount_m", "mount_assumed", "beyond_noise")
         nested = ("where", "structure", "shape")
         return {
             **{name: getattr(self, name) for name in plain},
@@ -157,11 +165,21 @@ class Comparison(Printed):
         freedom = None
         if self.mount_m:
             freedom = mount_words(self.mount_m, self.mount_assumed, self.observations.given)
-        beyond = any(beyond_noise(one.rms / one.noise_floor, one.readings) for one in self.channels if one.noise_floor)
+        rms = {one.channel: one.rms for one in self.channels}
+        left = in_words(self.beyond_noise, rms)
         why = str(self.findings[-1]) if self.findings else ""
-        scatter = f" and {freedom}" if freedom and beyond else ""
-        own = own_misfit_sentence(self.observations, self.times_own)
-        verdict = _VERDICTS[self.verdict].format(where=self.where.sentence, scatter=scatter, why=why, own=own)
+        more = any(one.rms > WITHIN_NOISE * one.noise_floor for one in self.channels if one.noise_floor)
+        scatter = f"{'; the test allows for' if left else ' and'} {freedom}" if freedom and more else ""
+        own = self._own_misfit(left, rms)
+        guessed = any(one.noise_source == "guess" for one in self.channels)
+        verdict = _VERDICTS["agrees_beyond" if self.verdict == "agrees" and left else self.verdict].format(
+            where=self.where.sentence,
+            scatter=scatter,
+            why=why,
+            own=own,
+            left=" and ".join(left.values()),
+            their="a guess of their" if guessed else "their",
+        )
         lines = [*suspicions(self.findings), verdict, *map(str, self.channels)]
         if self.verdict == "wrong_shape":
             lines.append(finer_model(self.model))
@@ -170,7 +188,7 @@ class Comparison(Printed):
                 f"Lack of fit: {probability(self.p_value)}; misfit {rounded(self.structure.statistic)} times what "
                 f"noise gives in {self.structure.degrees_of_freedom} smooth patterns."
             )
-        if freedom and not scatter:
+        if freedom and not (scatter and self.verdict == "agrees"):
             lines.append(f"The test allows for {freedom}.")
         if self.shape is not None:
             lines.append(self.shape.sentence)
@@ -179,6 +197,14 @@ class Comparison(Printed):
             lines.append(f"Filter {self.filter.sentence} Innovations' mean square (should be 1): {squares or 'none'}.")
         said = self.findings[:-1] if self.verdict == "compare_only" else self.findings
         return "\n".join([*lines, *notes(said)])
+
+    def _own_misfit(self, left: Mapping[str, str], rms: Mapping[str, float]) -> str:
+        """What is granted to the model's own misfit, after what is more than that and noise."""
+        most = own_misfit(self.observations)
+        more = {name: words for name, words in left.items() if rms[name] > most[name]}
+        own = own_misfit_sentence(self.observations, self.times_own, tuple(more))
+        missed = " and ".join(more.values())
+        return f"No effect is named, but the model misses {missed}. {own}".strip() if more else own
 
 
 def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -> Comparison:
@@ -207,7 +233,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     campaign = gather(observations, considered_effects((), observations.nominal.circuits))
     if isinstance(campaign, Finding):
         noise, findings = estimate_noise(observations), [campaign]
-        whitening = Whitening(observations, noise or _scatter_as_noise(observations), chains_of(observations))
+        whitening = Whitening(observations, noise or scatter_as_noise(observations), chains_of(observations))
         test, verdict = None, "compare_only"
     else:
         noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
@@ -215,7 +241,8 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         verdict = {"fits": "agrees", "own_misfit": "wrong_shape", "fails": "fails"}[test.outcome]
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     floor = {one.channel: one.noise_floor for one in channels}
-    agrees = Where("", (), "The model explains these data within their noise.")
+    beyond = beyond_noise(observations, noise, {one.channel: one.rms for one in channels})
+    agrees = Where("", (), "" if beyond else "The model explains these data within their noise.")
     return Comparison(
         verdict=cast("CompareVerdict", verdict),
         channels=channels,
@@ -231,6 +258,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         model=model,
         findings=(*observations.findings, *findings),
         filter=filtered(model, data) if isinstance(data, TimeSeries) else None,
+        beyond_noise=beyond,
     )
 
 
@@ -262,15 +290,3 @@ def _all_currents(observations: Observations, at: int) -> tuple[float, ...]:
     """Of several circuits at a reading; none of one."""
     names = observations.settings[1:]
     return tuple(float(observations.column(name)[at]) for name in names) if len(names) > 1 else ()
-
-
-def _scatter_as_noise(observations: Observations) -> NoiseModel:
-    """What smooth patterns leave, in place of an unknown noise: enough to weigh the channels by."""
-    patterns, zeros = smooth_patterns(observations), np.zeros(len(observations.channels))
-    sigma = np.ones(len(observations.channels))
-    for c in range(len(sigma)):
-        here, columns = observations.channel == c, patterns.columns[:, patterns.channel == c]
-        basis = orthonormal_basis(columns[here])
-        scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
-        sigma[c] = max(float(np.sqrt(scatter @ scatter / max(len(scatter) - basis.shape[1], 1))), 1e-12)
-    return NoiseModel(observations.channels, sigma, zeros, 0.0, zeros, zeros, zeros, {}, 0.0, zeros)

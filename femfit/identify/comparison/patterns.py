@@ -18,7 +18,7 @@ from numpy.polynomial.legendre import legvander
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.distance_scale import even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, LEAST_READINGS, LEAST_SPREAD_C
-from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.observations import Observations, once_for_settings
 
 _MOTION = ("velocity_m_s", "current_rate_A_s")
 """Covariates that only a time series has."""
@@ -38,6 +38,7 @@ Labelled = list[tuple[FloatArray, int, frozenset[str]]]
 """(column, degree, covariates)"""
 
 
+@once_for_settings
 def smooth_patterns(observations: Observations) -> Patterns:
     """The patterns of all channels: of distance, current and branch, of temperatures, speeds and time.
 
@@ -46,6 +47,7 @@ def smooth_patterns(observations: Observations) -> Patterns:
     return _assembled(observations, lambda here: _surface(observations, here) + _drift(observations, here))
 
 
+@once_for_settings
 def drift_patterns(observations: Observations) -> Patterns:
     """The patterns of temperature, speed and time alone: what may differ between repeats of one setting."""
     return _assembled(observations, lambda here: _drift(observations, here))
@@ -106,8 +108,8 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
             result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
     clocks: list[FloatArray] = []
     for name in (*_MOTION, "order", "elapsed"):
-        if name not in observations.covariates:
-            continue
+        if name not in observations.covariates or (name not in _MOTION and not observations.clocked):
+            continue  # the order of a file's rows is no time
         t = observations.column(name)[here]
         if np.ptp(t) > 0.0 and not any(np.array_equal(t, other) for other in clocks):
             clocks += [t] if name not in _MOTION else []

@@ -31,7 +31,10 @@ class Chains:
 
 
 def chains_of(observations: Observations) -> Chains:
-    """Link the readings of each channel and run in the order of measuring."""
+    """Link the readings of each channel and run in the order of measuring; none where no clock tells it."""
+    if not observations.clocked:
+        alone = np.arange(len(observations.value))
+        return Chains(alone, np.ones(len(alone), dtype=bool), np.ones(len(alone)))
     run, order = observations.column("run"), observations.column("order")
     sorting = np.lexsort((order, run, observations.channel))
     same = (np.diff(observations.channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)

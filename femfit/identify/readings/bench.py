@@ -109,6 +109,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             *_drawn_spring(nominal, channels),
         ),
         present=tuple(added.effect.name for added in model.effects),
+        declared_mount_m=declared.get("distance_m"),
     )
 
 

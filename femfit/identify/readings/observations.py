@@ -5,8 +5,9 @@ time series differ only in how this view is built.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
+from functools import cached_property, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -49,11 +50,24 @@ class Observations:
     present: tuple[str, ...] = ()
     # What declares the noise: ``declared``, a sidecar; ``samples``, those within each window
     noise_source: str = "declared"
+    declared_mount_m: float | None = None  # Standard deviation to which a body is said to come back when put back
+    # What follows from the settings alone, by the function that works it out
+    of_settings: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what is worked out again on demand."""
+        return {**self.__dict__, "of_settings": {}}
 
     @cached_property
     def base(self) -> FloatArray:
         """What the model predicts, shape (M,)."""
         return self.predict(())
+
+    @property
+    def clocked(self) -> bool:
+        """Whether the order of measuring is known: a column says it, or the branches were read from it."""
+        told = {"order", "time_s"} & set(self.given)
+        return bool(told) or any(one.code == "branch-assumed" for one in self.findings)
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -101,7 +115,25 @@ class Observations:
         """The same settings with other readings, of shape (M,)."""
         result = replace(self, value=value)
         result.__dict__["base"] = self.base
+        result.__dict__["of_settings"] = self.of_settings
         return result
+
+
+Result = TypeVar("Result")
+
+
+def once_for_settings(function: Callable[[Observations], Result]) -> Callable[[Observations], Result]:
+    """Work a function out once for all readings of the same settings."""
+
+    @wraps(function)
+    def remembered(observations: Observations) -> Result:
+        known = observations.of_settings
+        if function not in known:
+            known[function] = function(observations)
+        result: Result = known[function]
+        return result
+
+    return remembered
 
 
 @dataclass(frozen=True, eq=False)

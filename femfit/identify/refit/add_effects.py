@@ -22,6 +22,7 @@ from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
+from femfit.identify.noise.within import beyond_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, placed
 from femfit.identify.refit.add_result import AddResult, Step
@@ -164,12 +165,13 @@ def _result(
     misfits = [(text, observations.value - observations.predict(effects)) for text, effects in stages]
     sizes, patterns = effect_sizes(observations, fit), pattern_space(observations, whitening)
     known = {name: sd for name, sd in noise.floor.items() if name in noise.source}
+    fall = error_fall(observations, observations.predict(stages[0][1]), observations.predict(fit.effects), known)
     return AddResult(
         model=model,
         added=fit.effects[beside:],
         base=fit.effects[:beside],
         kept=tuple(added.effect.name for added in kept),
-        fall=error_fall(observations, observations.predict(stages[0][1]), observations.predict(fit.effects), known),
+        fall=fall,
         left_out=fitted.error.rms,
         floor=known,
         floor_source=noise.source,
@@ -183,6 +185,7 @@ def _result(
         observations=observations,
         findings=(*observations.findings, *fitted.findings, *dropped, *guessed_noises(noise)),
         better_alone=alone,
+        beyond_noise=beyond_noise(observations, noise, {one.channel: one.rms_after for one in fall.channels}),
     )
 
 

@@ -1,7 +1,7 @@
 """What adding effects to a model says: the new model, the effects' sizes, and how far the error fell."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from femfit.core.amount import amount, probability
@@ -12,6 +12,7 @@ from femfit.effects.words import describe
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.constants import HARMS, LEVEL_AFTER
+from femfit.identify.noise.within import in_words
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.refit.filter_fall import FilterFall
@@ -56,6 +57,8 @@ class AddResult(Printed):
         A tolerance that was fitted beside the effects and explains more by itself than they do, in words; else empty.
     observations : Observations
         The readings beside the model without what was refitted.
+    beyond_noise : mapping of str to float
+        Channels whose error after is more than 1.2 times what declared noise, or repeats, show, in times the noise.
     filter : FilterFall or None
         What it does to the filter on runs of a record that were left out; None of a bench table.
 
@@ -86,6 +89,7 @@ class AddResult(Printed):
     observations: Observations
     findings: tuple[Finding, ...] = ()
     better_alone: str = ""
+    beyond_noise: Mapping[str, float] = field(default_factory=dict)
     filter: FilterFall | None = None
 
     @property
@@ -111,6 +115,7 @@ class AddResult(Printed):
             "magnet_temperature_C": self.model.magnet_temperature_C,
             "findings": [one.as_dict() for one in self.findings],
             "accepted": self.accepted,
+            "beyond_noise": dict(self.beyond_noise),
             "filter": self.filter and self.filter.to_dict(),
         }
 
@@ -128,9 +133,13 @@ class AddResult(Printed):
 
     def _verdict(self) -> str:
         names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after
+        left = in_words(self.beyond_noise, {one.channel: one.rms_after for one in self.fall.channels})
         if after.p_value > LEVEL_AFTER:
-            before = probability(self.lack_of_fit_before.p_value)
-            rest = f"what is left is noise ({probability(after.p_value)}; before, {before})."
+            tests = f"({probability(after.p_value)}; before, {probability(self.lack_of_fit_before.p_value)})"
+            rest = f"what is left is noise {tests}."
+            if left:
+                missed = " and ".join(left.values())
+                rest = f"the test finds nothing in what is left {tests}, but the model misses {missed}."
         else:
             rest = f"the misfit that is left is not noise ({probability(after.p_value)})."
         doubt = " Its size is not certain: see below." if self.suspicious else ""

@@ -1,0 +1,47 @@
+"""Whether an error is within the noise, the one answer for everything that is printed."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femfit.core.amount import amount
+from femfit.core.arrays import FloatArray
+from femfit.identify.constants import WITHIN_NOISE
+from femfit.identify.noise.whitening import NoiseModel, random_columns
+from femfit.identify.readings.observations import Observations
+from femfit.tables.measurement import CHANNEL_WORDS
+
+
+def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> dict[str, float]:
+    """Channels whose rms error is more than their noise, and how many times the noise of one reading it is.
+
+    Within the noise is what is at most 1.2 times what the declared noise, or repeats, show: of the readings, of
+    settings, and of mounts and runs as far as the readings show these. What is assumed of them does not count, nor a
+    guess of the noise. A channel of unknown noise is in no list.
+    """
+    if noise is None:
+        return {}
+    shown, number = noise_shown(observations, noise), {name: c for c, name in enumerate(noise.channels)}
+    return {
+        name: error / float(noise.sigma[number[name]])
+        for name, error in rms.items()
+        if name in noise.source and error > WITHIN_NOISE * shown[number[name]]
+    }
+
+
+def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
+    """Rms error that the noise makes in each channel, by what was declared and what the readings show of it."""
+    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
+    columns, deviations = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
+    settings = np.sum(observations.setting_columns**2, axis=1)
+    beside = np.bincount(observations.channel, settings + columns**2 @ deviations**2, len(noise.sigma)) / count
+    return np.asarray(np.sqrt(noise.sigma**2 + beside))
+
+
+def in_words(beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str, str]:
+    """Each such channel as it is said of a model: what it misses, and by how much."""
+    return {
+        name: f"the {CHANNEL_WORDS[name]} by {amount(rms[name], name, 3)} rms, "
+        f"{times:.3g} times the noise of one reading"
+        for name, times in beyond.items()
+    }

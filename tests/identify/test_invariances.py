@@ -1,0 +1,183 @@
+"""What must not change a verdict: order that is no evidence, units, names of runs, copies, channels without news."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.identify.comparison.compare import compare
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.readings.place import placed
+from femfit.tables.measurement_file import read_measurement
+from support.campaign import NOISE, campaign
+
+HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
+COLUMNS = ["run", "mount", "order", "current_A", "distance_m", "branch", *NOISE]
+SIZE = {"runs": 3, "distances": 7, "currents": 5}
+
+
+def written(table, folder, name="bench"):
+    """The measurement as the user's file has it."""
+    file = folder / f"{name}.csv"
+    table.to_csv(file, index=False)
+    return read_measurement(file)
+
+
+def numbers(noise):
+    return np.concatenate([noise.sigma, noise.rho, noise.run, noise.test_run, [noise.mount_m, noise.test_mount_m]])
+
+
+def said(diagnosis):
+    return diagnosis.verdict, [one.members for one in diagnosis.missing], diagnosis.confident
+
+
+def told(model, data):
+    """The noise and the diagnosis of a measurement."""
+    return numbers(estimate_noise(placed(model, data))), diagnose(model, data, bootstrap=0)
+
+
+def assert_same(one, other, rtol=1e-6):
+    np.testing.assert_allclose(other[0], one[0], rtol=rtol)
+    assert said(other[1]) == said(one[1])
+    assert other[1].p_value == pytest.approx(one[1].p_value, rel=1e-3, abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def hidden(levitation_model):
+    """Readings of a bench with a Hall offset."""
+    return campaign(levitation_model, 71, [HALL], **SIZE).rows[COLUMNS]
+
+
+@pytest.fixture(scope="module")
+def as_read(levitation_model, hidden, tmp_path_factory):
+    """What is told of them."""
+    result = told(levitation_model, written(hidden, tmp_path_factory.mktemp("bench")))
+    assert result[1].missing
+    return result
+
+
+def test_the_order_of_rows_is_no_evidence_without_a_clock(levitation_model, hidden, tmp_path):
+    rows = hidden.drop(columns="order")
+    as_read = told(levitation_model, written(rows, tmp_path, "rows"))
+    assert as_read[1].missing
+    for seed in (1, 2):
+        shuffled = rows.groupby("run").sample(frac=1.0, random_state=seed)
+        assert_same(as_read, told(levitation_model, written(shuffled, tmp_path)))
+
+
+def test_rows_with_a_clock_may_stand_in_any_order(levitation_model, hidden, as_read, tmp_path):
+    shuffled = hidden.groupby("run").sample(frac=1.0, random_state=1)
+    assert_same(as_read, told(levitation_model, written(shuffled, tmp_path)))
+
+
+def test_the_units_of_columns_do_not_matter(levitation_model, hidden, as_read, tmp_path):
+    milli = {"force_N": "force_mN", "distance_m": "distance_mm", "current_A": "current_mA"}
+    other = hidden.assign(**{name: 1e3 * hidden[name] for name in milli}).rename(columns=milli)
+    # 1e-3 * (1e3 * x) is x to a rounding, which the search's ends may carry on
+    assert_same(as_read, told(levitation_model, written(other, tmp_path)), rtol=1e-5)
+
+
+def test_the_names_of_runs_do_not_matter(levitation_model, hidden, as_read, tmp_path):
+    names = {1.0: 40.0, 2.0: 7.0, 3.0: 11.0}
+    other = hidden.assign(run=hidden["run"].map(names), mount=hidden["mount"].map(names))
+    assert_same(as_read, told(levitation_model, written(other, tmp_path)))
+
+
+def test_rows_that_stand_twice_in_a_file_are_no_repeats(levitation_model, hidden, as_read, tmp_path):
+    assert_same(as_read, told(levitation_model, written(pd.concat([hidden, hidden]), tmp_path)))
+
+
+def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_model):
+    once = campaign(levitation_model, 72, **SIZE)
+    rows = pd.concat([once.rows, once.rows.assign(order=once.rows["order"] + 200.0)], ignore_index=True)
+    rng = np.random.default_rng(1)
+    again = np.arange(len(rows)) >= len(once.rows)
+    for name, sigma in NOISE.items():
+        base = compare(levitation_model, once).observations
+        values = base.base[base.of(name)]
+        rows.loc[again, name] = values + sigma * rng.standard_normal(len(values))
+    noise, more = (estimate_noise(placed(levitation_model, replace(once, rows=one))) for one in (once.rows, rows))
+    # From some 120 repeats, correlated by 0.3, and from 330: 7 % and 4 % standard errors
+    np.testing.assert_allclose(more.sigma, noise.sigma, rtol=0.25)
+    assert (more.repeats > 2.0 * noise.repeats).all()
+
+
+def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, hidden, tmp_path):
+    rng = np.random.default_rng(3)
+    span = float(np.ptp(hidden["flux_linkage_Wb"]))
+    noisy = hidden.assign(flux_linkage_Wb=hidden["flux_linkage_Wb"] + 50.0 * span * rng.standard_normal(len(hidden)))
+    file = tmp_path / "noisy.csv"
+    noisy.to_csv(file, index=False)
+    with_noise = read_measurement(file, noise={"flux_linkage_Wb": 50.0 * span})
+    without = written(hidden.drop(columns="flux_linkage_Wb"), tmp_path)
+    found = [diagnose(levitation_model, data, bootstrap=0) for data in (without, with_noise)]
+    assert found[0].missing
+    assert said(found[0])[:2] == said(found[1])[:2]
+
+
+@pytest.mark.parametrize("effects", [[], [HALL]], ids=["clean", "hall"])
+def test_twice_as_many_readings_say_the_same_more_sharply(levitation_model, effects):
+    found = [
+        diagnose(levitation_model, campaign(levitation_model, 73, effects, **(SIZE | {"runs": runs})), bootstrap=0)
+        for runs in (3, 6)
+    ]
+    assert said(found[0])[:2] == said(found[1])[:2]
+    shown = [one.detectable["turns"]["turns_error"] for one in found]
+    assert shown[1] < shown[0]
+
+
+def wave(rows):
+    """A misfit that is finer than the patterns of the test and the same in every run, in noise of one reading."""
+    return np.sin(9e2 * rows["distance_m"].to_numpy()) * np.cos(5.0 * rows["current_A"].to_numpy())
+
+
+@pytest.mark.parametrize("declared", [False, True], ids=["repeats", "declared"])
+@pytest.mark.parametrize("shape", ["wave", "offset"])
+def test_more_structure_never_looks_more_like_noise(levitation_model, declared, shape):
+    size = SIZE | ({"runs": 1, "mount_m": 0.0} if declared else {})
+    clean = campaign(levitation_model, 74, **size)
+    if declared:
+        clean = replace(clean, declared_noise=NOISE)
+    structure = wave(clean.rows) if shape == "wave" else 0.3 * np.ones(len(clean.rows))
+    p_values = []
+    for times in (1.0, 1.5, 2.0, 4.0):
+        force = clean.rows["force_N"] + times * NOISE["force_N"] * structure
+        comparison = compare(levitation_model, replace(clean, rows=clean.rows.assign(force_N=force)))
+        p_values.append(comparison.p_value)
+    assert all(after <= before for before, after in pairwise(p_values)), p_values
+    assert p_values[-1] < p_values[0]
+    if shape == "wave":  # 2 sigma rms: where patterns are too broad to see it, the sentence says it all the same
+        assert "within" not in str(comparison).split("\n")[0]
+        assert set(comparison.beyond_noise) == {"force_N"}
+
+
+@pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 7, 9, 12])
+def test_few_readings_are_neither_a_crash_nor_a_pass(levitation_model, declared, count):
+    table = campaign(levitation_model, 75, [HALL], runs=1, distances=4, currents=3)
+    few = replace(table, rows=table.rows.iloc[:count].reset_index(drop=True), declared_noise=NOISE if declared else {})
+    comparison, diagnosis = compare(levitation_model, few), diagnose(levitation_model, few, bootstrap=0)
+    if count < 6 or not declared:
+        assert {comparison.verdict, diagnosis.verdict} == {"compare_only"}
+        assert comparison.findings[-1].code in {"too-few-readings", "no-noise"}
+    assert "within their noise" not in str(comparison)  # the Hall readings are seven times their noise off
+
+
+@pytest.mark.parametrize("effects", [[], [HALL]], ids=["clean", "hall"])
+@pytest.mark.parametrize("wild", [1, 3])
+def test_a_wild_reading_neither_names_an_effect_nor_hides_one(levitation_model, effects, wild):
+    """A decimal point that slipped, in one and in three of 200 readings of the force."""
+    table = campaign(levitation_model, 76, effects, runs=2, distances=8, currents=6)
+    rows = table.rows.copy()
+    # Where there is a force to slip
+    places = np.random.default_rng(wild).choice(np.flatnonzero(rows["force_N"] > 0.02), wild, replace=False)
+    rows.loc[places, "force_N"] *= 10.0
+    found = diagnose(levitation_model, replace(table, rows=rows), bootstrap=0)
+    assert [one.name for one in found.missing] == [one.effect.name for one in effects]
+    (finding,) = [one for one in found.findings if one.code == "outliers"]
+    assert finding.size == wild
