@@ -1,7 +1,7 @@
 """A device on a virtual bench: its solved fields, what can be wrong with it, and what its sensors would then read."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,6 +54,12 @@ class Device:
     def change(self, family: str, p: FloatArray | float, at: Conditions) -> Fields:
         """What the change of a family adds to the drawn fields."""
         return self.families[family].change(p, at.distance, at.current)
+
+    def with_turns(self, change: float, at: Conditions) -> Fields:
+        """What 1 + change times the turns add to the drawn fields: they are those of as much more current."""
+        more = self.drawn.at(at.distance, (1.0 + change) * at.current)
+        more = replace(more, flux_linkage=(1.0 + change) * more.flux_linkage)
+        return more - self.drawn.at(at.distance, at.current)
 
     @property
     def largest_current(self) -> float:

@@ -14,11 +14,11 @@ from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.sweep import Progress
 from femfit.trial.device import Conditions, Device, Family, HiddenError, Readings
-from femfit.trial.drawing_variants import has_magnet, is_linear_iron, saturable_core, scaled_magnets, scaled_turns
+from femfit.trial.drawing_variants import has_magnet, is_linear_iron, saturable_core, scaled_magnets
 from femfit.trial.field_table import Fields, solve_drawings
 
-REMANENCE_STEP, TURNS_STEP = 0.1, 0.1
-"""Changes that are solved, either way; in linear materials the parabola through three solutions is exact."""
+REMANENCE_STEP = 0.1
+"""Relative change that is solved, either way; in linear materials the parabola through three solutions is exact."""
 
 FERRITE_T = 0.45
 """Polarisation of soft parts that are drawn without a B-H curve; iron holds four times as much."""
@@ -49,19 +49,16 @@ def possible_errors(actuator: Actuator) -> list[str]:
 def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:
     """Solve a drawing and the changed forms that its usual errors need."""
     forms = {"drawn": actuator}
-    for sign, factor in (("-", -1.0), ("+", 1.0)):
-        forms[f"turns{sign}"] = scaled_turns(actuator, factor * TURNS_STEP)
-        if "remanence" in possible_errors(actuator):
-            forms[f"remanence{sign}"] = scaled_magnets(actuator, factor * REMANENCE_STEP)
+    if "remanence" in possible_errors(actuator):
+        forms |= {f"remanence{step:+g}": scaled_magnets(actuator, step) for step in (-REMANENCE_STEP, REMANENCE_STEP)}
     if "core_saturation" in possible_errors(actuator):
         forms["saturating"] = saturable_core(actuator, FERRITE_T, 1.0)
     tables = solve_drawings(forms, directory, workers=workers, progress=progress)
     drawn = tables["drawn"]
-    families = {
-        name: Family((-step, step), (tables[f"{name}-"], tables[f"{name}+"]), drawn)
-        for name, step in (("turns", TURNS_STEP), ("remanence", REMANENCE_STEP))
-        if f"{name}+" in tables
-    }
+    families = {}
+    if "remanence" in possible_errors(actuator):
+        steps = (-REMANENCE_STEP, REMANENCE_STEP)
+        families["remanence"] = Family(steps, tuple(tables[f"remanence{step:+g}"] for step in steps), drawn)
     if "saturating" in tables:
         families["saturating"] = Family((1.0,), (tables["saturating"],), drawn)
     return Device(actuator, drawn, families)
@@ -100,9 +97,9 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
         fields=lambda device, size, at: device.change("remanence", size, at),
     ),
     "turns": HiddenError(
-        lambda device: 0.2,
+        lambda device: 0.04 if device.drawn.currents else 0.2,  # within the solved currents
         ("flux_linkage_Wb", "voltage_V"),
-        fields=lambda device, size, at: device.change("turns", size, at),
+        fields=lambda device, size, at: device.with_turns(size, at),
         reading=_resisted(lambda size, at: size),  # the wire is longer by as much
     ),
     "resistance": HiddenError(lambda device: 0.3, ("voltage_V",), reading=_resisted(lambda size, at: size)),

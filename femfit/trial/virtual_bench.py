@@ -10,8 +10,8 @@ from scipy.signal import lfilter
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import DomainError
-from femfit.device.parts import NonlinearMaterial
 from femfit.trial.device import Conditions, Device, HiddenError, true_readings
+from femfit.trial.field_table import dialled_currents
 from femfit.trial.habits import Habits, written
 from femfit.trial.shown import expected_fall
 from femfit.trial.truths.course import acting_only
@@ -222,10 +222,15 @@ def _settings(device: Device, rng: np.random.Generator, habits: Habits) -> tuple
     axes = device.actuator.sweep
     runs, step_s = int(rng.integers(2, 6)), float(rng.uniform(2.0, 12.0))
     largest = max(map(abs, axes.currents_A))
-    other_way = axes.currents_A[0] < 0.0 or (rng.random() < 0.5 and not _saturates(device))
+    saturates = bool(device.drawn.currents)
+    other_way = axes.currents_A[0] < 0.0 or (rng.random() < 0.5 and not saturates)
     few = habits.extent == "few readings"
     runs = {"three runs": 3, "few readings": int(rng.integers(1, 4)) if few else 0}.get(habits.extent, runs)
-    cycle = np.linspace(-largest if other_way else 0.0, largest, int(rng.integers(5, 12) if not few else 3))
+    steps = int(rng.integers(5, 12) if not few else 3)
+    cycle = np.linspace(-largest if other_way else 0.0, largest, steps)
+    if saturates:
+        dialled = np.array(dialled_currents(device.actuator))
+        cycle = dialled[np.unique(np.round(np.linspace(0, len(dialled) - 1, steps)).astype(int))]
     branch = np.ones(len(cycle))
     if rng.random() < 0.5:  # falling currents too
         cycle, branch = np.concatenate([cycle, cycle[::-1]]), np.concatenate([branch, -branch])
@@ -256,12 +261,6 @@ def _settings(device: Device, rng: np.random.Generator, habits: Habits) -> tuple
     campaign_s = step_s * np.arange(len(run), dtype=np.float64)
     at = Conditions(dials["distance_m"].to_numpy(), current, time, ambient + warm, magnet, run, campaign_s)
     return dials, at
-
-
-def _saturates(device: Device) -> bool:
-    """Whether currents of the other sign are no mirror of those that were swept."""
-    parts = (*device.actuator.fixed, *device.actuator.moving.regions)
-    return any(isinstance(part.material, NonlinearMaterial) for part in parts)
 
 
 def _follow(goal: FloatArray, rate: float, each: int) -> FloatArray:

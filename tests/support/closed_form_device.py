@@ -30,7 +30,7 @@ def table(magnet=1.0, turns=1.0, linear_part=1.0):
     force = [magnet**2 * 4.19e-9 / d**4, magnet * turns * 0.2925 * decay, zero + turns**2 * 6e-3 * decay]
     flux = [magnet * turns * 0.2925 * 0.0166 * decay, turns**2 * linear_part * (0.0162 + 2e-4 * decay), zero]
     hall = [magnet * 8.6e-8 / (d + 0.0015) ** 3, zero + 0.005 * turns, zero]
-    return FieldTable((low, high), 1.47, np.array([inverse @ np.array(one).T for one in (force, flux, hall)]), True)
+    return FieldTable((low, high), np.array([inverse @ np.array(one).T for one in (force, flux, hall)]))
 
 
 def closed_form_device():
@@ -38,7 +38,6 @@ def closed_form_device():
     families = {
         "saturating": Family((1.0,), (table(linear_part=0.9),), drawn),
         "remanence": Family(steps, tuple(table(magnet=factor) for factor in factors), drawn),
-        "turns": Family(steps, tuple(table(turns=factor) for factor in factors), drawn),
     }
     return Device(read_actuator(DRAWING), drawn, AnyFamily(families))
 

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.core.errors import DomainError
 from femfit.device.load import read_actuator
 from femfit.device.parts import LinearMaterial, NonlinearMaterial, Region
+from femfit.tables.sweep_table import read_sweep_table
 from femfit.trial.device import Device, Family, true_readings
 from femfit.trial.drawing_variants import plunger_bore, scaled_turns, with_curve
 from femfit.trial.field_table import FieldTable, solve_drawings
@@ -205,7 +207,7 @@ def test_a_table_through_zero_is_a_polynomial_in_the_distance():
     d = -6e-3 + 4e-3 * x
     inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(x, 5))
     values = np.array([[1e9 * d**3, d, 0.0 * d]] * 3).transpose(0, 2, 1)
-    table = FieldTable((-10e-3, -2e-3), 1.0, np.einsum("ak,ckj->caj", inverse, values), True)
+    table = FieldTable((-10e-3, -2e-3), np.einsum("ak,ckj->caj", inverse, values))
     at = np.array([-9e-3, -3.3e-3])
     np.testing.assert_allclose(table.at(at, np.array([2.0, -1.0])).force, 1e9 * at**3 + at * [2.0, -1.0], rtol=1e-9)
 
@@ -228,3 +230,25 @@ def test_the_fall_is_that_of_the_whole_covariance():
     delta = np.concatenate([change[name] for name in meters])[there]
     whole = delta @ np.linalg.solve(covariance[np.ix_(there, there)], delta)
     assert expected_fall(change, slope, kept, meters, run, mount_m) == pytest.approx(whole)
+
+
+def test_a_saturating_drawing_without_magnets_is_mirrored_and_exact_where_it_is_measured(monkeypatch, tmp_path):
+    monkeypatch.setattr("femfit.trial.field_table.SATURATING_DISTANCES", 2)
+    monkeypatch.setattr("femfit.trial.field_table.CURRENTS", 2)
+    h = np.array([0.0, 100.0, 400.0, 2000.0, 1e5])
+    steel = NonlinearMaterial("steel", tuple((4e-7 * np.pi * h + 1.6 * np.tanh(h / 300.0)).tolist()), tuple(h.tolist()))
+    drawing = assembly(
+        moving=[Region("disc", rectangle(0.0, 0.01, 0.0, 0.005), steel)], distances=(0.004, 0.01),
+        coil=rectangle(0.008, 0.012, -0.01, -0.002), turns=2000,
+    )  # fmt: skip
+    table = solve_drawings({"drawn": drawing}, tmp_path, workers=1)["drawn"]
+    rows = read_sweep_table(tmp_path).rows
+    assert table.currents == pytest.approx((-1.05, -1.0, 0.0, 1.0, 1.05))
+    assert sorted(set(rows["current_A"])) == pytest.approx([0.0, 1.0, 1.05])
+    d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
+    for sign in (-1.0, 1.0):
+        at = table.at(d, sign * i)
+        np.testing.assert_allclose(at.force, rows["force_N"], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(at.flux_linkage, sign * rows["flux_linkage_Wb"], rtol=1e-9, atol=1e-12)
+    with pytest.raises(DomainError, match=r"currents .* between -1.05 and 1.05 A"):
+        table.at(d[:1], np.array([1.1]))

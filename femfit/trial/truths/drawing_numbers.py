@@ -21,6 +21,7 @@ from femfit.device.file_numbers import BODIES
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, LinearMaterial, NonlinearMaterial, Region
 from femfit.trial.device import Conditions, Device, HiddenError, Readings
+from femfit.trial.field_table import is_linear
 from femfit.trial.truths.truth import FIELD, Truth
 
 STEP = 0.04
@@ -63,22 +64,22 @@ def number_truths(drawing: Path, part: int, parts: int, count: int) -> Mapping[s
     order = np.random.default_rng(zlib.crc32(actuator.name.encode())).permutation(len(numbers))
     found: dict[str, Truth] = {}
     for number in (numbers[k] for k in order[part::parts]):
-        forms = _forms(number, data, drawing.parent)
+        forms = _forms(number, data, drawing.parent, is_linear(actuator))
         if forms and len(found) < count:
             found[f"drawing:{number.name}"] = _truth(number, actuator, forms)
     return found
 
 
-def _forms(number: Number, data: Mapping[str, Any], directory: Path) -> dict[float, Actuator]:
-    """The drawing at two changes of the number: either way if both can be built, else both the same way."""
+def _forms(number: Number, data: Mapping[str, Any], directory: Path, linear: bool) -> dict[float, Actuator]:
+    """The drawing at two changes of the number, either way if both can be built; at one where iron saturates."""
 
     def built(*changes: float) -> dict[float, Actuator]:
         forms = {change: number.changed(data, change, directory) for change in changes}
         return {change: form for change, form in forms.items() if form is not None}
 
     steps = [round(number.step * part, 6) for part in (1.0, 0.5, 0.25)]
-    either_way = [(-step, step) for step in steps[:2]]
-    one_way = [(0.5 * step, step) for step in steps] + [(-0.5 * step, -step) for step in steps]
+    either_way = [(-step, step) for step in steps[:2]] if linear else []
+    one_way = [(sign * step,) if not linear else (sign * step / 2, sign * step) for sign in (1, -1) for step in steps]
     for changes in (*either_way, *one_way):
         forms = built(*changes)
         if len(forms) == len(changes):

@@ -43,9 +43,7 @@ def lost_turns(where: Literal["everywhere", "outside", "end"]) -> Truth:
         lost = abs(size)
         if where != "everywhere":
             return device.change(family, lost, at)
-        fewer = device.drawn.at(at.distance, (1.0 - lost) * at.current)
-        fewer = replace(fewer, flux_linkage=(1.0 - lost) * fewer.flux_linkage)
-        return fewer - device.drawn.at(at.distance, at.current)
+        return device.with_turns(-lost, at)
 
     def reading(device: Device, size: float, at: Conditions, values: Readings) -> Readings:
         change = device.actuator.coil.resistance_ohm * resisted(device.actuator, abs(size))

@@ -13,7 +13,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.device.load import read_actuator
-from femfit.device.parts import NonlinearMaterial
+from femfit.trial.field_table import is_linear
 from femfit.trial.truths import course, hall, magnetics, mechanics, memory, sideways, warmth
 from femfit.trial.truths.drawing_numbers import number_truths
 from femfit.trial.truths.meters import meter_errors
@@ -23,8 +23,8 @@ SetName = Literal["calibration", "development", "final"]
 
 SETS: tuple[SetName, ...] = ("calibration", "development", "final")
 
-_LINEAR_NUMBERS, _SATURATING_NUMBERS = 5, 3
-"""Numbers of the drawing in each set: each costs two sweeps, and a saturating one takes ten times as long."""
+_LINEAR_NUMBERS, _SATURATING_NUMBERS = 5, 2
+"""Numbers of the drawing in each set: a saturating sweep takes ten times as long."""
 
 _WARMTH: tuple[warmth.Law, ...] = ("thermometer", "hot inside", "late")
 _MAGNETS: tuple[Literal["scaled", "grade", "shell"], ...] = ("scaled", "grade", "shell")
@@ -89,8 +89,6 @@ def truths_of(drawing: Path, part: SetName) -> dict[str, Truth]:
     shape, stepping = _IN_SOME_RUNS[part]
     for name in stepping:
         basic[f"{name} {shape}"] = course.only_in_some_runs(basic[name], name, shape)
-    actuator = read_actuator(drawing)
-    saturating = any(isinstance(one.material, NonlinearMaterial) for one in (*actuator.fixed, *actuator.moving.regions))
-    count = _SATURATING_NUMBERS if saturating else _LINEAR_NUMBERS
+    count = _LINEAR_NUMBERS if is_linear(read_actuator(drawing)) else _SATURATING_NUMBERS
     numbers = number_truths(drawing, k, len(SETS), count)
     return {f"{name} ({part})": truth for name, truth in (basic | dict(numbers)).items()}
