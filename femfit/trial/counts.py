@@ -73,6 +73,7 @@ def counts(outcomes: Sequence[Outcome]) -> list[Count]:
             {
                 "an effect was named": lambda one: bool(one.classes),
                 '"nothing missing" was said': lambda one: one.verdict == "nothing_missing",
+                "no verdict was given": lambda one: one.verdict in {"compare_only", "refused"},
             },
         ),
         ("One error hidden", _of(single, "catalogue"), _NAMED),

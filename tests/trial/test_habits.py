@@ -85,3 +85,28 @@ def test_declared_noise_is_read_and_the_data_say_nothing_else(made):
         assert dict(table.declared_noise) == pytest.approx(
             declared if key["habits"]["noise_declared"] else {}, rel=1e-3
         )
+
+
+def test_the_key_says_how_the_readings_scatter():
+    # At the truth the weighted sum of squares is chi-square of as many degrees as there are readings
+    device, weighted, count = closed_form_device(), 0.0, 0
+    for seed in range(6):
+        campaign = make_campaign(device, {}, 0.0, np.random.default_rng(seed))
+        rows = campaign.rows
+        d, i, run, order = (rows[name].to_numpy() for name in ("distance_m", "current_A", "run", "order"))
+        ahead, fields, back = (device.drawn.at(d + shift, i) for shift in (1e-5, 0.0, -1e-5))
+        slope = (ahead - back).times(1.0 / 2e-5)
+        for name, volts in (("force", 1.0), ("flux_linkage", 1.0), ("hall", 50.0)):
+            channel = {"force": "force_N", "flux_linkage": "flux_linkage_Wb", "hall": "hall_V"}[name]
+            if channel not in campaign.meters:
+                continue
+            meter = campaign.meters[channel]
+            residual = rows[channel].to_numpy() - volts * getattr(fields, name) - (2.5 if channel == "hall_V" else 0.0)
+            for number in np.unique(run):
+                at = np.flatnonzero((run == number) & np.isfinite(residual))
+                covariance = meter.sigma**2 * meter.rho ** np.abs(np.subtract.outer(order[at], order[at]))
+                moved = volts * getattr(slope, name)[at]
+                covariance += meter.step**2 / 12.0 * np.eye(len(at)) + campaign.mount_m**2 * np.outer(moved, moved)
+                weighted += residual[at] @ np.linalg.solve(covariance, residual[at])
+                count += len(at)
+    assert weighted / count == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / count))

@@ -215,6 +215,18 @@ def test_any_certain_name_of_a_clean_campaign_is_wrong():
     assert judge(1, clean, told(("force_gain",), certain=True)).certain_and_wrong
 
 
+def test_a_file_that_the_diagnosis_refuses_is_an_outcome(device, levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    place = tmp_path / "campaigns" / "0001"
+    place.mkdir(parents=True)
+    (place / "data.csv").write_text("current_A,distance_m,colour\n1.0,0.02,3\n")
+    (place / "hidden.json").write_text(json.dumps({"level": 0.0, "hidden": {}, "over_noise": {}}))
+    (outcome,) = diagnose_campaigns(tmp_path, [1], workers=1)
+    assert (outcome.verdict, outcome.classes) == ("refused", ())
+    lines = {(one.group, one.outcome): one.share for one in counts([outcome])}
+    assert lines["Nothing hidden", "no verdict was given"] == Share(1, 1)
+
+
 def test_intervals_are_the_exact_ones():
     # Clopper and Pearson: no hit in n leaves 1 - 0.025^(1/n)
     assert Share(0, 100).ci95 == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
