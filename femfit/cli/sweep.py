@@ -14,6 +14,7 @@ def sweep(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
     scheduler: str | None = None,
+    signatures: bool = False,
     json: Path | None = None,
 ) -> None:
     """Solve the field over the actuator's currents, distances and parameters, and write the table.
@@ -31,6 +32,9 @@ def sweep(
     scheduler : str
         Address of a Dask scheduler (tcp://host:port), whose workers solve instead. A worker that hangs is waited for:
         end it, and another one gets its task.
+    signatures : bool
+        Solve what each number of the drawing changes, too, about as long again at most; femfit fit keeps it in the
+        model, and a diagnosis asks whether one of them is wrong.
     json : Path
         File for a summary as JSON.
     """
@@ -54,10 +58,11 @@ def sweep(
     start = perf_counter()
     with sweep_progress(name) as progress:
         table = run_sweep(
-            variants,
+            actuator if signatures else variants,
             directory,
             workers=workers or len(os.sched_getaffinity(0)),
             scheduler=scheduler,
+            signatures=signatures,
             progress=progress,
         )
     summary = summarise(table) | {"seconds": perf_counter() - start, "directory": str(directory)}
@@ -67,6 +72,9 @@ def sweep(
     print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
     for remark in (*remarks(variants.actuator), *clipped_hall(variants, table)):
         print(f"  {remark}")
+    if table.signatures is not None:
+        print("  By one standard deviation of each number of the drawing, root mean square over the sweep:")
+        print("\n".join(f"    {line}" for line in str(table.signatures).splitlines()))
     for reason, count in summary["failures"].items():
         print(f"  {counted(count, 'point')} {reason}")
     if beyond := summary.get("points_beyond_bh_curve"):

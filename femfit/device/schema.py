@@ -48,6 +48,9 @@ class FileEntry(Entry):
     sweep: dict[str, Any] = Field(description="Give the grid as a table [sweep] with current_A and distance_mm.")
     solver: dict[str, Any] | None = Field(None, description="Give [solver] tolerance, or leave it out.")
     reference: dict[str, Any] | None = Field(None, description="Give [reference] distance_mm, or leave it out.")
+    tolerances: dict[str, Any] = Field(
+        {}, description="Give standard deviations of numbers of this file by their key paths as [tolerances]."
+    )
 
 
 class MaterialEntry(Entry):
@@ -312,6 +315,14 @@ class SolverEntry(Entry):
 
     tolerance: float | None = Field(
         None, ge=1e-5, le=0.1, description="Give the relative accuracy of force and flux linkage, as 1e-3 for 0.1 %."
+    )
+
+
+class ToleranceEntry(Entry):
+    """``[tolerances]``: how far numbers of the file may be off, beside those that are named by their key paths."""
+
+    length_mm: float | None = Field(
+        None, gt=0, le=1e3, description="Give the standard deviation of all lengths in mm, or leave it to ISO 2768 m."
     )
 
 

@@ -6,6 +6,7 @@ The stress of the moving part's own field integrates to zero, but not on a mesh:
 everything else taken away, and subtracted (:mod:`femfit.field.linear_system`).
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import ngsolve as ng
@@ -13,8 +14,9 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
+from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.currents import CurrentsLike, sources
+from femfit.field.currents import CurrentsLike, current_points, sources
 from femfit.field.force import OtherForces, weight
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
@@ -22,6 +24,7 @@ from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.pickup import PickupCoils
 from femfit.field.point_rows import DistanceSolution, superpose
 from femfit.field.settings import SolverSettings
+from femfit.field.signature_rows import SignatureRows
 
 
 class LinearActuator:
@@ -49,6 +52,8 @@ class LinearActuator:
         g = weight(self.mesh)
         self._system = LinearSystem(self.mesh, actuator, layout, g, settings.order)
         self._lower = LinearSystem(self.mesh, actuator, layout, g, settings.order - 1) if estimate else None
+        self._signatures: SignatureRows | None = None
+        self._solved: float | None = None  # distance that the fields are of
         self._others = OtherForces(
             self._system.total, self._system.own, self._moving.reaction_weight, self._moving.work_weight
         )
@@ -66,6 +71,7 @@ class LinearActuator:
             coils = self._pickups.at(distance)
             linked = [coils.linked(total) for total in self._system.total]
             lower = None if self._lower is None else self._lower.evaluate()
+        self._solved = distance
         return DistanceSolution(
             force=fine.force,
             force_change=None if lower is None else fine.force - lower.force,
@@ -87,6 +93,17 @@ class LinearActuator:
             )
         columns = superpose(sources(currents, self._circuits), solution, self._circuits)
         return {name: values.tolist() for name, values in columns.items()}
+
+    def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
+        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`, at points of the currents."""
+        if self._solved != distance:
+            self.solve(distance)
+        system = self._system
+        if self._signatures is None:
+            self._signatures = SignatureRows(self.actuator, numbers, self._moving, system.space, system.loads[1:])
+        totals = np.stack([total.vec.FV().NumPy() for total in system.total])
+        points = current_points(currents, len(self._circuits))
+        return self._signatures.of_sources(distance, points, totals, system.respond)
 
     def field(self, distance: float, currents: CurrentsLike) -> PointField:
         """The field at a point, with the mesh left stretched to it."""

@@ -44,9 +44,9 @@ class LinearSystem:
         self.mesh = mesh
         self.space = H1(mesh, order=order)
         self._hall = actuator.hall
-        self._loads = source_loads(self.space, actuator)
+        self.loads = source_loads(self.space, actuator)
         self._own_loads = source_loads(self.space, actuator, moving=True)
-        self.total, self.own = (tuple(GridFunction(self.space) for _ in self._loads) for _ in range(2))
+        self.total, self.own = (tuple(GridFunction(self.space) for _ in self.loads) for _ in range(2))
         self._layer_force = LayerForce(self.space, g)
         named = linear_materials(actuator)
         parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(mesh, named)
@@ -54,27 +54,27 @@ class LinearSystem:
         self._solid, self._vacuum = (
             [stiffness(self.space, one, None, regions=parts).Assemble()] if named else [] for one in (nu, nu_0)
         )
-        self._inverse = SummedInverse(self.space)
+        self._inverse, self._free_inverse = (SummedInverse(self.space) for _ in range(2))
         self._induced = stiffness(self.space, nu_0 - nu, None, regions="moving:.*", condense=False)
 
     def solve(self) -> None:
         """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
         self._air.Assemble()
         self._inverse.renew((self._air, *self._solid))
-        self._solve(self._loads, self.total)
-        self._inverse.renew((self._air, *self._vacuum))
+        self._solve(self._inverse, self.loads, self.total)
+        self._free_inverse.renew((self._air, *self._vacuum))
         magnetisation = self.total[0].vec.CreateVector()
         own_loads = []
         for total, load in zip(self.total, self._own_loads, strict=True):
             self._induced.Apply(total.vec, magnetisation)  # element by element, on the moving part alone
             own_loads.append(magnetisation.FV().NumPy() + load)
-        self._solve(own_loads, self.own)
+        self._solve(self._free_inverse, own_loads, self.own)
 
     def evaluate(self) -> Coefficients:
         """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
         self.solve()
         self_force = quadratic(self._layer_force, self.own)
-        linked = np.array([[inner(load, total.vec.FV().NumPy()) for total in self.total] for load in self._loads])
+        linked = np.array([[inner(load, total.vec.FV().NumPy()) for total in self.total] for load in self.loads])
         return Coefficients(
             force=quadratic(self._layer_force, self.total) - self_force,
             self_force=self_force,
@@ -83,9 +83,16 @@ class LinearSystem:
             hall=self._hall_field(),
         )
 
-    def _solve(self, loads: Sequence[FloatArray] | FloatArray, functions: Sequence[GridFunction]) -> None:
+    def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:  # noqa: ARG002  nothing depends on it
+        """What loads (k, unknowns) change of any state of the mesh as it was last solved, in the same shape."""
+        return np.array([self._inverse.solve(load) for load in loads])
+
+    @staticmethod
+    def _solve(
+        inverse: "SummedInverse", loads: Sequence[FloatArray] | FloatArray, functions: Sequence[GridFunction]
+    ) -> None:
         for load, function in zip(loads, functions, strict=True):
-            function.vec.FV().NumPy()[:] = self._inverse.solve(load) if load.any() else 0.0
+            function.vec.FV().NumPy()[:] = inverse.solve(load) if load.any() else 0.0
 
     def _hall_field(self) -> FloatArray | None:
         if self._hall is None:

@@ -48,6 +48,16 @@ class MovingMesh:
         if self.layout.stretchable:
             self.work_weight = stretch_share(self.mesh, self.layout, self._layer_heights)
 
+    @property
+    def vertex_share(self) -> FloatArray:
+        """Part of a small shift of the moving part that each vertex makes, shape (vertices,).
+
+        The stretch's own, or all of it within the mover's layer: neither moves an element at a corner of either part,
+        where the energy of each part's own field is in error.
+        """
+        share = self.work_weight if self.layout.stretchable else weight(self.mesh)
+        return np.array(share.vec.FV().NumPy()[: self.mesh.nv])
+
     def move_to(self, distance: float) -> None:
         """Stretch to a distance; ``mesh.UnsetDeformation`` undoes it."""
         shift = distance - self.reference

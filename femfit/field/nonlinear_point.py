@@ -16,7 +16,7 @@ References
 F. Henrotte, G. Deliege and K. Hameyer, COMPEL 23 (2004) 496: the stress weighted over a layer.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -25,6 +25,7 @@ from ngsolve import ConvertOperator
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
+from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.current_path import States, along_currents
 from femfit.field.currents import CurrentsLike, current_points, swept_currents
@@ -37,6 +38,7 @@ from femfit.field.nonlinear_system import RESPONSE_LIMIT, NonlinearSystem
 from femfit.field.pickup import PickupCoils
 from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
+from femfit.field.signature_rows import SignatureRows
 from femfit.field.weak_form import hall_field
 
 FIRST_ORDER = 2
@@ -59,7 +61,7 @@ class NonlinearActuator:
         *,
         estimate: bool = True,
     ) -> None:
-        self.layout = layout
+        self.actuator, self.layout = actuator, layout
         self._tolerance = settings.newton_tolerance
         self._hall = actuator.hall
         self._circuits = tuple(circuit.name for circuit in actuator.circuits)
@@ -76,6 +78,8 @@ class NonlinearActuator:
         g = weight(self.mesh)
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
+        self._signatures: SignatureRows | None = None
+        self._solved: dict[float, States] = {}  # of the distance last solved
         self._references: States = {}
         if len(group) > 1:
             self._systems[0].move()
@@ -114,7 +118,24 @@ class NonlinearActuator:
                         solutions[key] = evaluate(np.array(key), result.state, coarse[key], start)
                     else:
                         start, statuses[key] = np.zeros_like(self.fine.circuits), _NO_INDUCTANCE
+        self._solved = {distance: {key: one.state for key, one in solutions.items()}}
         return [self._point(tuple(point), [*results, finest], statuses, solutions) for point in points]
+
+    def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
+        """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
+        points = current_points(currents, len(self._circuits))
+        known = self._solved.get(distance, {})
+        if not all(tuple(point) in known for point in points):
+            self.solve(distance, points)
+            known = self._solved[distance]
+        if self._signatures is None:
+            self._signatures = SignatureRows(self.actuator, numbers, self._moving, self.fine.space, self.fine.circuits)
+        found = np.array([tuple(point) in known for point in points])
+        states = np.array([known[tuple(point)] for point in points[found]]).reshape(-1, self.unknowns)
+        rows = self._signatures.of_states(distance, points[found], states, self.fine.respond)
+        result = np.full((len(points), *rows.shape[1:]), np.nan)
+        result[found] = rows
+        return result
 
     def field(self, distance: float, currents: CurrentsLike) -> PointField:
         """The field at a point, with the mesh left stretched to it."""

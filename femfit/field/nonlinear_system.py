@@ -72,6 +72,11 @@ class NonlinearSystem:
         """Solve with the second derivative as last factorised."""
         return self._inverse.solve(load)
 
+    def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:
+        """What loads (k, unknowns) change of a state at the distance last moved to, in the same shape."""
+        self.renew(state)
+        return np.array([self.solve(load) for load in loads])
+
     def response(self, state: FloatArray, guess: FloatArray) -> tuple[FloatArray, bool]:
         """dw/di in 1/A at a converged state, shape (circuits, unknowns), and whether to RESPONSE_TOLERANCE.
 

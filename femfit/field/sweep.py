@@ -3,19 +3,20 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from femfit.core.errors import FieldSolverError, RunDirectoryError
+from femfit.core.errors import FieldSolverError, RunDirectoryError, UsageError
 from femfit.core.journal import Journal, JournalHeader
 from femfit.core.paths import path_of
+from femfit.device.drawn_numbers import DrawnNumber, read_numbers
 from femfit.device.parts import Actuator
 from femfit.device.variants import VariantSweep, only, read_variants
 from femfit.field.currents import swept_currents
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.settings import SolverSettings, settings_for
-from femfit.field.sweep_rows import sweep_manifest, sweep_rows
+from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
 from femfit.field.sweep_task import DistanceTask, LevelTask, MeshGroup, SweepTask, solve_task
 from femfit.field.sweep_workers import AGAIN, Done, Result, solve_here, solve_in_processes, solve_on_cluster, versions
 from femfit.field.tolerance import shares_checks
@@ -41,6 +42,7 @@ def run_sweep(
     workers: int = 2,
     scheduler: str | None = None,
     settings: SolverSettings | None = None,
+    signatures: bool = False,
     progress: Progress | None = None,
 ) -> SweepTable:
     """Solve an actuator's sweep, or what a journal says is left of it, and write the table.
@@ -57,6 +59,9 @@ def run_sweep(
         Address of a Dask scheduler, whose workers solve instead.
     settings : SolverSettings, optional
         Order and element sizes; the defaults with the actuator's tolerance otherwise.
+    signatures : bool
+        Whether to solve what each number of the drawing changes, too, which takes about as long again at most; the
+        sweep is then given as an actuator file.
     progress : callable, optional
         Called with a :class:`SweepProgress` before the start and after each distance.
 
@@ -69,6 +74,8 @@ def run_sweep(
     ------
     RunDirectoryError
         If the directory is in use, or the disk is full at the end.
+    UsageError
+        If signatures are asked for of what is no actuator file.
     FieldSolverError
         If not even a plan of the meshes can be made for any variant.
     ClusterError
@@ -81,13 +88,15 @@ def run_sweep(
     >>> len(table.rows), set(table.rows["status"])
     (50, {'ok'})
     """
+    numbers = _numbers(sweep) if signatures else ()
     sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
     if not isinstance(sweep, VariantSweep):
         sweep = read_variants(path_of(sweep, "The actuator file of a sweep"))
     directory = path_of(directory, "The run directory")
     settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
-    configuration = _configuration(sweep, settings)
+    tasks = [replace(task, numbers=numbers) for task in tasks]
+    configuration = _configuration(sweep, settings, numbers)
     currents = len(swept_currents(sweep.variants[0].sweep))
     names = {task.key for task in tasks}
 
@@ -108,7 +117,9 @@ def run_sweep(
         _solve_all(first, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
         table = SweepTable(
-            sweep_rows(sweep, solved | failed), sweep_manifest(sweep, configuration) | _beyond_curve(solved)
+            sweep_rows(sweep, solved | failed),
+            sweep_manifest(sweep, configuration) | _beyond_curve(solved),
+            signatures_of(sweep, solved, numbers) if numbers else None,
         )
         _write(table, directory, journal)
     return table
@@ -203,12 +214,21 @@ def _beyond_curve(solved: Mapping[tuple[int, float], Mapping[str, Any]]) -> dict
     return {"points_beyond_bh_curve": sum(map(sum, flags))} if flags else {}
 
 
-def _configuration(sweep: VariantSweep, settings: SolverSettings) -> dict[str, Any]:
+def _numbers(sweep: str | Path | Actuator | VariantSweep) -> tuple[DrawnNumber, ...]:
+    if not isinstance(sweep, str | Path):
+        raise UsageError(
+            f"Signatures need the actuator file, whose numbers they are of; instead received {type(sweep).__name__}. "
+            "Give its path."
+        )
+    return read_numbers(sweep)
+
+
+def _configuration(sweep: VariantSweep, settings: SolverSettings, numbers: Sequence[DrawnNumber]) -> dict[str, Any]:
     content = {
         "actuator": asdict(sweep.actuator),
         "variants": [asdict(variant) for variant in sweep.variants],
         "settings": asdict(settings),
         "versions": versions(),
-    }
+    } | ({"signatures": [asdict(number.facts) for number in numbers]} if numbers else {})
     text = json.dumps(content, sort_keys=True)
     return {**content, "hash": hashlib.sha256(text.encode()).hexdigest()}

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.sweep_columns import VARIANT, current_columns, sweep_columns
+from femfit.core.sweep_columns import VARIANT, current_columns, flux_columns, sweep_columns
+from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import SweepAxes
 from femfit.device.sensors import HallElement, PickupCoil
@@ -15,6 +16,7 @@ from femfit.device.summary import sweep_manifest_entry
 from femfit.device.variants import VariantSweep
 from femfit.field.currents import swept_currents
 from femfit.field.tolerance import SMALL
+from femfit.tables.signatures import Signatures
 from femfit.tables.sweep_table import SweepTable, current_names
 
 if TYPE_CHECKING:
@@ -47,6 +49,35 @@ def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result])
     if rows["hall_T"].isna().all():
         rows = rows.drop(columns="hall_T")
     return rows.sort_values([*axes[:1], *current_columns(circuits), "distance_m"], kind="stable", ignore_index=True)
+
+
+def signatures_of(
+    sweep: VariantSweep, results: Mapping[tuple[int, float], Result], numbers: Sequence[DrawnNumber]
+) -> Signatures:
+    """What the results of a sweep without parameters say of the drawing's numbers."""
+    import pandas as pd  # noqa: PLC0415  loads while the workers solve
+
+    actuator, points = sweep.actuator, swept_currents(sweep.actuator.sweep)
+    circuits = [circuit.name for circuit in actuator.circuits]
+    slopes = ["force_N", *flux_columns(circuits), *(["hall_T"] if actuator.hall is not None else [])]
+    keys = [number.facts.key for number in numbers]
+    frames = []
+    for distance in actuator.sweep.distances_m:
+        found = results[1, distance].get("signatures")
+        if found is not None:
+            values = np.array(found, dtype=np.float64).swapaxes(0, 1).reshape(-1, len(slopes))
+            frames.append(
+                pd.DataFrame({"number": np.repeat(keys, len(points)), "distance_m": distance})
+                .assign(**dict(zip(current_columns(circuits), np.tile(points.T, len(keys)), strict=True)))
+                .assign(**dict(zip(slopes, values.T, strict=True)))
+            )
+    columns = ["number", *current_columns(circuits), "distance_m", *slopes]
+    rows = pd.concat(frames, ignore_index=True)[columns] if frames else pd.DataFrame(columns=columns)
+    order = pd.Categorical(rows["number"], keys, ordered=True)
+    rows = rows.assign(number=order).sort_values(
+        ["number", *columns[1 : -len(slopes)]], kind="stable", ignore_index=True
+    )
+    return Signatures(tuple(number.facts for number in numbers), rows.assign(number=rows["number"].astype(str)))
 
 
 def clipped_hall(sweep: VariantSweep, table: SweepTable) -> list[str]:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError, FieldSolverError
+from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.currents import swept_currents
 from femfit.field.layout import Layout
@@ -45,6 +46,7 @@ class DistanceTask:
     mesh: MeshGroup
     distance: float
     variant: int = 1
+    numbers: tuple[DrawnNumber, ...] = ()  # Whose ``signatures`` the result has, too
 
     @property
     def key(self) -> str:
@@ -59,8 +61,13 @@ class DistanceTask:
             if len(self.mesh.distances) == 1:
                 raise
             problem = MESHES.problem(self.mesh.of(self.distance))
-        rows = problem.rows(self.distance, swept_currents(self.mesh.actuator.sweep))
-        return {"rows": {name: [_json_ready(value) for value in values] for name, values in rows.items()}}
+        currents = swept_currents(self.mesh.actuator.sweep)
+        rows = problem.rows(self.distance, currents)
+        result = {"rows": {name: [_json_ready(value) for value in values] for name, values in rows.items()}}
+        if not self.numbers:
+            return result
+        slopes = problem.signatures(self.distance, currents, self.numbers)
+        return result | {"signatures": [[[_json_ready(v) for v in row] for row in at] for at in slopes.tolist()]}
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ class ToleranceProblem:
     ) -> None:
         self.settings, self.choice, self._solved = settings, choice, solved
         self.mesh, self.unknowns, self.field = problem.mesh, problem.unknowns, problem.field
-        self._rows = problem.rows
+        self._rows, self.signatures = problem.rows, problem.signatures
         self._currents: FloatArray = np.array(choice.currents_A)
         self._errors: FloatArray = np.array(choice.force_errors)
 

@@ -19,6 +19,7 @@ from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import is_current
 from femfit.tables.settings_file import read_settings
+from femfit.tables.signatures import Signatures, read_signatures, write_signatures
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,6 +43,8 @@ class SweepTable(Printed):
         ``kind`` (``sweep`` or ``import``), ``name``, ``actuator`` (circuit, motion, sensor as far as known: keys
         ``mass_kg, resistance_ohm, voltage_min_V, voltage_max_V, sample_time_s, reference_distances_m, hall`` with the
         fields of :class:`femfit.device.parts.HallElement`), versions and hashes.
+    signatures : Signatures or None
+        What each number of the drawing changes, where that was solved.
 
     Examples
     --------
@@ -54,6 +57,7 @@ class SweepTable(Printed):
 
     rows: "pd.DataFrame"
     manifest: Mapping[str, Any] = field(default_factory=dict)
+    signatures: Signatures | None = None
 
     def valid_rows(self) -> "pd.DataFrame":
         """The rows whose status is ``ok``."""
@@ -84,7 +88,7 @@ def current_names(rows: "pd.DataFrame") -> list[str]:
 
 
 def write_sweep_table(table: SweepTable, directory: Path) -> Path:
-    """Write ``sweep.parquet``, ``sweep.csv`` and ``manifest.json``, each completely or not at all."""
+    """Write ``sweep.parquet``, ``sweep.csv``, ``manifest.json`` and signatures, each completely or not at all."""
     directory = Path(directory)
     parquet = directory / f"{TABLE_STEM}.parquet"
     with replacing(parquet) as partial:
@@ -92,6 +96,7 @@ def write_sweep_table(table: SweepTable, directory: Path) -> Path:
     with replacing(directory / f"{TABLE_STEM}.csv") as partial:
         table.rows.to_csv(partial, index=False)
     write_json(directory / MANIFEST_NAME, table.manifest)
+    write_signatures(table.signatures, directory)
     return parquet
 
 
@@ -139,7 +144,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(rows[["distance_m"]])
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
-    return SweepTable(rows, manifest)
+    return SweepTable(rows, manifest, read_signatures(file.parent))
 
 
 def _table_file(path: Path) -> Path:

@@ -126,7 +126,7 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     findings = _stop_at_errors(findings, options)
     rows = _rows(good, _place(bad, options))
     manifest = _manifest(files, contents, mapping, dialects, findings, rows)
-    return ImportedTable(rows, manifest, tuple(findings), tuple(mapping.values()), dialects)
+    return ImportedTable(rows, manifest, findings=tuple(findings), mapping=tuple(mapping.values()), dialects=dialects)
 
 
 def _files(paths: Sequence[Path]) -> list[Path]:

@@ -1,0 +1,232 @@
+"""The numbers of a drawing that a workshop may miss: faces of parts, materials, the place of the Hall element.
+
+A number is a face's coordinate, whether a box gives it once or a polygon at several corners. Where parts touch along a
+face it belongs to both of them: a drawing in which one of them alone changed would have a slit or an overlap there. A
+coordinate that the drawing counts from, as the moving part's nearest face, is none; nor is what an effect of the
+catalogue scales exactly (turns and resistance of a circuit's only coil, the remanence of the only magnet material).
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from femfit.core.errors import ActuatorFileError
+from femfit.core.paths import path_of
+from femfit.device.complaints import joined, read_table
+from femfit.device.decimals import decimal_sum
+from femfit.device.drawing import fixed_key, table_at
+from femfit.device.drawn_faces import drawn_faces
+from femfit.device.file_numbers import Location, nearest_numbers, numbers_of, with_value
+from femfit.device.load import actuator_from_tables, parse, read_text
+from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region
+from femfit.device.schema import ToleranceEntry
+from femfit.device.tolerance_defaults import KINDS, length_tolerance
+
+STEP = {"mm": 1e-3}
+"""Numerical: by how much a number is changed either way, in its unit; outlines are linear in their coordinates."""
+
+SHARE_STEP = 1e-4  # numerical: the same of a share
+
+MOST = 1e5  # a standard deviation beyond it is no number of a drawing's
+
+
+@dataclass(frozen=True)
+class NumberFacts:
+    """What is said of a number; changes of one without a unit are shares of it."""
+
+    key: str  # Key path in the file
+    also: tuple[str, ...]  # Key paths of what moves with it
+    kind: str  # Of :data:`femfit.device.tolerance_defaults.KINDS`
+    value: float  # As the file has it
+    unit: str  # As the file has it: mm, T, or empty
+    tolerance: float  # Standard deviation, in the unit or as a share
+
+    @property
+    def subject(self) -> str:
+        """The number as the subject of a sentence."""
+        return KINDS[self.kind].words.format(key=self.key, name=self.key.split(".")[1] if "." in self.key else "")
+
+
+@dataclass(frozen=True)
+class DrawnNumber:
+    """A number of the drawing with the actuators that a little more and a little less of it make."""
+
+    facts: NumberFacts
+    step: float  # In the unit or as a share
+    larger: Actuator
+    smaller: Actuator
+
+
+def read_numbers(path: str | Path) -> tuple[DrawnNumber, ...]:
+    """The numbers of an actuator file, in its order.
+
+    Raises
+    ------
+    ActuatorFileError
+        If the file has any problem, or sweeps parameters: its numbers are then not one.
+    """
+    path = path_of(path, "An actuator file")
+    return numbers_from_toml(read_text(path), str(path), path.parent)
+
+
+def numbers_from_toml(
+    text: str, source: str = "actuator file", directory: Path | None = None
+) -> tuple[DrawnNumber, ...]:
+    """The numbers of an actuator file's text; arguments and errors as of :func:`read_numbers`."""
+    data = parse(text, source)
+    actuator = actuator_from_tables(data, source, directory)
+    if "parameters" in data["sweep"]:
+        raise ActuatorFileError(
+            source, ["sweep.parameters must be absent where signatures are asked for. Take one variant's drawing."]
+        )
+    given, general = _tolerances(data, source)
+    found = [
+        *_lengths(data, source, directory),
+        *_materials(actuator),
+        *_hall_places(data, source, directory),
+        *_turns(actuator),
+    ]
+    return tuple(
+        replace(one, facts=replace(one.facts, tolerance=_tolerance(one.facts, given, general))) for one in found
+    )
+
+
+def _tolerance(number: NumberFacts, given: Mapping[str, float], general: float | None) -> float:
+    named = [given[key] for key in (number.key, *number.also) if key in given]
+    if named:
+        return named[0] if number.unit else named[0] / abs(number.value)
+    return general if number.unit == "mm" and general is not None else number.tolerance
+
+
+def _tolerances(data: dict[str, Any], source: str) -> tuple[dict[str, float], float | None]:
+    """Standard deviations by key path, and that of all other lengths in mm."""
+    table = dict(data.get("tolerances") or {})
+    problems: list[str] = []
+    own = {key: value for key, value in table.items() if key in ToleranceEntry.model_fields}
+    general = read_table(ToleranceEntry, own, "tolerances", problems)
+    known, given = {*numbers_of(data), *_curve_keys(data)}, {}
+    for key, value in table.items():
+        if key in ToleranceEntry.model_fields:
+            continue
+        if key not in known:
+            near = ", ".join(nearest_numbers(key, data))
+            problems.append(f"tolerances.{key!r} must be a key path of this file in quotes. Near it: {near}.")
+        elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < MOST:
+            given_as = str(value)[:60]
+            problems.append(
+                f"tolerances.{key!r} must be a number > 0; it is {given_as!r}. Give the number's standard deviation."
+            )
+        else:
+            given[key] = float(value)
+    if problems:
+        raise ActuatorFileError(source, problems)
+    return given, None if general is None else general.length_mm
+
+
+def _changed(data: dict[str, Any], locations: Iterable[Location], change: float) -> dict[str, Any]:
+    tables = deepcopy(data)
+    for location in locations:
+        place: Any = tables
+        for key in location[:-1]:
+            place = place[key]
+        with_value(tables, location, decimal_sum(float(place[location[-1]]), change, 1.0))
+    return tables
+
+
+def _lengths(data: dict[str, Any], source: str, directory: Path | None) -> Iterator[DrawnNumber]:
+    """The faces of the parts; without those that the drawing counts from, which cannot be elsewhere."""
+    for face in drawn_faces(data):
+        yield from _place(data, face.locations, "length", face.value, source, directory)
+
+
+def _place(
+    data: dict[str, Any], locations: tuple[Location, ...], kind: str, value: float, source: str, directory: Path | None
+) -> Iterator[DrawnNumber]:
+    step = STEP["mm"]
+    try:
+        larger, smaller = (
+            actuator_from_tables(_changed(data, locations, sign * step), source, directory) for sign in (1.0, -1.0)
+        )
+    except ActuatorFileError:
+        return
+    key, *also = dict.fromkeys(joined("", *one) for one in locations)
+    facts = NumberFacts(key, tuple(also), kind, value, "mm", length_tolerance(value))
+    yield DrawnNumber(facts, step, larger, smaller)
+
+
+def _hall_places(data: dict[str, Any], source: str, directory: Path | None) -> Iterator[DrawnNumber]:
+    """Of the first Hall element, whose field the sweep solves."""
+    tables: list[tuple[tuple[str, ...], Any]] = [(("hall",), data.get("hall"))]
+    tables += [(("sensors", name), one) for name, one in table_at(data, "sensors").items()]
+    for path, table in tables:
+        if isinstance(table, dict) and table.get("kind", path[0]) == "hall":
+            for key in ("r_mm", "z_mm"):
+                if key == "z_mm" or table[key] > 0.0:
+                    yield from _place(data, ((*path, key),), "hall_place", float(table[key]), source, directory)
+            return
+
+
+def _turns(actuator: Actuator) -> Iterator[DrawnNumber]:
+    """Of coils that share a circuit: those of a circuit's only coil are the catalogue's."""
+    for place, coil in enumerate(actuator.coils):
+        if sum(one.circuit == coil.circuit for one in actuator.coils) > 1:
+            ends = [
+                replace(actuator, coils=_with(actuator.coils, place, replace(coil, turns=coil.turns * (1.0 + change))))
+                for change in (SHARE_STEP, -SHARE_STEP)
+            ]
+            yield _share(joined("coils", coil.name, "turns"), "turns", coil.turns, *ends)
+
+
+def _with(parts: tuple[Any, ...], place: int, part: Any) -> tuple[Any, ...]:
+    return (*parts[:place], part, *parts[place + 1 :])
+
+
+def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator) -> DrawnNumber:
+    return DrawnNumber(NumberFacts(key, (), kind, value, "", KINDS[kind].tolerance), SHARE_STEP, larger, smaller)
+
+
+def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
+    """Permeability and remanence of linear materials, and the scales of B and of H of curves."""
+    used = {region.material.name: region.material for region in (*actuator.fixed, *actuator.moving.regions)}
+    magnets = [name for name, material in used.items() if material.remanence_T]
+    for name, material in used.items():
+        if isinstance(material, NonlinearMaterial):
+            yield _of_material(actuator, name, "B_T", "curve_flux_density", 1.0)
+            yield _of_material(actuator, name, "H_A_per_m", "curve_field", 1.0)
+        elif material.relative_permeability != 1.0:
+            kind = "recoil_permeability" if material.remanence_T else "permeability"
+            yield _of_material(actuator, name, "relative_permeability", kind, material.relative_permeability)
+        if material.remanence_T and len(magnets) > 1:
+            yield _of_material(actuator, name, "remanence_T", "remanence", abs(material.remanence_T))
+
+
+def _of_material(actuator: Actuator, name: str, key: str, kind: str, value: float) -> DrawnNumber:
+    def scaled(region: Region, factor: float) -> Region:
+        if region.material.name != name:
+            return region
+        return replace(region, material=_scaled(region.material, key, factor))
+
+    ends = []
+    for change in (SHARE_STEP, -SHARE_STEP):
+        fixed, moving = (
+            tuple(scaled(one, 1.0 + change) for one in regions) for regions in (actuator.fixed, actuator.moving.regions)
+        )
+        ends.append(replace(actuator, fixed=fixed, moving=replace(actuator.moving, regions=moving)))
+    return _share(joined("materials", name, key), kind, value, *ends)
+
+
+def _scaled(material: Material, key: str, factor: float) -> Material:
+    if isinstance(material, LinearMaterial):
+        return replace(material, **{key: factor * getattr(material, key)})
+    if key == "B_T":
+        return replace(material, flux_density_T=tuple(factor * b for b in material.flux_density_T))
+    return replace(material, field_A_per_m=tuple(factor * h for h in material.field_A_per_m))
+
+
+def _curve_keys(data: Mapping[str, Any]) -> Iterator[str]:
+    bodies = (fixed_key(data), "moving")
+    for material in {str(one.get("material")) for body in bodies for one in table_at(data, body, "regions").values()}:
+        for key in ("B_T", "H_A_per_m"):
+            yield joined("materials", material, key)

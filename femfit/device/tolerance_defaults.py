@@ -1,0 +1,38 @@
+"""Standard deviations of a drawing's numbers where the drawing gives none, by kind of number.
+
+Limits that a standard or a maker guarantees are read as two standard deviations. They are conventional: a drawing's own
+``[tolerances]`` replace them.
+"""
+
+from dataclasses import dataclass
+
+_ISO_2768_M = ((3.0, 0.1), (6.0, 0.1), (30.0, 0.2), (120.0, 0.3), (400.0, 0.5), (1000.0, 0.8), (2000.0, 1.2))
+"""Limits in mm of lengths in mm up to so much, ISO 2768-1 (1989), table 1, class m."""
+
+_LONGER = 2.0
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of number."""
+
+    tolerance: float  # Standard deviation: a share of the number; of lengths :func:`length_tolerance`
+    words: str  # What it is, with ``{name}`` for the material's or the coil's name
+
+
+KINDS: dict[str, Kind] = {
+    "length": Kind(0.0, "{key}"),
+    "hall_place": Kind(0.0, "{key}"),
+    # Ferrites are sold to +-20 to 25 % (Ferroxcube, Soft Ferrites and Accessories); annealed steel scatters as much
+    "permeability": Kind(0.12, "the permeability of {name}"),
+    "recoil_permeability": Kind(0.01, "the recoil permeability of {name}"),  # 1.03 to 1.07 within NdFeB's grades
+    "remanence": Kind(0.015, "the remanence of {name}"),  # +-3 % within a grade, IEC 60404-8-1
+    "curve_flux_density": Kind(0.02, "the flux density of {name} at every field"),  # polarisation by composition
+    "curve_field": Kind(0.15, "the field that {name} needs for every flux density"),  # annealing and machining
+    "turns": Kind(0.005, "the number of turns of {name}"),
+}
+
+
+def length_tolerance(length: float) -> float:
+    """Of a length in mm, in mm: half of the general tolerance's limit."""
+    return 0.5 * next((limit for longest, limit in _ISO_2768_M if abs(length) <= longest), _LONGER)

@@ -1,0 +1,177 @@
+r"""How W' changes with the numbers of a drawing while the field's coefficients stay: all that there is of dW'/dp.
+
+W'(p) = max over w of G(w; p), the discrete co-energy J A - u(B) integrated over the mesh, so that dW'/dp = dG/dp at the
+solved w, in the discrete problem too: what w changes adds nothing. With a displacement V of the mesh, w carried along,
+
+    dG = - integral (H . dB + u (div V + V_r / r)) 2 pi r,
+    dB_r = - V_r w_z + r dV/dz . grad w,    dB_z = V_r w_r - r dV/dr . grad w.
+
+For displacements of first order this is a sum of forces on the vertices times their velocities, so that all dimensions
+cost one integral. A winding's section C moves by itself, by V_c, while the mesh passes under its current density j:
+d(j w) = integral over C of j (div(r^2 w V_c) - r^2 V . grad w) 2 pi. Along edges of magnetic parts the motion that
+vertices leave (:mod:`femfit.field.outline_motion`) counts H_t [B_t] - [u], the jumps from outside to inside.
+
+References
+----------
+A. Kameari, IEEE Trans. Magn. 29 (1993) 1466: nodal forces; S. McFee, J. P. Webb and D. A. Lowther, IEEE Trans. Magn.
+24 (1988) 439.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from ngsolve import H1, Grad, GridFunction, InnerProduct, LinearForm, VectorH1, dx, grad, x
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.device.drawn_numbers import DrawnNumber
+from femfit.device.parts import Actuator, Coil
+from femfit.field.field_points import FieldPoints, Law, PlacedPoints, flux_density_of, in_air, law_of
+from femfit.field.outline_motion import OutlineMotion
+from femfit.field.regions import coil_region
+from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, materials
+
+BESIDE = 1e-7
+"""Numerical: how far beside an edge, in m, its two sides are looked at."""
+
+
+class ExplicitSlopes:
+    """dG/dp for the numbers of a drawing, on one mesh made with the moving part at a reference distance in m.
+
+    Parameters
+    ----------
+    share : array, shape (vertices,)
+        Part of a stretch along z that each vertex makes.
+    still : array, shape (vertices,)
+        Vertices that do not move with any number.
+    """
+
+    def __init__(
+        self,
+        space: H1,
+        actuator: Actuator,
+        reference: float,
+        numbers: Sequence[DrawnNumber],
+        share: FloatArray,
+        still: BoolArray,
+    ) -> None:
+        self.points, self._space, self._numbers = FieldPoints(space, share), space, numbers
+        motion = OutlineMotion(space.mesh, actuator, reference, numbers)
+        velocities = motion.velocities(still)
+        self._velocities = velocities.reshape(len(numbers), -1)
+        self._loads = self._coil_slopes(motion, velocities)
+        self._named = materials(actuator)
+        self._laws = [(self.points.of_region(name), law_of(one)) for name, one in self._named.items()]
+        self._law_changes = [self._changed_laws(number) for number in numbers]
+        self._left = motion.remainder(velocities)
+        self._sides = [
+            PlacedPoints(space, self._left.points + sign * BESIDE * self._left.normals, share) for sign in (-1.0, 1.0)
+        ]
+        self._side_laws, self._differs = self._laws_of_sides()
+
+    def sample(self, states: FloatArray) -> FloatArray:
+        """All that :meth:`evaluate` needs of states (unknowns, k), linear in them; shape (.., k)."""
+        linked = np.tensordot(self._loads, states, axes=1).reshape(-1, states.shape[1])
+        return np.concatenate([self.points.fields(states), *(side.fields(states) for side in self._sides), linked])
+
+    def evaluate(self, samples: FloatArray, currents: FloatArray, stretch: float) -> FloatArray:
+        """dG/dp in J per unit for samples (.., k) with the mesh stretched by so much in m; shape (k, numbers).
+
+        ``currents`` are in A, of shape (k, circuits).
+        """
+        points, (count, edge) = self.points, (3 * len(self.points.weight), 3 * len(self._left.points))
+        parts = np.split(samples, [count, count + edge, count + 2 * edge])
+        w, w_r, w_z = points.split(parts[0])
+        shear, b = (one[:, None] for one in points.stretched(stretch))
+        r = points.radius[:, None]
+        w_r, w_z = w_r - shear * w_z, w_z / b
+        density = flux_density_of(r, w, w_r, w_z)
+        field, u = in_air(density)
+        for at, law in self._laws:
+            field[:, at], u[at] = law(density[:, at])
+        h_r, h_z = field * r
+        weight = 2.0 * math.pi * points.weight[:, None] * b
+        values, u, slope_r, slope_z = h_z * w_r - h_r * w_z + u, r * u, weight * r * w_r, weight * r * w_z
+        moved = [(weight * values, weight * u - slope_r * h_z, slope_r * h_r)]
+        moved.append((np.zeros_like(u), -slope_z * h_z, weight * u + slope_z * h_r))
+        nodal = [points.nodal(value, in_r, in_z / b - shear * in_r) for value, in_r, in_z in moved]
+        result = -self._velocities @ np.concatenate(nodal)
+        result += np.einsum("pck,kc->pk", parts[3].reshape(len(self._numbers), -1, samples.shape[1]), currents)
+        for k, changes in enumerate(self._law_changes):
+            for at, larger, smaller in changes:
+                change = larger(density[:, at])[1] - smaller(density[:, at])[1]
+                result[k] -= (weight[at] * r[at] * change).sum(axis=0) / (2.0 * self._numbers[k].step)
+        return np.asarray((result + self._along_edges(parts[1], parts[2], stretch)).T)
+
+    def largest_in_parts(self, samples: FloatArray) -> float:
+        """The largest slope of w in a part with a material, or anywhere where there is none."""
+        _, w_r, w_z = self.points.split(samples[: 3 * len(self.points.weight)])
+        at = np.concatenate([at for at, _ in self._laws]) if self._laws else slice(None)
+        return float(max(np.abs(w_r[at]).max(), np.abs(w_z[at]).max()))
+
+    def _coil_slopes(self, motion: OutlineMotion, velocities: FloatArray) -> FloatArray:
+        """Slopes of the loads of 1 A; shape (numbers, circuits, unknowns)."""
+        actuator = motion.actuator
+        circuits = [circuit.name for circuit in actuator.circuits]
+        result = np.zeros((len(self._numbers), len(circuits), self._space.ndof))
+        space, v = VectorH1(self._space.mesh, order=1), self._space.TestFunction()
+        passing, own = GridFunction(space), GridFunction(space)
+        for place, coil in enumerate(actuator.coils):
+            over = dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
+            density = 2.0 * math.pi * coil.sign * _density(coil)
+            plain = LinearForm(2.0 * math.pi * coil.sign * x**2 * v * over).Assemble().vec.FV().NumPy()
+            divergence = v * (2.0 * x * own[0] + x**2 * (Grad(own)[0, 0] + Grad(own)[1, 1]))
+            slope = LinearForm(density * (divergence + x**2 * InnerProduct(own - passing, grad(v))) * over)
+            motions = zip(motion.of_coil(place), velocities, self._numbers, strict=True)
+            for k, (of_coil, of_mesh, number) in enumerate(motions):
+                own.vec.FV().NumPy()[:], passing.vec.FV().NumPy()[:] = of_coil.ravel(), of_mesh.ravel()
+                larger, smaller = (_density(one.coils[place]) for one in (number.larger, number.smaller))
+                slope.Assemble()
+                change = slope.vec.FV().NumPy() + (larger - smaller) / (2.0 * number.step) * plain
+                result[k, circuits.index(coil.circuit)] += change
+        return result
+
+    def _changed_laws(self, number: DrawnNumber) -> list[tuple[IntArray, Law, Law]]:
+        """Points of the regions whose material is another one, and its two laws."""
+        larger, smaller = materials(number.larger), materials(number.smaller)
+        return [
+            (self.points.of_region(name), law_of(larger[name]), law_of(smaller[name]))
+            for name in self._named
+            if larger[name] != smaller[name]
+        ]
+
+    def _laws_of_sides(self) -> tuple[list[list[tuple[IntArray, Law]]], BoolArray]:
+        """The laws inside and outside of edges with a remainder, and where the two sides differ."""
+        names = list(self._named)
+        number = self._space.mesh.MaterialCF({name: float(k) for k, name in enumerate(names)}, default=-1.0)
+        inside = np.array([names.index(name) for name in self._left.inside], dtype=np.int64)
+        outside = self._sides[1].numbers_of(number).round().astype(np.int64)
+        laws = [
+            [(np.flatnonzero(at == k), law_of(self._named[names[k]]) if k >= 0 else in_air) for k in np.unique(at)]
+            for at in (inside, outside)
+        ]
+        differs = [
+            j < 0 or self._named[names[j]] != self._named[names[k]] for j, k in zip(outside, inside, strict=True)
+        ]
+        return laws, np.array(differs, dtype=np.bool_)
+
+    def _along_edges(self, inside: FloatArray, outside: FloatArray, stretch: float) -> FloatArray | float:
+        if not self._differs.any():
+            return 0.0
+        left, found = self._left, []
+        for side, values, laws in zip(self._sides, (inside, outside), self._side_laws, strict=True):
+            b = side.flux_density(values, left.points[:, 0], stretch)
+            h, u = in_air(b)
+            for at, law in laws:
+                h[:, at], u[at] = law(b[:, at])
+            r, z = left.normals.T[..., None]
+            found.append((r * b[1] - z * b[0], r * h[1] - z * h[0], u))
+        (b_in, h_in, u_in), (b_out, h_out, u_out) = found
+        jump = 0.5 * (h_in + h_out) * (b_in - b_out) - (u_in - u_out)
+        return np.asarray(left.weights @ (jump * self._differs[:, None]))
+
+
+def _density(coil: Coil) -> float:
+    """Turns per area in 1/m^2."""
+    return float(coil.turns / shapely.Polygon(coil.vertices_m).area)

@@ -1,0 +1,245 @@
+r"""How a mesh moves with a number of the drawing: velocities of its vertices, per unit of the number.
+
+Vertices on the outlines of magnetic parts move with their edges, all others smoothly between them (harmonic, of first
+order, so that a displacement is known by its vertices). The winding's currents need no edges of the mesh; they move by
+themselves (:mod:`femfit.field.explicit_slopes`).
+
+A displacement of first order follows a straight edge, but neither an arc nor a step, where a part's face moves and its
+neighbour's in the same plane does not. What is left along such edges enters as Hadamard's boundary integral.
+
+References
+----------
+J. L. Coulomb, IEEE Trans. Magn. 19 (1983) 2514: derivatives on a mesh that moves; J. Sokolowski and J.-P. Zolesio,
+Introduction to Shape Optimization, Springer 1992, section 2.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import ngsolve as ng
+import numpy as np
+from ngsolve import H1, BilinearForm, Mesh, dx, grad
+from scipy.sparse.linalg import splu
+
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.device.drawn_numbers import DrawnNumber
+from femfit.device.outlines import arc_circle
+from femfit.device.parts import Actuator, Coil, Region
+from femfit.field.material_points import csr
+from femfit.field.regions import coil_region
+from femfit.field.weak_form import materials
+
+ON_EDGE = 1e-9
+"""In m: a vertex of the mesh that is nearer to an edge of the drawing lies on it."""
+
+NODES = 4  # of Gauss along an edge of the mesh, for what a displacement of first order leaves
+
+LEFT_OVER = 1e-6
+"""Of a number's largest velocity: less than this along an edge is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class EdgePoints:
+    """Points on a part's edge of the drawing, by the fraction of its way from corner to corner."""
+
+    part: tuple[str, int]  # Which outline (``fixed``, ``moving`` or ``coils``) and which of its parts
+    edge: int
+    vertices: IntArray  # Of the mesh, in order along the edge
+    fractions: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeRemainder:
+    """What vertices leave of the numbers' motion along magnetic edges: points on them and weights."""
+
+    points: FloatArray  # (n, 2), r and z in m on the mesh as it was made
+    normals: FloatArray  # (n, 2), out of ``inside``
+    inside: tuple[str, ...]  # Region of the mesh at each point, against the normal
+    weights: FloatArray  # (numbers, n): normal velocity times 2 pi r ds
+
+
+class OutlineMotion:
+    """The motion of a mesh, made with the moving part at a distance, with each of some numbers of its drawing."""
+
+    def __init__(self, mesh: Mesh, actuator: Actuator, reference: float, numbers: Sequence[DrawnNumber]) -> None:
+        self.mesh, self.actuator, self._reference, self.numbers = mesh, actuator, reference, numbers
+        self._points = np.array([vertex.point for vertex in mesh.vertices])
+        self._stiffness = _laplacian(mesh)
+        self._outer = _vertices_of(mesh.Boundaries("outer"), mesh)
+        self._edges = [edge for part in _magnetic(actuator) for edge in self._on_edges(part)]
+
+    def velocities(self, still: BoolArray) -> FloatArray:
+        """Of the vertices, in m per unit, shape (numbers, 2, vertices), with some of them held."""
+        given = np.zeros((len(self.numbers), 2, len(self._points)))
+        on_edge = np.zeros(len(self._points), dtype=np.bool_)
+        for edge in self._edges:
+            own = self._edge_velocities(edge, edge.fractions)
+            kept = given[:, :, edge.vertices]
+            larger = np.hypot(*np.moveaxis(own, 1, 0)) > np.hypot(*np.moveaxis(kept, 1, 0))
+            given[:, :, edge.vertices] = np.where(larger[:, None], own, kept)
+            on_edge[edge.vertices] = True
+        given[:, :, still] = 0.0
+        fixed = on_edge | self._outer | still
+        axis = self._points[:, 0] < ON_EDGE
+        return np.stack([self._extended(given[:, 0], fixed | axis), self._extended(given[:, 1], fixed)], axis=1)
+
+    def of_coil(self, place: int) -> FloatArray:
+        """A coil's own motion, of the vertices in its section, as :meth:`velocities`; zero elsewhere."""
+        edges = self._on_edges(("coils", place))
+        given = np.zeros((len(self.numbers), 2, len(self._points)))
+        free = _vertices_of(self.mesh.Materials(coil_region(self.actuator.coils[place])), self.mesh)
+        for edge in edges:
+            given[:, :, edge.vertices] = self._edge_velocities(edge, edge.fractions)
+            free[edge.vertices] = False
+        return np.stack([self._extended(given[:, k], ~free) for k in range(2)], axis=1)
+
+    def remainder(self, velocities: FloatArray) -> EdgeRemainder:
+        """What is left along the edges of magnetic parts, each edge of the mesh once."""
+        x, gauss = np.polynomial.legendre.leggauss(NODES)
+        x, gauss = 0.5 * (1.0 + x), 0.5 * gauss
+        largest = np.abs(velocities).max(axis=(1, 2), initial=0.0)[:, None]
+        seen, found = set[tuple[int, int]](), list[tuple[FloatArray, FloatArray, str, FloatArray]]()
+        for edge in self._edges:
+            where, name = self._line(edge), _mesh_region(self.actuator, edge.part)
+            for k in range(len(edge.vertices) - 1):
+                ends = edge.vertices[k : k + 2]
+                pair = (int(ends.min()), int(ends.max()))
+                if pair in seen:
+                    continue
+                seen.add(pair)
+                t = edge.fractions[k] + x * (edge.fractions[k + 1] - edge.fractions[k])
+                points, tangents = where(t)
+                length = np.hypot(*tangents) * (edge.fractions[k + 1] - edge.fractions[k])
+                normals = np.array([tangents[1], -tangents[0]]) / np.hypot(*tangents)
+                true = self._edge_velocities(edge, t)
+                by_vertices = velocities[:, :, ends[0], None] * (1.0 - x) + velocities[:, :, ends[1], None] * x
+                left = np.einsum("pcn,cn->pn", true - by_vertices, normals)
+                if np.any(np.abs(left) > LEFT_OVER * largest):
+                    weights = left * gauss * length * 2.0 * math.pi * points[0]
+                    found.append((points, normals, name, weights))
+        if not found:
+            return EdgeRemainder(np.zeros((0, 2)), np.zeros((0, 2)), (), np.zeros((len(self.numbers), 0)))
+        return EdgeRemainder(
+            np.concatenate([one[0].T for one in found]),
+            np.concatenate([one[1].T for one in found]),
+            tuple(name for _, _, name, _ in found for _ in x),
+            np.concatenate([one[3] for one in found], axis=1),
+        )
+
+    def _on_edges(self, part: tuple[str, int]) -> list[EdgePoints]:
+        """The mesh's vertices on every edge of a part."""
+        found = []
+        for edge in range(len(_outline(self.actuator, part).vertices_m)):
+            start, stop, bulge = _edge(_outline(self.actuator, part), edge, self._shift(part))
+            fractions, away = _projected(self._points, start, stop, bulge)
+            near = np.flatnonzero((away < ON_EDGE) & (fractions > -1e-9) & (fractions < 1.0 + 1e-9))
+            order = near[np.argsort(fractions[near])]
+            found.append(EdgePoints(part, edge, order, fractions[order]))
+        return found
+
+    def _shift(self, part: tuple[str, int]) -> float:
+        kind, place = part
+        moves = kind == "moving" or (kind == "coils" and self.actuator.coils[place].moves)
+        return self._reference if moves else 0.0
+
+    def _edge_velocities(self, edge: EdgePoints, fractions: FloatArray) -> FloatArray:
+        """Of points of an edge at fractions, in m per unit, shape (numbers, 2, points)."""
+        result = np.zeros((len(self.numbers), 2, len(fractions)))
+        drawn = _outline(self.actuator, edge.part)
+        for k, number in enumerate(self.numbers):
+            larger, smaller = (_outline(one, edge.part) for one in (number.larger, number.smaller))
+            if larger.vertices_m is drawn.vertices_m or larger.vertices_m == smaller.vertices_m:
+                continue
+            ends = (_edge_at(*_edge(one, edge.edge, 0.0), fractions) for one in (larger, smaller))
+            high, low = ends
+            result[k] = (high - low) / (2.0 * number.step)
+        return result
+
+    def _line(self, edge: EdgePoints) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+        """Points (2, n) and derivatives by the fraction, of fractions."""
+        start, stop, bulge = _edge(_outline(self.actuator, edge.part), edge.edge, self._shift(edge.part))
+
+        def where(t: FloatArray) -> tuple[FloatArray, FloatArray]:
+            step = 1e-6
+            slope = (_edge_at(start, stop, bulge, t + step) - _edge_at(start, stop, bulge, t - step)) / (2.0 * step)
+            return _edge_at(start, stop, bulge, t), slope
+
+        return where
+
+    def _extended(self, given: FloatArray, fixed: BoolArray) -> FloatArray:
+        """Harmonic between the fixed vertices; shape (numbers, vertices)."""
+        free = np.flatnonzero(~fixed)
+        held = np.where(fixed, given, 0.0)
+        if not len(free):
+            return held
+        inner = splu(self._stiffness[free][:, free].tocsc())
+        held[:, free] = inner.solve(-(self._stiffness[free] @ held.T)).T
+        return held
+
+
+def _magnetic(actuator: Actuator) -> list[tuple[str, int]]:
+    """The parts whose material differs from air's."""
+    return [
+        (body, place)
+        for body, regions in (("fixed", actuator.fixed), ("moving", actuator.moving.regions))
+        for place, region in enumerate(regions)
+        if region.material.relative_permeability != 1.0 or region.material.remanence_T
+    ]
+
+
+def _outline(actuator: Actuator, part: tuple[str, int]) -> Region | Coil:
+    kind, place = part
+    parts: Sequence[Region | Coil] = (
+        actuator.coils if kind == "coils" else actuator.fixed if kind == "fixed" else actuator.moving.regions
+    )
+    return parts[place]
+
+
+def _mesh_region(actuator: Actuator, part: tuple[str, int]) -> str:
+    return list(materials(actuator))[part[1] + (len(actuator.fixed) if part[0] == "moving" else 0)]
+
+
+def _edge(part: Region | Coil, edge: int, shift: float) -> tuple[FloatArray, FloatArray, float]:
+    corners = part.vertices_m
+    bulges = part.bulges if isinstance(part, Region) else ()
+    start, stop = (np.array(corners[k % len(corners)]) + np.array([0.0, shift]) for k in (edge, edge + 1))
+    return start, stop, bulges[edge] if bulges else 0.0
+
+
+def _edge_at(start: FloatArray, stop: FloatArray, bulge: float, t: FloatArray) -> FloatArray:
+    """Points (2, n) of an edge at fractions of its way."""
+    if not bulge:
+        return start[:, None] * (1.0 - t) + stop[:, None] * t
+    centre, _ = arc_circle((start[0], start[1]), (stop[0], stop[1]), bulge)
+    angle = 4.0 * math.atan(bulge) * t
+    r, z = start[0] - centre[0], start[1] - centre[1]
+    return np.array(
+        [centre[0] + r * np.cos(angle) - z * np.sin(angle), centre[1] + r * np.sin(angle) + z * np.cos(angle)]
+    )
+
+
+def _projected(points: FloatArray, start: FloatArray, stop: FloatArray, bulge: float) -> tuple[FloatArray, FloatArray]:
+    """Fractions of an edge's way next to points (n, 2), and the points' distances from it in m."""
+    if not bulge:
+        along = stop - start
+        t = (points - start) @ along / (along @ along)
+        return t, np.hypot(*(points - start - t[:, None] * along).T)
+    centre, radius = arc_circle((start[0], start[1]), (stop[0], stop[1]), bulge)
+    whole = 4.0 * math.atan(bulge)
+    first = math.atan2(start[1] - centre[1], start[0] - centre[0])
+    turned = np.arctan2(points[:, 1] - centre[1], points[:, 0] - centre[0]) - first
+    middle = 0.5 * whole
+    turned = middle + (turned - middle + math.pi) % (2.0 * math.pi) - math.pi
+    return turned / whole, np.abs(np.hypot(*(points - np.array(centre)).T) - radius)
+
+
+def _laplacian(mesh: Mesh) -> Any:
+    space = H1(mesh, order=1)
+    u, v = space.TnT()
+    return csr(BilinearForm(grad(u) * grad(v) * dx).Assemble().mat, space.ndof)
+
+
+def _vertices_of(region: ng.Region, mesh: Mesh) -> BoolArray:
+    return np.array(list(H1(mesh, order=1).GetDofs(region)), dtype=np.bool_)[: mesh.nv]

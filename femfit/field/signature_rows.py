@@ -1,0 +1,205 @@
+r"""What the numbers of a drawing change at a distance: slopes of force, flux linkages and Hall field.
+
+With dW'/dp = E(w, i, d) of :mod:`femfit.field.explicit_slopes` the slopes are its total derivatives along the currents,
+the distance and a test current h at the Hall element,
+
+    d(flux linkage_k)/dp = dE/di_k,    dF/dp = -dE/dd,    dB/dp = dE/dh,
+
+each of which needs how w itself changes: one linear solution with the derivative of the field's equations at w,
+whatever the number of numbers. E is differenced along the line on which w, i, the mesh and h change together; on one
+mesh that moves along, so that the energy of each part's own field, a thousand times what is wanted, does not count.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import combinations, combinations_with_replacement
+from typing import Any
+
+import numpy as np
+from ngsolve import H1, VOL, ElementId, GridFunction, Mesh
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.device.drawn_numbers import DrawnNumber
+from femfit.device.parts import Actuator
+from femfit.device.sensors import HallElement
+from femfit.field.explicit_slopes import ExplicitSlopes
+from femfit.field.moving_mesh import MovingMesh
+from femfit.field.weak_form import hall_field
+
+STEP = 1e-3
+"""Numerical: step of central differences, as a part of the currents, of the clearance and of the field."""
+
+HALL_STEP = 2e-5
+"""Numerical: in m, by how much a Hall element is moved for the slope of the field where it sits."""
+
+Solve = Callable[[FloatArray, FloatArray], FloatArray]
+"""State (unknowns,) and loads (k, unknowns) -> what the loads change of the state, in the same shape."""
+
+
+class SignatureRows:
+    """Signatures on one mesh."""
+
+    def __init__(
+        self, actuator: Actuator, numbers: Sequence[DrawnNumber], moving: MovingMesh, space: H1, loads: FloatArray
+    ) -> None:
+        mesh = moving.mesh
+        self._moving, self._loads = moving, loads
+        self._share = moving.vertex_share
+        self._hall, still = np.zeros((0, space.ndof)), np.zeros(mesh.nv, np.bool_)
+        self._hall_moves = np.zeros((len(numbers), space.ndof))
+        if actuator.hall is not None:
+            self._hall = hall_row(actuator.hall, space)[None]
+            still = _vertices_at(actuator.hall, mesh)
+            for k, number in enumerate(numbers):
+                self._hall_moves[k] = _hall_motion(number, space)
+        self._slopes = ExplicitSlopes(space, actuator, moving.reference, numbers, self._share, still)
+        self._step = STEP * moving.layout.clearance
+        most = max(abs(i) for axis in (actuator.sweep.currents_A, *actuator.sweep.further_A) for i in axis)
+        self._size = STEP * (most or 1.0)  # in A, of differences along the currents
+
+    def of_states(self, distance: float, currents: FloatArray, states: FloatArray, solve: Solve) -> FloatArray:
+        """Slopes per unit of each number at points; shape (points, numbers, 1 + circuits + Hall elements).
+
+        Of the force in N, then of each flux linkage in Wb, then of the Hall field in T.
+
+        Parameters
+        ----------
+        currents, states : array, shapes (points, circuits) and (points, unknowns)
+        """
+        stretch, rows = distance - self._moving.reference, []
+        for point, state in zip(currents[:, None], states, strict=True):
+            own = self._slopes.sample(state[:, None])
+            loads = np.concatenate([self._pull(own, stretch), self._loads, self._hall])
+            pulled, *changes = self._slopes.sample(solve(state, loads).T).T[:, :, None]
+            columns = [self._along_distance(stretch, point, own, pulled)[0]]
+            for change, unit in zip(changes, np.eye(len(self._loads)), strict=False):
+                columns.append(self._difference(stretch, point, own, self._size, change, unit))
+            columns += [self._of_hall(stretch, point, own, one, state) for one in changes[len(self._loads) :]]
+            rows.append(np.stack(columns, axis=2))
+        return np.concatenate(rows)
+
+    def of_sources(self, distance: float, currents: FloatArray, totals: FloatArray, solve: Solve) -> FloatArray:
+        """The same where nothing saturates, from the fields of the magnets and of each circuit's ampere (1 + n, ..).
+
+        Slopes of the force and of W' are quadratic in the currents, that of the Hall field is linear: some corners of
+        the currents tell all.
+        """
+        stretch, circuits = distance - self._moving.reference, currents.shape[1]
+        largest = np.abs(currents).max(axis=0, initial=0.0)
+        corners = np.where(largest > 0.0, largest, 1.0) * _corners(circuits)
+        own = self._slopes.sample(totals.T)
+        loads = np.concatenate([self._pull(own, stretch), self._hall])
+        solved = self._slopes.sample(solve(totals[0], loads).T)
+        factors = _linear(corners).T
+        force, coenergy = self._along_distance(stretch, corners, own @ factors, solved[:, : 1 + circuits] @ factors)
+        quadratic = np.linalg.inv(_quadratic(corners))
+        columns = [_quadratic(currents) @ quadratic @ force]
+        slopes = _quadratic_slopes(currents)
+        columns += [slopes[k] @ quadratic @ coenergy for k in range(circuits)]
+        few = slice(None, 1 + circuits)
+        for change in solved.T[1 + circuits :, :, None]:
+            at_few = np.repeat(change, 1 + circuits, axis=1)
+            hall = self._of_hall(stretch, corners[few], own @ factors[:, few], at_few, factors.T[few] @ totals)
+            columns.append(_linear(currents) @ np.linalg.inv(_linear(corners[few])) @ hall)
+        return np.stack(columns, axis=2)
+
+    def _pull(self, samples: FloatArray, stretch: float) -> FloatArray:
+        """What a metre of distance changes of the field's equations at states; shape (k, unknowns)."""
+        points, step = self._slopes.points, self._step
+        fields = samples[: 3 * len(points.weight)]
+        return (points.air_residual(fields, stretch - step) - points.air_residual(fields, stretch + step)).T / (
+            2.0 * step
+        )
+
+    def _along_distance(
+        self, stretch: float, currents: FloatArray, own: FloatArray, change: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """-dE/dd and E at points whose samples change so with the distance; shape (points, numbers) each."""
+        high, low = (self._slopes.evaluate(own + s * change, currents, stretch + s) for s in (self._step, -self._step))
+        return (low - high) / (2.0 * self._step), 0.5 * (low + high)
+
+    def _difference(
+        self, stretch: float, currents: FloatArray, own: FloatArray, size: float, change: FloatArray, fed: FloatArray
+    ) -> FloatArray:
+        """The slope of E along a change of samples and currents."""
+        high, low = (self._slopes.evaluate(own + s * change, currents + s * fed, stretch) for s in (size, -size))
+        return (high - low) / (2.0 * size)
+
+    def _of_hall(
+        self, stretch: float, currents: FloatArray, own: FloatArray, change: FloatArray, states: FloatArray
+    ) -> FloatArray:
+        """Slopes of the field at a Hall element, from the change by a test current there.
+
+        Next to the element that is the field of a point: a step by the largest anywhere would be rounding.
+        """
+        largest = self._slopes.largest_in_parts
+        size = STEP * (largest(own) or 1.0) / largest(change)
+        still = np.zeros(len(self._loads))
+        return self._difference(stretch, currents, own, size, change, still) + states @ self._hall_moves.T
+
+
+def _corners(circuits: int) -> FloatArray:
+    """Points that tell a quadratic form of so many variables; the first of them a linear one."""
+    unit = np.eye(circuits)
+    return np.array([np.zeros(circuits), *unit, *-unit, *(one + two for one, two in combinations(unit, 2))])
+
+
+def _linear(points: FloatArray) -> FloatArray:
+    """1 and the variables at points of shape (n, variables)."""
+    return np.column_stack([np.ones(len(points)), points])
+
+
+def _quadratic(points: FloatArray) -> FloatArray:
+    """1, the variables and their products at points of shape (n, variables)."""
+    products = [a * b for a, b in combinations_with_replacement(points.T, 2)]
+    return np.column_stack([_linear(points), *products])
+
+
+def _quadratic_slopes(points: FloatArray) -> FloatArray:
+    """Slopes of :func:`_quadratic` along each variable; shape (variables, n, terms)."""
+    count = points.shape[1]
+    pairs = list(combinations_with_replacement(range(count), 2))
+    result = np.zeros((count, len(points), 1 + count + len(pairs)))
+    for k in range(count):
+        result[k, :, 1 + k] = 1.0
+        for place, (i, j) in enumerate(pairs, 1 + count):
+            result[k, :, place] = (i == k) * points[:, j] + (j == k) * points[:, i]
+    return result
+
+
+def hall_row(hall: HallElement, space: H1) -> FloatArray:
+    """The field in T that a Hall element measures, as a product with a state; shape (unknowns,)."""
+    mesh, function = space.mesh, GridFunction(space)
+    row, values = np.zeros(space.ndof), function.vec.FV().NumPy()
+    element = mesh[_element_at(hall, mesh)]
+    for dof in space.GetDofNrs(element):
+        values[:] = 0.0
+        values[dof] = 1.0
+        row[dof] = hall_field(hall, mesh, function)
+    return row
+
+
+def _element_at(hall: HallElement, mesh: Mesh) -> Any:
+    return ElementId(VOL, mesh(hall.radius_m, hall.height_m).nr)
+
+
+def _vertices_at(hall: HallElement, mesh: Mesh) -> BoolArray:
+    """The vertices of the element of the mesh that a Hall element sits in: it does not move with them."""
+    still = np.zeros(mesh.nv, dtype=np.bool_)
+    still[[vertex.nr for vertex in mesh[_element_at(hall, mesh)].vertices]] = True
+    return still
+
+
+def _hall_motion(number: DrawnNumber, space: H1) -> FloatArray:
+    """What the place of a Hall element changes of the row that it reads, per unit."""
+    larger, smaller = number.larger.hall, number.smaller.hall
+    if larger is None or smaller is None or larger == smaller:
+        return np.zeros(space.ndof)
+    r, z = larger.radius_m - smaller.radius_m, larger.height_m - smaller.height_m
+    scale = HALL_STEP / np.hypot(r, z)
+    middle = 0.5 * (larger.radius_m + smaller.radius_m), 0.5 * (larger.height_m + smaller.height_m)
+    ends = [
+        hall_row(replace(larger, radius_m=abs(middle[0] + s * scale * r), height_m=middle[1] + s * scale * z), space)
+        for s in (1.0, -1.0)
+    ]
+    return np.asarray((ends[0] - ends[1]) / (2.0 * scale * 2.0 * number.step))

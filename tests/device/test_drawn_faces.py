@@ -1,0 +1,51 @@
+"""Which numbers of a file are one face."""
+
+import pytest
+
+from femfit.device.drawn_faces import drawn_faces
+from femfit.device.drawn_numbers import read_numbers
+from femfit.device.load import parse, read_text
+from support.actuators import GEOMETRY
+
+
+def _keys(name):
+    return {number.facts.key: number.facts.also for number in read_numbers(GEOMETRY / f"{name}.toml")}
+
+
+def test_parts_that_touch_share_the_face_between_them():
+    keys = _keys("emaws-rig")
+    flange, sleeve = (f"electromagnet.regions.{name}" for name in ("upper_flange", "sleeve"))
+    assert keys[f"{flange}.z_mm[1]"] == (f"{sleeve}.z_mm[0]", "coil.z_mm[0]")
+    assert keys[f"{flange}.r_mm[1]"] == ()  # in line with the coil's outside, which it meets in a point
+
+
+def test_a_face_of_a_polygon_is_all_corners_along_it():
+    assert _keys("solenoid")["fixed.regions.frame.polygon_mm[3][0]"] == ("fixed.regions.frame.polygon_mm[4][0]",)
+
+
+def test_what_the_drawing_counts_from_is_no_number():
+    keys = _keys("emaws-rig")
+    assert "moving.regions.magnet.z_mm[0]" not in keys
+    assert "moving.regions.magnet.r_mm[0]" not in keys  # the axis
+
+
+def test_a_ball_stays_on_its_zero_as_its_radius_changes():
+    assert _keys("ball")["moving.regions.ball.circle_mm[2]"] == ("moving.regions.ball.circle_mm[1]",)
+
+
+def test_what_the_catalogue_has_exactly_is_left_to_it():
+    keys = _keys("voice-coil")
+    assert not any("turns" in key or "resistance" in key or "remanence" in key for key in keys)
+
+
+@pytest.mark.parametrize("name", ["solenoid", "bearing", "voice-coil"])
+def test_the_side_of_a_polygons_face_does_not_depend_on_the_sense_of_its_corners(name):
+    data = parse(read_text(GEOMETRY / f"{name}.toml"), name)
+    regions = {**data["fixed"]["regions"]}
+    turned = {key: {**table} for key, table in regions.items()}
+    for table in turned.values():
+        if "polygon_mm" in table:
+            table["polygon_mm"] = table["polygon_mm"][::-1]
+    before = sorted((face.axis, face.value, len(face.locations)) for face in drawn_faces(data))
+    data["fixed"] = {"regions": turned}
+    assert sorted((face.axis, face.value, len(face.locations)) for face in drawn_faces(data)) == before

@@ -1,0 +1,209 @@
+"""What the drawing's numbers change, from the solved field: against Euler's theorem and against whole new sweeps."""
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import ActuatorFileError, UsageError
+from femfit.device.drawn_numbers import numbers_from_toml, read_numbers
+from femfit.device.load import read_actuator
+from femfit.field.layout import layout_of
+from femfit.field.problem import prepare
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import run_sweep
+from femfit.tables.sweep_table import read_sweep_table
+from support.actuators import GEOMETRY
+
+FINE = SolverSettings(order=6, corner_fraction=0.01)
+COLUMNS = {"force_N": 2, "flux_linkage_Wb": 2, "hall_T": 0}
+"""Channels, and the power of a common factor of all lengths and currents that each grows with."""
+
+
+def _problem(actuator, distances):
+    return prepare(actuator, distances, layout_of(actuator, FINE), FINE)
+
+
+def _table(problem, distance, currents):
+    rows = problem.rows(distance, currents)
+    return np.array([rows[name] for name in COLUMNS if name in rows]).T
+
+
+@pytest.mark.parametrize(
+    ("name", "distance", "current"),
+    [
+        ("emaws-rig", 0.022, 1.0),  # magnet and Hall element
+        ("ball", 0.005, 1.0),  # arcs and saturation
+        ("plunger-solenoid", 0.002, 1.0),  # a bore: every distance has its own mesh
+        ("voice-coil", -0.006, 2.0),  # a moving coil in a saturating magnet system
+    ],
+)
+def test_scaling_of_all_lengths_and_currents(name, distance, current):
+    """Twice as large with twice the current has the same B everywhere: Euler's theorem for homogeneous functions.
+
+    The sum over all lengths of length times slope, with d dF/dd and i dF/di, is twice the force, twice the flux
+    linkage, and nothing for B. The slope along the distance is a central difference, of new meshes where one does not
+    serve several distances, whose noise is a thousandth of the force.
+    """
+    actuator, numbers = read_actuator(GEOMETRY / f"{name}.toml"), read_numbers(GEOMETRY / f"{name}.toml")
+    layout = layout_of(actuator, FINE)
+    step, step_i = (2e-3 if layout.stretchable else 2e-2) * layout.clearance, 0.01 * current
+    ends = (distance - step, distance, distance + step)
+    problem = _problem(actuator, ends if layout.stretchable else (distance,))
+    low, high = (
+        _table(problem if layout.stretchable else _problem(actuator, (d,)), d, [current])[0] for d in ends[::2]
+    )
+    below, here, above = _table(problem, distance, [current - step_i, current, current + step_i])
+    (slopes,) = problem.signatures(distance, [current], numbers)
+    lengths = np.array([number.facts.value if number.facts.unit == "mm" else 0.0 for number in numbers])
+    total = lengths @ slopes + distance * (high - low) / (2.0 * step) + current * (above - below) / (2.0 * step_i)
+    powers = np.array(list(COLUMNS.values())[: len(here)])
+    assert np.abs(total - powers * here).max() > 0.0
+    assert np.all(np.abs(total - powers * here) <= 1.5e-3 * np.abs(here))
+
+
+@pytest.mark.parametrize(
+    ("name", "distance", "currents", "chosen"),
+    [
+        (
+            "emaws-rig",
+            0.022,
+            [0.0, 1.4],
+            {
+                "electromagnet.regions.lower_flange.r_mm[1]": 0.05,
+                "electromagnet.regions.sleeve.z_mm[1]": 0.05,
+                "moving.regions.magnet.z_mm[1]": 0.05,
+                "materials.n52.relative_permeability": 0.01,
+                "hall.z_mm": 0.02,
+            },
+        ),
+        pytest.param(
+            "ball",
+            0.005,
+            [0.5, 2.0],
+            {
+                "moving.regions.ball.circle_mm[2]": 0.05,
+                "fixed.regions.core.r_mm[1]": 0.05,
+                "coils.coil.r_mm[0]": 0.05,
+                "materials.steel_1010.B_T": 0.005,
+                "materials.steel_1010.H_A_per_m": 0.01,
+            },
+            marks=pytest.mark.long,
+        ),
+        pytest.param(
+            "voice-coil",
+            -0.006,
+            [-3.0, 3.0],
+            {
+                "coils.voice.z_mm[1]": 0.05,
+                "fixed.regions.pole.r_mm[1]": 0.02,  # a face that the magnet below shares, which stays
+                "fixed.regions.magnet.z_mm[1]": 0.02,  # a joint
+            },
+            marks=pytest.mark.long,
+        ),
+    ],
+)
+def test_slopes_are_those_of_whole_new_solutions(name, distance, currents, chosen, monkeypatch):
+    """To a thousandth of the largest change that any of the chosen numbers makes within its tolerance."""
+    path = GEOMETRY / f"{name}.toml"
+    numbers = [one for one in read_numbers(path) if one.facts.key in chosen]
+    assert len(numbers) == len(chosen)
+    slopes = _problem(read_actuator(path), (distance,)).signatures(distance, currents, numbers)
+    changes = []
+    for number in numbers:
+        step = chosen[number.facts.key]
+        monkeypatch.setattr("femfit.device.drawn_numbers.STEP", {"mm": step})
+        monkeypatch.setattr("femfit.device.drawn_numbers.SHARE_STEP", step)
+        (wide,) = (one for one in read_numbers(path) if one.facts.key == number.facts.key)
+        high, low = (_table(_problem(one, (distance,)), distance, currents) for one in (wide.larger, wide.smaller))
+        changes.append((high - low) / (2.0 * step))
+    tolerance = np.array([number.facts.tolerance for number in numbers])[:, None]
+    expected, found = np.stack(changes, axis=1), slopes
+    largest = np.abs(tolerance * expected).max(axis=(0, 1))
+    assert np.all(np.abs(tolerance * (found - expected)) <= 1e-3 * largest)
+
+
+SMALL = """
+schema = 2
+name = "small"
+[materials.iron]
+relative_permeability = 500
+[materials.hard]
+remanence_T = 1.2
+relative_permeability = 1.05
+[fixed.regions.core]
+material = "iron"
+r_mm = [0, 5]
+z_mm = [-10, 0]
+[coils.coil]
+r_mm = [6, 9]
+z_mm = [-9, -1]
+turns = 100
+resistance_ohm = 2
+[moving.regions.magnet]
+material = "hard"
+magnetization = "+z"
+r_mm = [0, 4]
+z_mm = [0, 4]
+[mechanics]
+mass_g = 2
+[supply]
+voltage_min_V = 0
+voltage_max_V = 5
+[sweep]
+current_A = [0, 0.5, 1]
+distance_mm = [3, 5, 7, 9]
+[tolerances]
+length_mm = 0.03
+"fixed.regions.core.r_mm[1]" = 0.01
+"materials.iron.relative_permeability" = 50
+"""
+
+
+def test_a_sweep_writes_signatures_beside_its_table_and_reads_them_back(tmp_path):
+    drawing = tmp_path / "small.toml"
+    drawing.write_text(SMALL)
+    table = run_sweep(drawing, tmp_path / "run", workers=1, signatures=True)
+    again = read_sweep_table(tmp_path / "run").signatures
+    assert again.numbers == table.signatures.numbers
+    assert len(again.rows) == len(again.numbers) * len(table.rows)
+    np.testing.assert_array_equal(again.rows["force_N"], table.signatures.rows["force_N"])
+    by_key = {one.key: one for one in again.numbers}
+    assert by_key["fixed.regions.core.r_mm[1]"].tolerance == 0.01
+    assert by_key["moving.regions.magnet.z_mm[1]"].tolerance == 0.03
+    assert by_key["materials.iron.relative_permeability"].tolerance == pytest.approx(0.1)
+    assert str(again).startswith("fixed.regions.core.z_mm[1] +- 0.030 mm: force ")  # the gap
+    run_sweep(drawing, tmp_path / "run", workers=1)
+    assert read_sweep_table(tmp_path / "run").signatures is None  # those of a sweep that is no more
+
+
+def test_signatures_of_what_is_no_file_are_refused(tmp_path):
+    with pytest.raises(UsageError, match="actuator file"):
+        run_sweep(read_actuator(GEOMETRY / "ball.toml"), tmp_path, signatures=True)
+
+
+def test_signatures_leave_the_table_as_it_is(tmp_path):
+    drawing = tmp_path / "small.toml"
+    drawing.write_text(SMALL)
+    plain, more = (
+        run_sweep(drawing, tmp_path / name, workers=1, signatures=wanted).rows
+        for name, wanted in (("plain", False), ("more", True))
+    )
+    np.testing.assert_array_equal(plain["force_N"], more["force_N"])
+
+
+def test_numbers_of_a_drawing_that_sweeps_parameters_are_refused():
+    text = SMALL.replace("[tolerances]", '[sweep.parameters]\n"coils.coil.turns" = [90, 100]\n[tolerances]')
+    with pytest.raises(ActuatorFileError, match=r"sweep\.parameters must be absent"):
+        numbers_from_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('"fixed.regions.core.r_mm[7]" = 0.1', "key path"),
+        ('"coils.coil.r_mm[1]" = -1', "> 0"),
+        ("length_mm = 0", "greater"),
+    ],
+)
+def test_tolerances_that_say_nothing_are_refused(line, said):
+    with pytest.raises(ActuatorFileError, match=said):
+        numbers_from_toml(SMALL.split("[tolerances]", maxsplit=1)[0] + f"[tolerances]\n{line}\n")
