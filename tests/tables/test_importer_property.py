@@ -40,6 +40,7 @@ def outcome(tmp_path, content, options):
 @QUICK
 @given(content=st.binary(max_size=400))
 @example(content=b"PAR1")
+@example(content=b"MATLAB 5.0")
 @example(content=b"\xff\xfe\x00")
 @example(content=b"\xff\xfe1\x00;\x00")
 def test_random_bytes_give_an_error_or_a_table(tmp_path, content):

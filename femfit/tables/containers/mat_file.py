@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from scipy.io import loadmat
-from scipy.io.matlab import MatlabFunction, MatlabOpaque
+from scipy.io.matlab import MatlabFunction, MatlabOpaque, MatReadError
 
 from femfit.core.finding import listing
 from femfit.tables.containers.named_table import NamedTable, library
@@ -22,7 +22,10 @@ _OWN = frozenset(("__header__", "__version__", "__globals__", "__function_worksp
 
 def read_mat(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """Tables of a MAT file up to v7, and what in it cannot be read."""
-    tree = loadmat(io.BytesIO(content), simplify_cells=True)  # type: ignore[arg-type]  # stubs know no open file
+    try:
+        tree = loadmat(io.BytesIO(content), simplify_cells=True)  # type: ignore[arg-type]  # stubs know no open file
+    except MatReadError as error:  # of no standard kind
+        raise ValueError(str(error)) from error
     tree = {name: value for name, value in tree.items() if name not in _OWN}
     objects = [name for name, value in tree.items() if isinstance(value, MatlabOpaque | MatlabFunction)]
     kept = {name: value for name, value in tree.items() if name not in objects}
