@@ -48,6 +48,11 @@ TABLES = (
     ("{ start, stop, step }", "Equally spaced values, both ends included.", schema.RangeEntry),
     ("[solver]", "How accurate the field solution has to be.", schema.SolverEntry),
     ("[reference]", "The closed loop's steps.", schema.ReferenceEntry),
+    (
+        "[tolerances]",
+        'How far numbers of the file may be off, by `"key.path" = 0.05` in each one\'s unit, and all other lengths.',
+        schema.ToleranceEntry,
+    ),
 )
 
 LONGEST_EXAMPLE = 50

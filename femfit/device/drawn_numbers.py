@@ -14,22 +14,20 @@ from typing import Any
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.paths import path_of
-from femfit.device.complaints import joined, read_table
+from femfit.device.complaints import joined
 from femfit.device.decimals import decimal_sum
-from femfit.device.drawing import fixed_key, table_at
+from femfit.device.drawing import table_at
 from femfit.device.drawn_faces import drawn_faces
-from femfit.device.file_numbers import Location, nearest_numbers, numbers_of, with_value
+from femfit.device.file_numbers import Location, with_value
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region
-from femfit.device.schema import ToleranceEntry
+from femfit.device.read_tolerances import read_tolerances
 from femfit.device.tolerance_defaults import KINDS, length_tolerance
 
 STEP = {"mm": 1e-3}
 """Numerical: by how much a number is changed either way, in its unit; outlines are linear in their coordinates."""
 
 SHARE_STEP = 1e-4  # numerical: the same of a share
-
-MOST = 1e5  # a standard deviation beyond it is no number of a drawing's
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,7 @@ def numbers_from_toml(
         raise ActuatorFileError(
             source, ["sweep.parameters must be absent where signatures are asked for. Take one variant's drawing."]
         )
-    given, general = _tolerances(data, source)
+    given, general = read_tolerances(data, [])
     found = [
         *_lengths(data, source, directory),
         *_materials(actuator),
@@ -98,31 +96,6 @@ def _tolerance(number: NumberFacts, given: Mapping[str, float], general: float |
     if named:
         return named[0] if number.unit else named[0] / abs(number.value)
     return general if number.unit == "mm" and general is not None else number.tolerance
-
-
-def _tolerances(data: dict[str, Any], source: str) -> tuple[dict[str, float], float | None]:
-    """Standard deviations by key path, and that of all other lengths in mm."""
-    table = dict(data.get("tolerances") or {})
-    problems: list[str] = []
-    own = {key: value for key, value in table.items() if key in ToleranceEntry.model_fields}
-    general = read_table(ToleranceEntry, own, "tolerances", problems)
-    known, given = {*numbers_of(data), *_curve_keys(data)}, {}
-    for key, value in table.items():
-        if key in ToleranceEntry.model_fields:
-            continue
-        if key not in known:
-            near = ", ".join(nearest_numbers(key, data))
-            problems.append(f"tolerances.{key!r} must be a key path of this file in quotes. Near it: {near}.")
-        elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < MOST:
-            given_as = str(value)[:60]
-            problems.append(
-                f"tolerances.{key!r} must be a number > 0; it is {given_as!r}. Give the number's standard deviation."
-            )
-        else:
-            given[key] = float(value)
-    if problems:
-        raise ActuatorFileError(source, problems)
-    return given, None if general is None else general.length_mm
 
 
 def _changed(data: dict[str, Any], locations: Iterable[Location], change: float) -> dict[str, Any]:
@@ -223,10 +196,3 @@ def _scaled(material: Material, key: str, factor: float) -> Material:
     if key == "B_T":
         return replace(material, flux_density_T=tuple(factor * b for b in material.flux_density_T))
     return replace(material, field_A_per_m=tuple(factor * h for h in material.field_A_per_m))
-
-
-def _curve_keys(data: Mapping[str, Any]) -> Iterator[str]:
-    bodies = (fixed_key(data), "moving")
-    for material in {str(one.get("material")) for body in bodies for one in table_at(data, body, "regions").values()}:
-        for key in ("B_T", "H_A_per_m"):
-            yield joined("materials", material, key)

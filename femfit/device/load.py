@@ -25,6 +25,7 @@ from femfit.device.read_electrics import read_circuits, read_coils, read_supply
 from femfit.device.read_mechanics import check_travel, read_mechanics
 from femfit.device.read_sensors import hall_places, read_sensors
 from femfit.device.read_sweep import read_axes
+from femfit.device.read_tolerances import read_tolerances
 from femfit.device.schema import (
     SCHEMA_VERSION,
     ElectromagnetEntry,
@@ -112,6 +113,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     axes = read_axes(data, [circuit.name for circuit in circuits], problems)
     distances = axes.distances_mm
     _check_reference(reference, distances, problems)
+    read_tolerances(data, problems)
     _check_drawing(data, drawing, distances, problems)
     if mechanics is not None:
         check_travel(mechanics, distances, problems)

@@ -142,10 +142,11 @@ def known_effect(name: str) -> Effect | None:
     return _of_circuit(kind, circuit) if circuit and kind in OF_EACH else all_effects().get(name)
 
 
-def device_effects(circuits: Sequence[str]) -> dict[str, Effect]:
-    """The catalogue for a device of these circuits; of several, what they can have."""
+def device_effects(circuits: Sequence[str], drawn: Iterable[Effect] = ()) -> dict[str, Effect]:
+    """The catalogue for a device of these circuits; of several, what they can have; then the drawing's numbers."""
     found = effects_of(all_effects(), circuits)
-    return {name: effect_by_name(name) if effect.of else effect for name, effect in found.items()}
+    own = {name: effect_by_name(name) if effect.of else effect for name, effect in found.items()}
+    return own | {effect.name: effect for effect in drawn}
 
 
 def catalogue_order(names: Iterable[str]) -> tuple[str, ...]:

@@ -2,11 +2,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import GRAVITY
+
+if TYPE_CHECKING:
+    from femfit.effects.effect import Effect
 
 REFERENCE_TEMPERATURE_C = 20.0
 """Where a model's remanence and resistance hold unless it says otherwise."""
@@ -49,6 +53,7 @@ class Nominal:
     circuits: tuple[str, ...] = ()  # Names of several circuits; numbers of the winding are those of the first
     magnets_apart: bool = True  # Whether the model's co-energy has a part of the magnets alone
     voltage_driver: bool = True  # False where a current amplifier feeds the winding, whatever voltage that takes
+    drawn: "tuple[Effect, ...]" = field(default=(), compare=False)  # Of the numbers of the drawing
     has_iron: bool = True  # Whether a part may keep a remanent flux; true where there is no drawing
 
     @property

@@ -15,6 +15,7 @@ from femfit.core.errors import FitError, UsageError
 from femfit.fit.circuits_build import fit_several
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.constants import MAY_MISS, STORED
+from femfit.fit.drawing import drawn_effects
 from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
@@ -135,6 +136,7 @@ def fit_model(
     hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
     circuits, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
     others, not_held = other_sensors_of(entry, fit_pickups(table))
+    drawn, missed_by = drawn_effects(table.signatures, rows, coenergy, hall)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
         magnetics=_magnetics_of(law_fit, network, coenergy, rows, inductance_H),
@@ -148,13 +150,14 @@ def fit_model(
         covariance=law_fit.interval.block_covariance if law_fit else None,
         kind=kind_of(entry),
         other_sensors=others,
+        drawn=drawn,
     )
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
     missed = None if law_fit or network or coenergy is None else coenergy.missed_N
-    notes = (*lacks, *not_held, *misfit_notes(model, rows, missed))
+    notes = (*lacks, *not_held, *misfit_notes(model, rows, missed), *missed_by)
     result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network)
     provenance = {
         "fit": result.to_dict(),

@@ -4,6 +4,7 @@ F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are linear in the
 what identifies a winding that saturates between two currents: without it a spline through few currents misses the bend.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -106,9 +107,37 @@ class CoenergySystem:
 
         Where it has inductances, also zeros of the basis' roughness, with sigmas that only fill gaps.
         """
+        return self._equations(basis, self.channels)
+
+    def fit_changes(self, basis: CoenergyBasis, changes: FloatArray) -> FloatArray:
+        """Coefficients of small changes of W', from those of force and, where the table has it, of flux linkage.
+
+        Parameters
+        ----------
+        changes : array, shape (channels, rows, k)
+
+        Returns
+        -------
+        array, shape (functions, k)
+        """
+        channels = self.channels[: len(changes)]
+        matrix, value, sigma = self._equations(basis, channels)
+        keep = determined(basis, self.rows)
+        right = np.zeros((len(value), changes.shape[2]))
+        stacked = np.concatenate([one[c.which] for one, c in zip(changes, channels, strict=True)])
+        right[: len(stacked)] = stacked
+        weighted = matrix[:, keep] / sigma[:, None]
+        norms = np.linalg.norm(weighted, axis=0)
+        result = np.zeros((matrix.shape[1], changes.shape[2]))
+        result[keep] = np.linalg.lstsq(weighted / norms, right / sigma[:, None], rcond=1e-12)[0] / norms[:, None]
+        return result
+
+    def _equations(
+        self, basis: CoenergyBasis, channels: Sequence[Channel]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         d, i = self.rows.distance, self.rows.current
-        blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in self.channels]
-        value, sigma = [c.value for c in self.channels], [c.sigma for c in self.channels]
+        blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in channels]
+        value, sigma = [c.value for c in channels], [c.sigma for c in channels]
         if self.rows.inductance is not None and basis.current_degree == SMOOTHED_DEGREE:
             largest = float(np.nanmax(np.abs(self.rows.inductance)))
             in_i, in_u = largest / float(np.ptp(i)), largest * float(np.ptp(i)) / float(np.ptp(basis.u_knots)) ** 3

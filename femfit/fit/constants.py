@@ -162,3 +162,6 @@ matter."""
 JACKKNIFE_BLOCKS, DISTANCE_BLOCKS = 12, 8
 """Conventional: blocks of distances that are left out in turn, for a coefficient's interval and for a law's held-out
 error."""
+
+DRAWN_MISFIT = 0.05
+"""Conventional: part of what a drawing's number changes of the force that its splines may miss, in rms."""

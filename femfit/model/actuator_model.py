@@ -18,6 +18,7 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
+from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.magnetics import Magnetics
@@ -64,6 +65,8 @@ class ActuatorModel(Printed):
         All sensors but the Hall element; :func:`femfit.model.sensors.predict_sensor` says what they read.
     process_noise : ProcessNoise or None
         Found from a record; a filter derives it from the model's misfit where None.
+    drawn : tuple of DrawnEffect
+        Numbers of the drawing with what each of them changes; none where the sweep has no signatures.
 
     Examples
     --------
@@ -96,6 +99,7 @@ class ActuatorModel(Printed):
     kind: ActuatorKind | None = None
     other_sensors: tuple[OtherSensor, ...] = ()
     process_noise: ProcessNoise | None = None
+    drawn: tuple[DrawnEffect, ...] = ()
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 
     def __str__(self) -> str:

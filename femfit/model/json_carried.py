@@ -31,7 +31,7 @@ def carried_to(effect: Effect) -> dict[str, Any]:
     data: dict[str, Any] = {key: getattr(effect, key) for key in _TEXTS}
     data["parameters"] = [_parameter_to(p) for p in effect.parameters]
     if carried.magnetics is not None:
-        data[_MAGNETICS] = [_term_to(term) for term in carried.magnetics.terms]
+        data[_MAGNETICS] = [term_to(term) for term in carried.magnetics.terms]
     if carried.setting is not None:
         both = {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
         data["setting"] = {name: _curve_to(curve) for name, curve in both.items() if curve is not None}
@@ -55,7 +55,7 @@ def carried_from(name: str, section: Section) -> Effect:
     if (setting := section.optional_section("setting")) is not None:
         setting.refuse_others(("distance_m", "current_A"))
     carried = Carried(
-        magnetics=FieldChange(tuple(_term_from(one, known) for one in terms)) if terms else None,
+        magnetics=FieldChange(tuple(term_from(one, known) for one in terms)) if terms else None,
         setting=SettingChange(**curves["setting"]) if curves["setting"] else None,
         readings=ReadingChange(curves["readings"]) if curves["readings"] else None,
         brake=_brake_from(brake, known) if brake else None,
@@ -79,13 +79,15 @@ def _parameter_from(section: Section) -> EffectParameter:
     return section.record(EffectParameter, **given)
 
 
-def _term_to(term: FieldTerm) -> dict[str, Any]:
+def term_to(term: FieldTerm) -> dict[str, Any]:
+    """What a parameter changes of the fields, as JSON-ready data."""
     splines = {"coenergy_J": term.coenergy, "hall_T": term.hall}
     written = {key: spline_to(term.coordinate, one) for key, one in splines.items() if one is not None}
     return {"parameter": term.parameter, "power": term.power, **written}
 
 
-def _term_from(section: Section, parameters: set[str]) -> FieldTerm:
+def term_from(section: Section, parameters: set[str]) -> FieldTerm:
+    """What :func:`term_to` wrote, of one of some parameters."""
     section.refuse_others(("parameter", "power", "coenergy_J", "hall_T"))
     found: dict[str, tuple[DistanceCoordinate, TensorSpline]] = {
         key: spline_from(section.section(key)) for key in ("coenergy_J", "hall_T") if key in section.data

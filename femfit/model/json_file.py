@@ -19,15 +19,17 @@ from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.sensors import Sensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
-from femfit.effects.effect import AddedEffect
+from femfit.effects.effect import AddedEffect, Effect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.carried import Carried
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
+from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.hall import HallField, HallSpline
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_carried import carried_from, carried_to
+from femfit.model.json_drawn import drawn_from, drawn_to
 from femfit.model.json_magnetics import (
     NETWORK_KIND,
     magnetics_from,
@@ -147,7 +149,7 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
     data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
     data["other_sensors"] = _plain(pickups_as_fitted(model.other_sensors, base.other_sensors))
-    for key in ("other_sensors", "process_noise"):  # as files were before there were any
+    for key in ("other_sensors", "process_noise", "drawn"):  # as files were before there were any
         if not data[key]:
             del data[key]
     return {"schema": SCHEMA_VERSION, **data}
@@ -173,7 +175,7 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
         return kind | spline_to(value.coordinate, value.spline)
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
-    if isinstance(value, CoenergyMatrix | CoenergyTensor | SensedField):
+    if isinstance(value, CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect):
         return _spline_record(value)
     data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, HallSensor):  # as files were before it could be late or slow
@@ -187,7 +189,9 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
     return data
 
 
-def _spline_record(value: CoenergyMatrix | CoenergyTensor | SensedField) -> dict[str, Any]:
+def _spline_record(value: CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect) -> dict[str, Any]:
+    if isinstance(value, DrawnEffect):
+        return drawn_to(value)
     if isinstance(value, SensedField):
         return sensed_to(value)
     return matrix_to(value) if isinstance(value, CoenergyMatrix) else tensor_to(value)
@@ -237,9 +241,11 @@ def _build(top: Section) -> ActuatorModel:
         kind=kind.record(ActuatorKind) if kind else None,
         process_noise=noise.record(ProcessNoise) if noise else None,
         other_sensors=sensors_from(top.sections("other_sensors")) if top.data.get("other_sensors") else (),
+        drawn=tuple(map(drawn_from, top.sections("drawn"))) if top.data.get("drawn") else (),
     )
     added = top.sections("effects") if top.data.get("effects") else ()
-    return with_effects(base, [_effect_from(section) for section in added])
+    drawn = {one.key: one.effect for one in base.drawn}
+    return with_effects(base, [_effect_from(section, drawn) for section in added])
 
 
 def _circuit_from(section: Section) -> Circuit:
@@ -258,10 +264,12 @@ def _validity_from(section: Section) -> ValidityBox:
     return section.record(ValidityBox, further_A=tuple((float(low), float(high)) for low, high in further))
 
 
-def _effect_from(section: Section) -> AddedEffect:
+def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:
     section.refuse_others(("name", "parameters", "ci95", "carried"))
     carried = section.optional_section("carried")
-    effect = carried_from(section.text("name"), carried) if carried else section.item("name", effect_by_name)
+    effect = drawn.get(section.text("name"))
+    if effect is None:
+        effect = carried_from(section.text("name"), carried) if carried else section.item("name", effect_by_name)
     names = tuple(p.name for p in effect.parameters)
     parameters, intervals = section.section("parameters"), section.section("ci95")
     parameters.refuse_others(names)

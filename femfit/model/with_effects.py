@@ -70,6 +70,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         springs=base.motion.energy_of_springs if base.motion is not None and base.motion.springs else None,
         circuits=base.circuit_names if domain.further_A else (),
         magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
+        drawn=tuple(one.effect for one in base.drawn),
         has_iron=base.kind is None or base.kind.fixed_iron or base.kind.moving_iron,
     )
 

@@ -1,14 +1,14 @@
 """The numbers in the tables of a report on a bench, with the figures that belong to them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.catalogue import device_effects, known_effect
-from femfit.effects.effect import EffectParameter
+from femfit.effects.catalogue import device_effects
+from femfit.effects.effect import Effect, EffectParameter
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.constants import LEVEL_AFTER
@@ -70,10 +70,10 @@ def misfit_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
 def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]:
     """What the verdict names, how it ranks, and what the data could have shown."""
     nominal = diagnosis.observations.nominal
-    effects = device_effects(nominal.circuits)
+    effects = device_effects(nominal.circuits, nominal.drawn)
     facts = {
         "named": [
-            (one, effects[one.name].symptom if one.name in effects else "", _parameter_rows(one))
+            (one, effects[one.name].symptom if one.name in effects else "", _parameter_rows(one, effects))
             for one in diagnosis.missing
         ],
         "detectable": [
@@ -91,8 +91,8 @@ def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]
     return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.decision.excess, named, members)}
 
 
-def _parameter_rows(one: NamedEffect) -> list[tuple[str, ...]]:
-    effect, rows = known_effect(one.name), list[tuple[str, ...]]()
+def _parameter_rows(one: NamedEffect, effects: Mapping[str, Effect]) -> list[tuple[str, ...]]:
+    effect, rows = effects.get(one.name), list[tuple[str, ...]]()
     known = {} if effect is None else {p.name: p for p in effect.parameters}
     for name, value in one.parameters.items():
         p, (low, high) = known.get(name), one.ci95.get(name, (np.nan, np.nan))
@@ -111,7 +111,8 @@ def _no_interval(value: float, parameter: EffectParameter | None) -> str:
 
 def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, Any]:
     """The measurement that would decide."""
-    decision, effects = diagnosis.decision, device_effects(diagnosis.observations.nominal.circuits)
+    decision, nominal = diagnosis.decision, diagnosis.observations.nominal
+    effects = device_effects(nominal.circuits, nominal.drawn)
     nearest = None
     if decision is not None and decision.candidates:
         best = decision.candidates[0]

@@ -12,6 +12,7 @@ from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
+from support.small_drawing import SMALL
 
 FINE = SolverSettings(order=6, corner_fraction=0.01)
 COLUMNS = {"force_N": 2, "flux_linkage_Wb": 2, "hall_T": 0}
@@ -119,43 +120,6 @@ def test_slopes_are_those_of_whole_new_solutions(name, distance, currents, chose
     expected, found = np.stack(changes, axis=1), slopes
     largest = np.abs(tolerance * expected).max(axis=(0, 1))
     assert np.all(np.abs(tolerance * (found - expected)) <= 1e-3 * largest)
-
-
-SMALL = """
-schema = 2
-name = "small"
-[materials.iron]
-relative_permeability = 500
-[materials.hard]
-remanence_T = 1.2
-relative_permeability = 1.05
-[fixed.regions.core]
-material = "iron"
-r_mm = [0, 5]
-z_mm = [-10, 0]
-[coils.coil]
-r_mm = [6, 9]
-z_mm = [-9, -1]
-turns = 100
-resistance_ohm = 2
-[moving.regions.magnet]
-material = "hard"
-magnetization = "+z"
-r_mm = [0, 4]
-z_mm = [0, 4]
-[mechanics]
-mass_g = 2
-[supply]
-voltage_min_V = 0
-voltage_max_V = 5
-[sweep]
-current_A = [0, 0.5, 1]
-distance_mm = [3, 5, 7, 9]
-[tolerances]
-length_mm = 0.03
-"fixed.regions.core.r_mm[1]" = 0.01
-"materials.iron.relative_permeability" = 50
-"""
 
 
 def test_a_sweep_writes_signatures_beside_its_table_and_reads_them_back(tmp_path):

@@ -16,6 +16,7 @@ from femfit.device.sensors import ForceSensor
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 from femfit.model.process_noise import ProcessNoise
@@ -329,7 +330,8 @@ def test_damaged_mechanics_are_refused_by_their_key(sprung_model, key, value, me
 def test_every_field_of_the_model_is_written(model):
     worked_out = {"base", "dynamics", "conditions"}  # the file holds the base itself
     names = {field.name for field in fields(ActuatorModel)} - worked_out
-    model = replace(model, other_sensors=(ForceSensor(name="cell"),), process_noise=ProcessNoise(1e-3))
+    drawn = DrawnEffect("coil.r_mm[1]", (), "coil.r_mm[1]", 20.0, "mm", 0.1, ())
+    model = replace(model, other_sensors=(ForceSensor(name="cell"),), process_noise=ProcessNoise(1e-3), drawn=(drawn,))
     assert set(model_to_dict(model)) == {"schema", *names}
 
 

@@ -230,7 +230,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     model = model_of(model)
     data = measurement_of(data)
     observations = placed(model, data)
-    campaign = gather(observations, considered_effects((), observations.nominal.circuits))
+    campaign = gather(observations, considered_effects((), observations.nominal.circuits, observations.nominal.drawn))
     if isinstance(campaign, Finding):
         noise, findings = estimate_noise(observations), [campaign]
         whitening = Whitening(observations, noise or scatter_as_noise(observations), chains_of(observations))

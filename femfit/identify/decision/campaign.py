@@ -128,11 +128,15 @@ TOO_FEW = Finding(
 )
 
 
-def considered_effects(exclude: Sequence[str] = (), circuits: Sequence[str] = ()) -> list[Effect]:
+def considered_effects(
+    exclude: Sequence[str] = (), circuits: Sequence[str] = (), drawn: Sequence[Effect] = ()
+) -> list[Effect]:
     """The device's catalogue without some effects; a name that the whole one does not have is an error."""
+    known = device_effects(circuits, drawn)
     for name in exclude:
-        effect_by_name(name)
-    return [effect for name, effect in device_effects(circuits).items() if name not in exclude]
+        if name not in known:
+            effect_by_name(name)
+    return [effect for name, effect in known.items() if name not in exclude]
 
 
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:

@@ -96,7 +96,9 @@ def diagnose_observations(
 ) -> Diagnosis:
     """Diagnose readings that stand beside their model."""
     say("Estimating the noise")
-    campaign = gather(observations, considered_effects(exclude, observations.nominal.circuits))
+    campaign = gather(
+        observations, considered_effects(exclude, observations.nominal.circuits, observations.nominal.drawn)
+    )
     if isinstance(campaign, Finding):
         return _no_verdict(model, observations, campaign, exclude)
     say("Scoring the effects")
@@ -203,7 +205,7 @@ def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, 
         missing=(),
         ranking=tuple(
             ScoredEffect(effect.name, 1.0, 0.0, 0, note="no verdict")
-            for effect in considered_effects(exclude, observations.nominal.circuits)
+            for effect in considered_effects(exclude, observations.nominal.circuits, observations.nominal.drawn)
         ),
         where=Where("", (), "Without a test no misfit can be called one."),
         error_fall=error_fall(observations, observations.base, observations.base, observations.declared_noise),

@@ -195,7 +195,7 @@ def _could_show(diagnosis: "Diagnosis") -> list[str]:
     if not diagnosis.detectable:
         return []
     nominal = diagnosis.observations.nominal
-    effects = device_effects(nominal.circuits)
+    effects = device_effects(nominal.circuits, nominal.drawn)
     shown = [
         (name, smallest_visible(effects[name], amplitudes, nominal))
         for name, amplitudes in diagnosis.detectable.items()

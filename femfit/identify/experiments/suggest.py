@@ -17,8 +17,8 @@ from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.printed import Printed
-from femfit.effects.catalogue import catalogue_order, known_effect
-from femfit.effects.conditions import Conditions
+from femfit.effects.catalogue import catalogue_order, device_effects
+from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import Calibration
 from femfit.identify.constants import TIE
 from femfit.identify.decision.confidence import equally_good
@@ -158,10 +158,12 @@ def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: 
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if found.campaign is None or len(explanations) < 2:
         unsure = [] if _certain(found) else [one.name for one in found.missing]
-        return Advice(names, isolating=_isolating(unsure), note=_nothing_to_separate(found))
+        return Advice(names, isolating=_isolating(unsure, found.observations.nominal), note=_nothing_to_separate(found))
     if not isinstance(measured, BenchTable) or found.observations.nominal.circuits:  # trials are of one current
         used = [name for fit in every for name in fit.names]
-        return Advice(tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used))
+        return Advice(
+            tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used, found.observations.nominal)
+        )
     say("Trying measurements")
     noise = found.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations, least)
@@ -179,9 +181,9 @@ def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
     return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1], tie(found.campaign, chosen)
 
 
-def _isolating(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    effects = {name: known_effect(name) for name in names}
-    return tuple((name, effect.experiment) for name, effect in effects.items() if effect is not None)
+def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str], ...]:
+    effects = device_effects(nominal.circuits, nominal.drawn)
+    return tuple((name, effects[name].experiment) for name in names if name in effects)
 
 
 def _certain(found: Diagnosis) -> bool:

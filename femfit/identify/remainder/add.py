@@ -151,7 +151,7 @@ def _as_good_name(whitening: Whitening, learnt: Learnt) -> str:
     """
     observations, target = whitening.observations, whitening.full(whitening.observations.residual)
     found: list[tuple[float, list[Start]]] = []
-    for effect in device_effects(observations.nominal.circuits).values():
+    for effect in device_effects(observations.nominal.circuits, observations.nominal.drawn).values():
         if why_untestable(effect, observations):
             continue
         tries = [

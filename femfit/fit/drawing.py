@@ -1,0 +1,98 @@
+"""What the numbers of a drawing change, as splines of the model: its own basis, fitted to slopes in place of values."""
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.amount import amount
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.sweep_columns import is_current
+from femfit.device.drawn_numbers import NumberFacts
+from femfit.fit.coenergy import CoenergyFit
+from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system
+from femfit.fit.constants import DRAWN_MISFIT, U_DEGREE
+from femfit.fit.hall import HallFit
+from femfit.fit.rows import FitRows, rms
+from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.carried import FieldTerm
+from femfit.model.drawn_effect import DrawnEffect, parameter_name
+from femfit.tables.signatures import Signatures
+
+
+def drawn_effects(
+    signatures: Signatures | None, rows: FitRows, coenergy: CoenergyFit | None, hall: HallFit | None
+) -> tuple[tuple[DrawnEffect, ...], tuple[str, ...]]:
+    """The numbers of the drawing with their splines, and a note for each one that its splines miss.
+
+    A number that changes nothing at the points of the sweep is left out.
+    """
+    if signatures is None:
+        return (), ()
+    if coenergy is None:
+        return (), ("The numbers of the drawing are not in the model: the table is too small for a co-energy.",)
+    at, slopes = _aligned(signatures, rows)
+    kept = [k for k in range(len(signatures.numbers)) if np.any(slopes[:, :, k])]
+    numbers, slopes = [signatures.numbers[k] for k in kept], slopes[:, :, kept]
+    rows = rows.take(at)
+    of_fields = 1 if rows.flux_linkage is None else 2
+    magnetic = coenergy_system(rows).fit_changes(coenergy.basis, slopes[:of_fields])
+    sensed = None if hall is None or len(slopes) < 3 else _fit_hall(hall, rows, slopes[2])
+    found, notes = [], []
+    for k, number in enumerate(numbers):
+        terms = _terms(number, coenergy.basis, magnetic[:, k], hall, None if sensed is None else sensed[:, k])
+        found.append(
+            DrawnEffect(number.key, number.also, number.subject, number.value, number.unit, number.tolerance, terms)
+        )
+        notes += _missed(number, coenergy.basis, magnetic[:, k], rows, slopes[0][:, k])
+    return tuple(found), tuple(notes)
+
+
+def _aligned(signatures: Signatures, rows: FitRows) -> tuple[BoolArray, FloatArray]:
+    """Which rows of the fit have slopes, and these; shape (channels, rows with slopes, numbers)."""
+    current = next(name for name in map(str, signatures.rows) if is_current(name))
+    channels = [name for name in ("force_N", "flux_linkage_Wb", "hall_T") if name in signatures.rows]
+    grid = pd.MultiIndex.from_arrays([rows.distance, rows.current])
+    tables = [
+        signatures.of(one).set_index(["distance_m", current])[channels].reindex(grid) for one in signatures.numbers
+    ]
+    slopes = np.stack([table.to_numpy().T for table in tables], axis=2)
+    known = np.isfinite(slopes).all(axis=(0, 2))
+    return known, slopes[:, known]
+
+
+def _fit_hall(hall: HallFit, rows: FitRows, slopes: FloatArray) -> FloatArray:
+    spline, coordinate = hall.field.spline, hall.field.coordinate
+    in_u = basis_matrix(coordinate.of(rows.distance), spline.x_knots, spline.x_degree)
+    in_i = basis_matrix(rows.current, spline.y_knots, spline.y_degree)
+    columns = (in_u[:, :, None] * in_i[:, None, :]).reshape(len(rows.distance), -1)
+    return np.asarray(np.linalg.lstsq(columns, slopes, rcond=1e-12)[0])
+
+
+def _terms(
+    number: NumberFacts, basis: CoenergyBasis, magnetic: FloatArray, hall: HallFit | None, sensed: FloatArray | None
+) -> tuple[FieldTerm, ...]:
+    name = parameter_name(number.unit)
+    terms = []
+    if np.any(magnetic):
+        coenergy = TensorSpline(
+            basis.u_knots, basis.current_knots, U_DEGREE, basis.current_degree, magnetic.reshape(basis.shape)
+        )
+        terms.append(FieldTerm(name, basis.coordinate, coenergy=coenergy))
+    if hall is not None and sensed is not None:
+        like = hall.field.spline
+        field = TensorSpline(
+            like.x_knots, like.y_knots, like.x_degree, like.y_degree, sensed.reshape(like.coefficients.shape)
+        )
+        terms.append(FieldTerm(name, hall.field.coordinate, hall=field))
+    return tuple(terms)
+
+
+def _missed(
+    number: NumberFacts, basis: CoenergyBasis, magnetic: FloatArray, rows: FitRows, slopes: FloatArray
+) -> list[str]:
+    """A note where the splines miss the force's slope, by what matters within the tolerance."""
+    left = rms(-basis.columns(rows.distance, rows.current, (1, 0)) @ magnetic - slopes)
+    size = rms(slopes)
+    if left <= DRAWN_MISFIT * size or number.tolerance * left <= np.median(rows.force_error):
+        return []
+    share = amount(left / size, "")
+    return [f"What {number.key} changes of the force is followed to {share} of it only. Sweep more distances."]

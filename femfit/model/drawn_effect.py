@@ -1,0 +1,63 @@
+"""A number of the drawing as an effect: what it changes of W'(d, i) and of the Hall field, to first order in it."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from femfit.effects.effect import Effect, EffectParameter
+from femfit.model.carried import Carried, FieldChange, FieldTerm, carried_effect
+
+PLAUSIBLE, POSSIBLE = 3.0, 10.0
+"""Conventional: standard deviations within which a number is expected, and beyond which a slope says nothing of it."""
+
+NEEDS = ("force_N|flux_linkage_Wb|hall_V",)
+
+CHANGE = "change"
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnEffect:
+    """A number of the drawing, with the splines of what it changes per unit."""
+
+    key: str  # Key path in the drawing, and the effect's name
+    also: tuple[str, ...]  # Key paths of what moves with it
+    subject: str  # The number as the subject of a sentence
+    value: float  # As drawn, in the drawing's unit
+    unit: str  # As the drawing has it; empty where changes are shares of the number
+    tolerance: float  # Standard deviation, in the unit or as a share
+    terms: tuple[FieldTerm, ...]  # In proportion to :attr:`parameter`
+
+    @property
+    def parameter(self) -> str:
+        """Name of the amplitude: true less drawn value in the drawing's unit, or as a share of it."""
+        return parameter_name(self.unit)
+
+    @cached_property
+    def effect(self) -> Effect:
+        """The effect, named by the key path."""
+        drawn = f"{self.value:g} {self.unit}".rstrip()
+        also = f" With it moves what touches it: {', '.join(self.also)}." if self.also else ""
+        words = f"it is {{size}} {{more|less}} than the drawn {drawn}"
+        if not self.unit:
+            words = f"{self.subject} is {{size}} {{larger|smaller}} than drawn"
+        change = EffectParameter(
+            self.parameter,
+            unit=self.unit,
+            bounds=(-POSSIBLE * self.tolerance, POSSIBLE * self.tolerance),
+            plausible=(-PLAUSIBLE * self.tolerance, PLAUSIBLE * self.tolerance),
+            description=f"True less drawn value of {self.key}{'' if self.unit else ', over the drawn one'}.{also}",
+            words=words,
+        )
+        made = carried_effect(
+            self.key,
+            f"Force, flux linkage and Hall voltage are those of a device in which {self.key} is another number.",
+            (change,),
+            Carried(magnetics=FieldChange(self.terms)),
+            experiment=f"Measure {self.subject} on the device itself.",
+            reference="Signature computed from the drawing's own field",
+        )
+        return replace(made, needs=NEEDS)
+
+
+def parameter_name(unit: str) -> str:
+    """Name of the amplitude of a number with a unit, or of one without."""
+    return f"{CHANGE}_{unit}" if unit else CHANGE

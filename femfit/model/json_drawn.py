@@ -1,0 +1,37 @@
+"""Numbers of the drawing, with what they change, in a model file."""
+
+from typing import Any
+
+from femfit.model.drawn_effect import DrawnEffect, parameter_name
+from femfit.model.json_carried import term_from, term_to
+from femfit.model.json_section import Section
+
+_TEXTS = ("key", "subject", "unit")
+
+
+def drawn_to(drawn: DrawnEffect) -> dict[str, Any]:
+    """A number as JSON-ready data."""
+    return {
+        **{key: getattr(drawn, key) for key in _TEXTS},
+        "also": list(drawn.also),
+        "value": drawn.value,
+        "tolerance": drawn.tolerance,
+        "magnetics": [term_to(term) for term in drawn.terms],
+    }
+
+
+def drawn_from(section: Section) -> DrawnEffect:
+    """The number of :func:`drawn_to`."""
+    section.refuse_others((*_TEXTS, "also", "value", "tolerance", "magnetics"))
+    also = section.data.get("also", [])
+    if not isinstance(also, list) or not all(isinstance(one, str) for one in also):
+        raise section.refusal("also", "a list of key paths")
+    texts = {key: section.text(key) for key in _TEXTS}
+    known = {parameter_name(texts["unit"])}
+    return DrawnEffect(
+        **texts,
+        also=tuple(also),
+        value=section.number("value"),
+        tolerance=section.number("tolerance", positive=True),
+        terms=tuple(term_from(one, known) for one in section.sections("magnetics")),
+    )

@@ -1,0 +1,155 @@
+"""Numbers of a drawing as effects of a model: fitted from a sweep's signatures, kept in its file, and right."""
+
+import copy
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.effects.effect import AddedEffect
+from femfit.field.sweep import run_sweep
+from femfit.fit.build import fit_model
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.readings.bench import bench_observations
+from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.signatures.columns import effect_columns
+from femfit.model.json_file import read_model, write_model
+from femfit.model.with_effects import with_effects
+from femfit.tables.measurement_file import read_bench_table
+from support.small_drawing import SMALL
+
+HEIGHT, RADIUS, IRON = (
+    "moving.regions.magnet.z_mm[1]",
+    "fixed.regions.core.r_mm[1]",
+    "materials.iron.relative_permeability",
+)
+
+
+def _sweep(directory, text, *, signatures=False):
+    directory.mkdir()
+    (directory / "small.toml").write_text(text)
+    return run_sweep(directory / "small.toml", directory / "run", workers=1, signatures=signatures)
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    return _sweep(tmp_path_factory.mktemp("drawn") / "small", SMALL, signatures=True)
+
+
+@pytest.fixture(scope="module")
+def model(table):
+    return fit_model(table).model
+
+
+def _drawn(model, key):
+    (one,) = (one for one in model.drawn if one.key == key)
+    return one
+
+
+def test_every_number_that_changes_something_is_in_the_model(table, model):
+    assert [one.key for one in model.drawn] == [one.key for one in table.signatures.numbers]
+    number = _drawn(model, RADIUS)
+    assert (number.value, number.unit, number.tolerance) == (5.0, "mm", 0.01)
+    (amplitude,) = number.effect.parameters
+    assert (amplitude.name, amplitude.unit, amplitude.plausible) == ("change_mm", "mm", (-0.03, 0.03))
+
+
+def test_splines_follow_the_slopes_of_force_flux_linkage_and_hall_field(table, model):
+    """By the facade of the model, effects and all; to a thousandth of the largest slope of the number."""
+    for number in table.signatures.numbers:
+        slopes, drawn = table.signatures.of(number), _drawn(model, number.key)
+        changed = with_effects(model, [AddedEffect(drawn.effect, {drawn.parameter: number.tolerance})])
+        d, i = slopes["distance_m"].to_numpy(), slopes["current_A"].to_numpy()
+        pairs = [
+            (changed.magnetics.force(d, i) - model.magnetics.force(d, i), "force_N"),
+            (changed.magnetics.flux_linkage(d, i) - model.magnetics.flux_linkage(d, i), "flux_linkage_Wb"),
+            (changed.sensor.field.field(d, i) - model.sensor.field.field(d, i), "hall_T"),
+        ]
+        for change, name in pairs:
+            wanted = slopes[name].to_numpy()
+            least = 1e-6 * np.abs(table.rows[name]).max() / number.tolerance  # the tables' own polynomials
+            assert np.abs(change / number.tolerance - wanted).max() <= 1e-3 * np.abs(wanted).max() + least
+
+
+def test_a_model_file_keeps_the_numbers_and_an_added_one(model, tmp_path):
+    drawn = _drawn(model, HEIGHT)
+    added = with_effects(model, [AddedEffect(drawn.effect, {"change_mm": 0.05}, {"change_mm": (0.04, 0.06)})])
+    write_model(added, tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json")
+    assert [vars(one).keys() == vars(other).keys() for one, other in zip(again.drawn, model.drawn, strict=True)]
+    assert _drawn(again, HEIGHT).effect is again.effects[0].effect
+    assert again.effects[0].parameters == {"change_mm": 0.05}
+    assert float(again.force(0.006, 0.7)) == pytest.approx(float(added.force(0.006, 0.7)), rel=1e-12)
+    copied = copy.deepcopy(again)
+    assert float(copied.force(0.006, 0.7)) == pytest.approx(float(added.force(0.006, 0.7)), rel=1e-12)
+
+
+def test_a_damaged_number_is_refused_by_its_place(model, tmp_path):
+    write_model(model, tmp_path / "model.json")
+    data = json.loads((tmp_path / "model.json").read_text())
+    data["drawn"][0]["tolerance"] = -1.0
+    (tmp_path / "model.json").write_text(json.dumps(data))
+    with pytest.raises(ValueError, match=r"drawn\[0\]\.tolerance must be a finite number > 0"):
+        read_model(tmp_path / "model.json")
+
+
+def _bench(table, path, noise=(2e-5, 2e-7, 2e-4)):
+    """What a bench would read of a device whose field is a table's, three times."""
+    rng, rows = np.random.default_rng(3), table.valid_rows()
+    runs = [
+        pd.DataFrame(
+            {
+                "run": run,
+                "distance_m": rows["distance_m"],
+                "current_A": rows["current_A"],
+                "force_N": rows["force_N"] + noise[0] * rng.standard_normal(len(rows)),
+                "flux_linkage_Wb": rows["flux_linkage_Wb"] + noise[1] * rng.standard_normal(len(rows)),
+                "hall_V": 2.5 + 50.0 * rows["hall_T"] + noise[2] * rng.standard_normal(len(rows)),
+            }
+        )
+        for run in range(3)
+    ]
+    pd.concat(runs).to_csv(path, index=False)
+    return path
+
+
+@pytest.fixture(scope="module")
+def taller(tmp_path_factory):
+    """Sweeps of drawings whose magnet is 0.06 mm taller and lower."""
+    base = tmp_path_factory.mktemp("taller")
+    return [
+        _sweep(base / name, SMALL.replace("z_mm = [0, 4]", f"z_mm = [0, {height}]"))
+        for name, height in (("more", 4.06), ("less", 3.94))
+    ]
+
+
+def test_columns_are_the_differences_of_whole_sweeps_and_their_fits(model, taller, tmp_path):
+    """Of every reading of a bench, to a thousandth of the largest in its channel."""
+    observations = bench_observations(model, read_bench_table(_bench(taller[0], tmp_path / "bench.csv")))
+    (found,) = effect_columns(_drawn(model, HEIGHT).effect, observations)
+    high, low = (
+        bench_observations(fit_model(one).model, read_bench_table(tmp_path / "bench.csv")).base for one in taller
+    )
+    wanted = (high - low) / 0.12
+    for name in observations.channels:
+        of = observations.of(name)
+        error = np.abs(found.columns[of, 0] - wanted[of]).max()
+        assert 0.0 < error <= 2e-3 * np.abs(wanted[of]).max()
+
+
+def test_a_wrong_number_is_found_in_millimetres_and_added(model, taller, tmp_path):
+    data = _bench(taller[0], tmp_path / "bench.csv")
+    found = diagnose(model, data, bootstrap=0)
+    suspects = {name for one in found.missing for name in one.members}
+    assert HEIGHT in suspects
+    better = add_effects(model, data, [HEIGHT])
+    (added,) = better.model.effects
+    low, high = added.ci95["change_mm"]
+    assert low <= 0.06 <= high
+    assert added.parameters["change_mm"] == pytest.approx(0.06, abs=0.003)
+    assert "mm more than the drawn 4 mm" in str(better)
+
+
+def test_a_table_without_signatures_gives_a_model_without_numbers(taller):
+    assert fit_model(taller[0]).model.drawn == ()
