@@ -31,6 +31,7 @@ def run(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
     seed: int = 1,
+    signatures: bool = False,
     json: Path | None = None,
 ) -> None:
     """Sweep, fit, export, close the loop and report, in turn.
@@ -47,6 +48,8 @@ def run(
         Processes of the sweep; one a core by default.
     seed : int
         Of the noise in the closed loop.
+    signatures : bool
+        Solve what each number of the drawing changes, too, so that a diagnosis can ask for them.
     json : Path
         File for the results as JSON.
     """
@@ -68,7 +71,8 @@ def run(
     require_outputs([actuator], (model_file, MODEL), (law_file, MODEL), (page, PAGE), (json, RESULT))
     steps = _Steps()
     _print_lines(remarks(parts))
-    table, summary = _sweep(steps, parts, directory, workers or len(os.sched_getaffinity(0)))
+    drawing = actuator if signatures else None
+    table, summary = _sweep(steps, parts, directory, workers or len(os.sched_getaffinity(0)), drawing)
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
@@ -174,14 +178,19 @@ class _Steps:
         print(f"{name:<{STEP_WIDTH}}{self.times[name]:5.1f} s  {text}", flush=True)
 
 
-def _sweep(steps: _Steps, parts: "Actuator", directory: Path, workers: int) -> "tuple[SweepTable, dict[str, Any]]":
+def _sweep(
+    steps: _Steps, parts: "Actuator", directory: Path, workers: int, drawing: Path | None
+) -> "tuple[SweepTable, dict[str, Any]]":
+    """Sweep the parts; with the signatures of their drawing where it is given."""
     from femfit.cli.progress import sweep_progress
     from femfit.device.variants import only
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, summarise
 
     with steps.timed("sweep", told=False), sweep_progress(parts.name) as progress:
-        table = run_sweep(parts, directory, workers=workers, progress=progress)
+        table = run_sweep(
+            drawing or parts, directory, workers=workers, signatures=drawing is not None, progress=progress
+        )
     summary = summarise(table)
     steps.say(_solved(summary))
     _print_lines(clipped_hall(only(parts), table))

@@ -97,7 +97,7 @@ class ExplicitSlopes:
         moved.append((np.zeros_like(u), -slope_z * h_z, weight * u + slope_z * h_r))
         nodal = [points.nodal(value, in_r, in_z / b - shear * in_r) for value, in_r, in_z in moved]
         result = -self._velocities @ np.concatenate(nodal)
-        result += np.einsum("pck,kc->pk", parts[3].reshape(len(self._numbers), -1, samples.shape[1]), currents)
+        result += np.einsum("pck,kc->pk", parts[3].reshape(*self._loads.shape[:2], samples.shape[1]), currents)
         for k, changes in enumerate(self._law_changes):
             for at, larger, smaller in changes:
                 change = larger(density[:, at])[1] - smaller(density[:, at])[1]

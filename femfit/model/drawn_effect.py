@@ -1,5 +1,6 @@
 """A number of the drawing as an effect: what it changes of W'(d, i) and of the Hall field, to first order in it."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -8,6 +9,9 @@ from femfit.model.carried import Carried, FieldChange, FieldTerm, carried_effect
 
 PLAUSIBLE, POSSIBLE = 3.0, 10.0
 """Conventional: standard deviations within which a number is expected, and beyond which a slope says nothing of it."""
+
+LEAST = -0.9
+"""Of a share: a tenth of the drawn number is left, whatever a fit tries."""
 
 NEEDS = ("force_N|flux_linkage_Wb|hall_V",)
 
@@ -42,7 +46,7 @@ class DrawnEffect:
         change = EffectParameter(
             self.parameter,
             unit=self.unit,
-            bounds=(-POSSIBLE * self.tolerance, POSSIBLE * self.tolerance),
+            bounds=(max(-POSSIBLE * self.tolerance, -math.inf if self.unit else LEAST), POSSIBLE * self.tolerance),
             plausible=(-PLAUSIBLE * self.tolerance, PLAUSIBLE * self.tolerance),
             description=f"True less drawn value of {self.key}{'' if self.unit else ', over the drawn one'}.{also}",
             words=words,

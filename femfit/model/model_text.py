@@ -35,6 +35,9 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
     """What it is, its misfit where that is known, and its validity domain."""
     base, domain = model.without_effects, model.validity
     law = base.magnetics.law if isinstance(base.magnetics, LawMagnetics) else None
+    known = (
+        [f"{counted(len(base.drawn), 'number')} of the drawing with what each of them changes"] if base.drawn else []
+    )
     kind = f"law {law.name}, {law.formula}" if law else "co-energy"
     if isinstance(base.magnetics, NetworkMagnetics):
         kind = f"law {NETWORK}, {FORMULA}"
@@ -47,8 +50,8 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
         ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} A" for name, (low, high) in each)
         return [*lines, f"{valid} and {ranges}"]
     if domain.current_min_A == domain.current_max_A == 0.0:  # a pair of magnets
-        return [*lines, valid]
-    return [*lines, f"{valid} and {domain.current_min_A:.4g} to {domain.current_max_A:.4g} A"]
+        return [*lines, valid, *known]
+    return [*lines, f"{valid} and {domain.current_min_A:.4g} to {domain.current_max_A:.4g} A", *known]
 
 
 def misfit_lines(misfit: "Misfit") -> list[str]:

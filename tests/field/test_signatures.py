@@ -19,8 +19,8 @@ COLUMNS = {"force_N": 2, "flux_linkage_Wb": 2, "hall_T": 0}
 """Channels, and the power of a common factor of all lengths and currents that each grows with."""
 
 
-def _problem(actuator, distances):
-    return prepare(actuator, distances, layout_of(actuator, FINE), FINE)
+def _problem(actuator, distances, settings=FINE):
+    return prepare(actuator, distances, layout_of(actuator, settings), settings)
 
 
 def _table(problem, distance, currents):
@@ -122,6 +122,30 @@ def test_slopes_are_those_of_whole_new_solutions(name, distance, currents, chose
     assert np.all(np.abs(tolerance * (found - expected)) <= 1e-3 * largest)
 
 
+def test_two_equal_magnets_cannot_tell_whose_number_it_is():
+    """Newton's third law and the mirror, in a drawing without a coil; the mesh of either magnet is another one."""
+    path = GEOMETRY / "magnet-pair.toml"
+    numbers = read_numbers(path)
+    actuator = read_actuator(path)
+    distance = actuator.sweep.distances_m[0]
+    (slopes,) = _problem(actuator, (distance,), SolverSettings()).signatures(distance, [0.0], numbers)
+    force = {number.facts.key: row[0] for number, row in zip(numbers, slopes, strict=True)}
+    assert force["fixed.regions.lower.r_mm[1]"] == pytest.approx(force["moving.regions.upper.r_mm[1]"], rel=1e-3)
+    assert force["fixed.regions.lower.z_mm[0]"] == pytest.approx(-force["moving.regions.upper.z_mm[1]"], rel=1e-3)
+
+
+def test_what_two_equal_coils_change_is_mirrored():
+    """An axial bearing in the middle of its gaps: each number of one side is that of the other with another sign."""
+    path = GEOMETRY / "bearing.toml"
+    numbers, actuator = read_numbers(path), read_actuator(path)
+    (slopes,) = _problem(actuator, (5e-4,), SolverSettings()).signatures(5e-4, [[2.0, 2.0]], numbers)
+    rows = {number.facts.key: row for number, row in zip(numbers, slopes, strict=True)}
+    largest = np.abs(slopes).max(axis=0)
+    for corner, axis, sign in ((1, 0, 1.0), (3, 0, 1.0), (5, 0, 1.0), (4, 1, -1.0), (6, 1, -1.0)):
+        lower, upper = (rows[f"fixed.regions.{side}.polygon_mm[{corner}][{axis}]"] for side in ("lower", "upper"))
+        assert np.all(np.abs(lower * [-1.0, 1.0, 1.0] - sign * upper[[0, 2, 1]]) <= 1e-3 * largest)
+
+
 def test_a_sweep_writes_signatures_beside_its_table_and_reads_them_back(tmp_path):
     drawing = tmp_path / "small.toml"
     drawing.write_text(SMALL)
@@ -134,7 +158,7 @@ def test_a_sweep_writes_signatures_beside_its_table_and_reads_them_back(tmp_path
     assert by_key["fixed.regions.core.r_mm[1]"].tolerance == 0.01
     assert by_key["moving.regions.magnet.z_mm[1]"].tolerance == 0.03
     assert by_key["materials.iron.relative_permeability"].tolerance == pytest.approx(0.1)
-    assert str(again).startswith("fixed.regions.core.z_mm[1] +- 0.030 mm: force ")  # the gap
+    assert str(again).startswith("moving.regions.magnet.r_mm[1] +- 0.030 mm: force ")
     run_sweep(drawing, tmp_path / "run", workers=1)
     assert read_sweep_table(tmp_path / "run").signatures is None  # those of a sweep that is no more
 
