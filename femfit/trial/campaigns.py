@@ -20,6 +20,7 @@ from femfit.core.atomic import write_json
 from femfit.core.errors import DomainError, FieldSolverError, MissingPartError
 from femfit.device.load import read_actuator
 from femfit.device.parts import Actuator
+from femfit.device.variants import only, read_variants
 from femfit.field.sweep import Progress, run_sweep
 from femfit.fit.build import fit_model
 from femfit.model.json_file import write_model
@@ -59,10 +60,15 @@ class TruthSet:
 
 
 def prepare_device(drawing: Path, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:
-    """Sweep a drawing and fit its model as a user would; and solve its changed forms for the virtual bench."""
+    """Sweep a drawing and fit its model as a user would; and solve its changed forms for the virtual bench.
+
+    The model has the numbers of the drawing as suspects, where it is one drawing and no sweep of variants.
+    """
     actuator = read_actuator(drawing)
     _require_one_current(actuator)
-    table = run_sweep(actuator, directory / "sweep", workers=workers, progress=progress)
+    suspects = read_variants(drawing) == only(actuator)
+    swept = drawing if suspects else actuator
+    table = run_sweep(swept, directory / "sweep", workers=workers, progress=progress, signatures=suspects)
     write_model(fit_model(table).model, directory / "model.json")
     return solve_device(actuator, directory / "forms", workers=workers, progress=progress)
 

@@ -77,14 +77,13 @@ def judge(
 
 
 def _says(names: Iterable[str], right: Iterable[str]) -> bool:
-    """Whether one of the names is right; numbers of a drawing count by the part, or the material, that they are of."""
-    wanted = {_part(name) for name in right}
-    return any(_part(name) in wanted for name in names)
+    """Whether one of the names is right; numbers of a material's curve count by the material."""
+    wanted = {_subject(name) for name in right}
+    return any(_subject(name) in wanted for name in names)
 
 
-def _part(name: str) -> str:
-    """``moving.regions.magnet`` of ``moving.regions.magnet.z_mm[1]``; effects of the catalogue as they are."""
-    return name.rpartition(".")[0] if "." in name else name
+def _subject(name: str) -> str:
+    return name.rpartition(".")[0] if name.startswith("materials.") else name
 
 
 def _right_runs(key: Mapping[str, Any], right: Mapping[str, list[str]], said: Mapping[str, Any]) -> bool | None:

@@ -85,18 +85,34 @@ def test_what_a_device_cannot_show_has_a_reason(drawing):
     assert not reasons["hysteresis (calibration)"]
 
 
-def test_a_number_that_moves_has_moved_alone():
-    drawn = read_actuator(GEOMETRY / "solenoid.toml")
-    (name, truth), *_ = [
-        (name, truth)
-        for name, truth in truths("solenoid")["calibration"].items()
-        if name.startswith("drawing:moving.regions.plunger")
-    ]
+def dealt(drawing):
+    """The numbers of a drawing in all sets: truths by the first key path."""
+    found = {name: truth for members in truths(drawing).values() for name, truth in members.items()}
+    return {
+        name.removeprefix("drawing:").rpartition(" (")[0]: truth
+        for name, truth in found.items()
+        if truth.group == "drawing"
+    }
+
+
+def test_faces_that_touch_move_together_and_nothing_else_does():
+    drawn, key = read_actuator(DRAWING), "electromagnet.regions.sleeve.r_mm[1]"
+    truth = dealt("emaws-rig")[key]
     ((family, forms),) = truth.families(drawn).items()
-    assert family == "moving.regions.plunger.r_mm[1]"
+    assert family == key
+    assert truth.build(None, None).names == (key, "coil.r_mm[0]")
     for change, form in forms.items():
-        assert form.fixed == drawn.fixed
-        assert form.coils == drawn.coils
-        radius = max(r for r, _ in form.moving.regions[0].vertices_m)
-        assert radius == pytest.approx(5e-3 + 1e-3 * change)
-    assert name == f"drawing:{family} (calibration)"
+        radius = 10e-3 + 1e-3 * change
+        assert max(r for r, _ in form.fixed[1].vertices_m) == pytest.approx(radius)
+        assert min(r for r, _ in form.coil.vertices_m) == pytest.approx(radius)
+        assert form.moving == drawn.moving
+        assert (form.fixed[0], form.fixed[2]) == (drawn.fixed[0], drawn.fixed[2])
+
+
+def test_another_knee_has_another_polarisation_at_each_field():
+    drawn = read_actuator(GEOMETRY / "ball.toml")
+    ((_, forms),) = dealt("ball")["materials.steel_1010.B_T"].families(drawn).items()
+    for change, form in forms.items():
+        before, after = (np.array(one.moving.regions[0].material.flux_density_T) for one in (drawn, form))
+        field = 4e-7 * np.pi * np.array(drawn.moving.regions[0].material.field_A_per_m)
+        np.testing.assert_allclose(after - field, (1.0 + change) * (before - field), rtol=1e-9, atol=1e-15)

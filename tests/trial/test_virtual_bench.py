@@ -176,12 +176,14 @@ def told(*classes, certain=False, ranking=(), when=None):
     return said(confident=certain) | {"missing": missing, "ranking": names, "verdict": "named"}
 
 
-def test_a_number_of_the_drawing_is_right_by_its_part():
-    name = "drawing:moving.regions.magnet.z_mm[1] (final)"
-    key = KEY | {"hidden": {name: 0.1}, "right": {name: ["moving.regions.magnet.z_mm[1]"]}, "group": {name: "drawing"}}
-    numbers = ("moving.regions.magnet.height_mm", "coil.turns")
+def test_a_number_of_the_drawing_is_right_by_any_of_its_key_paths():
+    name = "drawing:core.z_mm[1] (final)"
+    key = KEY | {"hidden": {name: 0.1}, "right": {name: ["core.z_mm[1]", "coil.z_mm[0]"]}, "group": {name: "drawing"}}
+    numbers = ("coil.z_mm[0]", "core.z_mm[0]")
     assert judge(1, key, told(numbers, ranking=numbers)).found == (True,)
-    assert judge(1, key, told(("coil.turns",), ranking=numbers)).found == (False,)
+    assert judge(1, key, told(("core.z_mm[0]",), ranking=numbers)).found == (False,)
+    curve = key | {"right": {name: ["materials.steel.B_T"]}}
+    assert judge(1, curve, told(("materials.steel.H_A_per_m",))).found == (True,)
     # A diagnosis whose suspects are not the drawing's numbers cannot be right: the cause is unseen
     without = judge(1, key, told(("remanence",), ranking=("remanence", "turns"), certain=True))
     assert (without.unknown, without.certain_and_wrong) == ((True,), True)

@@ -1,8 +1,8 @@
-"""Numbers of a drawing that the device does not have: edges, radii, permeabilities and knees, solved anew.
+"""Numbers of a drawing that the device does not have: faces, permeabilities and knees, solved anew.
 
-Any drawing of one coil: each edge of a rectangle, each radius and height of a polygon, each circle, each permeability
-of iron without a curve, and the polarisation of each curve. A number moves by up to a 25th of its part's extent, less
-where the parts would overlap, and only one way where the other cannot be built.
+Any drawing of one coil: each face, with what touches it, the Hall element's height, each permeability of iron without a
+curve, and the polarisation of each curve. A face moves by up to a 25th of its part's extent, less where parts would
+overlap, and only one way where the other cannot be built.
 """
 
 import zlib
@@ -16,8 +16,10 @@ import numpy as np
 
 from femfit.core.constants import MU_0
 from femfit.core.errors import ActuatorFileError
+from femfit.device.complaints import joined
 from femfit.device.drawing import table_at
-from femfit.device.file_numbers import BODIES
+from femfit.device.drawn_faces import drawn_faces
+from femfit.device.file_numbers import Location
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, LinearMaterial, NonlinearMaterial, Region
 from femfit.trial.device import Conditions, Device, HiddenError, Readings
@@ -27,17 +29,22 @@ from femfit.trial.truths.truth import FIELD, Truth
 STEP = 0.04
 """Largest change, over the extent of the part along that axis, or over the material's number."""
 
-Place = tuple[str | int, ...]
+_DEAL = 41
+"""Seed by which numbers are dealt out; another one would bring numbers that were used before into the final set."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of the file: where it stands, all places that move together, and its largest change in its unit."""
+    """A number of the file: all places that move together, and its largest change in its unit."""
 
-    name: str
-    places: tuple[Place, ...]
+    places: tuple[Location, ...]
     step: float
     material: str = ""  # Of a curve whose polarisation it is; the change is relative then
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Key paths."""
+        return tuple(dict.fromkeys(joined("", *place) for place in self.places)) or (f"materials.{self.material}.B_T",)
 
     def changed(self, data: Mapping[str, Any], change: float, directory: Path) -> Actuator | None:
         """The drawing with this number changed; None if it cannot be built."""
@@ -60,13 +67,13 @@ def number_truths(drawing: Path, part: int, parts: int, count: int) -> Mapping[s
     """Up to ``count`` numbers of a drawing, of those that belong to one of ``parts`` disjoint sets."""
     data = parse(read_text(drawing), str(drawing))
     actuator = actuator_from_tables(data, str(drawing), drawing.parent)
-    numbers = sorted(_numbers(data, actuator), key=lambda one: one.name)
-    order = np.random.default_rng(zlib.crc32(actuator.name.encode())).permutation(len(numbers))
+    numbers = sorted(_numbers(data, actuator), key=lambda one: one.names)
+    order = np.random.default_rng([_DEAL, zlib.crc32(actuator.name.encode())]).permutation(len(numbers))
     found: dict[str, Truth] = {}
     for number in (numbers[k] for k in order[part::parts]):
         forms = _forms(number, data, drawing.parent, is_linear(actuator))
         if forms and len(found) < count:
-            found[f"drawing:{number.name}"] = _truth(number, actuator, forms)
+            found[f"drawing:{number.names[0]}"] = _truth(number, actuator, forms)
     return found
 
 
@@ -77,9 +84,10 @@ def _forms(number: Number, data: Mapping[str, Any], directory: Path, linear: boo
         forms = {change: number.changed(data, change, directory) for change in changes}
         return {change: form for change, form in forms.items() if form is not None}
 
-    steps = [round(number.step * part, 6) for part in (1.0, 0.5, 0.25)]
+    parts = (1.0, 0.5, 0.25) if linear else (0.5, 0.25)  # one solution is taken in part: it must not be far
+    steps = [round(number.step * part, 6) for part in parts]
     either_way = [(-step, step) for step in steps[:2]] if linear else []
-    one_way = [(sign * step,) if not linear else (sign * step / 2, sign * step) for sign in (1, -1) for step in steps]
+    one_way = [(sign * step / 2, sign * step)[not linear :] for sign in (1, -1) for step in steps]
     for changes in (*either_way, *one_way):
         forms = built(*changes)
         if len(forms) == len(changes):
@@ -101,65 +109,38 @@ def _truth(number: Number, drawn: Actuator, forms: Mapping[float, Actuator]) -> 
     error = HiddenError(
         lambda _: largest,
         FIELD,
-        fields=lambda device, size, at: device.change(number.name, change(size), at),
+        fields=lambda device, size, at: device.change(number.names[0], change(size), at),
         reading=reading,
-        names=(number.name,),
+        names=number.names,
     )
-    return Truth(lambda _, rng: error, "drawing", families=lambda _: {number.name: forms})
+    return Truth(lambda _, rng: error, "drawing", families=lambda _: {number.names[0]: forms})
 
 
 def _numbers(data: Mapping[str, Any], actuator: Actuator) -> Iterator[Number]:
-    outlined: list[tuple[Place, dict[str, Any]]] = [
-        ((body, "regions", name), table) for body in BODIES for name, table in _tables(data, body, "regions")
-    ]
-    coils: list[tuple[Place, dict[str, Any]]] = [(("coils", name), table) for name, table in _tables(data, "coils")]
-    if "coil" in data:
-        coils.append((("coil",), data["coil"]))
-    for path, table in (*outlined, *coils):
-        for key in ("r_mm", "z_mm"):
-            yield from _edges((*path, key), table.get(key))
-        yield from _levels((*path, "polygon_mm"), table.get("polygon_mm"))
-        if isinstance(table.get("circle_mm"), list):
-            place = (*path, "circle_mm")  # its lowest point stays where it is
-            yield Number(_name((*place, 2)), ((*place, 1), (*place, 2)), STEP * float(table["circle_mm"][2]))
-    element = table_at(data, "hall")
-    if "z_mm" in element:
-        yield Number("hall.z_mm", (("hall", "z_mm"),), 0.5)
-    for name, table in _tables(data, "materials"):
+    for face in drawn_faces(data):
+        yield Number(face.locations, STEP * _extent(data, face.locations[0]))
+    if "z_mm" in table_at(data, "hall"):
+        yield Number((("hall", "z_mm"),), 0.5)
+    for name, table in table_at(data, "materials").items():
         permeability = float(table.get("relative_permeability", 1.0))
         if permeability > 10.0:
-            place = ("materials", name, "relative_permeability")
-            yield Number(_name(place), (place,), 5.0 * STEP * permeability)
+            yield Number((("materials", name, "relative_permeability"),), 5.0 * STEP * permeability)
     regions = (*actuator.fixed, *actuator.moving.regions)
     for name in sorted({one.material.name for one in regions if isinstance(one.material, NonlinearMaterial)}):
-        yield Number(f"materials.{name}.polarisation", (), 2.0 * STEP, material=name)
+        yield Number((), 2.0 * STEP, material=name)
 
 
-def _tables(data: Mapping[str, Any], *path: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    return ((name, table) for name, table in table_at(data, *path).items() if isinstance(table, dict))
-
-
-def _edges(path: Place, interval: object) -> Iterator[Number]:
-    if isinstance(interval, list) and len(interval) == 2:
-        for k in (0, 1):
-            if path[-1] != "r_mm" or interval[k] > 0.0:
-                yield Number(_name((*path, k)), ((*path, k),), STEP * float(interval[1] - interval[0]))
-
-
-def _levels(path: Place, corners: object) -> Iterator[Number]:
-    """Corners of a polygon at one radius, or at one height, move together."""
-    if not isinstance(corners, list):
-        return
-    for axis in (0, 1):
-        values = [float(corner[axis]) for corner in corners]
-        for level in sorted(set(values)):
-            if axis == 1 or level > 0.0:
-                places = tuple((*path, k, axis) for k, value in enumerate(values) if value == level)
-                yield Number(_name(places[0]), places, STEP * float(np.ptp(values)))
-
-
-def _name(place: Place) -> str:
-    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place)[1:]
+def _extent(data: Mapping[str, Any], location: Location) -> float:
+    """Of the part that a coordinate belongs to, along its axis, in mm."""
+    outline: Any = data
+    for key in location:
+        if isinstance(key, int):
+            break
+        outline = outline[key]
+    if "circle_mm" in location:
+        return float(outline[2])
+    values = [corner[location[-1]] for corner in outline] if "polygon_mm" in location else outline
+    return float(np.ptp(values))
 
 
 def _with_polarisation(actuator: Actuator, name: str, factor: float) -> Actuator:
