@@ -30,7 +30,7 @@ def add(
     model : Path
         Model file. Effects that it has already are refitted where the data can show them.
     effect : str
-        Name in the catalogue, as femfit diagnose gives it.
+        Name in the catalogue, as femfit diagnose gives it; or unexplained, which learns what all effects leave.
     data : Path
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
         sidecar .toml beside it where noise is declared.

@@ -19,6 +19,7 @@ from femfit.identify.decision.own_misfit import finer_model
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult
+from femfit.identify.remainder.result import RemainderResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.report.bench_facts import (
@@ -37,6 +38,7 @@ from femfit.report.misfit_figures import (
     worst_first,
 )
 from femfit.report.page import render
+from femfit.report.remainder_figure import remainder_figure
 from femfit.report.style import Drawing, style, svg_uri
 from femfit.tables.measurement import Measurement
 
@@ -149,7 +151,12 @@ def render_added(result: AddResult, hashes: Sequence[tuple[str, str]] = ()) -> s
         "hashes": hashes,
         "versions": _versions(),
     }
-    return _render(facts, ["curves", "fall", "provenance"], figures | drawn)
+    sections = ["curves", "fall", "provenance"]
+    if isinstance(result, RemainderResult) and result.parts:
+        sections.insert(1, "remainder")
+        facts["remainder"] = result.sentences
+        drawn["remainder"] = partial(remainder_figure, result.added[-1], observations)
+    return _render(facts, sections, figures | drawn)
 
 
 def noise_scale(comparison: Comparison) -> tuple[dict[str, float], dict[str, float], bool]:

@@ -80,3 +80,22 @@ def test_an_unknown_effect_is_refused_with_those_that_there_are(files):
 
 def test_an_output_must_be_given(files):
     assert femfit("add", files / "model.json", "hall_offset", files / "bench.csv").returncode == 2
+
+
+def test_what_no_effect_explains_is_learnt_by_its_own_name(files, levitation_model):
+    def bent(readings, rows):
+        return {**readings, "force_N": readings["force_N"] + 0.2 * readings["force_N"] ** 2}
+
+    campaign(levitation_model, 52, distances=7, currents=5, change=bent).rows.to_csv(files / "bent.csv")
+    done = femfit(
+        "add", files / "model.json", "unexplained", files / "bent.csv", "-o", files / "left.json",
+        "--json", files / "left-result.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(
+        "Added as unexplained, for no cause is known: an error of the force over its own value"
+    )
+    assert [one.effect.name for one in read_model(files / "left.json").effects] == ["unexplained"]
+    said = json.loads((files / "left-result.json").read_text())["remainder"]
+    assert said["parts"] == ["force_N"]
+    assert said["refutation"]["channel"] == "force_N"

@@ -145,7 +145,8 @@ def test_names_are_fitted_first(levitation_model):
     table = campaign(levitation_model, 8, change=two)
     result = add_effects(levitation_model, table, [NAME, "hall_offset"], base="never")
     assert [one.effect.name for one in result.model.effects] == ["hall_offset", NAME]
-    assert result.parts[0] == "force_N"
+    assert result.parts == ("force_N",)
+    assert result.beside.added[0].parameters["offset_V"] == pytest.approx(0.02, abs=2e-3)
     anew = add_effects(result.model, table, NAME)
     assert [one.effect.name for one in anew.model.effects] == ["hall_offset", NAME]
 

@@ -34,6 +34,7 @@ from femfit.identify.refit.start import starting_point
 from femfit.identify.refit.unseen import channel_rms
 from femfit.identify.remainder.add import add_remainder, without_remainder
 from femfit.identify.remainder.parts import NAME as UNEXPLAINED
+from femfit.identify.remainder.result import RemainderResult
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -98,7 +99,7 @@ def add_effects(
         def named(one: ActuatorModel) -> AddResult:
             return add_effects(one, measured, others, base=base, progress=progress, **temperatures)
 
-        return _with_remainder(without_remainder(model), measured, named if others else None, say)
+        return _with_remainder(without_remainder(model), measured, named if others else None, others, say)
     kept, given, new = _split(model, names, measured)
     whitening = _whitening(placed(with_effects(model, kept), measured))
     observations, wanted = whitening.observations, [*(added.effect for added in given), *new]
@@ -135,19 +136,22 @@ def _with_remainder(
     model: ActuatorModel,
     measured: Measurement,
     named: Callable[[ActuatorModel], AddResult] | None,
+    others: Sequence[str],
     say: Callable[[str], None],
 ) -> AddResult:
     """What effects leave, learnt; they are fitted before it and once more beside it, since it bends what they fit."""
+
+    def learnt(one: AddResult) -> RemainderResult:
+        bare = without_remainder(one.model)
+        return add_remainder(bare, measured, _whitening(placed(bare, measured)), one, others, say)
+
     if named is None:
         return add_remainder(model, measured, _whitening(placed(model, measured)), progress=say)
-    beside = named(model)
-    first = add_remainder(beside.model, measured, _whitening(placed(beside.model, measured)), beside, say)
+    first = learnt(named(model))
     if not first.parts:
         return first
     again = named(first.model)
-    beside = replace(again, added=tuple(one for one in again.added if one.effect.name != UNEXPLAINED))
-    bare = without_remainder(again.model)
-    return add_remainder(bare, measured, _whitening(placed(bare, measured)), beside, say)
+    return learnt(replace(again, added=tuple(one for one in again.added if one.effect.name != UNEXPLAINED)))
 
 
 def _result(

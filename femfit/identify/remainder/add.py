@@ -1,20 +1,22 @@
 """Adds a remainder to a model: learnt, checked on runs left out and in the filter, and beside every name."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import MissingPartError
 from femfit.effects.catalogue import device_effects
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
-from femfit.identify.constants import LEAST_CHANGE
+from femfit.identify.constants import COLUMN_STEP, LEAST_CHANGE
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_result import AddResult, Step
 from femfit.identify.refit.filter_fall import filter_fall
 from femfit.identify.refit.refit import refit
@@ -44,6 +46,7 @@ def add_remainder(
     measured: Measurement,
     whitening: Whitening,
     beside: AddResult | None = None,
+    named: Collection[str] = (),
     progress: Callable[[str], None] = lambda _: None,
 ) -> RemainderResult:
     """Learn what a model with all its effects leaves of the readings.
@@ -54,9 +57,16 @@ def add_remainder(
         Of the readings beside this model.
     beside : AddResult or None
         What was added to it before.
+    named : collection of str
+        Effects of the model that are fitted to the same readings: what they can explain is left to them.
     """
+    if model.without_effects.validity.further_A:
+        raise MissingPartError(
+            f"A remainder is learnt of a device with one circuit; model {model.name!r} has {len(model.circuits)}. Add "
+            "effects by their names."
+        )
     progress("Learning the remainder")
-    checked = learn_checked(whitening)
+    checked = learn_checked(whitening, _columns_of(model, measured, named) if named else None)
     learnt, whitening = checked.learnt, checked.whitening
     parts = tuple(part.kind for part in learnt.coefficients)
     laws = laws_of(whitening, learnt)
@@ -81,6 +91,20 @@ def add_remainder(
         fall = filter_fall(model, after, model.effects, measured, whitening.observations, checked.error.effects)
         result = replace(result, filter=fall)
     return result
+
+
+def _columns_of(model: ActuatorModel, measured: Measurement, named: Collection[str]) -> FloatArray:
+    """Change of every reading with each parameter of effects that a model has, shape (M, q)."""
+    kept = [one for one in model.effects if one.effect.name not in named]
+    fitted = [one for one in model.effects if one.effect.name in named]
+    observations = placed(with_effects(model, kept), measured)
+    base, columns = observations.predict(fitted), []
+    for k, one in enumerate(fitted):
+        for p in one.effect.parameters:
+            step = COLUMN_STEP * p.width * (-1.0 if one.parameters[p.name] + COLUMN_STEP * p.width > p.upper else 1.0)
+            moved = replace(one, parameters={**one.parameters, p.name: one.parameters[p.name] + step})
+            columns.append((observations.predict([*fitted[:k], moved, *fitted[k + 1 :]]) - base) / step)
+    return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
 
 
 def _result(

@@ -47,7 +47,7 @@ PER_FACTOR = 0.01
 UNMEASURED = 0.1
 """Assumed: part of the range of the data from which a setting was not measured."""
 
-REFITTED, WORTH_A_REFIT = 3, 0.5
+REFITTED, WORTH_A_REFIT = 2, 0.8
 """Numerical, for the time that it takes: how many named effects are refitted, and part of the remainder's fall that one
 must reach to first order."""
 

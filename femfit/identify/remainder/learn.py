@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.unseen import UnseenError, beside_random, channel_rms, left_out_groups
 from femfit.identify.remainder.constants import HALVINGS, PRICE, ROUNDS
@@ -58,7 +59,29 @@ def columns_at(
     return result
 
 
-def learn(whitening: Whitening, parts: Sequence[Part], columns: Sequence[FloatArray]) -> Learnt:
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Whitening with what named effects can still explain taken out, so that a remainder leaves it to them."""
+
+    whitening: Whitening
+    named: FloatArray  # Change of every reading with each of their parameters; shape (M, q)
+
+    @property
+    def observations(self) -> Observations:
+        """The readings."""
+        return self.whitening.observations
+
+    @cached_property
+    def _basis(self) -> FloatArray:
+        return orthonormal_basis(self.whitening.full(self.named))
+
+    def full(self, x: FloatArray) -> FloatArray:
+        """Whitened, and orthogonal to the named effects' columns, for x of shape (M,) or (M, k)."""
+        white = self.whitening.full(x)
+        return np.asarray(white - self._basis @ (self._basis.T @ white))
+
+
+def learn(whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray]) -> Learnt:
     """The remainder of largest evidence less the price of its parts; the columns are those without any.
 
     Sets of parts are found to first order; where a part bends what it acts on, the likelihood at the fit counts
@@ -75,7 +98,7 @@ def learn(whitening: Whitening, parts: Sequence[Part], columns: Sequence[FloatAr
 
 
 def _fitted(
-    whitening: Whitening, parts: Sequence[Part], columns: Sequence[FloatArray], roots: Sequence[FloatArray]
+    whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray], roots: Sequence[FloatArray]
 ) -> Learnt:
     """Parts with given priors, fitted to the readings."""
     observations, chosen = whitening.observations, dict(enumerate(roots))
@@ -95,7 +118,7 @@ def _fitted(
     )
 
 
-def _cost(whitening: Whitening, roots: Sequence[FloatArray], coefficients: Mapping[Part, FloatArray]) -> float:
+def _cost(whitening: Beside, roots: Sequence[FloatArray], coefficients: Mapping[Part, FloatArray]) -> float:
     """Penalised sum of squares."""
     misfit = whitening.full(_misfit(whitening.observations, coefficients))
     sizes = zip(roots, coefficients.values(), strict=True)
@@ -110,7 +133,7 @@ def _misfit(observations: Observations, coefficients: Mapping[Part, FloatArray])
 
 
 def _stepped(
-    whitening: Whitening,
+    whitening: Beside,
     roots: Sequence[FloatArray],
     here: Mapping[Part, FloatArray],
     wanted: Mapping[Part, FloatArray],
@@ -137,12 +160,19 @@ class Checked:
     before: UnseenError  # Of the model as it is
 
 
-def learn_checked(whitening: Whitening) -> Checked:
-    """Learn a remainder; of one with and one without parts that bend the setting, the better on runs left out."""
+def learn_checked(whitening: Whitening, named: FloatArray | None = None) -> Checked:
+    """Learn a remainder; of one with and one without parts that bend the setting, the better on runs left out.
+
+    Parameters
+    ----------
+    named : array, shape (M, q), or None
+        Change of every reading with each parameter of effects that are fitted beside it.
+    """
+    named = np.zeros((len(whitening.observations.value), 0)) if named is None else named
     observations = whitening.observations
     parts = parts_of(observations)
     columns = columns_at(observations, parts)
-    first = learn(whitening, parts, columns)
+    first = learn(Beside(whitening, named), parts, columns)
     if first.effects:  # a misfit that is taken away is no scatter of mounts and runs
         clean = observations.with_values(observations.value - observations.predict(first.effects) + observations.base)
         noise = estimate_noise(clean)
@@ -150,8 +180,9 @@ def learn_checked(whitening: Whitening) -> Checked:
     before, best = unseen_before(whitening), None
     for some in (range(len(parts)), [k for k, part in enumerate(parts) if not part.bends]):
         picked = [parts[k] for k in some], [columns[k] for k in some]
-        learnt = learn(whitening, *picked)
-        one = Checked(learnt, whitening, learnt_unseen(whitening, *picked) if learnt.effects else before, before)
+        learnt = learn(Beside(whitening, named), *picked)
+        error = learnt_unseen(Beside(whitening, named), *picked) if learnt.effects else before
+        one = Checked(learnt, whitening, error, before)
         best = one if best is None or one.error.chi2 < best.error.chi2 else best
         if not any(part.bends for part in learnt.coefficients):
             break
@@ -159,16 +190,16 @@ def learn_checked(whitening: Whitening) -> Checked:
     return best
 
 
-def learnt_unseen(whitening: Whitening, parts: Sequence[Part], columns: Sequence[FloatArray]) -> UnseenError:
+def learnt_unseen(whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray]) -> UnseenError:
     """The error on each run by what was learnt without it, choice of parts and smoothness included."""
-    observations, noise = whitening.observations, whitening.noise
+    observations, noise = whitening.observations, whitening.whitening.noise
     group = left_out_groups(observations)
     as_read, beside = np.zeros(len(group)), np.zeros(len(group))
     chi2, effects = 0.0, {}
     for one in np.unique(group):
         out = group == one
         seen, unseen = _part(observations, noise, ~out), _part(observations, noise, out)
-        effects[int(one)] = learn(seen, parts, [each[~out] for each in columns]).effects
+        effects[int(one)] = learn(Beside(seen, whitening.named[~out]), parts, [each[~out] for each in columns]).effects
         residual = unseen.observations.value - unseen.observations.predict(effects[int(one)])
         as_read[out], beside[out] = residual, beside_random(residual, unseen)
         chi2 += float(np.sum(unseen.full(residual) ** 2))

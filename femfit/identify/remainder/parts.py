@@ -62,7 +62,7 @@ WORDS = {
 SHARE = "share"
 _SHARE = EffectParameter(
     SHARE,
-    bounds=(0.0, 1.0),
+    bounds=(0.0, 2.0),
     plausible=(0.0, 1.0),
     description="How much of what was learnt acts.",
 )

@@ -68,8 +68,18 @@ class RemainderResult(AddResult):
         if not self.parts:
             return "\n".join([*lines, "Nothing was added: beyond the noise no remainder is left that could be learnt."])
         head, *others = super().__str__().split("\n")
-        lines += [head, *(f"  {_law_sentence(law)}" for law in self.laws), *others]
-        return "\n".join(lines + ([] if self.refutation is None else [str(self.refutation)]))
+        said = self.sentences
+        return "\n".join(
+            [*lines, head, *(f"  {one}" for one in said[: len(self.laws)]), *others, *said[len(self.laws) :]]
+        )
+
+    @property
+    def sentences(self) -> list[str]:
+        """The short law of each part, and the measurement that would refute them."""
+        return [*map(_law_sentence, self.laws), *([] if self.refutation is None else [str(self.refutation)])]
+
+    def _circumstances(self) -> list[str]:
+        return []
 
     def _verdict(self) -> str:
         after = self.lack_of_fit_after.p_value
@@ -85,10 +95,10 @@ class RemainderResult(AddResult):
 
 
 def _law_sentence(law: ShortLaw) -> str:
-    left = DEFINITIONS[law.kind]
-    if law.fits:
-        return f"A short law says {100.0 * law.share:.0f} % of it: {left} = {law.text}."
-    return f"No short law says it; the nearest has {100.0 * max(law.share, 0.0):.0f} %: {left} = {law.text}."
+    share = f"{100.0 * max(law.share, 0.0):.0f} %"
+    if not law.fits:
+        return f"No short law says the {DEFINITIONS[law.kind]}: the nearest has {share} of it."
+    return f"A short law says {share} of it: {DEFINITIONS[law.kind]} = {law.text}."
 
 
 def words_of(laws: tuple[ShortLaw, ...], parts: tuple[str, ...]) -> str:
