@@ -210,3 +210,13 @@ def test_noise_alone_pays_for_nothing():
     columns = [rng.normal(size=(300, 6)), rng.normal(size=(300, 2))]
     roots = [[np.eye(6), np.diag(np.arange(1.0, 7.0))], [np.eye(2)]]
     assert sum(bool(sets_that_pay(Gram.of(columns, rng.normal(size=300)), roots)) for _ in range(200)) <= 4
+
+
+@pytest.mark.parametrize(("noise_N", "told"), [(1e-3, True), (3e-3, False)])
+def test_other_parts_that_the_readings_allow_are_said(levitation_model, noise_N, told):
+    # From a few noisy forces alone nobody can tell a bent load cell from a changed field
+    table = campaign(levitation_model, 10, change=bent_load_cell, noise={"force_N": noise_N}, distances=5, currents=4)
+    result = add_effects(levitation_model, table, NAME)
+    assert result.parts == ("force_N",)
+    assert result.alternatives == (() if told else ((COENERGY,),))
+    assert ("These readings also allow a change of the co-energy" in str(result)) != told

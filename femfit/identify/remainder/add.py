@@ -78,6 +78,7 @@ def add_remainder(
         result,
         parts=parts,
         laws=laws,
+        alternatives=learnt.alternatives,
         fall_unseen=checked.before.chi2 - checked.error.chi2,
         refutation=refutation(model, after, whitening.observations, whitening.noise) if parts else None,
         beside=beside,

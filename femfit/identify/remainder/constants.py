@@ -3,6 +3,9 @@
 PRICE = 4.5
 """Conventional: log evidence that a part must add, as three deviations of one number would (9 in chi-square)."""
 
+POSSIBLE = 3.0
+"""Conventional: log of the twentieth of the likelihood with which other parts are still possible."""
+
 BEGUN = 0.5
 """Numerical, for the time that it takes: share of the largest evidence of one part from which another begins a set."""
 

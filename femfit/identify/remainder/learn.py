@@ -1,7 +1,7 @@
 """Learns a remainder from readings: the parts that pay, their coefficients, and the same without each run in turn."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.unseen import UnseenError, beside_random, channel_rms, left_out_groups
-from femfit.identify.remainder.constants import HALVINGS, PRICE, ROUNDS
+from femfit.identify.remainder.constants import HALVINGS, POSSIBLE, PRICE, ROUNDS
 from femfit.identify.remainder.evidence import Gram, complexity, posterior, sets_that_pay
 from femfit.identify.remainder.parts import BRAKE, Part, added, effect_of, parts_of
 
@@ -25,6 +25,8 @@ class Learnt:
     covariance: FloatArray  # Of all coefficients, in the order of the parts
     columns: FloatArray  # Change of every reading with each coefficient, in the readings' units; shape (M, k)
     evidence: float  # Log of the likelihood over that without a remainder
+    # Kinds of the parts of other sets that a twentieth of the likelihood, with its price, leaves possible
+    alternatives: tuple[tuple[str, ...], ...] = ()
 
     @property
     def effects(self) -> tuple[AddedEffect, ...]:
@@ -89,12 +91,16 @@ def learn(whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray
     """
     whitened = [whitening.full(one) for one in columns]
     gram = Gram.of(whitened, whitening.full(whitening.observations.residual))
-    best, worth = Learnt({}, np.zeros((0, 0)), np.zeros((len(gram.target), 0)), 0.0), 0.0
-    for chosen in sets_that_pay(gram, [part.roots for part in parts]):
-        one = _fitted(whitening, [parts[k] for k in chosen], [columns[k] for k in chosen], [*chosen.values()])
-        if one.evidence - PRICE * len(chosen) > worth:
-            best, worth = one, one.evidence - PRICE * len(chosen)
-    return best
+    sets = [
+        _fitted(whitening, [parts[k] for k in chosen], [columns[k] for k in chosen], [*chosen.values()])
+        for chosen in sets_that_pay(gram, [part.roots for part in parts])
+    ]
+    worth = [one.evidence - PRICE * len(one.coefficients) for one in sets]
+    if max(worth, default=0.0) <= 0.0:
+        return Learnt({}, np.zeros((0, 0)), np.zeros((len(gram.target), 0)), 0.0)
+    best = int(np.argmax(worth))
+    near = (one for k, one in enumerate(sets) if k != best and worth[k] > worth[best] - POSSIBLE)
+    return replace(sets[best], alternatives=tuple(tuple(part.kind for part in one.coefficients) for one in near))
 
 
 def _fitted(

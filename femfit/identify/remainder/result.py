@@ -22,6 +22,8 @@ class RemainderResult(AddResult):
         wrongly; none where nothing beyond the noise is left.
     laws : tuple of ShortLaw
         For each part the short law that is nearest to it.
+    alternatives : tuple of tuple of str
+        Other parts that these readings leave possible.
     fall_unseen : float
         By how much it lowers the weighted sum of squares on runs left out.
     named_instead : str
@@ -39,6 +41,7 @@ class RemainderResult(AddResult):
 
     parts: tuple[str, ...] = ()
     laws: tuple[ShortLaw, ...] = ()
+    alternatives: tuple[tuple[str, ...], ...] = ()
     fall_unseen: float = 0.0
     refutation: Refutation | None = None
     named_instead: str = ""
@@ -55,6 +58,7 @@ class RemainderResult(AddResult):
         return super().to_dict() | {
             "remainder": {
                 "parts": list(self.parts),
+                "alternatives": [list(one) for one in self.alternatives],
                 "laws": [vars(law) for law in self.laws],
                 "fall_unseen": self.fall_unseen,
                 "refutation": None if self.refutation is None else vars(self.refutation),
@@ -75,8 +79,10 @@ class RemainderResult(AddResult):
 
     @property
     def sentences(self) -> list[str]:
-        """The short law of each part, and the measurement that would refute them."""
-        return [*map(_law_sentence, self.laws), *([] if self.refutation is None else [str(self.refutation)])]
+        """The short law of each part, what else it may be, and the measurement that would refute it."""
+        others = [" and ".join(WORDS[kind] for kind in one) for one in self.alternatives]
+        also = [f"These readings also allow {'; or '.join(others)}."] if others else []
+        return [*map(_law_sentence, self.laws), *also, *([] if self.refutation is None else [str(self.refutation)])]
 
     def _circumstances(self) -> list[str]:
         return []
