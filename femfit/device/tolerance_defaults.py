@@ -18,14 +18,16 @@ class Kind:
 
     tolerance: float  # Standard deviation: a share of the number; of lengths :func:`length_tolerance`
     words: str  # What it is, with ``{name}`` for the material's or the coil's name
+    reciprocal: bool = False  # Whether the field's equations have its reciprocal, as the reluctivity of a permeability
 
 
 KINDS: dict[str, Kind] = {
     "length": Kind(0.0, "{key}"),
     "hall_place": Kind(0.0, "{key}"),
     # Ferrites are sold to +-20 to 25 % (Ferroxcube, Soft Ferrites and Accessories); annealed steel scatters as much
-    "permeability": Kind(0.12, "the permeability of {name}"),
-    "recoil_permeability": Kind(0.01, "the recoil permeability of {name}"),  # 1.03 to 1.07 within NdFeB's grades
+    "permeability": Kind(0.12, "the permeability of {name}", reciprocal=True),
+    # 1.03 to 1.07 within the grades of NdFeB
+    "recoil_permeability": Kind(0.01, "the recoil permeability of {name}", reciprocal=True),
     "remanence": Kind(0.015, "the remanence of {name}"),  # +-3 % within a grade, IEC 60404-8-1
     "curve_flux_density": Kind(0.02, "the flux density of {name} at every field"),  # polarisation by composition
     "curve_field": Kind(0.15, "the field that {name} needs for every flux density"),  # annealing and machining

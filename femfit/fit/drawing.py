@@ -7,6 +7,7 @@ from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.sweep_columns import is_current
 from femfit.device.drawn_numbers import NumberFacts
+from femfit.device.tolerance_defaults import KINDS
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system
 from femfit.fit.constants import DRAWN_MISFIT, U_DEGREE
@@ -70,19 +71,19 @@ def _fit_hall(hall: HallFit, rows: FitRows, slopes: FloatArray) -> FloatArray:
 def _terms(
     number: NumberFacts, basis: CoenergyBasis, magnetic: FloatArray, hall: HallFit | None, sensed: FloatArray | None
 ) -> tuple[FieldTerm, ...]:
-    name = parameter_name(number.unit)
+    name, reciprocal = parameter_name(number.unit), KINDS[number.kind].reciprocal
     terms = []
     if np.any(magnetic):
         coenergy = TensorSpline(
             basis.u_knots, basis.current_knots, U_DEGREE, basis.current_degree, magnetic.reshape(basis.shape)
         )
-        terms.append(FieldTerm(name, basis.coordinate, coenergy=coenergy))
+        terms.append(FieldTerm(name, basis.coordinate, coenergy=coenergy, reciprocal=reciprocal))
     if hall is not None and sensed is not None:
         like = hall.field.spline
         field = TensorSpline(
             like.x_knots, like.y_knots, like.x_degree, like.y_degree, sensed.reshape(like.coefficients.shape)
         )
-        terms.append(FieldTerm(name, hall.field.coordinate, hall=field))
+        terms.append(FieldTerm(name, hall.field.coordinate, hall=field, reciprocal=reciprocal))
     return tuple(terms)
 
 

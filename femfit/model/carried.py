@@ -32,6 +32,13 @@ class FieldTerm:
     coenergy: TensorSpline | None = None  # In (u, i), in J over the parameter's unit
     hall: TensorSpline | None = None  # In (u, i), in T over the parameter's unit
     power: int = 1  # Of the parameter
+    # Whether it goes with a / (1 + a) in place of a: with the reciprocal of what a is a share of
+    reciprocal: bool = False
+
+    def size(self, p: Parameters) -> float:
+        """What its splines are multiplied by."""
+        value = p[self.parameter]
+        return float((value / (1.0 + value) if self.reciprocal else value) ** self.power)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +61,7 @@ class FieldChange:
         result = inner(distance, current, in_distance, in_current).coefficients.copy()
         orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
         for term in self.terms:
-            size = p[term.parameter] ** term.power
+            size = term.size(p)
             for k, spline in enumerate((term.coenergy, term.hall)):
                 if spline is not None and size != 0.0:
                     values = term.coordinate.partial_derivatives(spline, distance, current, orders)

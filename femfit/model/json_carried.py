@@ -83,12 +83,13 @@ def term_to(term: FieldTerm) -> dict[str, Any]:
     """What a parameter changes of the fields, as JSON-ready data."""
     splines = {"coenergy_J": term.coenergy, "hall_T": term.hall}
     written = {key: spline_to(term.coordinate, one) for key, one in splines.items() if one is not None}
-    return {"parameter": term.parameter, "power": term.power, **written}
+    kind = {"power": term.power} | ({"reciprocal": True} if term.reciprocal else {})
+    return {"parameter": term.parameter, **kind, **written}
 
 
 def term_from(section: Section, parameters: set[str]) -> FieldTerm:
     """What :func:`term_to` wrote, of one of some parameters."""
-    section.refuse_others(("parameter", "power", "coenergy_J", "hall_T"))
+    section.refuse_others(("parameter", "power", "reciprocal", "coenergy_J", "hall_T"))
     found: dict[str, tuple[DistanceCoordinate, TensorSpline]] = {
         key: spline_from(section.section(key)) for key in ("coenergy_J", "hall_T") if key in section.data
     }
@@ -102,6 +103,7 @@ def term_from(section: Section, parameters: set[str]) -> FieldTerm:
         coenergy=splines.get("coenergy_J"),
         hall=splines.get("hall_T"),
         power=section.integer("power", 1, 9),
+        reciprocal="reciprocal" in section.data and section.truth("reciprocal"),
     )
 
 
