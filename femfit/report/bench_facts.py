@@ -15,7 +15,7 @@ from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.repeats import repeat_cells
+from femfit.identify.readings.repeats import setting_cells
 from femfit.identify.refit.add_result import AddResult
 from femfit.report.explained_figures import ranking_figure, waterfall_figure
 from femfit.report.misfit_figures import residual_maps_figure
@@ -36,7 +36,7 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
         "recorded_motion": recorded_motion,
         "runs": len(np.unique(observations.covariates["run"])),
         "mounts": len(np.unique(observations.covariates["mount"])) if told else 0,
-        "settings": len(np.unique(repeat_cells(observations))),
+        "settings": len(np.unique(setting_cells(observations))),
         "noise": None if evidence is None else evidence.noise,
         "findings": observations.findings if evidence is None else diagnosis.findings,
     }

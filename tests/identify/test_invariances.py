@@ -13,6 +13,7 @@ from femfit.identify.comparison.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.place import placed
+from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, campaign
 
@@ -68,6 +69,34 @@ def test_the_order_of_rows_is_no_evidence_without_a_clock(levitation_model, hidd
     for seed in (1, 2):
         shuffled = rows.groupby("run").sample(frac=1.0, random_state=seed)
         assert_same(as_read, told(levitation_model, written(shuffled, tmp_path)))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noise_that_lasts_is_no_misfit_though_no_clock_tells_what_follows_what(levitation_model, tmp_path, seed):
+    clean = campaign(levitation_model, seed, rho=0.6, mount_m=0.0, **SIZE).rows[COLUMNS].drop(columns="order")
+    data = written(clean.sample(frac=1.0, random_state=seed), tmp_path)
+    noise = estimate_noise(placed(levitation_model, data))
+    np.testing.assert_allclose(noise.rho.mean(), 0.6, atol=0.2)  # four channels of some 130 repeats each
+    assert compare(levitation_model, data).verdict == "agrees"
+
+
+@pytest.mark.parametrize("clock", [True, False])
+def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wrong(levitation_model, clock):
+    """25 hover plateaus in 9 runs up a staircase of the distance: a misfit of 2.3 sigma that changes slowly."""
+    run = np.repeat(np.arange(1.0, 10.0), 3)[:25]
+    d = np.linspace(0.018, 0.034, 25)
+    force = levitation_model.force(d, np.full(25, 0.5))
+    sigma = 0.25 * float(np.sqrt(np.mean(force**2))) / 2.3
+    read = 1.25 * force + sigma * np.random.default_rng(3).standard_normal(25)
+    rows = pd.DataFrame({"run": run, "current_A": 0.5, "distance_m": d, "force_N": read})
+    rows = rows.assign(order=np.arange(25.0)) if clock else rows
+    full = rows.assign(**{name: np.nan for name in (*SETTINGS, *CHANNELS) if name not in rows})
+    full = full.assign(branch=0.0, mount=full["run"], order=np.arange(25.0))
+    table = BenchTable(full, tuple(rows.columns), declared_noise={"force_N": sigma})
+    comparison = compare(levitation_model, table)
+    assert comparison.verdict == "fails"
+    assert "within their noise" not in str(comparison)
+    assert diagnose(levitation_model, table, bootstrap=0).verdict != "nothing_missing"
 
 
 def test_rows_with_a_clock_may_stand_in_any_order(levitation_model, hidden, as_read, tmp_path):

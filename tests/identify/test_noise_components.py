@@ -1,12 +1,17 @@
 """Variance components against another program, and the noise model of simulated benches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
+from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, rho_of
 from femfit.identify.noise.restricted import Contrasts, restricted_estimate
+from femfit.identify.readings.bench import bench_observations
+from support.campaign import campaign
 
 
 def alone(n):
@@ -128,3 +133,15 @@ def test_a_prior_counts_like_readings_of_its_variance():
     found = restricted_estimate([none], np.zeros(0, int), np.zeros(0, bool), np.array([9.0]), np.array([20.0]))
     assert found.variance[0] == pytest.approx((square + 20.0 * 9.0) / 50.0, rel=1e-6)
     assert found.degrees_of_freedom[0] == pytest.approx(50.0, rel=1e-6)
+
+
+def test_the_declared_error_of_the_distance_is_how_well_a_body_comes_back(levitation_model):
+    """Two runs of one channel say too little of mounts: what is declared stands."""
+    table = campaign(levitation_model, 3, runs=2, mount_m=0.0, distances=6, currents=4)
+    noise = [
+        estimate_noise(bench_observations(levitation_model, replace(table, declared_noise=declared)))
+        for declared in ({}, {"distance_m": 5e-6})
+    ]
+    assert noise[0].mount_m == pytest.approx(20e-6, rel=0.2)
+    assert noise[1].mount_m == pytest.approx(5e-6, rel=0.4)
+    assert [one.mount_assumed for one in noise] == [True, False]

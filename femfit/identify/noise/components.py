@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import (
     EXACT,
     LEAST_REPEATS,
@@ -24,7 +24,7 @@ from femfit.identify.constants import (
 )
 from femfit.identify.noise.contrasts import ChannelDesign, rho_of
 from femfit.identify.noise.designs import random_effects, repeated_readings
-from femfit.identify.noise.restricted import Components, Contrasts, restricted_estimate
+from femfit.identify.noise.restricted import Contrasts, restricted_estimate
 from femfit.identify.noise.scatter import Scatter, contradicts, guessed_scatter, known_scatter
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.readings.observations import Observations
@@ -115,7 +115,6 @@ def _variances(
     columns = place[random.group] >= 0
     mount = observations.declared_mount_m or PRIOR_MOUNT_M
     scale = np.array([mount, *(PRIOR_RUN * sigma)])[used] ** 2
-    weight = np.full(len(used), PRIOR_WEIGHT)
     group, second = place[random.group[columns]], random.second[columns]
     parts = [
         Contrasts(contrasts[c].square, contrasts[c].free, contrasts[c].along, contrasts[c].columns[:, columns])
@@ -124,26 +123,25 @@ def _variances(
     # Without repeats nothing may move a declared noise: what a misfit differs by from run to run would
     start, trust = sigma[known] ** 2, np.array([scatter[c].weight if scatter[c].repeats else EXACT for c in known])
 
-    def estimate(weight: FloatArray) -> Components:
-        return restricted_estimate(
-            parts, group, second, np.concatenate([scale, start]), np.concatenate([weight, trust])
-        )
-
-    alone, n, u = estimate(np.zeros(len(used))), random.differences[used], len(used)
+    scale, u = np.concatenate([scale, start]), len(used)
+    none = np.concatenate([np.zeros(u), trust])
+    alone = restricted_estimate(parts, group, second, scale, none)
+    n = _differences(parts, group, second, np.sqrt(start), random.differences[used])
     # A difference of which readings alone tell with the variance b tells of v with the variance 2 (v + b)^2
-    shown = np.maximum(np.sqrt(n * alone.spread[:u] / 2.0), alone.variance[:u])
+    shown = np.maximum(np.sqrt(n * alone.spread_alone[:u] / 2.0), alone.variance[:u])
     read = shown - alone.variance[:u]
     against = [
-        alone.converged and contradicts(float(s / (a + b)), float(k), PRIOR_WEIGHT)
-        for s, a, b, k in zip(shown, scale, read, n, strict=True)
+        bool(k) and alone.converged and contradicts(float(s / (a + b)), float(k), PRIOR_WEIGHT)
+        for s, a, b, k in zip(shown, scale[:u], read, n, strict=True)
     ]
-    weight[against] = 0.0
-    found = estimate(weight)
+    weight = np.concatenate([np.where(against, 0.0, PRIOR_WEIGHT), trust])
+    # From what the readings say alone: a large offset of runs is not to be taken for noise of readings on the way
+    found = restricted_estimate(parts, group, second, scale, weight, np.maximum(alone.variance, scale))
     variance = found.variance[:u].copy()
     if not found.converged:  # no scatter is taken for smaller than what is assumed before any reading
-        variance = np.maximum(variance, scale)
+        variance = np.maximum(variance, scale[:u])
     degrees = np.maximum(found.degrees_of_freedom[:u], PRIOR_WEIGHT)
-    tests = np.where(against, shown * _student(n) - read, variance * _student(degrees))
+    tests = np.where(against, shown * _student(np.maximum(n, 1.0)) - read, variance * _student(degrees))
     assumed = ~np.array(against, dtype=bool) & (degrees < 2.0 * PRIOR_WEIGHT)
     result, wide = np.zeros(1 + len(names)), np.zeros(1 + len(names))
     result[used], wide[used] = np.sqrt(variance), np.sqrt(np.maximum(tests, variance))
@@ -151,8 +149,17 @@ def _variances(
     for c in known:
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(sigma[c], step / np.sqrt(12.0))
-    taken = bool(0 in used and assumed[0])
+    taken = bool(0 in used and assumed[0] and observations.declared_mount_m is None)
     return sigma, (float(result[0]), float(wide[0]), taken), (result[1:], wide[1:])
+
+
+def _differences(
+    parts: Sequence[Contrasts], group: IntArray, second: BoolArray, sigma: FloatArray, most: FloatArray
+) -> FloatArray:
+    """How many differences of mounts, and of runs, are left once fixed effects, drifts above all, are taken out."""
+    columns = np.concatenate([one.columns / s for one, s in zip(parts, sigma, strict=True)])
+    ranks = [np.linalg.matrix_rank(columns[:, (group == k) & ~second], rtol=1e-6) for k in range(len(most))]
+    return np.minimum(np.array(ranks, dtype=np.float64), most)
 
 
 def _student(degrees_of_freedom: FloatArray) -> FloatArray:

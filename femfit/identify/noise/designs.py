@@ -7,7 +7,7 @@ import numpy as np
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
 from femfit.identify.noise.contrasts import Chain, ChannelDesign
-from femfit.identify.noise.whitening import chains_of, orthonormal_basis
+from femfit.identify.noise.whitening import chains_of, orthonormal_basis, sequence
 from femfit.identify.readings.observations import Observations, once_for_settings
 from femfit.identify.readings.repeats import repeat_cells
 
@@ -79,7 +79,7 @@ def channel_design(observations: Observations, c: int, repeats: bool, sigma: flo
         return _designs(observations)[c][repeats]
     weight = np.ones(len(here)) if equal else 1.0 / np.sqrt(1.0 + made / sigma**2)
     cell = repeated_readings(observations)[c][2] if repeats else np.zeros(len(here), dtype=np.intp)
-    order = np.lexsort((observations.column("order")[here], observations.column("run")[here]))
+    order = np.lexsort((sequence(observations)[here], observations.column("run")[here]))
     here, weight, cell = here[order], weight[order], cell[order]
     patterns = (drift_patterns if repeats else smooth_patterns)(observations)
     # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it
@@ -105,12 +105,12 @@ def _within(columns: FloatArray, cell: IntArray) -> FloatArray:
 
 
 def _chain(observations: Observations, here: IntArray) -> Chain:
-    """The chain of some readings of one channel, which stand run by run in the order of measuring."""
+    """The chain of some readings of one channel, which stand run by run in their sequence."""
     chains, run = chains_of(observations), observations.column("run")[here]
-    follows = np.append(False, run[1:] == run[:-1]) & observations.clocked
+    follows = np.append(False, run[1:] == run[:-1])
     # Readings since the start of the run, those that are not used and those that are missing included
     own = np.flatnonzero(observations.channel == observations.channel[here[0]])
-    own = own[np.lexsort((observations.column("order")[own], observations.column("run")[own]))]
+    own = own[np.lexsort((sequence(observations)[own], observations.column("run")[own]))]
     place = np.zeros(len(observations.value))
     place[own] = np.cumsum(chains.gap[own])
     gap = np.where(follows, np.diff(place[here], prepend=0.0), 1.0)

@@ -41,7 +41,9 @@ class Components:
     """Variances of the random effects and then of the channels, shape (K + C,)."""
 
     variance: FloatArray
-    spread: FloatArray  # Variance of each as the inverse of the information matrix has it; shape (K + C,)
+    # Variance of each, by the inverse of the information matrix, and where the others are known; shape (K + C,)
+    spread: FloatArray
+    spread_alone: FloatArray
     converged: bool
 
     @property
@@ -56,6 +58,7 @@ def restricted_estimate(
     second: BoolArray,
     scale: FloatArray,
     weight: FloatArray,
+    start: FloatArray | None = None,
 ) -> Components:
     """Maximise the restricted likelihood, prior included.
 
@@ -68,11 +71,13 @@ def restricted_estimate(
     second : array, shape (q,)
         Whether its effect is the square of one of that variance.
     scale, weight : arrays, shape (K + C,)
-        Of the prior of each variance, and where the search starts; a weight of 0 is none.
+        Of the prior of each variance; a weight of 0 is none.
+    start : array, shape (K + C,)
+        Where the search starts; None for the prior's scale.
     """
     problem = _Problem(channels, group, second, scale, weight)
     low = np.log(scale) + np.log(NO_VARIANCE)
-    x = np.log(scale)
+    x = np.log(scale if start is None else start)
     cost, slope, curvature = problem.at(x)
     for _ in range(SEARCH_STEPS):
         free = (x > low + 1e-9) | (slope < 0.0)
@@ -103,7 +108,8 @@ def _components(x: FloatArray, low: FloatArray, curvature: FloatArray, converged
     variance = np.where(x > low + 1e-9, np.exp(x), 0.0)
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     inverse = np.linalg.pinv(curvature / np.outer(size, size), rcond=1e-12, hermitian=True) / np.outer(size, size)
-    return Components(variance, 2.0 * np.diag(inverse) * np.exp(2.0 * x), converged)
+    squared = 2.0 * np.exp(2.0 * x)
+    return Components(variance, squared * np.diag(inverse), squared / size**2, converged)
 
 
 class _Problem:

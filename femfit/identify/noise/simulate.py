@@ -3,7 +3,7 @@
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.identify.noise.whitening import Whitening, random_columns
+from femfit.identify.noise.whitening import Whitening, random_columns, sequence
 
 
 def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> FloatArray:
@@ -15,7 +15,7 @@ def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> Flo
     rho = noise.rho[observations.channel] ** chains.gap
     fresh = generator.standard_normal(len(rho))
     value = np.empty_like(fresh)
-    for k in np.lexsort((observations.column("order"), observations.column("run"), observations.channel)):
+    for k in np.lexsort((sequence(observations), observations.column("run"), observations.channel)):
         value[k] = (
             fresh[k] if chains.first[k] else rho[k] * value[chains.before[k]] + np.sqrt(1 - rho[k] ** 2) * fresh[k]
         )

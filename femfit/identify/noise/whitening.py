@@ -17,7 +17,9 @@ import numpy as np
 from scipy import sparse
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.identify.readings.observations import Observations
+from femfit.identify.constants import SAME_SETTING
+from femfit.identify.readings.observations import Observations, once_for_settings
+from femfit.identify.readings.repeats import levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,19 +32,34 @@ class Chains:
     gap: FloatArray  # Steps since then, at least 1; shape (M,)
 
 
+@once_for_settings
+def sequence(observations: Observations) -> FloatArray:
+    """Place of each reading in its run, shape (M,): as measured, or as benches scan where no clock tells it.
+
+    That is distance by distance, up one branch and down the other, whatever the order of the rows. Readings that were
+    taken otherwise do not resemble each other along it, and then have no correlation.
+    """
+    if observations.clocked:
+        return observations.column("order")
+    at = observations.covariates
+    falling = (at["branch"] < 0.0).to_numpy()
+    currents = [np.where(falling, -1.0, 1.0) * at[name].to_numpy() for name in observations.settings[1:]]
+    scan = np.lexsort((*currents, falling, levels(at["distance_m"].to_numpy(), SAME_SETTING), at["run"]))
+    place = np.zeros(len(at))
+    place[scan] = np.arange(len(at), dtype=np.float64)
+    return place[observations.row]
+
+
 def chains_of(observations: Observations) -> Chains:
-    """Link the readings of each channel and run in the order of measuring; none where no clock tells it."""
-    if not observations.clocked:
-        alone = np.arange(len(observations.value))
-        return Chains(alone, np.ones(len(alone), dtype=bool), np.ones(len(alone)))
-    run, order = observations.column("run"), observations.column("order")
+    """Link the readings of each channel and run in their sequence."""
+    run, order = observations.column("run"), sequence(observations)
     sorting = np.lexsort((order, run, observations.channel))
     same = (np.diff(observations.channel[sorting]) == 0) & (np.diff(run[sorting]) == 0)
     before, first, gap = np.arange(len(run)), np.ones(len(run), dtype=bool), np.ones(len(run))
     before[sorting[1:][same]] = sorting[:-1][same]
     first[sorting[1:][same]] = False
     steps = np.diff(order[sorting])[same]
-    if len(steps) and np.median(steps) == 1.0:
+    if observations.clocked and len(steps) and np.median(steps) == 1.0:
         gap[sorting[1:][same]] = np.maximum(steps, 1.0)
     return Chains(before, first, gap)
 

@@ -9,19 +9,42 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.identify.constants import LEAST_GAPS, NEAR_STEPS, SAME_READING, SAME_SETTING, WHOLE
+from femfit.identify.constants import LEAST_GAPS, NEAR_STEPS, SAME_LINE, SAME_READING, SAME_SETTING, WHOLE
 from femfit.identify.readings.observations import Observations, once_for_settings
 
 
 @once_for_settings
 def repeat_cells(observations: Observations) -> IntArray:
-    """A number for each setting that may have been repeated: one level of distance and current, one branch.
+    """A number for each setting that may have been repeated: one of ``setting_cells`` with one magnetic history.
 
-    Readings of one channel with the same number are repeats.
+    The history is the current at which the branch began. Readings of one channel with the same number are repeats.
     """
+    keys = {"setting": setting_cells(observations), "turn": _turning_current(observations)}
+    return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
+
+
+@once_for_settings
+def setting_cells(observations: Observations) -> IntArray:
+    """A number for each setting: one level of distance and current, one branch."""
     keys = {name: levels(observations.column(name), SAME_SETTING) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
+
+
+def _turning_current(observations: Observations) -> FloatArray:
+    """Level of the current at which the branch of each reading began; 0 without branches, or where no order is known.
+
+    A run's stretch of one branch at one distance begins where the current turned.
+    """
+    at, current, branch = observations.covariates, observations.covariates["current_A"].to_numpy(), "branch"
+    if not observations.clocked or not at[branch].to_numpy().any():
+        return np.zeros(len(observations.value))
+    order = np.lexsort((at["order"], at["run"]))
+    place = np.stack([levels(at["distance_m"].to_numpy(), SAME_SETTING), at["run"], at[branch]])[:, order]
+    begins = np.append(True, np.any(np.diff(place, axis=1) != 0.0, axis=0))
+    turn = np.zeros(len(current))
+    turn[order] = levels(current, SAME_LINE)[order[np.flatnonzero(begins)]][np.cumsum(begins) - 1]
+    return np.where(at[branch] == 0.0, 0.0, turn)[observations.row]
 
 
 def levels(x: FloatArray, part: float) -> FloatArray:
@@ -45,9 +68,8 @@ def quantisation_step(values: FloatArray) -> float:
 
     0 where there is none: five gaps of one to ten steps are whole by chance, to a twentieth, once in 1e5 channels.
     """
-    levels = np.unique(values)
-    gaps = np.diff(levels)
-    gaps = gaps[gaps > SAME_READING * float(np.abs(levels).max())]
+    gaps = np.diff(np.unique(values))
+    gaps = gaps[gaps > SAME_READING * float(np.abs(values).max(initial=0.0))]
     if not len(gaps):
         return 0.0
     steps = gaps / gaps.min()
