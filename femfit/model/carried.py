@@ -10,7 +10,7 @@ from data then adds no force beyond their distances, nor a flux linkage that gro
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -106,21 +106,31 @@ class SettingChange:
 
 @dataclass(frozen=True, eq=False)
 class ReadingChange:
-    """The ``readings`` stage: recorded minus true reading of each channel over the true one."""
+    """The ``readings`` stage: recorded minus true reading of each channel over the true one.
 
-    channels: Mapping[str, Curve]
+    On the branch b of the current, 1 where it rises and -1 where it falls, it is c(x) + b h(x).
+    """
+
+    channels: Mapping[str, Curve]  # c
+    branches: Mapping[str, Curve] = field(default_factory=dict)  # h
 
     def __call__(
         self,
         values: Mapping[str, FloatArray],
-        d: FloatArray,  # noqa: ARG002
+        d: FloatArray,
         i: FloatArray,  # noqa: ARG002
-        conditions: Conditions,  # noqa: ARG002
+        conditions: Conditions,
         p: Parameters,
     ) -> Mapping[str, FloatArray]:
         """The recorded readings."""
-        read = {name: curve for name, curve in self.channels.items() if name in values}
-        return {**values, **{name: values[name] + curve.at(values[name], p) for name, curve in read.items()}}
+        branch, result = like(conditions.branch, d), dict(values)
+        for name, curve in self.channels.items():
+            if name in values:
+                result[name] = result[name] + curve.at(values[name], p)
+        for name, curve in self.branches.items():
+            if name in values:
+                result[name] = result[name] + branch * curve.at(values[name], p)
+        return result
 
 
 @dataclass(frozen=True, eq=False)

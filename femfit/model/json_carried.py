@@ -21,7 +21,7 @@ from femfit.model.json_section import Section
 
 _TEXTS = ("symptom", "experiment", "reference")
 _MAGNETICS, _BRAKE, _RESISTANCE = "magnetics", "brake", "resistance"
-_CURVES = "setting", "readings"
+_CURVES = "setting", "readings", "branches"
 
 
 def carried_to(effect: Effect) -> dict[str, Any]:
@@ -33,10 +33,11 @@ def carried_to(effect: Effect) -> dict[str, Any]:
     if carried.magnetics is not None:
         data[_MAGNETICS] = [term_to(term) for term in carried.magnetics.terms]
     if carried.setting is not None:
-        both = {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
-        data["setting"] = {name: _curve_to(curve) for name, curve in both.items() if curve is not None}
+        own = {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
+        data["setting"] = {name: _curve_to(curve) for name, curve in own.items() if curve is not None}
     if carried.readings is not None:
-        data["readings"] = {name: _curve_to(curve) for name, curve in carried.readings.channels.items()}
+        both = {"readings": carried.readings.channels, "branches": carried.readings.branches}
+        data |= {key: {name: _curve_to(one) for name, one in each.items()} for key, each in both.items() if each}
     if carried.brake is not None:
         data[_BRAKE] = {"rounded_m_s": carried.brake.rounded_m_s, "against": _curve_to(carried.brake.against)}
     if carried.resistance is not None:
@@ -57,7 +58,9 @@ def carried_from(name: str, section: Section) -> Effect:
     carried = Carried(
         magnetics=FieldChange(tuple(term_from(one, known) for one in terms)) if terms else None,
         setting=SettingChange(**curves["setting"]) if curves["setting"] else None,
-        readings=ReadingChange(curves["readings"]) if curves["readings"] else None,
+        readings=ReadingChange(curves["readings"], curves["branches"])
+        if curves["readings"] or curves["branches"]
+        else None,
         brake=_brake_from(brake, known) if brake else None,
         resistance=FurtherResistance(_curve_from(resistance, known)) if resistance else None,
         notes={key: notes.text(key) for key in notes.data} if notes else None,

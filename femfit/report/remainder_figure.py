@@ -51,6 +51,7 @@ def _panels(added: AddedEffect, observations: Observations) -> list["Panel"]:
         if term.hall is not None:
             result.append(_map("hall", "T", term, term.hall, (0, 0), size, observations))
     curves: dict[str, Curve | None] = dict((carried.readings.channels if carried.readings else {}).items())
+    curves |= {"force_branch": carried.readings.branches.get("force_N")} if carried.readings else {}
     if carried.setting:
         curves |= {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
     curves |= {"brake": carried.brake.against} if carried.brake else {}

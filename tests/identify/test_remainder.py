@@ -9,7 +9,7 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.remainder.evidence import Gram, complexity, evidence, posterior, sets_that_pay
-from femfit.identify.remainder.parts import BRAKE, COENERGY, HALL_FIELD, NAME, parts_of
+from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, NAME, parts_of
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
@@ -136,6 +136,19 @@ def test_a_name_that_explains_as_much_comes_first(levitation_model):
     assert result.named_instead == "force_gain"
     assert not result.accepted
     assert "Not accepted: force_gain, a named effect" in str(result)
+
+
+def test_friction_in_the_linkage_of_the_force_sensor_turns_with_the_branch(levitation_model):
+    def rubbing(readings, rows):
+        return {**readings, "force_N": readings["force_N"] - 1e-3 * rows["branch"].to_numpy()}
+
+    result = add_effects(levitation_model, campaign(levitation_model, 11, change=rubbing), NAME)
+    assert result.parts == (FORCE_BRANCH,)
+    assert result.accepted
+    assert "while the current rises" in str(result)
+    fall = {one.channel: one for one in result.fall.channels}["force_N"]
+    assert fall.before_over_noise > 2.0
+    assert fall.after_over_noise < 1.3
 
 
 def test_names_are_fitted_first(levitation_model):

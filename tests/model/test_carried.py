@@ -49,7 +49,9 @@ def carried():
     return Carried(
         FieldChange((FieldTerm("share", plain, coenergy, hall),)),
         SettingChange(distance_m=bounded(rng, RANGE_M, size=1e-5)),
-        ReadingChange({"force_N": bounded(rng, (0.0, 0.2), size=1e-3)}),
+        ReadingChange(
+            {"force_N": bounded(rng, (0.0, 0.2), size=1e-3)}, {"force_N": bounded(rng, (0.0, 0.2), size=1e-3)}
+        ),
         Brake(Curve("share", brake.knots, DEGREE, np.abs(brake.coefficients)), 0.02),
         FurtherResistance(bounded(rng, RANGE_A, size=0.1)),
         {"law": "none"},
@@ -154,6 +156,18 @@ def test_the_brake_never_pushes(carried, effect, levitation_model):
     power = -effect.force(np.full_like(v, 0.03), np.zeros_like(v), at, {"share": 1.0}) * v
     assert power.max() <= 0.0
     assert power.min() < -1e-5
+
+
+def test_an_error_that_turns_with_the_branch_is_none_where_no_branch_is_known(carried, levitation_model):
+    d, i = points(0.02, 0.04, 0.1, 1.2)
+    turning = ReadingChange({}, carried.readings.branches)
+    only = AddedEffect(carried_effect("turning", "It turns.", [SHARE], Carried(readings=turning)), {"share": 1.0})
+    nominal = nominal_of(levitation_model)
+    force = [
+        predict_readings(levitation_model, d, i, Conditions(nominal, branch=b), [only])["force_N"] for b in (-1, 0, 1)
+    ]
+    np.testing.assert_allclose(force[0] + force[2], 2.0 * force[1], rtol=1e-12)
+    assert np.abs(force[2] - force[1]).max() > 1e-5
 
 
 def test_nothing_of_it_is_nothing(levitation_model, effect):

@@ -50,7 +50,7 @@ def test_every_part_has_its_panel(levitation_model):
     carried = Carried(
         FieldChange((term,)),
         SettingChange(curve, curve),
-        ReadingChange({"force_N": curve, "flux_linkage_Wb": curve, "hall_V": curve}),
+        ReadingChange({"force_N": curve, "flux_linkage_Wb": curve, "hall_V": curve}, {"force_N": curve}),
         Brake(curve, 1e-3),
         FurtherResistance(curve),
     )
@@ -58,7 +58,7 @@ def test_every_part_has_its_panel(levitation_model):
     observations = placed(levitation_model, campaign(levitation_model, 3, distances=7, currents=5))
     axes = [ax for ax in remainder_figure(added, observations).axes if ax.get_xlabel()]
     said = [ax.get_title(loc="left") or ax.get_ylabel() for ax in axes]
-    assert len(said) == len(set(said)) == 10
+    assert len(said) == len(set(said)) == 11
     # The force of dW' is its slope with the other sign, drawn in its own unit
     drawn = next(ax for ax in axes if ax.get_title(loc="left").startswith("force"))
     d = np.linspace(0.02, 0.04, 5)

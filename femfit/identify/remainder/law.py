@@ -14,11 +14,12 @@ from femfit.core.arrays import FloatArray
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.remainder.constants import PER_FACTOR, SAID
 from femfit.identify.remainder.learn import Learnt
-from femfit.identify.remainder.parts import BRAKE, COENERGY, HALL_FIELD, RESISTANCE, UNITS, Part
+from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, RESISTANCE, UNITS, Part
 
 _DISTANCE = "distance_m"
 _SYMBOLS = {_DISTANCE: ("d", "m"), "current_A": ("i", "A"), RESISTANCE: ("|i|", "A"), BRAKE: ("|v|", "m/s")} | {
     "force_N": ("F", "N"),
+    FORCE_BRANCH: ("F", "N"),
     "flux_linkage_Wb": ("flux", "Wb"),
     "hall_V": ("V", "V"),
 }
@@ -145,6 +146,7 @@ DEFINITIONS = {
     "distance_m": "true less recorded distance",
     "current_A": "true less recorded current",
     "force_N": "recorded less true force",
+    FORCE_BRANCH: "recorded less true force while the current rises, the other way round while it falls",
     "flux_linkage_Wb": "recorded less true flux linkage",
     "hall_V": "recorded less true Hall output",
 }

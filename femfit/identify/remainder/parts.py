@@ -42,11 +42,11 @@ NAME = "unexplained"
 """What the remainder is called as an effect; no cause is."""
 
 COENERGY, HALL_FIELD = "coenergy", "hall_field"
-BRAKE, RESISTANCE = "brake", "resistance"
+BRAKE, RESISTANCE, FORCE_BRANCH = "brake", "resistance", "force_branch"
 SETTINGS = ("distance_m", "current_A")
 READINGS = ("force_N", "flux_linkage_Wb", "hall_V")
 
-UNITS = {COENERGY: "J", HALL_FIELD: "T", BRAKE: "N", RESISTANCE: "ohm"} | {
+UNITS = {COENERGY: "J", HALL_FIELD: "T", BRAKE: "N", RESISTANCE: "ohm", FORCE_BRANCH: "N"} | {
     name: name.rpartition("_")[2] for name in (*SETTINGS, *READINGS)
 }
 
@@ -55,6 +55,7 @@ WORDS = {
     HALL_FIELD: "a change of the field at the Hall element over distance and current",
     BRAKE: "a brake over the speed",
     RESISTANCE: "a resistance over the current",
+    FORCE_BRANCH: "an error of the force over its own value that turns with the branch of the current",
     "distance_m": "an error of the recorded distance over the distance",
     "current_A": "an error of the recorded current over the current",
 } | {name: f"an error of the {CHANNEL_WORDS[name]} over its own value" for name in READINGS}
@@ -154,10 +155,11 @@ def effect_of(
     terms = tuple(part.term(free) for kind, (part, free) in of.items() if kind in {COENERGY, HALL_FIELD})
     curves = {kind: part.curve(free) for kind, (part, free) in of.items() if kind not in {COENERGY, HALL_FIELD}}
     readings = {name: curves[name] for name in READINGS if name in curves}
+    turning = {"force_N": curves[FORCE_BRANCH]} if FORCE_BRANCH in curves else {}
     carried = Carried(
         magnetics=FieldChange(terms) if terms else None,
         setting=SettingChange(*(curves.get(name) for name in SETTINGS)) if set(SETTINGS) & set(curves) else None,
-        readings=ReadingChange(readings) if readings else None,
+        readings=ReadingChange(readings, turning) if readings or turning else None,
         brake=Brake(curves[BRAKE], PART_OF_MOST * of[BRAKE][0].axes[0].high) if BRAKE in curves else None,
         resistance=FurtherResistance(curves[RESISTANCE]) if RESISTANCE in curves else None,
         notes=notes,
@@ -198,6 +200,8 @@ def parts_of(observations: Observations) -> list[Part]:
         if name in channels:
             values = observations.value[observations.of(name)]
             add(name, (_axis(values),), float(np.abs(values).max()))
+            if name == "force_N" and {-1.0, 1.0} <= set(table["branch"]):
+                add(FORCE_BRANCH, (_axis(values),), float(np.abs(values).max()))
     if FORCE_BALANCE in channels:
         speed = np.abs(table["velocity_m_s"].to_numpy())
         add(BRAKE, (_axis(np.append(speed, 0.0)),), nominal.force_N)
