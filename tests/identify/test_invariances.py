@@ -94,6 +94,7 @@ def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wr
     full = full.assign(branch=0.0, mount=full["run"], order=np.arange(25.0))
     table = BenchTable(full, tuple(rows.columns), declared_noise={"force_N": sigma})
     comparison = compare(levitation_model, table)
+    assert estimate_noise(comparison.observations).run[0] < 0.2 * sigma  # nor is it an offset of the runs
     assert comparison.verdict == "fails"
     assert "within their noise" not in str(comparison)
     assert diagnose(levitation_model, table, bootstrap=0).verdict != "nothing_missing"

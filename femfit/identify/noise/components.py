@@ -91,16 +91,20 @@ def never_varying(observations: Observations) -> list[str]:
 
 
 def _is_noise(scatter: Scatter, design: ChannelDesign, y: FloatArray) -> bool:
-    """Whether smooth patterns leave no more than a declared noise makes; a misfit says nothing of the noise."""
-    ratio = design.contrasts(y, 0).square / max(design.free, 1) / scatter.prior**2
+    """Whether smooth patterns leave noise: enough readings to say it, and no more than a declared noise makes.
+
+    Else it is a misfit, which says nothing of how readings follow each other, nor of runs and mounts.
+    """
+    if design.free < LEAST_REPEATS_AGAINST_DECLARED:
+        return False
+    ratio = design.contrasts(y, 0).square / design.free / scatter.prior**2
     return ratio <= 1.0 or not contradicts(ratio, design.free, scatter.weight)
 
 
 def _correlation(design: ChannelDesign, y: FloatArray) -> int:
     """Number of the correlation of successive readings: none where too few follow each other to say it."""
-    least = LEAST_REPEATS if design.cells else LEAST_REPEATS_AGAINST_DECLARED
     follows = int(np.count_nonzero(~design.chain.first))
-    return design.best_rho(y) if min(follows, design.free) >= least else 0
+    return design.best_rho(y) if min(follows, design.free) >= LEAST_REPEATS else 0
 
 
 def _variances(
