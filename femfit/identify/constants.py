@@ -1,8 +1,8 @@
-"""The constants of the decision what is missing, each with its kind and source; no other file of the decision has one.
+"""The constants of the identification, each with its kind and source.
 
-*Derived* follows from something else. *Conventional* is a usual level. *Calibrated* was set by trials with known truth:
-seeds 1 to 6 of the hidden-effect study, 21 November 2026; the curve of seed 7, which set nothing, is in docs/trial.md.
-*Assumed* is an engineer's judgement with no calibration behind it. *Numerical* bounds rounding or time.
+Those of the decision itself are in :mod:`femfit.identify.decision.constants`. *Derived* follows from something else.
+*Conventional* is a usual level. *Calibrated* was set by trials with known truth. *Assumed* is an engineer's judgement
+with no calibration behind it. *Numerical* bounds rounding or time.
 """
 
 # The test of the model, and of what is named
@@ -12,13 +12,6 @@ LEVEL = 0.01
 
 LEVEL_AFTER = 0.005
 """Conventional: p-value below which a refit has left structure."""
-
-STRUCTURE_LEFT = 0.01
-"""Conventional: p-value below which a refit has left structure that more amplitudes of its effects are tried on."""
-
-OWN_MISFIT = 4.0
-"""Assumed: a structured misfit up to twice (four times in square) that to the table that the model was fitted to is the
-model's own."""
 
 POWER = 0.9
 """Conventional: what data "could have shown" they show nine times in ten."""
@@ -39,6 +32,9 @@ DEGREE, BRANCH_DEGREE = 5, 3
 
 COARSE = (2, 3)
 """Assumed: degrees up to which patterns are tested apart from the finer ones, which would drown a broad misfit."""
+
+FINE_DEGREE = 15
+"""Assumed: degree of a misfit that depends on the distance alone, or on the current: a stage's leadscrew has turns."""
 
 LEAST_READINGS = 6
 """Assumed: a channel of fewer readings is not tested; a third of its readings is as many patterns as it may have."""
@@ -63,55 +59,10 @@ FILTER_WORSE, FILTER_GREW = 3.0, 1.05
 FILTER_CHANCE = 0.05
 """Conventional: chance below which more runs that are lost, or more blocks that are less likely, are no chance."""
 
-# Which effect is named
-
-ENOUGH, ENOUGH_OF_TWO = 0.97, 0.98
-"""Calibrated: share of the structured excess that one name, or two, must explain where structure is left."""
-
-LEAST_SHARE = 0.35
-"""Calibrated: share that a name must explain at all, however well the test passes after it."""
-
-MOST, AHEAD = 0.7, 0.3
-"""Calibrated: share that one name must explain where no further effect adds anything, and by how much more than any
-other name."""
-
-MUCH, FAR_AHEAD = 0.6, 0.5
-"""Calibrated: the same where further effects add something."""
-
-LEAST_SECOND_SHARE = 0.01
-"""Assumed: share that each of two effects must explain beyond the other; the larger's form may be off by as much."""
-
-ELSEWHERE_SHARE = 0.5
-"""Calibrated: share of the misfit in channels that the other effect leaves alone that will do instead."""
-
-REMAINDER_SHARE = 0.9
-"""Calibrated: share of what one effect leaves that a second one must explain to be named where structure is left."""
-
-OPPOSED = -0.75
-"""Calibrated: cosine between the contributions of two effects below which the one only mends the other's form."""
-
-TIE = 9.0
-"""Conventional: two effects are one class where the weighted sums of squares differ by less (three deviations), in
-units of the noise and of what the better one leaves unexplained."""
-
-SEEN = 0.05
-"""Assumed: part of an effect's length beside fitted ones below which nothing can be said of it."""
-
-NONLINEAR_PRICE = 0.5
-"""Assumed: price of a nonlinear parameter over that of an amplitude, which is ln M (derived; Schwarz, 1978)."""
-
-PAIR_PRICE = 2.0
-"""Conventional: price of an amplitude in the search for pairs (Akaike, 1974), lower than in the choice, so that the
-search leaves nothing out."""
-
-REFITTED, PAIRED, CONTINUED = 8, 8, 3
-"""Numerical, for the time that it takes: how many single effects are refitted, how many are tried in pairs with every
-other to first order, and how many refitted ones are continued by how many others."""
+# A refit, and an effect that is added
 
 ROUNDING = 1e-3
 """Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
-
-# A refit, and an effect that is added
 
 COLUMN_STEP = 1e-3
 """Numerical: step of a difference over the width of a parameter's plausible range."""

@@ -88,7 +88,7 @@ def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]
         return facts, {}
     named = [one.name for one in diagnosis.missing]
     members = [name for one in diagnosis.missing for name in one.members[1:]]
-    return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.decision.excess, named, members)}
+    return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.excess, named, members)}
 
 
 def _parameter_rows(one: NamedEffect, effects: Mapping[str, Effect]) -> list[tuple[str, ...]]:
@@ -114,10 +114,12 @@ def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, 
     decision, nominal = diagnosis.decision, diagnosis.observations.nominal
     effects = device_effects(nominal.circuits, nominal.drawn)
     nearest = None
-    if decision is not None and decision.candidates:
-        best = decision.candidates[0]
-        share = 1.0 - best.excess / decision.excess if decision.excess > 0.0 else 0.0
-        nearest = (best.fit.names, float(np.clip(share, 0.0, 1.0)))
+    best = decision.refitted[0] if decision is not None and decision.refitted else None
+    if best is not None and best.fit is not None and diagnosis.campaign is not None:
+        free = best.fit.jacobian[:, ~best.fit.active]
+        left = diagnosis.campaign.patterns.excess(best.fit.whitened_residual, free)
+        share = 1.0 - left / diagnosis.excess if diagnosis.excess > 0.0 else 0.0
+        nearest = (best.names, float(np.clip(share, 0.0, 1.0)))
     suggestions = []
     for one in advice[:SHOWN]:
         pairs = sorted(((*_unlike(a, b), sigma) for a, b, sigma in one.separates), key=lambda pair: round(pair[2], 6))

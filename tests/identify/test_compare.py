@@ -13,7 +13,6 @@ from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.lack_of_fit import LackOfFit, PatternSpace
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
-from femfit.identify.decision.model_test import judge_model
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -248,20 +247,6 @@ def test_the_sidecar_declares_the_uncertainty_of_the_distance(levitation_model, 
     observations = compare(levitation_model, tmp_path / "bench.csv").observations
     assert "unused-setting" not in {one.code for one in observations.findings}
     np.testing.assert_allclose(observations.setting_columns[:, 0], 6e-4 * observations.distance_slope)
-
-
-def test_a_misfit_larger_than_the_models_own_is_not_its_own_because_the_body_may_be_put_back(levitation_model):
-    """The freedom of the mounts takes the steepest part out of the misfit; the model's own is counted without it."""
-    weak = AddedEffect(effect_by_name("force_gain"), {"gain_error": -0.2})
-    table = campaign(levitation_model, 71, [weak])
-    found = diagnose(levitation_model, table, bootstrap=0).campaign
-    assert found.misfit_as_recorded > found.patterns.excess(found.whitened_residual)
-    own = np.sqrt(found.misfit_as_recorded / (4.1 * len(found.observations.value)))
-    sigma = found.noise.sigma[found.observations.channel]
-    smaller = replace(found, observations=replace(found.observations, tolerance=own * sigma))
-    assert judge_model(smaller).outcome == "fails"
-    larger = replace(found, observations=replace(found.observations, tolerance=2.0 * own * sigma))
-    assert judge_model(larger).outcome in {"own_misfit", "fits"}
 
 
 def test_the_first_of_groups_that_are_equally_unlikely_to_be_noise_is_reported():

@@ -14,7 +14,7 @@ from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.decision.magnitude import detectable_magnitudes
-from femfit.identify.decision.model_test import judge_model
+from femfit.identify.decision.naming import decide
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -68,11 +68,11 @@ def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(device, na
     effect = effect_by_name(name)
     for seed in (1, 2):
         clean = gathered(device, seed)
-        assert judge_model(clean).outcome == "own_misfit"
+        assert decide(clean).own_misfit
         limit = detectable_magnitudes(clean, LEVEL)[name][amplitude]
         for size in (1.5 * limit, -1.5 * limit):
             hidden = AddedEffect(effect, effect.null() | {amplitude: size})
-            assert judge_model(gathered(device, seed, [hidden])).outcome == "fails"
+            assert decide(gathered(device, seed, [hidden])).verdict != "nothing_missing"
 
 
 def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levitation_model):
@@ -83,7 +83,12 @@ def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levi
     force = next(one for one in compared.channels if one.channel == "force_N")
     assert found.own_misfit
     said = verdict_sentence(found)
-    wanted = [amount(force.rms, "N"), amount(force.model_misfit, "N"), amount(2.0 * force.model_misfit, "N"), "assumed"]
+    wanted = [
+        amount(force.rms, "N"),
+        amount(force.model_misfit, "N"),
+        amount(2.0 * force.model_misfit, "N"),
+        "no more than the size is known",
+    ]
     assert [words for words in wanted if words not in said] == []
     for text in (str(found), str(compared), str(suggest(model, data, found))):
         assert said in text

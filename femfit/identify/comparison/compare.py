@@ -18,7 +18,7 @@ from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.diagnosis_text import mount_words
-from femfit.identify.decision.model_test import judge_model
+from femfit.identify.decision.naming import decide
 from femfit.identify.decision.own_misfit import finer_model, own_misfit, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
@@ -107,9 +107,9 @@ class Comparison(Printed):
     where : Where
         Where it fails; without a channel where it agrees.
     p_value : float or None
-        Of the test that ``femfit diagnose`` begins with, of smooth patterns and of every effect.
+        Of the lack of fit in smooth patterns.
     structure : LackOfFit or None
-        The part of that test in smooth patterns, of all channels together.
+        That test, in the worst of its groups of patterns.
     mount_m : float or None
         Standard deviation by which the distance may differ from mount to mount, where that freedom is given.
     mount_assumed : bool
@@ -234,11 +234,13 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     if isinstance(campaign, Finding):
         noise, findings = estimate_noise(observations), [campaign]
         whitening = Whitening(observations, noise or scatter_as_noise(observations), chains_of(observations))
-        test, verdict = None, "compare_only"
+        decision, verdict = None, "compare_only"
     else:
         noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
-        test = judge_model(campaign)
-        verdict = {"fits": "agrees", "own_misfit": "wrong_shape", "fails": "fails"}[test.outcome]
+        decision = decide(campaign)
+        verdict = (
+            "fails" if decision.verdict != "nothing_missing" else "wrong_shape" if decision.own_misfit else "agrees"
+        )
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     floor = {one.channel: one.noise_floor for one in channels}
     beyond = beyond_noise(observations, noise, {one.channel: one.rms for one in channels})
@@ -247,12 +249,12 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         verdict=cast("CompareVerdict", verdict),
         channels=channels,
         where=agrees if verdict == "agrees" else where_it_fails(observations, whitening),
-        p_value=test.p_value if test else None,
-        structure=test.lack_of_fit if test else None,
+        p_value=decision.lack_of_fit.p_value if decision else None,
+        structure=decision.lack_of_fit if decision else None,
         mount_m=(noise.mount_m or None) if noise else None,
         mount_assumed=bool(noise and noise.mount_assumed),
         shape=shape_misfit(model, floor.get("force_N")),
-        times_own=test.times_own if test else math.inf,
+        times_own=decision.times_own if decision else math.inf,
         maps=misfit_maps(observations),
         observations=observations,
         model=model,

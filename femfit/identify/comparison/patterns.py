@@ -1,7 +1,8 @@
 """Smooth patterns over a bench's settings: what structure a residual could have, whatever its cause.
 
-Per channel: Legendre polynomials in log distance and current up to a total degree, the same times the branch,
-temperatures, times and speeds with their first products. They are the alternatives of the lack-of-fit test.
+Per channel: Legendre polynomials in log distance and current up to a total degree, finer ones in either alone, coarse
+ones times the branch, temperatures, times and speeds with their first products. They are what the lack-of-fit test
+looks for.
 
 References
 ----------
@@ -17,7 +18,7 @@ from numpy.polynomial.legendre import legvander
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.distance_scale import even_scale
-from femfit.identify.constants import BRANCH_DEGREE, DEGREE, LEAST_READINGS, LEAST_SPREAD_C
+from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, LEAST_READINGS, LEAST_SPREAD_C
 from femfit.identify.readings.observations import Observations, once_for_settings
 
 _MOTION = ("velocity_m_s", "current_rate_A_s")
@@ -53,6 +54,24 @@ def drift_patterns(observations: Observations) -> Patterns:
     return _assembled(observations, lambda here: _drift(observations, here))
 
 
+def own_misfit_columns(observations: Observations) -> FloatArray | None:
+    """The model's misfit to its own table as smooth patterns, each by one standard deviation; None where it has none.
+
+    All patterns of a channel together have the tolerance's variance at a reading, on average.
+
+    References
+    ----------
+    M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
+    """
+    if not observations.tolerance.any():
+        return None
+    patterns = smooth_patterns(observations)
+    readings = np.bincount(observations.channel, minlength=len(observations.channels))[patterns.channel]
+    number = np.bincount(patterns.channel, minlength=len(observations.channels))[patterns.channel]
+    size = np.sqrt(np.sum(patterns.columns**2, axis=0) * number / readings)
+    return np.asarray(observations.tolerance[:, None] * patterns.columns / np.maximum(size, 1e-300))
+
+
 def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:
     blocks = [np.zeros((len(observations.value), 0))]
     channel: list[int] = []
@@ -78,10 +97,14 @@ def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labe
 def _surface(observations: Observations, here: IntArray) -> Labelled:
     x, y = _place(observations, here)
     result = _tensor(x, y, DEGREE)
+    for z, name in ((x, "distance_m"), (y, "current_A")):
+        finest = min(FINE_DEGREE, len(np.unique(np.round(z, 6))) - 1)
+        columns = legvander(z, max(finest, 0))
+        result += [(np.asarray(columns[:, k]), k, frozenset({name})) for k in range(DEGREE + 1, finest + 1)]
     for name in observations.settings[1:]:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
         if name != observations.leading_current and np.ptp(z) > 0.0:
-            z, alone = _unit(z), frozenset({name})
+            z, alone = scaled_to_one(z), frozenset({name})
             result += [(z, 1, alone), (z * z, 2, alone), (z * x, 2, alone | {"distance_m"})]
             result += [(z * y, 2, alone | {"current_A"}), (z * z * x, 3, alone | {"distance_m"})]
     branch = observations.column("branch")[here]
@@ -93,7 +116,9 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
 
 
 def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, FloatArray]:
-    return _unit(even_scale(observations.column("distance_m")[here])), _unit(observations.column("current_A")[here])
+    return scaled_to_one(even_scale(observations.column("distance_m")[here])), scaled_to_one(
+        observations.column("current_A")[here]
+    )
 
 
 def _drift(observations: Observations, here: IntArray) -> Labelled:
@@ -102,7 +127,7 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
     for name in ("coil_temperature_C", "magnet_temperature_C"):
         t = observations.column(name)[here]
         if np.isfinite(t).all() and t.std() > LEAST_SPREAD_C:
-            t, alone = _unit(t), frozenset({name})
+            t, alone = scaled_to_one(t), frozenset({name})
             near, carried = alone | {"distance_m"}, alone | {"current_A"}
             result += [(t, 1, alone), (t * t, 2, alone), (t * x, 2, near), (t * y, 2, carried)]
             result += [(t * x * y, 3, near | carried), (t * x * x, 3, near)]
@@ -113,7 +138,7 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
         t = observations.column(name)[here]
         if np.ptp(t) > 0.0 and not any(np.array_equal(t, other) for other in clocks):
             clocks += [t] if name not in _MOTION else []
-            t, alone = _unit(t), frozenset({name})
+            t, alone = scaled_to_one(t), frozenset({name})
             result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
             result += [(t * x, 2, alone | {"distance_m"}), (t * y, 2, alone | {"current_A"})]
     return result
@@ -135,7 +160,7 @@ def _tensor(x: FloatArray, y: FloatArray, degree: int) -> Labelled:
     ]
 
 
-def _unit(x: FloatArray) -> FloatArray:
+def scaled_to_one(x: FloatArray) -> FloatArray:
     """Scaled to -1..1; zeros where it does not vary."""
     low, high = float(x.min()), float(x.max())
     return np.asarray((2.0 * x - low - high) / (high - low)) if high > low else np.zeros_like(x)

@@ -1,10 +1,9 @@
 """What a diagnosis rests on: readings, their noise, the patterns of the lack-of-fit test, and the effects' columns."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
 from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
@@ -12,9 +11,10 @@ from femfit.core.finding import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
-from femfit.identify.constants import LEAST_REPEATS_AGAINST_DECLARED, OWN_MISFIT
+from femfit.identify.comparison.patterns import own_misfit_columns
+from femfit.identify.constants import LEAST_REPEATS_AGAINST_DECLARED
 from femfit.identify.noise.components import estimate_noise, never_varying
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
+from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
 from femfit.identify.signatures.columns import CHANGES_NOTHING, effect_columns, why_untestable
@@ -45,16 +45,6 @@ class Campaign:
         return float(np.sum((tolerance / sigma) ** 2))
 
     @property
-    def expected_variance(self) -> float:
-        """Variance of a whitened residual along a smooth pattern: noise, the model's own misfit spread over all.
-
-        References
-        ----------
-        M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
-        """
-        return 1.0 + self.known_misfit / float(self.patterns.basis.shape[1])
-
-    @property
     def misfit_as_recorded(self) -> float:
         """Squared length of the misfit over the noise of a reading, less what noise and the mounts' freedom make of it.
 
@@ -66,39 +56,10 @@ class Campaign:
         freedom = len(sigma) + float(np.sum(put_back**2))
         return max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
 
-    def chance_as_recorded(self, residual: FloatArray) -> float:
-        """Probability of so large a residual as recorded if noise, mounts, runs and the model's own misfit are all.
-
-        The whitened residual cannot say it: an error that all mounts share is weak there, since each of them might
-        have been put back so. The sum of squares is taken as gamma distributed with the mean and the variance that
-        its independent parts give (Satterthwaite).
-
-        Parameters
-        ----------
-        residual : array, shape (M,)
-            Recorded minus predicted, in the channels' units.
-
-        References
-        ----------
-        F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110: sums of independent chi-squares.
-        """
-        observations, noise = self.observations, self.noise
-        sigma = noise.sigma[observations.channel]
-        columns, deviations = random_columns(observations, noise.test_mount_m, noise.test_run)
-        settings = np.zeros(0)
-        for error in (observations.setting_columns / sigma[:, None]).T:
-            settings = np.append(settings, np.bincount(observations.row, error**2))
-        shared = np.concatenate([np.sum((columns / sigma[:, None]) ** 2, axis=0) * deviations**2, settings])
-        rho = noise.rho[observations.channel] ** 2
-        own = np.bincount(observations.channel, (1.0 + rho) / (1.0 - rho), minlength=len(noise.sigma))
-        readings = np.bincount(observations.channel, minlength=len(noise.sigma))
-        mean = len(sigma) + float(np.sum(shared))
-        variance = 2.0 * float(np.sum(own) + np.sum(shared**2) + np.sum(readings**2 / noise.degrees_of_freedom))
-        square = float(np.sum((residual / sigma) ** 2))
-        if square > float(np.sum((observations.residual / sigma) ** 2)):
-            return 0.0  # what predicts the readings worse than the model alone explains nothing
-        square -= OWN_MISFIT * self.known_misfit
-        return float(stats.gamma.sf(square, mean**2 / variance, scale=variance / mean)) if square > 0.0 else 1.0
+    @property
+    def without_own_misfit(self) -> Whitening:
+        """The noise alone."""
+        return replace(self.whitening, misfit=None)
 
     @property
     def whitened_residual(self) -> FloatArray:
@@ -108,7 +69,8 @@ class Campaign:
     def with_readings(self, value: FloatArray) -> "Campaign":
         """The same settings with other readings, of shape (M,), and their own noise estimate."""
         observations = self.observations.with_values(value)
-        whitening = Whitening(observations, estimate_noise(observations) or self.noise, self.whitening.chains)
+        noise = estimate_noise(observations) or self.noise
+        whitening = Whitening(observations, noise, self.whitening.chains, self.whitening.misfit)
         effects = tuple(Start.at_null(one.columns, whitening) for one in self.effects)
         return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
 
@@ -148,7 +110,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     if noise is None:
         constant = constant_readings(never_varying(observations))
         return constant[0] if constant else NO_NOISE
-    whitening = Whitening(observations, noise, chains_of(observations))
+    whitening = Whitening(observations, noise, chains_of(observations), own_misfit_columns(observations))
     patterns = pattern_space(observations, whitening)
     if not patterns.groups:
         return TOO_FEW

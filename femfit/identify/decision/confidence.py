@@ -1,76 +1,85 @@
-"""How far a name can be trusted: whether an effect that nobody has listed would bear it too.
+"""How far a name can be trusted: whether a cause that nobody has listed would bear it too.
 
-Whether a campaign distinguishes an effect from one outside the catalogue cannot be tested with the catalogue's own
+Whether a campaign distinguishes an effect from one outside of the catalogue cannot be tested with the catalogue's own
 effects as rivals. They serve as examples of what physics does to these readings: had one of them been the cause, as
-large as what was found, and not been listed, would the test after naming have noticed? What adds the same to every
-reading of a channel has more causes than any list holds, so that a constant error of each channel is always among the
-examples.
-
-References
-----------
-J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988), chapter 12: noncentral chi-square.
+large as what was found, and not been listed, would an unknown cause have been preferred to the name? What adds the same
+to every reading of a channel has more causes than any list holds, so that a constant error of each channel is always
+among the examples.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from scipy import optimize, stats
 
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING, ranked
-from femfit.identify.constants import LEVEL_AFTER, POWER, TIE
-from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.candidate import Candidate
-from femfit.identify.noise.whitening import orthonormal_basis
+from femfit.identify.decision.constants import NOTICED, UNKNOWN_SIZES
+from femfit.identify.decision.evidence import Linear
+from femfit.identify.decision.naming import Decision
+from femfit.identify.decision.search import Explanation
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
-def look_alikes(
-    campaign: Campaign, chosen: Candidate, classes: Sequence[tuple[str, ...]], rivals: Sequence[Candidate]
-) -> tuple[str, ...]:
-    """Effects that would have been given the chosen name on these data, had they been the cause and not been listed.
+def look_alikes(decision: Decision) -> tuple[str, ...]:
+    """Effects that would have been given the chosen names on these data, had they been the cause and not been listed.
 
-    First the others of the classes; then rivals that pass the test and fit as well, if with more parameters; then the
-    most alike first: an effect, or a constant error of a channel, whose contribution, as long as what was found, has
-    less beside the fitted one than the lack-of-fit test notices nine times in ten.
+    First the others of the classes, then those of further explanations that the data leave, then examples, the most
+    alike first.
     """
-    observations = campaign.observations
-    signal = campaign.whitening.full(observations.predict(chosen.fit.effects) - observations.base)
-    fitted = orthonormal_basis(chosen.fit.jacobian[:, ~chosen.fit.active])
-    beside: dict[str, float] = {}
-    for one in campaign.effects:
-        if one.name not in chosen.fit.names:
-            beside[one.name] = min(beside.get(one.name, 1.0), _squared_sine(one.whitened, fitted))
+    chosen = decision.chosen
+    if chosen is None or chosen.fit is None:
+        return ()
+    others = [name for members in decision.classes for name in members[1:]]
+    others += [n for one in decision.left if not set(chosen.names) <= set(one.names) for n in one.names]
+    examples = ranked(list(noticed(decision, chosen).items()), lambda pair: -pair[1], ROUNDING)
+    others += [name for name, odds in examples if odds < NOTICED]
+    return tuple(name for name in dict.fromkeys(others) if name not in chosen.names)
+
+
+def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
+    """Per example, the log odds of an unknown cause beside the chosen names had it been the cause of one of them."""
+    space, linear, fit = decision.posterior.space, chosen.linear, chosen.fit
+    if linear is None or fit is None:
+        return {}
+    campaign, observations = space.campaign, space.campaign.observations
+    whole = observations.predict(fit.effects)
+    lengths = []
+    for added in fit.effects:
+        change = whole - observations.predict([one for one in fit.effects if one is not added])
+        lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
+    names, examples, longest = list[str](), list[FloatArray](), list[float]()
+    for one, block in zip(campaign.effects, space.blocks, strict=True):
+        if one.name not in chosen.names:
+            for column in block[:, : one.count].T:
+                names.append(one.name)
+                examples.append(column)
+                longest.append(2.0 * float(np.linalg.norm(column)))  # the whole of its plausible range
     for name in observations.channels:
-        constant = observations.of(name).astype(np.float64)[:, None]
-        words = f"a constant error of the {CHANNEL_WORDS.get(name, name)}"
-        beside[words] = _squared_sine(campaign.whitening.full(constant), fitted)
-    unseen = _noticed(campaign) / max(float(signal @ signal), 1e-12)
-    others = [name for members in classes for name in members[1:]]
-    as_good = equally_good(campaign, chosen, rivals)
-    others += [name for one in as_good for name in one.fit.names if name not in chosen.fit.names]
-    alike = ranked([name for name, sine in beside.items() if sine < unseen], lambda name: -beside[name], ROUNDING)
-    return tuple(dict.fromkeys(others + alike))
+        names.append(f"a constant error of the {CHANNEL_WORDS.get(name, name)}")
+        examples.append(campaign.whitening.full(observations.of(name).astype(np.float64)))
+        longest.append(np.inf)
+    columns = np.stack(examples, axis=1)
+    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    result: dict[str, float] = {}
+    for length in lengths:
+        for name, odds, most in zip(names, _odds(decision, linear, columns, length), longest, strict=True):
+            if most >= length:
+                result[name] = min(result.get(name, np.inf), float(odds))
+    return result
 
 
-def equally_good(campaign: Campaign, chosen: Candidate, rivals: Sequence[Candidate]) -> list[Candidate]:
-    """Rivals of as many effects that pass the test and fit as well, whatever their parameters cost."""
-    slack, count = TIE * campaign.expected_variance, len(chosen.fit.names)
-    rivals = [one for one in rivals if len(one.fit.names) == count and one.passes()]
-    return [one for one in rivals if one.fit.chi2 <= chosen.fit.chi2 + slack]
-
-
-def _squared_sine(columns: FloatArray, fitted: FloatArray) -> float:
-    """Squared sine of the smallest angle between a column and the space of orthonormal ones."""
-    length = np.sum(columns**2, axis=0)
-    seen = length > 0.0
-    along = np.sum((fitted.T @ columns[:, seen]) ** 2, axis=0)
-    return float(np.min(1.0 - along / length[seen], initial=1.0))
-
-
-def _noticed(campaign: Campaign) -> float:
-    """Squared length of a broad misfit, in whitened units, that the lack-of-fit test notices nine times in ten."""
-    groups = campaign.patterns.groups
-    count = groups[0].basis.shape[1]
-    threshold = stats.chi2.isf(LEVEL_AFTER / len(groups), count)
-    return float(optimize.brentq(lambda c: stats.ncx2.sf(threshold, count, c) - POWER, 1e-3, 1e4))
+def _odds(decision: Decision, linear: Linear, columns: FloatArray, length: float) -> FloatArray:
+    """Log odds of an unknown cause for readings that are noise of its usual length and a column of a given length."""
+    space = decision.posterior.space
+    of_columns, of_unknown = linear.beside(columns), linear.beside(space.unknown)
+    gram = space.unknown_gram - of_unknown.T @ of_unknown
+    along = space.unknown.T @ columns - of_unknown.T @ of_columns
+    square = len(columns) + length**2 * np.maximum(1.0 - np.sum(of_columns**2, axis=0), 0.0)
+    logs = []
+    for group, weight in space.unknown_groups:
+        values, vectors = np.linalg.eigh(weight[:, None] * gram[np.ix_(group, group)] * weight)
+        parts = (vectors.T @ (weight[:, None] * along[group])) ** 2
+        for size in UNKNOWN_SIZES:
+            grown = size**2 * np.maximum(values, 0.0)
+            fall = length**2 * np.sum((size**2 / (1.0 + grown))[:, None] * parts, axis=0)
+            logs.append(linear.density(square - fall, float(np.sum(np.log1p(grown)))))
+    together = np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs))
+    return np.asarray(together - linear.density(square, 0.0))

@@ -15,11 +15,13 @@ from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.campaign import Campaign, campaign_remarks, considered_effects, gather
-from femfit.identify.decision.candidate import Candidate
 from femfit.identify.decision.confidence import look_alikes
+from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.magnitude import detectable_magnitudes, explained_share
 from femfit.identify.decision.naming import Decision, decide
+from femfit.identify.decision.scoring import score_effects
+from femfit.identify.decision.search import Explanation
 from femfit.identify.noise.simulate import simulated_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import placed
@@ -123,11 +125,13 @@ def clean_campaigns(campaign: Campaign, count: int, rng: np.random.Generator) ->
 
 
 def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, clean: CleanCampaigns | None) -> Diagnosis:
-    observations, chosen = campaign.observations, decision.chosen
-    alone = {c.fit.names[0]: c for c in decision.candidates if len(c.fit.names) == 1}
-    after = observations.predict(chosen.fit.effects) if chosen else observations.base
-    missing = _named_effects(campaign, decision)
-    alike = look_alikes(campaign, chosen, decision.classes, decision.candidates) if chosen else ()
+    observations, fit = campaign.observations, decision.chosen.fit if decision.chosen else None
+    after = observations.predict(fit.effects) if fit else observations.base
+    scores = score_effects(campaign)
+    # What the patterns cannot see of an effect between them counts as well
+    excess = max(campaign.patterns.excess(campaign.whitened_residual), *(s.chi2_fall for s in scores), 0.0)
+    missing = _named_effects(campaign, decision, scores, excess)
+    alike = look_alikes(decision)
     where = Where("", (), "The model fits.")
     if decision.verdict != "nothing_missing":
         where = where_it_fails(observations, campaign.whitening)
@@ -135,7 +139,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     return Diagnosis(
         verdict=decision.verdict,
         missing=missing,
-        ranking=_ranking(campaign, decision, alone),
+        ranking=_ranking(campaign, decision, scores, excess),
         where=where,
         error_fall=error_fall(observations, observations.base, after, known),
         noise_floor=known,
@@ -143,18 +147,22 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
         clean=clean,
         model=model,
         observations=observations,
-        p_value=decision.test.p_value,
-        own_misfit=decision.test.outcome == "own_misfit",
-        lack_of_fit_before=decision.test.lack_of_fit,
-        lack_of_fit_after=chosen.lack_of_fit if chosen else None,
+        probability=decision.probability,
+        p_value=decision.lack_of_fit.p_value,
+        own_misfit=decision.own_misfit,
+        times_own=decision.times_own,
+        excess=excess,
+        lack_of_fit_before=decision.lack_of_fit,
+        lack_of_fit_after=decision.left_after,
         look_alikes=alike,
         confident=bool(
             decision.verdict == "named"
             and not alike
+            and decision.probability_of_chosen > CERTAIN
             and "guess" not in campaign.noise.source.values()
             and all(one.plausible for one in missing)
-            and chosen
-            and chosen.fit.converged
+            and fit
+            and fit.converged
         ),
         findings=(*observations.findings, *campaign_remarks(campaign)),
         campaign=campaign,
@@ -162,27 +170,33 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     )
 
 
-def _ranking(campaign: Campaign, decision: Decision, alone: Mapping[str, Candidate]) -> tuple[ScoredEffect, ...]:
-    """Every effect as these data see it: those that were refitted as they were, the cheapest first, then the others."""
-    before, scores = campaign.whitened_residual, {score.name: score for score in decision.test.scores}
+def _ranking(
+    campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
+) -> tuple[ScoredEffect, ...]:
+    """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
+    before, by_name = campaign.whitened_residual, {score.name: score for score in scores}
+    alone: Mapping[str, Explanation] = {one.names[0]: one for one in decision.refitted if len(one.names) == 1}
     refitted = [
         replace(
-            scores[name],
+            by_name[name],
             chi2_fall=float(before @ before) - one.fit.chi2,
-            explained_share=explained_share(campaign, one.fit, decision.excess),
+            explained_share=explained_share(campaign, one.fit, excess),
             error_left=float(np.sqrt(one.fit.chi2 / len(before))),
         )
         for name, one in alone.items()
+        if one.fit
     ]
-    return (*refitted, *(score for name, score in scores.items() if name not in alone))
+    return (*refitted, *(score for score in scores if score.name not in alone))
 
 
-def _named_effects(campaign: Campaign, decision: Decision) -> tuple[NamedEffect, ...]:
-    if decision.chosen is None:
+def _named_effects(
+    campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
+) -> tuple[NamedEffect, ...]:
+    if decision.chosen is None or decision.chosen.fit is None:
         return ()
     fit = decision.chosen.fit
-    share = explained_share(campaign, fit, decision.excess)
-    p_values = {score.name: score.p_value for score in decision.test.scores}
+    share = explained_share(campaign, fit, excess)
+    p_values = {score.name: score.p_value for score in scores}
     by_name = {added.effect.name: added for added in fit.effects}
     return tuple(
         NamedEffect(

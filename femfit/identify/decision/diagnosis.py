@@ -93,10 +93,16 @@ class Diagnosis(Printed):
         Smallest magnitude of each effect's parameters that these data would have shown.
     clean : CleanCampaigns or None
         The bootstrap; None where none was asked for.
+    probability : mapping of str to float
+        Of each verdict but ``compare_only``.
     p_value : float
-        Of the model, as in ``femfit compare``.
+        Of the model's lack of fit, as in ``femfit compare``.
     own_misfit : bool
-        Whether the model misses the readings, but no more than the table that it was fitted to.
+        Whether the model misses the readings by more than noise, but as its misfit to its own table may.
+    times_own : float
+        The misfit beyond noise over the model's own to its table; infinite where that is none.
+    excess : float
+        Squared length of the misfit beyond what noise gives, in standard deviations.
     look_alikes : tuple of str
         Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
         and not been listed.
@@ -126,8 +132,11 @@ class Diagnosis(Printed):
     clean: CleanCampaigns | None
     model: ActuatorModel
     observations: Observations
+    probability: Mapping[Verdict, float] = field(default_factory=dict)
     p_value: float = 1.0
     own_misfit: bool = False
+    times_own: float = float("inf")
+    excess: float = 0.0
     lack_of_fit_before: LackOfFit | None = None
     lack_of_fit_after: LackOfFit | None = None
     look_alikes: tuple[str, ...] = ()
@@ -144,17 +153,21 @@ class Diagnosis(Printed):
 
     @property
     def explanations(self) -> "tuple[Refit, ...]":
-        """What was named, then each other explanation that would give the same readings."""
-        if self.decision is None or self.decision.chosen is None:
-            return ()
-        chosen = self.decision.chosen.fit
-        listed = {name for members in self.decision.classes for name in members}
-        rivals = (c.fit for c in self.decision.candidates if c.fit is not chosen and set(c.fit.names) <= listed)
-        return (chosen, *(fit for fit in rivals if len(fit.names) == len(chosen.names)))
+        """What was named, then each other explanation that the data leave."""
+        return tuple(one.fit for one in self.decision.left if one.fit) if self.decision else ()
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data; ``members`` is called ``class``."""
-        names = ("verdict", "noise_floor", "detectable", "false_naming_rate", "p_value", "look_alikes", "confident")
+        names = (
+            "verdict",
+            "probability",
+            "noise_floor",
+            "detectable",
+            "false_naming_rate",
+            "p_value",
+            "look_alikes",
+            "confident",
+        )
         missing = [vars(one) | {"class": list(one.members)} for one in self.missing]
         for one in missing:
             del one["members"]

@@ -53,8 +53,8 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
     beyond = _beyond_noise(diagnosis)
     left = _left(diagnosis, beyond)
-    if diagnosis.own_misfit and diagnosis.decision is not None:
-        own = own_misfit_sentence(diagnosis.observations, diagnosis.decision.test.times_own, tuple(left))
+    if diagnosis.own_misfit:
+        own = own_misfit_sentence(diagnosis.observations, diagnosis.times_own, tuple(left))
         return f"{_VERDICTS['nothing_named'].format(left=' and '.join(left.values()))} {own}".strip() if left else own
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
     after = diagnosis.lack_of_fit_after

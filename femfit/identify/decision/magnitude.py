@@ -6,15 +6,11 @@ J. Cohen, Statistical Power Analysis for the Behavioral Sciences (Erlbaum, 1988)
 M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-validation.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy import stats
 
-from femfit.core.arrays import FloatArray
-from femfit.identify.constants import OWN_MISFIT, POWER
+from femfit.identify.constants import POWER
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.noise.whitening import random_columns
 from femfit.identify.refit.refit import Refit
 from femfit.identify.refit.start import bounded_amplitudes
 from femfit.identify.refit.unseen import left_out_groups
@@ -23,8 +19,7 @@ from femfit.identify.refit.unseen import left_out_groups
 def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[str, float]]:
     """The smallest magnitude of each effect's amplitudes that these settings and this noise show nine times in ten.
 
-    Of a model that misses its own table, as the verdict tests it: what is no larger than the misfit that the verdict
-    grants the model is not shown, however little noise there is.
+    The model's own misfit to its table counts as noise.
 
     Returns
     -------
@@ -35,7 +30,6 @@ def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[st
     effects = {one.name for one in campaign.effects}
     threshold = stats.chi2.isf(level / max(len(effects), 1), 1)
     needed = (np.sqrt(threshold) + stats.norm.ppf(POWER)) ** 2  # of one degree of freedom; its other tail is nothing
-    granted = _beyond_own_misfit(campaign)
     result: dict[str, dict[str, float]] = {}
     for one in campaign.effects:
         if one.name in result:
@@ -44,42 +38,8 @@ def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[st
         for k, p in enumerate(one.columns.amplitudes):
             length = float(np.linalg.norm(one.whitened[:, k]))
             magnitude = float(np.sqrt(needed)) / length if length > 0.0 else np.inf
-            if granted is not None and length > 0.0:
-                magnitude = max(magnitude, granted(length, one.columns.columns[:, k]))
             result[one.name][p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
     return result
-
-
-def _beyond_own_misfit(campaign: Campaign) -> Callable[[float, FloatArray], float] | None:
-    """The magnitude at which a column's misfit passes, nine times in ten, for more than the model's own; None for none.
-
-    The verdict takes the longer of the misfit whitened and as recorded. The squared length s of a column c of length L,
-    as recorded, has the mean s L^2 beyond noise and the variance V + 4 s S, with V that of the noise alone and S that
-    of the noise along c; so that s solves (s L^2 - m)^2 = z^2 (V + 4 s S), where m is what is granted. The model's own
-    misfit may oppose the column, by the part p of it that these readings show along c, at most all of it: then the
-    length is p + sqrt(p^2 + s L^2).
-    """
-    observations, noise = campaign.observations, campaign.noise
-    most = OWN_MISFIT * campaign.known_misfit
-    if most <= 0.0:
-        return None
-    z, sigma = float(stats.norm.ppf(POWER)), noise.sigma[observations.channel]
-    columns, deviations = random_columns(observations, noise.mount_m, noise.run)
-    random = columns / sigma[:, None] * deviations
-    slow = ((1.0 + noise.rho) / (1.0 - noise.rho))[observations.channel]
-    variance = 2.0 * float(np.sum(slow) + np.sum(random**2, axis=0) @ np.sum(random**2, axis=0))
-
-    def magnitude(whitened_length: float, column: FloatArray) -> float:
-        c = column / sigma
-        square, along = float(c @ c), float(slow @ c**2 + np.sum((random.T @ c) ** 2))
-        # Of (square s - most)^2 = z^2 (variance + 4 s along); written out, since the two squares of most cancel
-        root = np.sqrt(z**2 * (4.0 * along * (most * square + z**2 * along) + square**2 * variance))
-        alone = (most * square + 2.0 * z**2 * along + root) / square
-        opposed = min(abs(float(c @ (observations.residual / sigma))) / square, np.sqrt(campaign.known_misfit / square))
-        recorded = opposed + np.sqrt(opposed**2 + alone / square)
-        return float(min(opposed + (np.sqrt(most + 1.0) + z) / whitened_length, recorded))
-
-    return magnitude
 
 
 def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:

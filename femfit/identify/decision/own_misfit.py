@@ -1,12 +1,10 @@
 """A model's own misfit to the table that it was fitted to: what a verdict grants it, and what would make it smaller."""
 
-import math
-
 import numpy as np
 
 from femfit.core.amount import amount, rounded
 from femfit.fit.misfit import to_be_added
-from femfit.identify.constants import OWN_MISFIT
+from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
@@ -15,8 +13,8 @@ from femfit.tables.measurement import CHANNEL_WORDS
 
 _VERDICT = (
     "{nothing} is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. Noise "
-    "taken off, that is {times} times its own misfit. Up to {most} times is taken for its own; this factor is "
-    "assumed, and an error of up to {hidden} could hide behind it."
+    "taken off, that is {times} times its own misfit. Of that no more than the size is known, so an error of up to "
+    "{most} times it, {hidden}, could hide behind it."
 )
 _FINER = "To see smaller errors, make the model's own misfit smaller. "
 
@@ -27,11 +25,11 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: tup
     Parameters
     ----------
     times_own : float
-        Of :class:`~femfit.identify.decision.model_test.ModelTest`.
+        Of :class:`~femfit.identify.decision.naming.Decision`.
     apart : tuple of str
         Channels whose error is more than noise and own misfit, which the sentence leaves out.
     """
-    factor, both, hidden = math.sqrt(OWN_MISFIT), [], []
+    both, hidden = [], []
     for name in (one for one in observations.channels if one not in apart):
         here, words = observations.of(name), CHANNEL_WORDS[name]
         read, own = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.tolerance))
@@ -39,23 +37,22 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: tup
             both.append(
                 f"the {words} by {amount(read, name)} rms in these readings and {amount(own, name)} in that table"
             )
-            hidden.append(f"{amount(factor * own, name)} rms of the {words}")
+            hidden.append(f"{amount(OWN_MISFIT * own, name)} rms of the {words}")
     if not both:
         return ""
     return _VERDICT.format(
         nothing="Apart from that, nothing" if apart else "Nothing",
         both=", ".join(both),
         times=rounded(times_own, 2),
-        most=f"{factor:g}",
+        most=f"{OWN_MISFIT:g}",
         hidden=" or ".join(hidden),
     )
 
 
 def own_misfit(observations: Observations) -> dict[str, float]:
     """Rms error per channel, in its unit, up to which it is taken for the model's own misfit to its table."""
-    factor = math.sqrt(OWN_MISFIT)
     return {
-        name: factor * float(np.sqrt(np.mean(observations.tolerance[observations.of(name)] ** 2)))
+        name: OWN_MISFIT * float(np.sqrt(np.mean(observations.tolerance[observations.of(name)] ** 2)))
         for name in observations.channels
     }
 

@@ -3,7 +3,11 @@
 The kinds are those of :mod:`femfit.identify.constants`.
 """
 
+import math
+
 from scipy import stats
+
+from femfit.identify.decision.constants import IN_CLASS
 
 ALMOST_SURELY = float(stats.norm.isf(0.05))
 """Conventional: what is promised holds in 19 of 20 campaigns."""
@@ -39,3 +43,9 @@ COMPARED = 6
 
 VARIANTS = 12
 """Assumed, for the time that it takes: combinations of trial values of two effects' nonlinear parameters."""
+
+TIE = 2.0 * math.log(1.0 / IN_CLASS)
+"""Derived: difference of the weighted sums of squares within which two explanations stay in one class."""
+
+NONLINEAR_PRICE = 0.5
+"""Assumed: price of a nonlinear parameter over that of an amplitude, which is ln M (derived; Schwarz, 1978)."""

@@ -14,10 +14,11 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.lack_of_fit import pattern_space
-from femfit.identify.constants import LEVEL, TIE
+from femfit.identify.comparison.patterns import own_misfit_columns
+from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.magnitude import detectable_magnitudes
-from femfit.identify.experiments.constants import SMALL, VISIBLE
+from femfit.identify.experiments.constants import SMALL, TIE, VISIBLE
 from femfit.identify.experiments.noise import planned_noise
 from femfit.identify.experiments.separation import pairs_in_words, separation, starting_points
 from femfit.identify.noise.whitening import Whitening, chains_of
@@ -79,7 +80,7 @@ def examine_plan(
     observations = bench_observations(model, replace(plan, rows=rows))
     observations, nominal = observations.with_values(observations.base), observations.nominal
     noise = planned_noise(observations)
-    whitening = Whitening(observations, noise, chains_of(observations))
+    whitening = Whitening(observations, noise, chains_of(observations), own_misfit_columns(observations))
     invisible: dict[str, str] = {}
     families: dict[str, list[Start]] = {}
     for effect in effects:
@@ -120,13 +121,12 @@ def _together(
     campaign: Campaign, families: Mapping[str, list[Start]], sizes: Mapping[str, Mapping[str, float]]
 ) -> tuple[tuple[str, str], ...]:
     """Pairs of effects of which one can make every visible amplitude of the other: a diagnosis would leave both."""
-    tie = TIE * campaign.expected_variance
     signals = {name: _signals(starts[0], sizes.get(name)) for name, starts in families.items()}
 
     def could_be(effect: str, rival: str) -> bool:
         columns, rivals = families[effect][0].columns.columns, [[one] for one in families[rival]]
         return bool(signals[effect]) and all(
-            separation(campaign.observations, campaign.whitening, value * columns[:, k], rivals, tie) is None
+            separation(campaign.observations, campaign.whitening, value * columns[:, k], rivals, TIE) is None
             for value, k in signals[effect]
         )
 

@@ -17,9 +17,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.constants import NONLINEAR_PRICE, TIE
-from femfit.identify.decision.scoring import parameter_price
-from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING, VARIANTS
+from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING, NONLINEAR_PRICE, TIE, VARIANTS
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import refit
@@ -48,7 +46,7 @@ def separation(
 
     The change has the shape (M,) and the readings' units.
     """
-    needed = needed_distance(tie + max(more_parameters, 0.0) * parameter_price(change))
+    needed = needed_distance(tie + max(more_parameters, 0.0) * np.log(len(change)))
     apart = _unexplained(observations.with_values(observations.base + change), whitening, rivals, needed)
     return None if apart < needed * (1.0 - ROUNDING) else apart
 

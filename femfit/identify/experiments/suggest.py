@@ -20,14 +20,12 @@ from femfit.core.printed import Printed
 from femfit.effects.catalogue import catalogue_order, device_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import Calibration
-from femfit.identify.constants import TIE
-from femfit.identify.decision.confidence import equally_good
+from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
-from femfit.identify.decision.naming import tie
 from femfit.identify.decision.own_misfit import finer_model
-from femfit.identify.experiments.constants import COMPARED, SHOWN
+from femfit.identify.experiments.constants import COMPARED, SHOWN, TIE
 from femfit.identify.experiments.noise import noise_for
 from femfit.identify.experiments.possible import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
@@ -153,7 +151,7 @@ def suggest(
 
 
 def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: Callable[[str], None]) -> Advice:
-    every, least = _left_together(found)
+    every = _left_together(found)
     explanations, further = every[:COMPARED], max(0, len(every) - COMPARED)
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if found.campaign is None or len(explanations) < 2:
@@ -166,19 +164,16 @@ def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: 
         )
     say("Trying measurements")
     noise = found.campaign.noise
-    suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations, least)
+    suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations)
     apart = {pair[:2] for one in suggestions for pair in one.separates}
     never = tuple(pair for pair in combinations(names, 2) if pair not in apart)
     return Advice(names, tuple(suggestions), never, further=further)
 
 
-def _left_together(found: Diagnosis) -> tuple[tuple[Refit, ...], float]:
-    """What was named, its class and what fits as well with more parameters; and the tie within which they are one."""
-    if found.campaign is None or found.decision is None or found.decision.chosen is None:
-        return (), TIE
-    chosen, candidates = found.decision.chosen, found.decision.candidates
-    fits = (*found.explanations, *(one.fit for one in equally_good(found.campaign, chosen, candidates)))
-    return tuple({fit.names: fit for fit in reversed(fits)}.values())[::-1], tie(found.campaign, chosen)
+def _left_together(found: Diagnosis) -> tuple[Refit, ...]:
+    """What was named and what else the data leave, but for what only adds to it."""
+    named = {one.name for one in found.missing}
+    return tuple(fit for fit in found.explanations if not named < set(fit.names))
 
 
 def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str], ...]:
@@ -207,9 +202,9 @@ def _nothing_to_separate(found: Diagnosis) -> str:
 
 
 def suggest_measurements(
-    model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit], least: float = TIE
+    model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit]
 ) -> list[Suggestion]:
-    """Rank measurements by how cheaply they separate explanations whose sums of squares must differ by some least."""
+    """Rank measurements by how cheaply they separate explanations."""
     observations = bench_observations(model, table)
     d, i = (observations.covariates[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
     available = tuple(predict_readings(model, d, i, Conditions(observations.nominal), channels=CHANNELS))
@@ -218,7 +213,7 @@ def suggest_measurements(
     result = []
     for experiment in possible_experiments(observations, available, direct):
         direct_reading = experiment.calibration and _direct(experiment.effect, experiment.calibration)
-        distance = direct_reading or _joint(model, table, noise, experiment, least)
+        distance = direct_reading or _joint(model, table, noise, experiment)
         separates, remains = list[tuple[str, str, float]](), list[tuple[str, str]]()
         for a, b in combinations(explanations, 2):
             pair = (" + ".join(a.names), " + ".join(b.names))
@@ -256,18 +251,17 @@ def _direct(effect: str, calibration: Calibration) -> Distance:
     return distance
 
 
-def _joint(
-    model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment, least: float
-) -> Distance:
+def _joint(model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment) -> Distance:
     """By a further run beside the readings: the smaller of the distances of each from the other's best refit."""
     observations = bench_observations(model, joined(table, experiment))
-    whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations))
+    own = own_misfit_columns(observations)
+    whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations), own)
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
         starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)
         change = observations.predict(truth.effects) - observations.base
         more = parameters_of(truth.effects) - parameters_of(rival.effects)
-        return separation(observations, whitening, change, starts, least, more)
+        return separation(observations, whitening, change, starts, TIE, more)
 
     def distance(a: Refit, b: Refit) -> float | None:
         there = one_way(a, b)

@@ -97,6 +97,8 @@ class Whitening:
     observations: Observations
     noise: NoiseModel
     chains: Chains
+    # What else scatters, each column by one standard deviation: the model's own misfit to its table; shape (M, n)
+    misfit: FloatArray | None = None
 
     def __getstate__(self) -> dict[str, object]:
         """What it was made from: the factors below are many times as large, and are worked out again on demand."""
@@ -140,11 +142,16 @@ class Whitening:
     def _random(self) -> tuple[FloatArray, FloatArray]:
         """Left singular vectors of the random effects' columns and the factor that shrinks along them."""
         columns, deviations = random_columns(self.observations, self.noise.test_mount_m, self.noise.test_run)
-        keep = deviations > 0.0
-        if not keep.any():
-            return np.zeros((len(self.observations.value), 0)), np.zeros(0)
-        left, sizes, _ = np.linalg.svd(self.serial(columns[:, keep]) * deviations[keep], full_matrices=False)
-        return left, 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
+        columns = columns[:, deviations > 0.0] * deviations[deviations > 0.0]
+        if self.misfit is not None:
+            columns = np.concatenate([columns, self.misfit], axis=1)
+        if not columns.shape[1]:
+            return columns, np.zeros(0)
+        columns = self.serial(columns)
+        squares, vectors = np.linalg.eigh(columns.T @ columns)
+        kept = squares > 1e-12 * squares[-1]
+        left = columns @ (vectors[:, kept] / np.sqrt(squares[kept]))
+        return left, 1.0 - 1.0 / np.sqrt(1.0 + squares[kept])
 
     def full(self, x: FloatArray) -> FloatArray:
         """All of the noise whitened, for x of shape (M,) or (M, k)."""

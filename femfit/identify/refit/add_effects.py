@@ -18,6 +18,7 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
@@ -235,7 +236,7 @@ def _whitening(observations: Observations) -> Whitening:
     noise = estimate_noise(observations)
     if noise is None:
         raise TableError(str(NO_NOISE))
-    whitening = Whitening(observations, noise, chains_of(observations))
+    whitening = Whitening(observations, noise, chains_of(observations), own_misfit_columns(observations))
     if not pattern_space(observations, whitening).groups:
         raise TableError(str(TOO_FEW))
     return whitening

@@ -17,6 +17,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.effects.effect import AddedEffect
+from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import refit
@@ -48,7 +49,13 @@ def unseen_error(
     for one in np.unique(group):
         out = group == one
         seen, unseen = observations.select(~out), observations.select(out)
-        fit = refit(seen, Whitening(seen, noise, chains_of(seen)), start, fixed=fixed, prior_sd=prior_sd)
+        fit = refit(
+            seen,
+            Whitening(seen, noise, chains_of(seen), own_misfit_columns(seen)),
+            start,
+            fixed=fixed,
+            prior_sd=prior_sd,
+        )
         effects[int(one)] = fit.effects
         residual = unseen.value - unseen.predict(fit.effects)
         whitening = Whitening(unseen, noise, chains_of(unseen))

@@ -1,0 +1,62 @@
+"""The constants of the decision what is missing; no other file of the decision has one.
+
+*Conventional* is a usual level. *Calibrated* was read from trials with known truth, as the text says. *Assumed* is an
+engineer's judgement. *Numerical* bounds rounding or time.
+"""
+
+EXPECTED_EFFECTS = 1.0
+"""Assumed: how many of all known effects a bench has on average before it is looked at, each as likely as any other."""
+
+UNKNOWN_CAUSE = 0.02
+"""Assumed: prior probability of a smooth misfit that no known effect makes."""
+
+FORM = {"magnetics": 0.1}
+FORM_ELSEWHERE = 0.02
+"""Assumed: standard error of an effect's form, as a part of its size: a magnetic one is known to a tenth."""
+
+FORM_SPREAD = (0.3, 1.0, 3.0)
+"""Assumed: factors on it, equally likely."""
+
+FORM_DEGREE = 3
+"""Assumed: degree in distance and current of a form's error."""
+
+FORM_DIRECTIONS = 14
+"""Numerical, for the time that it takes: directions of a form's error that are kept, the largest."""
+
+SIZES = 9
+"""Numerical: sizes of an effect that are tried, in equal steps of their logarithm, from where it would just be seen (a
+length of one standard deviation) to half of its plausible range."""
+
+UNKNOWN_SIZES = (3.0, 10.0, 30.0, 100.0, 300.0)
+"""Assumed: lengths of an unknown misfit's patterns, in standard deviations, equally likely."""
+
+FINER = 0.7
+"""Assumed: by how much each further degree of an unknown misfit is smaller."""
+
+BROAD = (0, 1, 2, 3)
+"""Assumed: degrees up to which an unknown misfit of one channel, or of all, may go alone."""
+
+SHARE_DEGREE = 2
+"""Assumed: degree in distance and current of an unknown misfit that is a share of the prediction."""
+
+LOOKED_AT = 0.05
+"""Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""
+
+PAIRED = 12
+"""Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
+
+NOTHING_MISSING = 0.1
+"""Calibrated: probability of nothing missing down to which nothing is named."""
+
+IN_CLASS = 0.05
+"""Conventional: probability over that of what is named from which an exchange for it belongs to its class."""
+
+OWN_MISFIT = 2.0
+"""Conventional: times a model's misfit to its own table up to which an error is not told from it: two standard
+deviations."""
+
+CERTAIN = 0.5
+"""Conventional: probability of just what is named below which it is not certain."""
+
+NOTICED = 3.0
+"""Calibrated: logarithm of the odds by which an unknown cause must be preferred for a name to be certain."""

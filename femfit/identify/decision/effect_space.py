@@ -1,0 +1,141 @@
+"""Whitened columns of everything that a bench's misfit may be made of: effects, their forms' errors, unknown causes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.distance_scale import even_scale
+from femfit.effects.effect import Effect
+from femfit.identify.comparison.patterns import scaled_to_one
+from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.constants import (
+    BROAD,
+    FINER,
+    FORM,
+    FORM_DEGREE,
+    FORM_DIRECTIONS,
+    FORM_ELSEWHERE,
+    SHARE_DEGREE,
+)
+from femfit.identify.readings.observations import Observations
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSpace:
+    """The columns of a campaign, each as long as one standard deviation of what it stands for."""
+
+    campaign: Campaign
+
+    @cached_property
+    def variants(self) -> Mapping[str, tuple[int, ...]]:
+        """Per effect, its numbers among the campaign's: one for each combination of nonlinear parameters."""
+        names = dict.fromkeys(one.name for one in self.campaign.effects)
+        return {name: tuple(k for k, one in enumerate(self.campaign.effects) if one.name == name) for name in names}
+
+    @cached_property
+    def blocks(self) -> tuple[FloatArray, ...]:
+        """Per variant: its amplitudes' columns at half of their plausible range, then its form's error; (M, k)."""
+        result = []
+        for one in self.campaign.effects:
+            half = np.array([0.5 * p.width for p in one.columns.amplitudes])
+            change = one.columns.columns * half
+            errors = [self.form_error(one.columns.effect, column) for column in change.T]
+            result.append(np.concatenate([one.whitened * half, _leading(np.concatenate(errors, axis=1))], axis=1))
+        return tuple(result)
+
+    @cached_property
+    def every_block(self) -> FloatArray:
+        """All blocks beside each other, shape (M, sum of k)."""
+        return np.concatenate([np.zeros((len(self.campaign.observations.value), 0)), *self.blocks], axis=1)
+
+    @cached_property
+    def places(self) -> tuple[slice, ...]:
+        """Where each block stands in :attr:`every_block`."""
+        ends = np.cumsum([0, *(block.shape[1] for block in self.blocks)])
+        return tuple(slice(a, b) for a, b in pairwise(ends))
+
+    @cached_property
+    def unknown(self) -> FloatArray:
+        """What an unknown cause may look like: smooth patterns, then shares of the prediction; shape (M, n).
+
+        Each has unit length.
+        """
+        observations, whitening = self.campaign.observations, self.campaign.whitening
+        shares = whitening.full(self._shares * observations.base[:, None])
+        columns = np.concatenate([self.campaign.patterns.groups[-1].whitened, shares], axis=1)
+        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300))
+
+    @cached_property
+    def _shares(self) -> FloatArray:
+        """Smooth functions of the setting, coarse ones first, in one channel after the other; shape (M, f)."""
+        observations = self.campaign.observations
+        smooth = _smooth(observations, SHARE_DEGREE)
+        channels = range(len(observations.channels))
+        return np.concatenate([smooth * (observations.channel == c)[:, None] for c in channels], axis=1)
+
+    @cached_property
+    def unknown_gram(self) -> FloatArray:
+        """Products of the patterns, shape (n, n)."""
+        return np.asarray(self.unknown.T @ self.unknown)
+
+    @cached_property
+    def unknown_groups(self) -> tuple[tuple[IntArray, FloatArray], ...]:
+        """Which patterns an unknown cause may have, and how long each is beside the others.
+
+        Those of one channel, or of all, up to a degree or all, the finer the shorter; those of one channel that change
+        with the distance alone, or with the current, all as long; and a channel's shares, one for all or smooth ones.
+        """
+        patterns = self.campaign.patterns.patterns
+        finest = int(patterns.degree.max(initial=0))
+        parts = [
+            (patterns.channel == c) & (patterns.degree <= cut)
+            for c in np.unique(patterns.channel)
+            for cut in (*BROAD, finest)
+        ]
+        parts += [patterns.degree <= cut for cut in (*BROAD[1:3], finest)]
+        groups = [np.flatnonzero(part) for part in {part.tobytes(): part for part in parts if part.any()}.values()]
+        weighed = [(group, np.asarray(FINER ** patterns.degree[group])) for group in groups]
+        for c in np.unique(patterns.channel):
+            for name in ("distance_m", "current_A"):
+                alone = [k for k, a in enumerate(patterns.along) if a <= {name} and patterns.channel[k] == c]
+                weighed.append((np.array(alone, dtype=int), np.ones(len(alone))))
+        each = self._shares.shape[1] // len(self.campaign.observations.channels)
+        for first in range(len(patterns.degree), self.unknown.shape[1], each):
+            weighed += [(first + np.arange(count), np.ones(count)) for count in (1, each)]
+        return tuple(weighed)
+
+    @cached_property
+    def _modulations(self) -> FloatArray:
+        """Smooth functions of the setting in each channel, of mean square one together; shape (M, f)."""
+        observations = self.campaign.observations
+        smooth = _smooth(observations, FORM_DEGREE)
+        here = [observations.channel == c for c in range(len(observations.channels))]
+        return np.asarray(np.concatenate([smooth * one[:, None] for one in here], axis=1) / np.sqrt(smooth.shape[1]))
+
+    def form_error(self, effect: Effect, change: FloatArray) -> FloatArray:
+        """Whitened columns of the error of an effect's form where it changes the readings by ``change``, (M,)."""
+        error = max(FORM.get(stage, FORM_ELSEWHERE) for stage in effect.acts_on)
+        columns = self._modulations * change[:, None]
+        return _leading(error * self.campaign.whitening.full(columns[:, np.any(columns != 0.0, axis=0)]))
+
+
+def _smooth(observations: Observations, degree: int) -> FloatArray:
+    """Products of Legendre polynomials in log distance and current up to a total degree, shape (M, f)."""
+    x = scaled_to_one(even_scale(observations.column("distance_m")))
+    y = scaled_to_one(observations.column("current_A"))
+    in_x, in_y = legvander(x, degree), legvander(y, degree)
+    powers = sorted(((a, b) for a in range(degree + 1) for b in range(degree + 1) if a + b <= degree), key=sum)
+    return np.stack([in_x[:, a] * in_y[:, b] for a, b in powers], axis=1)
+
+
+def _leading(columns: FloatArray) -> FloatArray:
+    """The largest directions of a block."""
+    if columns.shape[1] <= FORM_DIRECTIONS:
+        return columns
+    _, vectors = np.linalg.eigh(columns.T @ columns)
+    return np.asarray(columns @ vectors[:, -FORM_DIRECTIONS:])

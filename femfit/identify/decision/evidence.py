@@ -1,0 +1,162 @@
+"""Evidence of explanations in closed form: linear models about a fit, with normal amplitudes of unknown size.
+
+Whitened readings y in R^M are y ~ N(0, s^2 C), C = I + A diag(size^2) A', with a column of A for each amplitude and
+each direction of a form's error. Where the noise's variance s^2 is known from nu repeats, log p(y) is
+-(nu + M)/2 log(1 + y' C^-1 y / nu) - log det C / 2, which for a declared noise is the normal density.
+
+References
+----------
+D. J. C. MacKay, Neural Computation 4 (1992) 415: evidence, Occam factors, and sizes that the data choose.
+H. Jeffreys, Theory of Probability (Oxford, 1961), section 3.4: unknown variance; 3.1: sizes of unknown order.
+M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.identify.decision.constants import FORM_SPREAD, SIZES, UNKNOWN_SIZES
+from femfit.identify.decision.effect_space import EffectSpace
+
+LogDensity = Callable[[FloatArray | float, FloatArray | float], FloatArray]
+"""(y' C^-1 y, log det C) -> log p(y), up to what all explanations share."""
+
+
+def log_density(readings: int, degrees_of_freedom: float) -> LogDensity:
+    """The density of readings whose noise is known from repeats; normal for infinitely many."""
+    if not np.isfinite(degrees_of_freedom):
+        return lambda square, log_det: np.asarray(-0.5 * (square + log_det))
+    half = 0.5 * (degrees_of_freedom + readings)
+    return lambda square, log_det: np.asarray(-half * np.log1p(square / degrees_of_freedom) - 0.5 * log_det)
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Readings about a fit: what they are beyond the model, as a linear combination of columns."""
+
+    target: FloatArray  # Whitened, counted from the model without effects; shape (M,)
+    columns: FloatArray  # Times their sizes; shape (M, k)
+    density: LogDensity
+    log_evidence: float  # Averaged over all sizes
+
+    @cached_property
+    def _solved(self) -> tuple[FloatArray, FloatArray, float, float]:
+        """The triangle L of I + A'A, L^-1 A'y, y' C^-1 y and log det C."""
+        triangle = np.linalg.cholesky(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
+        along = linalg.solve_triangular(triangle, self.columns.T @ self.target, lower=True)
+        square = float(self.target @ self.target - along @ along)
+        return np.asarray(triangle), np.asarray(along), square, 2.0 * float(np.log(np.diag(triangle)).sum())
+
+    @property
+    def square(self) -> float:
+        """Y' C^-1 y."""
+        return self._solved[2]
+
+    def beside(self, others: FloatArray) -> FloatArray:
+        """L^-1 A'X for further columns X, shape (M, n): what of them the linear model may explain; shape (k, n)."""
+        return np.asarray(linalg.solve_triangular(self._solved[0], self.columns.T @ others, lower=True))
+
+    def along(self, others: FloatArray, beside: FloatArray) -> FloatArray:
+        """X' C^-1 y, shape (n,)."""
+        return others.T @ self.target - beside.T @ self._solved[1]
+
+    def with_more(self, gram: FloatArray, along: FloatArray, sizes: FloatArray) -> FloatArray:
+        """Log evidence with further columns X as well, at each of their common sizes.
+
+        Takes X' C^-1 X, shape (n, n), and X' C^-1 y, shape (n,).
+        """
+        values, vectors = np.linalg.eigh(gram)
+        grown = sizes[:, None] ** 2 * np.maximum(values, 0.0)
+        fall = np.sum(sizes[:, None] ** 2 * (vectors.T @ along) ** 2 / (1.0 + grown), axis=1)
+        _, _, square, log_det = self._solved
+        more = self.density(square - fall, log_det + np.sum(np.log1p(grown), axis=1))
+        return more + self.log_evidence - self.density(square, log_det)
+
+
+def null(space: EffectSpace) -> Linear:
+    """The readings without any effect."""
+    target = space.campaign.whitened_residual
+    density = log_density(len(target), float(np.sum(space.campaign.noise.degrees_of_freedom)))
+    return Linear(target, np.zeros((len(target), 0)), density, float(density(float(target @ target), 0.0)))
+
+
+def mean_of_logs(values: Sequence[float] | FloatArray) -> float:
+    """The logarithm of the mean of what the values are logarithms of."""
+    return float(np.logaddexp.reduce(np.asarray(values)) - np.log(len(values)))
+
+
+def sizes_of(length: float) -> FloatArray:
+    """Sizes from where columns of a length would just be seen to where they are as long."""
+    return np.geomspace(min(1.0 / max(length, 1e-300), 1.0), 1.0, SIZES)
+
+
+def with_unknown_cause(space: EffectSpace, linear: Linear) -> float:
+    """Log evidence with an unknown cause besides, averaged over what smooth patterns it may have and their sizes."""
+    beside = linear.beside(space.unknown)
+    gram, along = space.unknown_gram - beside.T @ beside, linear.along(space.unknown, beside)
+    sizes = np.array(UNKNOWN_SIZES)
+    logs = [
+        linear.with_more(weight[:, None] * gram[np.ix_(group, group)] * weight, weight * along[group], sizes)
+        for group, weight in space.unknown_groups
+    ]
+    return mean_of_logs(np.concatenate(logs))
+
+
+def of_sizes(
+    target: FloatArray, columns: FloatArray, families: Sequence[IntArray], form: IntArray, density: LogDensity
+) -> Linear:
+    """A linear model of which each family of columns has one size of its own, averaged over their sizes.
+
+    Each size is averaged with the others where they fit best (Laplace's method by coordinates).
+
+    Parameters
+    ----------
+    columns : array, shape (M, k)
+        Amplitudes at half of their plausible ranges, and errors of the form.
+    families : sequence of int arrays
+        Numbers of the columns that share a size; others have their own length.
+    form : int array
+        Numbers of the errors of the form, which share the factors of ``FORM_SPREAD``.
+    """
+    gram, product, square = columns.T @ columns, columns.T @ target, float(target @ target)
+    sizes = [sizes_of(float(np.sqrt(np.linalg.eigvalsh(gram[np.ix_(f, f)])[-1]))) for f in families]
+
+    def log_evidence(scale: FloatArray) -> float:
+        triangle = np.linalg.cholesky(np.eye(len(scale)) + scale[:, None] * gram * scale)
+        along = linalg.solve_triangular(triangle, scale * product, lower=True, check_finite=False)
+        return float(density(square - float(along @ along), 2.0 * float(np.log(np.diag(triangle)).sum())))
+
+    def tried(scale: FloatArray, family: IntArray, values: FloatArray) -> list[float]:
+        logs, kept = [], scale[family].copy()
+        for value in values:
+            scale[family] = value
+            logs.append(log_evidence(scale))
+        scale[family] = kept
+        return logs
+
+    averaged, scales = [], []
+    for spread in FORM_SPREAD:
+        scale = np.ones(columns.shape[1])
+        scale[form] = spread
+        best, before = -np.inf, -np.inf
+        for family in families:
+            scale[family] = sizes[0][-2]
+        while best - before > _SETTLED or not np.isfinite(best):
+            before = best
+            for family, values in zip(families, sizes, strict=True):
+                logs = tried(scale, family, values)
+                scale[family], best = values[int(np.argmax(logs))], max(logs)
+            if not families:
+                best = before = log_evidence(scale)
+        around = [mean_of_logs(tried(scale, *pair)) - best for pair in zip(families, sizes, strict=True)]
+        averaged.append(best + sum(around))
+        scales.append(scale)
+    scale = scales[int(np.argmax(averaged))]
+    return Linear(target, columns * scale, density, mean_of_logs(averaged))
+
+
+_SETTLED = 1e-3

@@ -1,0 +1,209 @@
+"""Searches the explanations that count: sets of effects, refitted best first, with and without an unknown cause."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy import linalg
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.effects.effect import EffectParameter
+from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.constants import EXPECTED_EFFECTS, LOOKED_AT, PAIRED, SIZES, UNKNOWN_CAUSE
+from femfit.identify.decision.effect_space import EffectSpace
+from femfit.identify.decision.evidence import (
+    Linear,
+    log_density,
+    mean_of_logs,
+    null,
+    of_sizes,
+    sizes_of,
+    with_unknown_cause,
+)
+from femfit.identify.refit.refit import Refit, refit
+from femfit.identify.refit.start import Start
+
+Key = tuple[frozenset[str], bool]
+"""The effects of an explanation, and whether an unknown cause acts beside them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A set of effects; before it is refitted its evidence is what the readings say to first order."""
+
+    starts: tuple[Start, ...]
+    log_evidence: float
+    fit: Refit | None = None
+    linear: Linear | None = None  # Where it was refitted
+    with_unknown: float = -np.inf  # Log evidence with an unknown cause beside
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects, in the order in which they were found."""
+        return tuple(one.name for one in self.starts)
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """How probable every explanation is that was looked at."""
+
+    space: EffectSpace
+    explanations: Mapping[frozenset[str], Explanation]
+    probability: Mapping[Key, float]
+
+    def of(self, *, effects: bool, unknown: bool) -> float:
+        """Probability of all explanations with and without effects, with and without an unknown cause."""
+        return sum(p for (names, beside), p in self.probability.items() if bool(names) == effects and beside == unknown)
+
+
+def explain(campaign: Campaign) -> Posterior:
+    """Compare sets of effects: the most promising one is refitted, and what goes on from it joins the others."""
+    space = EffectSpace(campaign)
+    start = null(space)
+    nothing = Explanation((), start.log_evidence, None, start, with_unknown_cause(space, start))
+    found = {frozenset[str](): nothing}
+    alone = dict(_with_one_more(space, nothing))
+    for one in (*alone.values(), *_pairs(space, start, alone)):
+        _propose(found, one)
+    while True:
+        logs = _log_posterior(found, len(space.variants))
+        total = np.logaddexp.reduce(list(logs.values()))
+        waiting = [key for key, one in found.items() if one.linear is None]
+        best = max(waiting, key=lambda names: logs[names, False], default=None)
+        if best is None or logs[best, False] - total < np.log(LOOKED_AT):
+            break
+        found[best] = _refitted(space, found[best])
+        if found[best].fit is not None:
+            for one in dict(_with_one_more(space, found[best])).values():
+                _propose(found, one)
+    return Posterior(space, found, {key: float(np.exp(value - total)) for key, value in logs.items()})
+
+
+def _propose(found: dict[frozenset[str], Explanation], one: Explanation) -> None:
+    """Take up a set of effects that is new, or begins better than before."""
+    names = frozenset(one.names)
+    if names not in found or (found[names].linear is None and found[names].log_evidence < one.log_evidence):
+        found[names] = one
+
+
+def _log_posterior(found: Mapping[frozenset[str], Explanation], effects: int) -> dict[Key, float]:
+    there, unknown = min(EXPECTED_EFFECTS / max(effects, 1), 0.5), UNKNOWN_CAUSE
+    odds, result = np.log(there) - np.log1p(-there), {}
+    for names, one in found.items():
+        result[names, False] = one.log_evidence + len(names) * odds + np.log1p(-unknown)
+        result[names, True] = one.with_unknown + len(names) * odds + np.log(unknown)
+    return result
+
+
+def _with_one_more(space: EffectSpace, base: Explanation) -> Iterator[tuple[str, Explanation]]:
+    """Every further effect beside refitted ones, to first order: its log evidence and where its refit begins."""
+    linear = base.linear or null(space)
+    beside = linear.beside(space.every_block)
+    along = linear.along(space.every_block, beside)
+    begun = base.starts
+    if base.fit is not None:
+        begun = tuple(one.continued(added) for one, added in zip(base.starts, base.fit.effects, strict=True))
+    for name, variants in space.variants.items():
+        if name in base.names:
+            continue
+        logs, starts = [], []
+        for k in variants:
+            at = space.places[k]
+            gram = space.blocks[k].T @ space.blocks[k] - beside[:, at].T @ beside[:, at]
+            log, start = _one_more(linear, space.campaign.effects[k], gram, along[at])
+            logs.append(log)
+            starts.append(start)
+        yield name, Explanation((*begun, starts[int(np.argmax(logs))]), mean_of_logs(logs))
+
+
+def _one_more(linear: Linear, one: Start, gram: FloatArray, along: FloatArray) -> tuple[float, Start]:
+    """Log evidence with one variant of an effect, and where its amplitudes then are.
+
+    What would leave its bounds is left out: a friction does not push.
+    """
+    half = np.array([0.5 * p.width for p in one.columns.amplitudes])
+    kept = np.ones(len(along), dtype=bool)
+    while kept[: one.count].any():
+        amplitudes = np.flatnonzero(kept[: one.count])
+        inner, part = gram[np.ix_(kept, kept)], along[kept]
+        own = gram[np.ix_(amplitudes, amplitudes)]
+        sizes = sizes_of(float(np.sqrt(max(np.linalg.eigvalsh(own)[-1], 0.0))))
+        logs = linear.with_more(inner, part, sizes)
+        size = sizes[int(np.argmax(logs))]
+        mean = np.zeros(len(along))
+        mean[kept] = size**2 * linalg.solve(np.eye(len(part)) + size**2 * inner, part, assume_a="pos")
+        amplitude = mean[: one.count] * half
+        low, high = one.columns.bounds
+        wrong = ((amplitude < low) & (low == 0.0)) | ((amplitude > high) & (high == 0.0))
+        if not wrong.any():
+            return mean_of_logs(logs), replace(one, amplitude=np.clip(amplitude, low, high))
+        kept[: one.count] &= ~wrong
+    return -np.inf, one
+
+
+def _pairs(space: EffectSpace, linear: Linear, alone: Mapping[str, Explanation]) -> list[Explanation]:
+    """Pairs of which neither may look like much alone, to first order."""
+    best = sorted((one for one in alone.values() if np.isfinite(one.log_evidence)), key=lambda one: -one.log_evidence)
+    number = {id(one.columns): k for k, one in enumerate(space.campaign.effects)}
+    pairs = []
+    for both in combinations(best[:PAIRED], 2):
+        starts = [one.starts[0] for one in both]
+        blocks = [space.blocks[number[id(one.columns)]] for one in starts]
+        columns, ends = np.concatenate(blocks, axis=1), np.cumsum([0, *(block.shape[1] for block in blocks)])
+        gram, product = columns.T @ columns, columns.T @ linear.target
+        square, top = linear.square, (-np.inf, np.zeros(0))
+        tried = [sizes_of(float(np.linalg.norm(b[:, : s.count])))[::2] for b, s in zip(blocks, starts, strict=True)]
+        for first in tried[0]:
+            for second in tried[1]:
+                scale = np.repeat([first, second], np.diff(ends))
+                triangle = linalg.cho_factor(np.eye(len(scale)) + scale[:, None] * gram * scale, lower=True)
+                mean = linalg.cho_solve(triangle, scale * product)
+                fall, log_det = float(scale * product @ mean), 2.0 * float(np.log(np.diag(triangle[0])).sum())
+                log = float(linear.density(square - fall, log_det))
+                top = max(top, (log, scale * mean), key=lambda one: one[0])
+        begun = tuple(
+            replace(one, amplitude=np.clip(_amplitude(one, top[1][at : at + one.count]), *one.columns.bounds))
+            for one, at in zip(starts, ends, strict=False)
+        )
+        pairs.append(Explanation(begun, top[0] - 2.0 * np.log(SIZES) / 2.0))
+    return sorted(pairs, key=lambda one: -one.log_evidence)[:PAIRED]
+
+
+def _amplitude(one: Start, over_half: FloatArray) -> FloatArray:
+    return np.array([0.5 * p.width for p in one.columns.amplitudes]) * over_half
+
+
+def _refitted(space: EffectSpace, one: Explanation) -> Explanation:
+    """An explanation at its refit, with the evidence of the linear model there."""
+    campaign, observations = space.campaign, space.campaign.observations
+    fit = refit(observations, campaign.whitening, one.starts)
+    value = np.array([(fit.effects[k].parameters[p.name] - p.null) / (0.5 * p.width) for k, p in fit.free])
+    there = ~(fit.active & (np.abs(value) < 1e-9))
+    free = [pair for pair, kept in zip(fit.free, there, strict=True) if kept]
+    if {k for k, p in free if not p.nonlinear and not p.beside} != set(range(len(fit.effects))):
+        return replace(one, log_evidence=-np.inf, linear=null(space))  # an effect of size zero explains nothing
+    slopes = -0.5 * fit.jacobian[:, there]
+    errors = [space.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
+    columns = np.concatenate([slopes, *errors], axis=1)
+    linear = of_sizes(
+        fit.whitened_residual + slopes @ value[there],
+        columns,
+        _families(free),
+        np.arange(slopes.shape[1], columns.shape[1]),
+        log_density(len(slopes), float(np.sum(campaign.noise.degrees_of_freedom))),
+    )
+    # Both are approximations from below where the form is right: about the fit, and on the grid of first order
+    linear = replace(linear, log_evidence=max(linear.log_evidence, one.log_evidence))
+    return replace(
+        one, log_evidence=linear.log_evidence, fit=fit, linear=linear, with_unknown=with_unknown_cause(space, linear)
+    )
+
+
+def _families(free: Sequence[tuple[int, EffectParameter]]) -> list[IntArray]:
+    """The amplitudes that share a size: each by itself, with those that go with it alone."""
+    found: dict[tuple[int, str], list[int]] = {}
+    for j, (k, p) in enumerate(free):
+        if not p.nonlinear:
+            found.setdefault((k, p.beside or p.name), []).append(j)
+    return [np.array(family) for family in found.values()]
