@@ -207,6 +207,7 @@ class AddedEffect:
     effect: Effect
     parameters: Parameters
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals, where they were estimated
+    runs: tuple[int, int] | None = None  # First and last run of a campaign in which it acts; None for all
 
     @property
     def memory(self) -> Memory | None:

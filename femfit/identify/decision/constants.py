@@ -39,6 +39,9 @@ BROAD = (0, 1, 2, 3)
 SHARE_DEGREE = 2
 """Assumed: degree in distance and current of an unknown misfit that is a share of the prediction."""
 
+IN_PART = 0.1
+"""Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
+
 LOOKED_AT = 0.05
 """Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""
 

@@ -208,9 +208,14 @@ def _named_effects(
             ci95=dict(by_name[members[0]].ci95),
             words=tuple(describe(by_name[members[0]], campaign.observations.nominal)),
             plausible=all(is_plausible(by_name[members[0]], p) for p in by_name[members[0]].effect.parameters),
+            runs=_from_one(by_name[members[0]].runs),
         )
         for members in decision.classes
     )
+
+
+def _from_one(runs: tuple[int, int] | None) -> tuple[int, int] | None:
+    return None if runs is None else (runs[0] + 1, runs[1] + 1)
 
 
 def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, exclude: Sequence[str]) -> Diagnosis:

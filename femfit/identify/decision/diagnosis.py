@@ -37,6 +37,8 @@ class NamedEffect:
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
     words: tuple[str, ...] = ()
     plausible: bool = True  # Whether every parameter lies in its plausible range
+    # First and last run in which it acts, counted from 1; None for all
+    runs: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -171,6 +173,8 @@ class Diagnosis(Printed):
         missing = [vars(one) | {"class": list(one.members)} for one in self.missing]
         for one in missing:
             del one["members"]
+            first, last = one.pop("runs") or (None, None)
+            one["when"] = {"first_run": first, "last_run": last} if first else None
         return {
             **{name: getattr(self, name) for name in names},
             "excluded": list(self.excluded),

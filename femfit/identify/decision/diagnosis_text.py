@@ -146,10 +146,15 @@ def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
 def _named(one: "NamedEffect") -> list[str]:
     effect = known_effect(one.name)
     symptom = effect.symptom if effect else ""
-    lines = [f"  {one.name}: {'; '.join(one.words)}." if one.words else f"  {one.name}: {symptom}"]
+    when = "" if one.runs is None else f", {_in_runs(*one.runs)}"
+    lines = [f"  {one.name}{when}: {'; '.join(one.words)}." if one.words else f"  {one.name}{when}: {symptom}"]
     if not one.plausible:
         lines.append("  This size is unusual: check it by another measurement before trusting the name.")
     return lines
+
+
+def _in_runs(first: int, last: int) -> str:
+    return f"until run {last}" if first == 1 else f"from run {first} on"
 
 
 def _misfit(diagnosis: "Diagnosis") -> list[str]:

@@ -23,6 +23,7 @@ from femfit.identify.decision.constants import (
     SHARE_DEGREE,
 )
 from femfit.identify.readings.observations import Observations
+from femfit.identify.refit.start import Start
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,14 +40,14 @@ class EffectSpace:
 
     @cached_property
     def blocks(self) -> tuple[FloatArray, ...]:
-        """Per variant: its amplitudes' columns at half of their plausible range, then its form's error; (M, k)."""
-        result = []
-        for one in self.campaign.effects:
-            half = np.array([0.5 * p.width for p in one.columns.amplitudes])
-            change = one.columns.columns * half
-            errors = [self.form_error(one.columns.effect, column) for column in change.T]
-            result.append(np.concatenate([one.whitened * half, _leading(np.concatenate(errors, axis=1))], axis=1))
-        return tuple(result)
+        """The block of every variant."""
+        return tuple(self.block(one) for one in self.campaign.effects)
+
+    def block(self, one: Start) -> FloatArray:
+        """An effect's amplitudes' columns at half of their plausible range, then its form's error; shape (M, k)."""
+        change = one.columns.columns * half_ranges(one)
+        errors = [self.form_error(one.columns.effect, column) for column in change.T]
+        return np.concatenate([one.whitened * half_ranges(one), _leading(np.concatenate(errors, axis=1))], axis=1)
 
     @cached_property
     def every_block(self) -> FloatArray:
@@ -58,6 +59,21 @@ class EffectSpace:
         """Where each block stands in :attr:`every_block`."""
         ends = np.cumsum([0, *(block.shape[1] for block in self.blocks)])
         return tuple(slice(a, b) for a, b in pairwise(ends))
+
+    @cached_property
+    def run_by_run(self) -> Mapping[str, tuple[int, FloatArray]]:
+        """Per effect, a variant and its amplitudes' columns run after run, shape (M, runs times k); none of one run."""
+        observations = self.campaign.observations
+        runs, run = observations.runs, observations.column("run")
+        if runs == 1:
+            return {}
+        result = {}
+        for name, variants in self.variants.items():
+            one = self.campaign.effects[variants[0]]
+            change = one.columns.columns * half_ranges(one)
+            parts = np.concatenate([change * (run == k)[:, None] for k in range(runs)], axis=1)
+            result[name] = variants[0], self.campaign.whitening.full(parts)
+        return result
 
     @cached_property
     def unknown(self) -> FloatArray:
@@ -122,6 +138,11 @@ class EffectSpace:
         error = max(FORM.get(stage, FORM_ELSEWHERE) for stage in effect.acts_on)
         columns = self._modulations * change[:, None]
         return _leading(error * self.campaign.whitening.full(columns[:, np.any(columns != 0.0, axis=0)]))
+
+
+def half_ranges(one: Start) -> FloatArray:
+    """Half of the plausible ranges of an effect's amplitudes, shape (k,)."""
+    return np.array([0.5 * p.width for p in one.columns.amplitudes])
 
 
 def _smooth(observations: Observations, degree: int) -> FloatArray:

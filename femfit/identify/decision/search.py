@@ -10,8 +10,8 @@ from scipy import linalg
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.effects.effect import EffectParameter
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import EXPECTED_EFFECTS, LOOKED_AT, PAIRED, SIZES, UNKNOWN_CAUSE
-from femfit.identify.decision.effect_space import EffectSpace
+from femfit.identify.decision.constants import EXPECTED_EFFECTS, IN_PART, LOOKED_AT, PAIRED, SIZES, UNKNOWN_CAUSE
+from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import (
     Linear,
     log_density,
@@ -114,7 +114,33 @@ def _with_one_more(space: EffectSpace, base: Explanation) -> Iterator[tuple[str,
             log, start = _one_more(linear, space.campaign.effects[k], gram, along[at])
             logs.append(log)
             starts.append(start)
-        yield name, Explanation((*begun, starts[int(np.argmax(logs))]), mean_of_logs(logs))
+        log, start = mean_of_logs(logs), starts[int(np.argmax(logs))]
+        if name in space.run_by_run:
+            part, in_part = _in_some_runs(space, linear, name)
+            start = in_part if part + np.log(IN_PART) > log + np.log1p(-IN_PART) else start
+            log = float(np.logaddexp(log + np.log1p(-IN_PART), part + np.log(IN_PART)))
+        yield name, Explanation((*begun, start), log)
+
+
+def _in_some_runs(space: EffectSpace, linear: Linear, name: str) -> tuple[float, Start]:
+    """Log evidence of an effect that begins or ends between two runs, and where it then begins."""
+    number, parts = space.run_by_run[name]
+    one, runs = space.campaign.effects[number], space.campaign.observations.runs
+    beside = linear.beside(parts)
+    gram, along = parts.T @ parts - beside.T @ beside, linear.along(parts, beside)
+    periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
+    logs, starts = [], []
+    for first, last in periods:
+        acts = np.kron(np.arange(first, last + 1)[:, None] == np.arange(runs), np.eye(one.count)).sum(axis=0) > 0.0
+        sums = np.tile(np.eye(one.count), (runs, 1)) * acts[:, None]
+        log, start = _one_more(linear, one, sums.T @ gram @ sums, sums.T @ along)
+        logs.append(log)
+        starts.append(start)
+    best = int(np.argmax(logs))
+    run = space.campaign.observations.column("run").astype(int)
+    columns = starts[best].columns.in_runs(periods[best], run)
+    whitened = space.campaign.whitening.full(columns.columns)
+    return mean_of_logs(logs), replace(starts[best], columns=columns, whitened=whitened)
 
 
 def _one_more(linear: Linear, one: Start, gram: FloatArray, along: FloatArray) -> tuple[float, Start]:
@@ -122,7 +148,7 @@ def _one_more(linear: Linear, one: Start, gram: FloatArray, along: FloatArray) -
 
     What would leave its bounds is left out: a friction does not push.
     """
-    half = np.array([0.5 * p.width for p in one.columns.amplitudes])
+    half = half_ranges(one)
     kept = np.ones(len(along), dtype=bool)
     while kept[: one.count].any():
         amplitudes = np.flatnonzero(kept[: one.count])
@@ -145,11 +171,10 @@ def _one_more(linear: Linear, one: Start, gram: FloatArray, along: FloatArray) -
 def _pairs(space: EffectSpace, linear: Linear, alone: Mapping[str, Explanation]) -> list[Explanation]:
     """Pairs of which neither may look like much alone, to first order."""
     best = sorted((one for one in alone.values() if np.isfinite(one.log_evidence)), key=lambda one: -one.log_evidence)
-    number = {id(one.columns): k for k, one in enumerate(space.campaign.effects)}
+    leading = [(one.starts[0], space.block(one.starts[0])) for one in best[:PAIRED]]
     pairs = []
-    for both in combinations(best[:PAIRED], 2):
-        starts = [one.starts[0] for one in both]
-        blocks = [space.blocks[number[id(one.columns)]] for one in starts]
+    for both in combinations(leading, 2):
+        starts, blocks = [one for one, _ in both], [block for _, block in both]
         columns, ends = np.concatenate(blocks, axis=1), np.cumsum([0, *(block.shape[1] for block in blocks)])
         gram, product = columns.T @ columns, columns.T @ linear.target
         square, top = linear.square, (-np.inf, np.zeros(0))
@@ -163,15 +188,11 @@ def _pairs(space: EffectSpace, linear: Linear, alone: Mapping[str, Explanation])
                 log = float(linear.density(square - fall, log_det))
                 top = max(top, (log, scale * mean), key=lambda one: one[0])
         begun = tuple(
-            replace(one, amplitude=np.clip(_amplitude(one, top[1][at : at + one.count]), *one.columns.bounds))
+            replace(one, amplitude=np.clip(half_ranges(one) * top[1][at : at + one.count], *one.columns.bounds))
             for one, at in zip(starts, ends, strict=False)
         )
         pairs.append(Explanation(begun, top[0] - 2.0 * np.log(SIZES) / 2.0))
     return sorted(pairs, key=lambda one: -one.log_evidence)[:PAIRED]
-
-
-def _amplitude(one: Start, over_half: FloatArray) -> FloatArray:
-    return np.array([0.5 * p.width for p in one.columns.amplitudes]) * over_half
 
 
 def _refitted(space: EffectSpace, one: Explanation) -> Explanation:

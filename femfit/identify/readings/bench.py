@@ -21,7 +21,7 @@ from femfit.identify.readings.currents import (
     hall_not_compared,
     with_leading_current,
 )
-from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.observations import InTheirRuns, Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
@@ -94,7 +94,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
         covariates=covariates,
         given=table.given,
-        predict=predict,
+        predict=InTheirRuns(predict, covariates["run"].to_numpy(dtype=int)[np.concatenate(pieces)]),
         distance_slope=slope,
         distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / steps[0] ** 2,
         nominal=nominal,

@@ -97,6 +97,11 @@ class Observations:
         """Which readings belong to a channel."""
         return np.asarray(self.channel == self.channels.index(name))
 
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return int(self.covariates["run"].max()) + 1
+
     def select(self, keep: BoolArray) -> "Observations":
         """Those of the readings for which ``keep``, of shape (M,), is true; all settings stay."""
         return replace(
@@ -134,6 +139,29 @@ def once_for_settings(function: Callable[[Observations], Result]) -> Callable[[O
         return result
 
     return remembered
+
+
+@dataclass(frozen=True, eq=False)
+class InTheirRuns:
+    """Predictions with each effect in the runs in which it acts."""
+
+    predict: Predict
+    run: IntArray  # Of each reading, shape (M,)
+
+    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
+        """What the model with further effects predicts, shape (M,)."""
+        effects = tuple(effects)
+        ends = sorted({end for one in effects if one.runs for end in (one.runs[0], one.runs[1] + 1)})
+        if not ends:
+            return self.predict(effects)
+        result = np.empty(len(self.run))
+        stage = np.searchsorted(ends, self.run, side="right")
+        for number in np.unique(stage):
+            here = stage == number
+            run = self.run[here][0]
+            acting = [one for one in effects if one.runs is None or one.runs[0] <= run <= one.runs[1]]
+            result[here] = self.predict(acting)[here]
+        return result
 
 
 @dataclass(frozen=True, eq=False)

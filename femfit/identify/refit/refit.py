@@ -117,7 +117,9 @@ def refit(
         values = [dict(parameters) for parameters in initial]
         for (k, p), scaled, w in zip(free, x, width, strict=True):
             values[k][p.name] = float(scaled * w)
-        return tuple(AddedEffect(one.columns.effect, v) for one, v in zip(start, values, strict=True))
+        return tuple(
+            AddedEffect(one.columns.effect, v, runs=one.columns.runs) for one, v in zip(start, values, strict=True)
+        )
 
     def residual(x: FloatArray) -> FloatArray:
         return whitening.full(observations.value - observations.predict(effects_at(x)))
@@ -186,4 +188,4 @@ def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[Added
     for j in np.flatnonzero(~fit.active & np.any(fit.jacobian != 0.0, axis=0)):
         k, p = fit.free[j]
         intervals[k][p.name] = (float((x[j] - half[j]) * width[j]), float((x[j] + half[j]) * width[j]))
-    return tuple(AddedEffect(a.effect, a.parameters, ci) for a, ci in zip(fit.effects, intervals, strict=True))
+    return tuple(replace(a, ci95=ci) for a, ci in zip(fit.effects, intervals, strict=True))

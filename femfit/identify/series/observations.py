@@ -27,7 +27,7 @@ from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.bench import model_tolerance
 from femfit.identify.readings.currents import hall_not_compared
-from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.observations import InTheirRuns, Observations
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedCoenergy,
@@ -126,14 +126,15 @@ def _assembled(
     step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
     tolerance, shown = _tolerance(model, covariates), _shown_by(model.without_effects)
+    row = np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)])
     return Observations(
         channels=names,
         channel=number,
-        row=np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)]),
+        row=row,
         value=predict.stacked({c.name: c.measured for _, c in channels}),
         covariates=covariates,
         given=(*series.given, *(shown[name] for name in names if name in shown)),
-        predict=predict,
+        predict=InTheirRuns(predict, covariates["run"].to_numpy(dtype=int)[row]),
         distance_slope=(change(own, step) - change(own, -step)) / (2.0 * step),
         distance_curvature=(change(own, step) - 2.0 * change(own) + change(own, -step)) / step**2,
         nominal=nominal,

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.stop_position import REST
@@ -52,11 +52,17 @@ class EffectColumns:
     amplitudes: tuple[EffectParameter, ...]
     shape: Mapping[str, float]
     columns: FloatArray  # In the readings' units over the amplitudes'; shape (M, k)
+    runs: tuple[int, int] | None = None  # First and last run in which it acts; None for all
 
     @property
     def bounds(self) -> FloatArray:
         """Bounds of the amplitudes, counted from null; shape (2, k)."""
         return np.array([[p.lower - p.null for p in self.amplitudes], [p.upper - p.null for p in self.amplitudes]])
+
+    def in_runs(self, runs: tuple[int, int], run: IntArray) -> "EffectColumns":
+        """The same in some runs alone; the run of each reading has the shape (M,)."""
+        acts = (run >= runs[0]) & (run <= runs[1])
+        return replace(self, columns=self.columns * acts[:, None], runs=runs)
 
     def parameters(self, amplitude: FloatArray) -> dict[str, float]:
         """Every parameter of the effect for amplitudes counted from null, shape (k,)."""
