@@ -51,7 +51,7 @@ PAIRED = 12
 NOTHING_MISSING = 0.1
 """Calibrated: probability of nothing missing down to which nothing is named."""
 
-IN_CLASS = 0.05
+IN_CLASS = 0.03
 """Conventional: probability over that of what is named from which an exchange for it belongs to its class."""
 
 OWN_MISFIT = 2.0
