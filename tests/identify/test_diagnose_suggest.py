@@ -87,7 +87,7 @@ def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the
 def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levitation_model, monkeypatch):
     table, diagnosis = confounded
     fits = diagnosis.explanations
-    monkeypatch.setattr("femfit.identify.experiments.suggest._left_together", lambda _: ((*fits, *fits, fits[0]), 4.0))
+    monkeypatch.setattr("femfit.identify.experiments.suggest._left_together", lambda _: (*fits, *fits, fits[0]))
     monkeypatch.setattr("femfit.identify.experiments.suggest.COMPARED", 2)
     advice = suggest(levitation_model, table, diagnosis)
     assert len(advice.explanations) == 2

@@ -14,7 +14,7 @@ FORM = {"magnetics": 0.1}
 FORM_ELSEWHERE = 0.02
 """Assumed: standard error of an effect's form, as a part of its size: a magnetic one is known to a tenth."""
 
-FORM_SPREAD = (0.3, 1.0, 3.0)
+FORM_SPREAD = (0.03, 0.3, 1.0, 3.0)
 """Assumed: factors on it, equally likely."""
 
 FORM_DEGREE = 3
@@ -42,8 +42,12 @@ SHARE_DEGREE = 2
 IN_PART = 0.1
 """Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
 
-LOOKED_AT = 0.05
+LOOKED_AT = 0.01
 """Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""
+
+BEGUN = 8
+"""Numerical: how many effects that fit best alone are refitted whatever they promise to first order, which a large
+effect's own curvature may spoil."""
 
 PAIRED = 12
 """Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
@@ -51,8 +55,8 @@ PAIRED = 12
 NOTHING_MISSING = 0.1
 """Calibrated: probability of nothing missing down to which nothing is named."""
 
-IN_CLASS = 0.03
-"""Conventional: probability over that of what is named from which an exchange for it belongs to its class."""
+IN_CLASS = 0.01
+"""Calibrated: probability over that of what is named from which an exchange for it belongs to its class."""
 
 OWN_MISFIT = 2.0
 """Conventional: times a model's misfit to its own table up to which an error is not told from it: two standard

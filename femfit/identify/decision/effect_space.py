@@ -104,7 +104,7 @@ class EffectSpace:
         """Which patterns an unknown cause may have, and how long each is beside the others.
 
         Those of one channel, or of all, up to a degree or all, the finer the shorter; those of one channel that change
-        with the distance alone, or with the current, all as long; and a channel's shares, one for all or smooth ones.
+        with the distance alone, or with the current, all as long; and a channel's shares.
         """
         patterns = self.campaign.patterns.patterns
         finest = int(patterns.degree.max(initial=0))
@@ -122,7 +122,7 @@ class EffectSpace:
                 weighed.append((np.array(alone, dtype=int), np.ones(len(alone))))
         each = self._shares.shape[1] // len(self.campaign.observations.channels)
         for first in range(len(patterns.degree), self.unknown.shape[1], each):
-            weighed += [(first + np.arange(count), np.ones(count)) for count in (1, each)]
+            weighed.append((first + np.arange(each), np.ones(each)))
         return tuple(weighed)
 
     @cached_property

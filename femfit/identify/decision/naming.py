@@ -9,7 +9,7 @@ from femfit.core.ties import ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.constants import LEVEL, LEVEL_AFTER, ROUNDING
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING
+from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
 from femfit.identify.decision.diagnosis import Verdict
 from femfit.identify.decision.search import Explanation, Posterior, explain
 
@@ -60,6 +60,8 @@ def decide(campaign: Campaign) -> Decision:
     known = campaign.known_misfit
     times = float(np.sqrt(campaign.misfit_as_recorded / known)) if known > 0.0 else np.inf
     own = verdict == "nothing_missing" and _beyond_noise(campaign)
+    if verdict == "unexplained" and _as_its_own(campaign):
+        verdict, own = "nothing_missing", True
     if not _KINDS[verdict][0]:
         return Decision(verdict, probability, test, own, times, posterior)
     order = {name: k for k, name in enumerate(posterior.space.variants)}
@@ -93,6 +95,17 @@ def _exchanged(name: str, chosen: frozenset[str], near: list[frozenset[str]]) ->
     """What may stand for one of the named effects, the others the same; the most probable first."""
     rest = chosen - {name}
     return [next(iter(s - rest)) for s in near if s != chosen and len(s) == len(chosen) and rest <= s]
+
+
+def _as_its_own(campaign: Campaign) -> bool:
+    """Whether each channel is missed by no more than twice what the model misses its own table by, noise taken off."""
+    observations, sigma = campaign.observations, campaign.noise.sigma
+    for c in range(len(sigma)):
+        here = observations.channel == c
+        beyond = float(np.mean(observations.residual[here] ** 2)) - sigma[c] ** 2
+        if beyond > OWN_MISFIT**2 * float(np.mean(observations.tolerance[here] ** 2)) + LEVEL * sigma[c] ** 2:
+            return False
+    return True
 
 
 def _beyond_noise(campaign: Campaign) -> bool:
