@@ -1,11 +1,14 @@
 """``femfit add``: refit a model with an effect, judged on runs left out."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+
+if TYPE_CHECKING:
+    from femfit.tables.measurement import Measurement
 
 
 def add(
@@ -16,6 +19,8 @@ def add(
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     others: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
     base: Literal["auto", "always", "never"] = "auto",
+    from_run: int | None = None,
+    until_run: int | None = None,
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
     magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
     report: Path | None = None,
@@ -41,6 +46,10 @@ def add(
     base : str
         Whether the base's own amplitudes (magnet strength, turns, resistance, known to 2 %) are fitted beside the
         effect: where that helps on runs left out, always or never.
+    from_run : int
+        Run in which the effect begins, counted from 1, as femfit diagnose gives it; default: the first.
+    until_run : int
+        Run after which it ends; default: the last. The new model is that of the last run.
     coil_temperature_C : float
         Of the winding, at which the new model runs; default: the mean that was recorded.
     magnet_temperature_C : float
@@ -68,6 +77,7 @@ def add(
             measured,
             (effect, *others),
             base=base,
+            runs=_runs(effect, measured, from_run, until_run),
             coil_temperature_C=coil_temperature_C,
             magnet_temperature_C=magnet_temperature_C,
             progress=say,
@@ -96,3 +106,13 @@ def add(
         with status("Writing the report"):
             write_page(render_added(result, hashes((model, data))), report)
         print(f"written: {report}")
+
+
+def _runs(
+    effect: str, measured: "Measurement", first: int | None, last: int | None
+) -> dict[str, tuple[int, int]] | None:
+    """The runs in which an effect acts, where they were given."""
+    if first is None and last is None:
+        return None
+    count = len(set(measured.rows["run"])) if "run" in measured.rows else 1
+    return {effect: (first or 1, last or count)}

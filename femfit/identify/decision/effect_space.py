@@ -121,9 +121,8 @@ class EffectSpace:
                 alone = [k for k, a in enumerate(patterns.along) if a <= {name} and patterns.channel[k] == c]
                 weighed.append((np.array(alone, dtype=int), np.ones(len(alone))))
         each = self._shares.shape[1] // len(self.campaign.observations.channels)
-        for first in range(len(patterns.degree), self.unknown.shape[1], each):
-            weighed.append((first + np.arange(each), np.ones(each)))
-        return tuple(weighed)
+        firsts = range(len(patterns.degree), self.unknown.shape[1], each)
+        return (*weighed, *((first + np.arange(each), np.ones(each)) for first in firsts))
 
     @cached_property
     def _modulations(self) -> FloatArray:

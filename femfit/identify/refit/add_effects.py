@@ -31,7 +31,7 @@ from femfit.identify.refit.checked_refit import Base, CheckedRefit, better_alone
 from femfit.identify.refit.filter_fall import filter_fall
 from femfit.identify.refit.refit import refit
 from femfit.identify.refit.sizes import effect_sizes, suspicious_values
-from femfit.identify.refit.start import starting_point
+from femfit.identify.refit.start import Start, starting_point
 from femfit.identify.refit.unseen import channel_rms
 from femfit.identify.remainder.add import add_remainder, without_remainder
 from femfit.identify.remainder.parts import NAME as UNEXPLAINED
@@ -49,6 +49,7 @@ def add_effects(
     effects: str | Sequence[str] | Diagnosis,
     *,
     base: Base = "auto",
+    runs: Mapping[str, tuple[int, int]] | None = None,
     coil_temperature_C: float | None = None,
     magnet_temperature_C: float | None = None,
     progress: Callable[[str], None] | None = None,
@@ -67,6 +68,9 @@ def add_effects(
     base : {"auto", "always", "never"}
         Whether tolerances of the drawing are fitted beside the effects; ``auto`` where that helps on runs left out and
         makes no channel worse.
+    runs : mapping of str to (int, int), optional
+        Per effect that began or ended within the campaign, the first and the last run in which it acts, counted from
+        1; by default as the diagnosis has it. The new model is that of the last run.
     coil_temperature_C, magnet_temperature_C : float or None
         At which the new model runs; None for the mean of what was recorded, or the model's own.
 
@@ -94,11 +98,13 @@ def add_effects(
     temperatures = {"coil_temperature_C": coil_temperature_C, "magnet_temperature_C": magnet_temperature_C}
     _check_temperatures(temperatures)
     model, measured, names = model_of(model), measurement_of(data), _names(effects)
+    if runs is None and isinstance(effects, Diagnosis):
+        runs = {one.name: one.runs for one in effects.missing if one.runs}
     if UNEXPLAINED in names:
         others = [name for name in names if name != UNEXPLAINED]
 
         def named(one: ActuatorModel) -> AddResult:
-            return add_effects(one, measured, others, base=base, progress=progress, **temperatures)
+            return add_effects(one, measured, others, base=base, runs=runs, progress=progress, **temperatures)
 
         return _with_remainder(without_remainder(model), measured, named if others else None, others, say)
     kept, given, new = _split(model, names, measured)
@@ -108,7 +114,7 @@ def add_effects(
         if reason := why_untestable(effect, observations):
             raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     say("Fitting the effects")
-    start = starting_point(observations, whitening, wanted)
+    start = _in_their_runs(starting_point(observations, whitening, wanted), whitening, runs or {})
     partial = [refit(observations, whitening, start[:k]).effects for k in range(len(given) + 1, len(start))]
     alone = checked_refit(whitening, start)
     say("Fitting the tolerances of the drawing beside them")
@@ -116,7 +122,9 @@ def add_effects(
     beside = len(fitted.fit.effects) - len(start)
     stages = [(effect.name, one) for effect, one in zip(new, [*partial, alone.fit.effects], strict=False)]
     stages += [("tolerances" if beside else "refit", fitted.fit.effects)] if beside or not new else []
-    after = with_effects(_at_temperature(model, observations, temperatures), (*kept, *fitted.fit.effects))
+    last = observations.runs - 1
+    stay = tuple(replace(one, runs=None) for one in fitted.fit.effects if one.runs is None or one.runs[1] == last)
+    after = with_effects(_at_temperature(model, observations, temperatures), (*kept, *stay))
     result = _result(
         after,
         kept,
@@ -208,6 +216,24 @@ def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
             "No effect is given, so there is nothing to add. Give names that list_effects has, or a diagnosis."
         )
     return names
+
+
+def _in_their_runs(starts: Sequence[Start], whitening: Whitening, runs: Mapping[str, tuple[int, int]]) -> list[Start]:
+    """Effects with those that began or ended within the campaign in their runs alone, counted from 1."""
+    observations = whitening.observations
+    result = []
+    for one in starts:
+        first, last = runs.get(one.name, (1, observations.runs))
+        if not 1 <= first <= last <= observations.runs:
+            raise UsageError(
+                f"{one.name} must act from a run to a later one of 1 to {observations.runs}; instead received "
+                f"{first} to {last}."
+            )
+        if (first, last) != (1, observations.runs):
+            columns = one.columns.in_runs((first - 1, last - 1), observations.column("run").astype(int))
+            one = replace(one, columns=columns, whitened=whitening.full(columns.columns))  # noqa: PLW2901
+        result.append(one)
+    return result
 
 
 def _split(
