@@ -47,7 +47,9 @@ def law_model(levitation_model):
     error = columns @ [a, m] - force
     rms = float(np.sqrt(np.mean(error**2)))
     law = LawMagnetics("F1e", (Coefficient("d^-4", 0, a, "N m^4"), Coefficient("d^-2", 1, m, "N m^2 / A")), {}, 0.016)
-    misfit = Misfit(rms, float(np.abs(error).max()), 0.1, None, None, None, len(d), "sweep")
+    flux = levitation_model.magnetics.flux_linkage(d, i) - law.flux_linkage(d, i)
+    flux_rms = float(np.sqrt(np.mean(flux**2)))
+    misfit = Misfit(rms, float(np.abs(error).max()), 0.1, None, flux_rms, None, len(d), "sweep")
     return replace(levitation_model, magnetics=law, misfit=misfit, validity=box), rms
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from femfit.core.ties import ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
-from femfit.identify.constants import LEVEL, LEVEL_AFTER, ROUNDING
+from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
 from femfit.identify.decision.diagnosis import Verdict
@@ -59,23 +59,18 @@ def decide(campaign: Campaign) -> Decision:
     test = campaign.patterns.test(campaign.whitened_residual)
     known = campaign.known_misfit
     times = float(np.sqrt(campaign.misfit_as_recorded / known)) if known > 0.0 else np.inf
+    chosen, after, near = None, None, list[frozenset[str]]()
+    if _KINDS[verdict][0]:
+        near = _near(posterior, unknown)
+        chosen = posterior.explanations[near[0]]
+        if chosen.fit is not None:
+            after = campaign.patterns.test(chosen.fit.whitened_residual, chosen.fit.jacobian[:, ~chosen.fit.active])
+            verdict = "form_insufficient" if after.p_value <= LEVEL_AFTER else verdict
+    if verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign):
+        return Decision("nothing_missing", probability, test, True, times, posterior)
     own = verdict == "nothing_missing" and _beyond_noise(campaign)
-    if verdict == "unexplained" and _as_its_own(campaign):
-        verdict, own = "nothing_missing", True
-    if not _KINDS[verdict][0]:
+    if chosen is None:
         return Decision(verdict, probability, test, own, times, posterior)
-    order = {name: k for k, name in enumerate(posterior.space.variants)}
-    sets = [names for names, beside in posterior.probability if names and beside == unknown]
-    sets.sort(key=lambda names: sorted(order[name] for name in names))
-    sets = ranked(sets, lambda names: float(np.log(posterior.probability[names, unknown] + 1e-300)), ROUNDING)
-    least = IN_CLASS * posterior.probability[sets[0], unknown]
-    near = [names for names in sets if posterior.probability[names, unknown] >= least]
-    chosen = posterior.explanations[sets[0]]
-    after = None
-    if chosen.fit is not None:
-        after = campaign.patterns.test(chosen.fit.whitened_residual, chosen.fit.jacobian[:, ~chosen.fit.active])
-        if after.p_value <= LEVEL_AFTER:
-            verdict = "form_insufficient"
     return Decision(
         verdict,
         probability,
@@ -83,27 +78,39 @@ def decide(campaign: Campaign) -> Decision:
         own,
         times,
         posterior,
-        posterior.probability[sets[0], unknown],
+        posterior.probability[near[0], unknown],
         after,
         chosen,
-        tuple((name, *_exchanged(name, sets[0], near)) for name in chosen.names),
+        tuple((name, *_exchanged(name, near)) for name in chosen.names),
         tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
     )
 
 
-def _exchanged(name: str, chosen: frozenset[str], near: list[frozenset[str]]) -> list[str]:
+def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
+    """The sets of effects that a class may hold, the most probable first; of equal ones the commonest first."""
+    order = {name: k for k, name in enumerate(posterior.space.variants)}
+    sets = [names for names, beside in posterior.probability if names and beside == unknown]
+    sets.sort(key=lambda names: sorted(order[name] for name in names))
+    sets = ranked(sets, lambda names: float(np.log(posterior.probability[names, unknown] + 1e-300)), ROUNDING)
+    least = IN_CLASS * posterior.probability[sets[0], unknown]
+    return [names for names in sets if posterior.probability[names, unknown] >= least]
+
+
+def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
     """What may stand for one of the named effects, the others the same; the most probable first."""
-    rest = chosen - {name}
-    return [next(iter(s - rest)) for s in near if s != chosen and len(s) == len(chosen) and rest <= s]
+    rest = near[0] - {name}
+    return [next(iter(s - rest)) for s in near[1:] if len(s) == len(near[0]) and rest <= s]
 
 
 def _as_its_own(campaign: Campaign) -> bool:
     """Whether each channel is missed by no more than twice what the model misses its own table by, noise taken off."""
-    observations, sigma = campaign.observations, campaign.noise.sigma
-    for c in range(len(sigma)):
+    observations, noise = campaign.observations, campaign.noise
+    for c, sigma in enumerate(noise.sigma):
         here = observations.channel == c
-        beyond = float(np.mean(observations.residual[here] ** 2)) - sigma[c] ** 2
-        if beyond > OWN_MISFIT**2 * float(np.mean(observations.tolerance[here] ** 2)) + LEVEL * sigma[c] ** 2:
+        scatter = sigma**2 * (1.0 + BEYOND_NOISE * np.sqrt(2.0 / np.count_nonzero(here)))
+        put_back = np.mean((observations.distance_slope[here] * noise.mount_m) ** 2)
+        own = OWN_MISFIT**2 * np.mean(observations.tolerance[here] ** 2)
+        if np.mean(observations.residual[here] ** 2) > own + scatter + put_back:
             return False
     return True
 
