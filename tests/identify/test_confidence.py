@@ -55,6 +55,6 @@ def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
 def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitation_model):
     table = campaign(levitation_model, 3, [hidden("constant_force", pull=0.03)])
     alone = diagnose(levitation_model, table, **QUICK, exclude=("force_offset",))
-    assert alone.missing[0].members == ("constant_force",)
+    assert alone.missing[0].name == "constant_force"
     assert not alone.confident
     assert "a constant error of the force" in certainty_sentence(alone)

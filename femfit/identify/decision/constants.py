@@ -45,10 +45,6 @@ IN_PART = 0.1
 LOOKED_AT = 0.01
 """Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""
 
-BEGUN = 8
-"""Numerical: how many effects that fit best alone are refitted whatever they promise to first order, which a large
-effect's own curvature may spoil."""
-
 PAIRED = 12
 """Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
 

@@ -10,7 +10,7 @@ from scipy import linalg
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.effects.effect import EffectParameter
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import BEGUN, EXPECTED_EFFECTS, IN_PART, LOOKED_AT, PAIRED, SIZES, UNKNOWN_CAUSE
+from femfit.identify.decision.constants import EXPECTED_EFFECTS, IN_PART, LOOKED_AT, PAIRED, SIZES, UNKNOWN_CAUSE
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import (
     Linear,
@@ -66,18 +66,17 @@ def explain(campaign: Campaign) -> Posterior:
     alone = dict(_with_one_more(space, nothing))
     for one in (*alone.values(), *_pairs(space, start, alone)):
         _propose(found, one)
-    first = sorted(alone.values(), key=lambda one: one.log_evidence)[-BEGUN:]
+    # A large effect's own curvature may spoil what it promises to first order
+    likeliest = max(alone.values(), key=lambda one: one.log_evidence, default=nothing)
     while True:
         logs = _log_posterior(found, len(space.variants))
         total = np.logaddexp.reduce(list(logs.values()))
         waiting = [key for key, one in found.items() if one.linear is None]
         best = max(waiting, key=lambda names: logs[names, False], default=None)
         if best is None or logs[best, False] - total < np.log(LOOKED_AT):
-            if not first or logs[frozenset(), False] - total > np.log(LOOKED_AT):
+            best = frozenset(likeliest.names)
+            if found[best].linear is not None or logs[frozenset(), False] - total > np.log(LOOKED_AT):
                 break
-            best = frozenset(first.pop().names)
-            if found[best].linear is not None:
-                continue
         found[best] = _refitted(space, found[best])
         if found[best].fit is not None:
             for one in dict(_with_one_more(space, found[best])).values():
