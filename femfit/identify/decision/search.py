@@ -218,8 +218,6 @@ def _refitted(space: EffectSpace, one: Explanation) -> Explanation:
         np.arange(slopes.shape[1], columns.shape[1]),
         log_density(len(slopes), float(np.sum(campaign.noise.degrees_of_freedom))),
     )
-    # Both are approximations from below where the form is right: about the fit, and on the grid of first order
-    linear = replace(linear, log_evidence=max(linear.log_evidence, one.log_evidence))
     return replace(
         one, log_evidence=linear.log_evidence, fit=fit, linear=linear, with_unknown=with_unknown_cause(space, linear)
     )
