@@ -57,4 +57,4 @@ def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitat
     alone = diagnose(levitation_model, table, **QUICK, exclude=("force_offset",))
     assert alone.missing[0].name == "constant_force"
     assert not alone.confident
-    assert "a constant error of the force" in certainty_sentence(alone)
+    assert "a constant error of the force" in alone.look_alikes
