@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
-    "What is missing": PACKAGE / "identify" / "constants.py",
+    "What is missing": PACKAGE / "identify" / "decision" / "constants.py",
+    "The noise, the fit of effects and where a model fails": PACKAGE / "identify" / "constants.py",
     "What is left unexplained": PACKAGE / "identify" / "remainder" / "constants.py",
     "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
     "Rests, held bodies and what the driver gave": PACKAGE / "records" / "constants.py",

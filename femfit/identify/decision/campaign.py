@@ -12,7 +12,6 @@ from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
 from femfit.identify.comparison.patterns import own_misfit_columns
-from femfit.identify.constants import LEAST_REPEATS_AGAINST_DECLARED
 from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.observations import Observations
@@ -184,7 +183,7 @@ def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Findi
             text = (
                 f"The noise of {name} was taken as {sigma} from "
                 f"{counted(round(noise.repeats[c]), 'repeat')}, not as the declared "
-                f"{said}: at least {LEAST_REPEATS_AGAINST_DECLARED} repeats say it to 10 %, of this bench."
+                f"{said}, which they contradict."
             )
             findings.append(Finding("declared-noise", "info", text, column=name))
     return findings

@@ -24,7 +24,7 @@ FORM_DIRECTIONS = 14
 """Numerical, for the time that it takes: directions of a form's error that are kept, the largest."""
 
 SIZES = 9
-"""Numerical: sizes of an effect that are tried, in equal steps of their logarithm, from where it would just be seen (a
+"""Numerical: how many sizes of an effect that are tried, in equal steps of their logarithm, from where it would just be seen (a
 length of one standard deviation) to half of its plausible range."""
 
 UNKNOWN_SIZES = (3.0, 10.0, 30.0, 100.0, 300.0)
@@ -42,7 +42,7 @@ SHARE_DEGREE = 2
 IN_PART = 0.1
 """Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
 
-LOOKED_AT = 0.01
+LOOKED_AT = 0.002
 """Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""
 
 PAIRED = 12

@@ -1,19 +1,18 @@
 """A diagnosis in plain sentences: the verdict, its size, how certain it is, where it shows, and what it rests on."""
 
-import math
 from typing import TYPE_CHECKING
 
 from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
-from femfit.identify.constants import BEYOND_NOISE, LEVEL_AFTER, WITHIN_NOISE
+from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.own_misfit import finer_model, own_misfit, own_misfit_sentence
+from femfit.identify.noise.within import beyond_noise, in_words
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.signatures.columns import CHANGES_NOTHING
 from femfit.tables.measurement import CHANNEL_WORDS
 
 if TYPE_CHECKING:
-    from femfit.identify.comparison.fall import ChannelFall
     from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 
 _SHOWN, _ALIKE = 8, 4
@@ -51,8 +50,12 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     names = " and ".join(one.name for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
-    beyond = _beyond_noise(diagnosis)
-    left = _left(diagnosis, beyond)
+    rms, most = (
+        {one.channel: one.rms_after for one in diagnosis.error_fall.channels},
+        own_misfit(diagnosis.observations),
+    )
+    beyond = beyond_noise(diagnosis.observations, diagnosis.campaign.noise, rms) if diagnosis.campaign else {}
+    left = in_words({name: times for name, times in beyond.items() if rms[name] > most[name]}, rms)
     if diagnosis.own_misfit:
         own = own_misfit_sentence(diagnosis.observations, diagnosis.times_own, tuple(left))
         return f"{_VERDICTS['nothing_named'].format(left=' and '.join(left.values()))} {own}".strip() if left else own
@@ -74,28 +77,6 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
         own=own,
         left=" and ".join(left.values()),
     )
-
-
-def _beyond_noise(diagnosis: "Diagnosis") -> list["ChannelFall"]:
-    """Channels whose error is more than their noise and, where bodies are put back, no mounting either."""
-    falls = [] if _scatter(diagnosis) else diagnosis.error_fall.channels
-    ratios = [one.after_over_noise or 0.0 for one in falls]
-    return [
-        one
-        for one, ratio in zip(falls, ratios, strict=True)
-        if ratio > WITHIN_NOISE and beyond_noise(ratio, one.readings)
-    ]
-
-
-def _left(diagnosis: "Diagnosis", beyond: "list[ChannelFall]") -> dict[str, str]:
-    """Of such channels, those that the model's own misfit to its table does not make, in words."""
-    own = own_misfit(diagnosis.observations)
-    return {
-        one.channel: f"the {CHANNEL_WORDS[one.channel]} by {amount(one.rms_after, one.channel, 3)} rms, "
-        f"{one.after_over_noise:.3g} times the noise of one reading"
-        for one in beyond
-        if one.rms_after > own[one.channel]
-    }
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
@@ -125,15 +106,10 @@ def _any_of(names: "list[str] | tuple[str, ...]") -> str:
 def _scatter(diagnosis: "Diagnosis") -> str:
     """The freedom of mounts that a passing model uses, where it misses by clearly more than the noise."""
     noise = diagnosis.campaign.noise if diagnosis.campaign else None
-    beyond = [beyond_noise(one.after_over_noise or 0.0, one.readings) for one in diagnosis.error_fall.channels]
+    beyond = [(one.after_over_noise or 0.0) > WITHIN_NOISE for one in diagnosis.error_fall.channels]
     if noise is None or noise.mount_m <= 0.0 or not any(beyond):
         return ""
     return f" and {mount_words(noise.test_mount_m, noise.mount_assumed, diagnosis.observations.given)}"
-
-
-def beyond_noise(ratio: float, readings: int) -> bool:
-    """Whether an error over the noise is more than noise makes it: by three standard deviations of 1 / sqrt(2 n)."""
-    return ratio > 1.0 + BEYOND_NOISE / math.sqrt(2.0 * readings)
 
 
 def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
