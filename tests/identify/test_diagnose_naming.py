@@ -187,7 +187,8 @@ def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(solenoi
     known = replace(solenoid, misfit=Misfit(rms, 3.0 * rms, 0.01, None, None, None, 99, "sweep"))
     found = diagnose(known, table, **QUICK)
     assert (found.verdict, found.missing[0].members[0]) == ("named", "distance_offset")
-    assert found.missing[0].parameters["offset_m"] == pytest.approx(150e-6, rel=0.05)
+    # The model's own misfit is steepest where the force is, and takes its part of the gap
+    assert found.missing[0].parameters["offset_m"] == pytest.approx(150e-6, rel=0.1)
     exact = replace(solenoid, misfit=Misfit(0.0, 0.0, 0.0, None, None, None, 99, "sweep"))
     assert diagnose(exact, table, **QUICK).verdict != "named"  # this model would have no such misfit
 

@@ -24,8 +24,8 @@ FORM_DIRECTIONS = 14
 """Numerical, for the time that it takes: directions of a form's error that are kept, the largest."""
 
 SIZES = 9
-"""Numerical: how many sizes of an effect that are tried, in equal steps of their logarithm, from where it would just be seen (a
-length of one standard deviation) to half of its plausible range."""
+"""Numerical: how many sizes of an effect are tried, in equal steps of their logarithm, from where it would just be seen
+(a length of one standard deviation) to half of its plausible range."""
 
 UNKNOWN_SIZES = (3.0, 10.0, 30.0, 100.0, 300.0)
 """Assumed: lengths of an unknown misfit's patterns, in standard deviations, equally likely."""
@@ -41,6 +41,9 @@ SHARE_DEGREE = 2
 
 IN_PART = 0.1
 """Assumed: prior probability that an effect begins or ends between two runs, each as likely as any other."""
+
+SETTLED = 1e-3
+"""Numerical: gain of the log evidence from which sizes are tried once more."""
 
 LOOKED_AT = 0.002
 """Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import linalg
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.identify.decision.constants import FORM_SPREAD, SIZES, UNKNOWN_SIZES
+from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
 from femfit.identify.decision.effect_space import EffectSpace
 
 LogDensity = Callable[[FloatArray | float, FloatArray | float], FloatArray]
@@ -145,7 +145,7 @@ def of_sizes(
         best, before = -np.inf, -np.inf
         for family in families:
             scale[family] = sizes[0][-2]
-        while best - before > _SETTLED or not np.isfinite(best):
+        while best - before > SETTLED or not np.isfinite(best):
             before = best
             for family, values in zip(families, sizes, strict=True):
                 logs = tried(scale, family, values)
@@ -157,6 +157,3 @@ def of_sizes(
         scales.append(scale)
     scale = scales[int(np.argmax(averaged))]
     return Linear(target, columns * scale, density, mean_of_logs(averaged))
-
-
-_SETTLED = 1e-3

@@ -10,7 +10,15 @@ from scipy import linalg
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.effects.effect import EffectParameter
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import EXPECTED_EFFECTS, IN_PART, LOOKED_AT, PAIRED, SIZES, UNKNOWN_CAUSE
+from femfit.identify.decision.constants import (
+    EXPECTED_EFFECTS,
+    FORM_SPREAD,
+    IN_PART,
+    LOOKED_AT,
+    PAIRED,
+    SIZES,
+    UNKNOWN_CAUSE,
+)
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import (
     Linear,
@@ -115,9 +123,12 @@ def _with_one_more(space: EffectSpace, base: Explanation) -> Iterator[tuple[str,
         for k in variants:
             at = space.places[k]
             gram = space.blocks[k].T @ space.blocks[k] - beside[:, at].T @ beside[:, at]
-            log, start = _one_more(linear, space.campaign.effects[k], gram, along[at])
-            logs.append(log)
-            starts.append(start)
+            one = space.campaign.effects[k]
+            exact = _one_more(linear, one, gram[: one.count, : one.count], along[at][: one.count])
+            formed = _one_more(linear, one, gram, along[at])
+            share = np.log(1.0 / len(FORM_SPREAD))  # of forms that are all but exact, the first of the spreads
+            logs.append(float(np.logaddexp(exact[0] + share, formed[0] + np.log1p(-np.exp(share)))))
+            starts.append(max(exact, formed, key=lambda pair: pair[0])[1])
         log, start = mean_of_logs(logs), starts[int(np.argmax(logs))]
         if name in space.run_by_run:
             part, in_part = _in_some_runs(space, linear, name)
