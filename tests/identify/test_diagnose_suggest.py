@@ -172,7 +172,7 @@ def test_what_a_diagnosis_calls_not_certain_advice_does_not_call_settled(levitat
     table = campaign(levitation_model, 3, effects)
     found = diagnose(levitation_model, table, bootstrap=0, exclude=exclude)
     (name,) = hidden
-    assert (found.verdict, found.missing[0].members) == ("named", (name,))
+    assert (found.verdict, found.missing[0].name) == ("named", name)
     certainty, said = certainty_sentence(found), str(suggest(levitation_model, table, found))
     assert certainty.startswith("Not certain")
     assert certainty in said

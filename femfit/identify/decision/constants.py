@@ -14,8 +14,8 @@ FORM = {"magnetics": 0.1}
 FORM_ELSEWHERE = 0.02
 """Assumed: standard error of an effect's form, as a part of its size: a magnetic one is known to a tenth."""
 
-FORM_SPREAD = (0.03, 0.3, 1.0, 3.0)
-"""Assumed: factors on it, equally likely."""
+FORM_SPREAD = (0.0, 0.3, 1.0, 3.0)
+"""Assumed: factors on it, equally likely; the first is an exact form."""
 
 FORM_DEGREE = 3
 """Assumed: degree in distance and current of a form's error."""

@@ -126,7 +126,7 @@ def _with_one_more(space: EffectSpace, base: Explanation) -> Iterator[tuple[str,
             one = space.campaign.effects[k]
             exact = _one_more(linear, one, gram[: one.count, : one.count], along[at][: one.count])
             formed = _one_more(linear, one, gram, along[at])
-            share = np.log(1.0 / len(FORM_SPREAD))  # of forms that are all but exact, the first of the spreads
+            share = np.log(1.0 / len(FORM_SPREAD))  # of exact forms, the first of the spreads
             logs.append(float(np.logaddexp(exact[0] + share, formed[0] + np.log1p(-np.exp(share)))))
             starts.append(max(exact, formed, key=lambda pair: pair[0])[1])
         log, start = mean_of_logs(logs), starts[int(np.argmax(logs))]
@@ -144,17 +144,18 @@ def _in_some_runs(space: EffectSpace, linear: Linear, name: str) -> tuple[float,
     beside = linear.beside(parts)
     gram, along = parts.T @ parts - beside.T @ beside, linear.along(parts, beside)
     periods = [*((k, runs - 1) for k in range(1, runs)), *((0, k) for k in range(runs - 1))]
-    logs, starts = [], []
+    logs, starts, summed = [], [], []
     for first, last in periods:
-        acts = np.kron(np.arange(first, last + 1)[:, None] == np.arange(runs), np.eye(one.count)).sum(axis=0) > 0.0
-        sums = np.tile(np.eye(one.count), (runs, 1)) * acts[:, None]
+        acts = (np.arange(runs) >= first) & (np.arange(runs) <= last)
+        sums = np.kron(acts[:, None], np.eye(one.count))
+        summed.append(sums)
         log, start = _one_more(linear, one, sums.T @ gram @ sums, sums.T @ along)
         logs.append(log)
         starts.append(start)
     best = int(np.argmax(logs))
     run = space.campaign.observations.column("run").astype(int)
     columns = starts[best].columns.in_runs(periods[best], run)
-    whitened = space.campaign.whitening.full(columns.columns)
+    whitened = parts @ summed[best] / half_ranges(one)
     return mean_of_logs(logs), replace(starts[best], columns=columns, whitened=whitened)
 
 
