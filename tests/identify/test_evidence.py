@@ -7,7 +7,7 @@ from scipy import stats
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.evidence import Linear, log_density, of_sizes, sizes_of
+from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.refit.add_effects import add_effects
 from support.campaign import campaign
 
@@ -33,14 +33,12 @@ def linear(y, columns, density):
 
 def test_the_evidence_is_the_density_of_the_readings(drawn):
     y, columns, _ = drawn
-    assert linear(y, columns, log_density(READINGS, np.inf)).log_evidence == pytest.approx(
-        normal(y, columns), rel=1e-12
-    )
+    assert linear(y, columns, LogDensity(READINGS, np.inf)).log_evidence == pytest.approx(normal(y, columns), rel=1e-12)
 
 
 def test_further_columns_at_a_fit_change_it_as_all_columns_together_do(drawn):
     y, columns, more = drawn
-    one = linear(y, columns, log_density(READINGS, np.inf))
+    one = linear(y, columns, LogDensity(READINGS, np.inf))
     beside = one.beside(more)
     gram, along = more.T @ more - beside.T @ beside, one.along(more, beside)
     sizes = np.array([0.1, 1.0, 7.0])
@@ -54,7 +52,7 @@ def test_noise_from_few_repeats_gives_students_density(drawn):
     shape = np.eye(READINGS) + columns @ columns.T
     exact = stats.multivariate_t(np.zeros(READINGS), shape, df=few)
     other = stats.multivariate_t(np.zeros(READINGS), np.eye(READINGS), df=few)
-    density = log_density(READINGS, few)
+    density = LogDensity(READINGS, few)
     nothing = linear(y, np.zeros((READINGS, 0)), density)
     assert linear(y, columns, density).log_evidence - nothing.log_evidence == pytest.approx(
         exact.logpdf(y) - other.logpdf(y), rel=1e-10
@@ -63,7 +61,7 @@ def test_noise_from_few_repeats_gives_students_density(drawn):
 
 def test_a_size_is_averaged_over_orders_of_magnitude(drawn):
     y, columns, _ = drawn
-    alone = of_sizes(y, columns[:, :1], [np.array([0])], np.array([], dtype=int), log_density(READINGS, np.inf))
+    alone = of_sizes(y, columns[:, :1], [np.array([0])], np.array([], dtype=int), LogDensity(READINGS, np.inf))
     sizes = sizes_of(float(np.linalg.norm(columns[:, 0])))
     assert sizes[0] * np.linalg.norm(columns[:, 0]) == pytest.approx(1.0)
     logs = [normal(y, size * columns[:, :1]) for size in sizes]

@@ -110,15 +110,16 @@ def test_the_fall_of_the_error_is_said_in_one_way(advised):
 
 @pytest.mark.usefixtures("undrawn")
 def test_nothing_missing_is_said_without_a_ranking_or_a_waterfall(levitation_model):
-    _, _, page = page_of(levitation_model, campaign(levitation_model, 62, **SIZE))
-    assert "Nothing is missing" in page.text
+    diagnosis, _, page = page_of(levitation_model, campaign(levitation_model, 62, **SIZE))
+    assert verdict_sentence(diagnosis) in page.text
+    assert diagnosis.verdict == "nothing_missing"
     assert others(page) == {"settings", "misfit-maps"}
     assert "nine times in ten" in page.text
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_class_of_several_is_said_first_and_what_splits_it_follows(levitation_model):
-    table = campaign(levitation_model, 63, [hidden("distance_offset", offset_m=3e-4)], **SIZE)
+    table = campaign(levitation_model, 63, [hidden("force_offset", offset=0.03)], **SIZE)
     given = tuple(name for name in table.given if name not in CHANNELS or name == "force_N")
     unread = {name: np.nan for name in CHANNELS if name != "force_N"}
     diagnosis, _, page = page_of(levitation_model, replace(table, rows=table.rows.assign(**unread), given=given))
@@ -139,8 +140,8 @@ def test_a_class_of_several_is_said_first_and_what_splits_it_follows(levitation_
 @pytest.mark.usefixtures("undrawn")
 def test_something_unknown_is_called_unknown_and_its_place_is_shown(levitation_model):
     def ripple(readings, rows):
-        wave = 2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
-        return readings | {"force_N": readings["force_N"] + wave}
+        wave = 20e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
+        return readings | {"hall_V": readings["hall_V"] + wave}
 
     diagnosis, _, page = page_of(levitation_model, campaign(levitation_model, 64, change=ripple, **SIZE))
     assert diagnosis.verdict == "unexplained"

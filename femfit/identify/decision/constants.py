@@ -7,6 +7,9 @@ engineer's judgement. *Numerical* bounds rounding or time.
 EXPECTED_EFFECTS = 1.0
 """Assumed: how many of all known effects a bench has on average before it is looked at, each as likely as any other."""
 
+LIKELIEST = 0.1
+"""Assumed: prior probability of an effect that few others are considered beside, at most."""
+
 UNKNOWN_CAUSE = 0.02
 """Assumed: prior probability of a smooth misfit that no known effect makes."""
 

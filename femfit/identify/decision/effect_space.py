@@ -32,6 +32,10 @@ class EffectSpace:
 
     campaign: Campaign
 
+    def __getstate__(self) -> dict[str, object]:
+        """Without the columns, which are worked out again on demand."""
+        return {"campaign": self.campaign}
+
     @cached_property
     def variants(self) -> Mapping[str, tuple[int, ...]]:
         """Per effect, its numbers among the campaign's: one for each combination of nonlinear parameters."""

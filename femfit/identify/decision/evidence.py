@@ -11,8 +11,8 @@ H. Jeffreys, Theory of Probability (Oxford, 1961), section 3.4: unknown variance
 M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -22,16 +22,20 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
 from femfit.identify.decision.effect_space import EffectSpace
 
-LogDensity = Callable[[FloatArray | float, FloatArray | float], FloatArray]
-"""(y' C^-1 y, log det C) -> log p(y), up to what all explanations share."""
 
+@dataclass(frozen=True)
+class LogDensity:
+    """(y' C^-1 y, log det C) -> log p(y), up to what all explanations share."""
 
-def log_density(readings: int, degrees_of_freedom: float) -> LogDensity:
-    """The density of readings whose noise is known from repeats; normal for infinitely many."""
-    if not np.isfinite(degrees_of_freedom):
-        return lambda square, log_det: np.asarray(-0.5 * (square + log_det))
-    half = 0.5 * (degrees_of_freedom + readings)
-    return lambda square, log_det: np.asarray(-half * np.log1p(square / degrees_of_freedom) - 0.5 * log_det)
+    readings: int
+    degrees_of_freedom: float  # Of the noise; infinite where it is declared, and the density normal
+
+    def __call__(self, square: FloatArray | float, log_det: FloatArray | float) -> FloatArray:
+        """Take squares and determinants of one shape."""
+        if not np.isfinite(self.degrees_of_freedom):
+            return np.asarray(-0.5 * (square + log_det))
+        half = 0.5 * (self.degrees_of_freedom + self.readings)
+        return np.asarray(-half * np.log1p(square / self.degrees_of_freedom) - 0.5 * log_det)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +46,10 @@ class Linear:
     columns: FloatArray  # Times their sizes; shape (M, k)
     density: LogDensity
     log_evidence: float  # Averaged over all sizes
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what is worked out again on demand."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def _solved(self) -> tuple[FloatArray, FloatArray, float, float]:
@@ -80,7 +88,7 @@ class Linear:
 def null(space: EffectSpace) -> Linear:
     """The readings without any effect."""
     target = space.campaign.whitened_residual
-    density = log_density(len(target), float(np.sum(space.campaign.noise.degrees_of_freedom)))
+    density = LogDensity(len(target), float(np.sum(space.campaign.noise.degrees_of_freedom)))
     return Linear(target, np.zeros((len(target), 0)), density, float(density(float(target @ target), 0.0)))
 
 

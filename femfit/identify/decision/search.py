@@ -14,6 +14,7 @@ from femfit.identify.decision.constants import (
     EXPECTED_EFFECTS,
     FORM_SPREAD,
     IN_PART,
+    LIKELIEST,
     LOOKED_AT,
     PAIRED,
     SIZES,
@@ -22,7 +23,7 @@ from femfit.identify.decision.constants import (
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import (
     Linear,
-    log_density,
+    LogDensity,
     mean_of_logs,
     null,
     of_sizes,
@@ -100,7 +101,7 @@ def _propose(found: dict[frozenset[str], Explanation], one: Explanation) -> None
 
 
 def _log_posterior(found: Mapping[frozenset[str], Explanation], effects: int) -> dict[Key, float]:
-    there, unknown = min(EXPECTED_EFFECTS / max(effects, 1), 0.5), UNKNOWN_CAUSE
+    there, unknown = min(EXPECTED_EFFECTS / max(effects, 1), LIKELIEST), UNKNOWN_CAUSE
     odds, result = np.log(there) - np.log1p(-there), {}
     for names, one in found.items():
         result[names, False] = one.log_evidence + len(names) * odds + np.log1p(-unknown)
@@ -228,7 +229,7 @@ def _refitted(space: EffectSpace, one: Explanation) -> Explanation:
         columns,
         _families(free),
         np.arange(slopes.shape[1], columns.shape[1]),
-        log_density(len(slopes), float(np.sum(campaign.noise.degrees_of_freedom))),
+        LogDensity(len(slopes), float(np.sum(campaign.noise.degrees_of_freedom))),
     )
     return replace(
         one, log_evidence=linear.log_evidence, fit=fit, linear=linear, with_unknown=with_unknown_cause(space, linear)
