@@ -165,7 +165,10 @@ def test_a_gaussmeter_does_not_separate_a_weak_grade_from_a_magnet_that_lost_as_
 
 @pytest.mark.parametrize(
     ("hidden", "exclude"),
-    [({"force_gain": {"gain_error": 0.05}}, ("hall_offset",)), ({"constant_force": {"pull": 0.03}}, ("force_offset", "spring"))],
+    [
+        ({"force_gain": {"gain_error": 0.05}}, ("hall_offset",)),
+        ({"constant_force": {"pull": 0.03}}, ("force_offset", "spring")),
+    ],
 )
 def test_what_a_diagnosis_calls_not_certain_advice_does_not_call_settled(levitation_model, hidden, exclude):
     effects = [AddedEffect(effect_by_name(name), values) for name, values in hidden.items()]

@@ -43,6 +43,7 @@ class Explanation:
 
     starts: tuple[Start, ...]
     log_evidence: float
+    first_order: float = -np.inf  # What it was before the refit
     fit: Refit | None = None
     linear: Linear | None = None  # Where it was refitted
     with_unknown: float = -np.inf  # Log evidence with an unknown cause beside
@@ -70,7 +71,7 @@ def explain(campaign: Campaign) -> Posterior:
     """Compare sets of effects: the most promising one is refitted, and what goes on from it joins the others."""
     space = EffectSpace(campaign)
     start = null(space)
-    nothing = Explanation((), start.log_evidence, None, start, with_unknown_cause(space, start))
+    nothing = Explanation((), start.log_evidence, np.inf, linear=start, with_unknown=with_unknown_cause(space, start))
     found = {frozenset[str](): nothing}
     alone = dict(_with_one_more(space, nothing))
     for one in (*alone.values(), *_pairs(space, start, alone)):
@@ -83,6 +84,8 @@ def explain(campaign: Campaign) -> Posterior:
         waiting = [key for key, one in found.items() if one.linear is None]
         best = max(waiting, key=lambda names: logs[names, False], default=None)
         if best is None or logs[best, False] - total < np.log(LOOKED_AT):
+            best = _as_promising(found, logs)
+        if best is None:
             best = frozenset(likeliest.names)
             if found[best].linear is not None or logs[frozenset(), False] - total > np.log(LOOKED_AT):
                 break
@@ -91,6 +94,19 @@ def explain(campaign: Campaign) -> Posterior:
             for one in dict(_with_one_more(space, found[best])).values():
                 _propose(found, one)
     return Posterior(space, found, {key: float(np.exp(value - total)) for key, value in logs.items()})
+
+
+def _as_promising(found: Mapping[frozenset[str], Explanation], logs: Mapping[Key, float]) -> frozenset[str] | None:
+    """A set that promised to first order as much as the most probable one did; None where none is left."""
+    top = max((names for names, one in found.items() if one.linear is not None), key=lambda names: logs[names, False])
+    alike = [
+        names
+        for names, one in found.items()
+        if one.linear is None
+        and len(names) == len(top)
+        and one.log_evidence > found[top].first_order + np.log(LOOKED_AT)
+    ]
+    return max(alike, key=lambda names: found[names].log_evidence, default=None)
 
 
 def _propose(found: dict[frozenset[str], Explanation], one: Explanation) -> None:
@@ -232,7 +248,12 @@ def _refitted(space: EffectSpace, one: Explanation) -> Explanation:
         LogDensity(len(slopes), float(np.sum(campaign.noise.degrees_of_freedom))),
     )
     return replace(
-        one, log_evidence=linear.log_evidence, fit=fit, linear=linear, with_unknown=with_unknown_cause(space, linear)
+        one,
+        log_evidence=linear.log_evidence,
+        first_order=one.log_evidence,
+        fit=fit,
+        linear=linear,
+        with_unknown=with_unknown_cause(space, linear),
     )
 
 
