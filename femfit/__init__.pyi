@@ -13,6 +13,8 @@ from femfit.filters.filter import Filter as Filter
 from femfit.filters.kalman_filter import kalman_filter as kalman_filter
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
+from femfit.identify.calibration.calibrate import calibrate as calibrate
+from femfit.identify.calibration.result import CalibrationResult as CalibrationResult
 from femfit.identify.comparison.compare import Comparison as Comparison
 from femfit.identify.comparison.compare import compare as compare
 from femfit.identify.decision.diagnose import diagnose as diagnose
@@ -51,6 +53,7 @@ __all__ = [
     "AddResult",
     "BenchTable",
     "BoundMap",
+    "CalibrationResult",
     "CoilIntegral",
     "Comparison",
     "Diagnosis",
@@ -68,6 +71,7 @@ __all__ = [
     "TimeSeries",
     "add_effects",
     "bound_map",
+    "calibrate",
     "close_loop",
     "compare",
     "diagnose",

@@ -9,6 +9,7 @@ FILES = {
     "What is missing": PACKAGE / "identify" / "decision" / "constants.py",
     "The noise, the fit of effects and where a model fails": PACKAGE / "identify" / "constants.py",
     "What is left unexplained": PACKAGE / "identify" / "remainder" / "constants.py",
+    "The numbers of a drawing": PACKAGE / "identify" / "calibration" / "constants.py",
     "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
     "Rests, held bodies and what the driver gave": PACKAGE / "records" / "constants.py",
     "A record through a filter": PACKAGE / "replay" / "constants.py",

@@ -10,7 +10,7 @@ GROUPS = {
     ),
     "Filters, the loop and the target": "error_bound bound_map sense kalman_filter close_loop simulate export",
     "Why the bench disagrees": (
-        "read_measurement observe compare diagnose suggest add_effects list_effects write_report"
+        "read_measurement observe compare diagnose suggest add_effects calibrate list_effects write_report"
     ),
     "Coil voltages": "integrate_coil",
 }

@@ -36,6 +36,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
         "Name the physical effect that measurements show and the model lacks.",
     ),
     ("add", "femfit.cli.add:add", "Refit a model with an effect, judged on runs that were not fitted."),
+    ("calibrate", "femfit.cli.calibrate:calibrate", "Find a drawing's wrong numbers from measurements; write it anew."),
     ("suggest", "femfit.cli.suggest:suggest", "The next measurement that separates what is still confounded."),
     ("trial", "femfit.cli.trial:trial", "How often the diagnosis is right, on campaigns with a hidden effect."),
     ("integrate", "femfit.cli.integrate:integrate", "Drift-free flux or field from a coil's voltage."),

@@ -61,10 +61,10 @@ _NAMES = 2**16
 """Bytes at the begin, and at the end, of a file in which its columns' names stand."""
 
 _OWN_TEXT = {
-    RESULT: b'"written_by": "femfit',
-    PAGE: b'name="generator" content="femfit"',
-    NOTES: b'notes = "flux linkage integrated from the coil voltage',
-    DRAWING: b"# imported from the femm model",
+    RESULT: (b'"written_by": "femfit',),
+    PAGE: (b'name="generator" content="femfit"',),
+    NOTES: (b'notes = "flux linkage integrated from the coil voltage',),
+    DRAWING: (b"# imported from the femm model", b"# calibrated by femfit from"),
 }
 """What stands in a file of this kind that femfit wrote, in lower case."""
 
@@ -140,7 +140,8 @@ def _is_own(path: Path, kind: str) -> bool:
     """Whether femfit wrote a file; true for kinds that nothing else writes, or that are drawn again at any time."""
     if kind in _OF_COLUMNS:
         return _own_table(path, kind) is not None
-    return kind not in _OWN_TEXT or _OWN_TEXT[kind] in path.read_bytes().lower()
+    text = path.read_bytes().lower() if kind in _OWN_TEXT else b""
+    return kind not in _OWN_TEXT or any(mark in text for mark in _OWN_TEXT[kind])
 
 
 def _own_table(path: Path, kind: str | None) -> str | None:

@@ -42,7 +42,7 @@ def run_sweep(
     workers: int = 2,
     scheduler: str | None = None,
     settings: SolverSettings | None = None,
-    signatures: bool = False,
+    signatures: bool | Sequence[DrawnNumber] = False,
     progress: Progress | None = None,
 ) -> SweepTable:
     """Solve an actuator's sweep, or what a journal says is left of it, and write the table.
@@ -59,9 +59,9 @@ def run_sweep(
         Address of a Dask scheduler, whose workers solve instead.
     settings : SolverSettings, optional
         Order and element sizes; the defaults with the actuator's tolerance otherwise.
-    signatures : bool
+    signatures : bool or sequence of DrawnNumber
         Whether to solve what each number of the drawing changes, too, which takes about as long again at most; the
-        sweep is then given as an actuator file.
+        sweep is then given as an actuator file, or its numbers are.
     progress : callable, optional
         Called with a :class:`SweepProgress` before the start and after each distance.
 
@@ -88,7 +88,7 @@ def run_sweep(
     >>> len(table.rows), set(table.rows["status"])
     (50, {'ok'})
     """
-    numbers = _numbers(sweep) if signatures else ()
+    numbers = _numbers(sweep) if signatures is True else tuple(signatures or ())
     sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
     if not isinstance(sweep, VariantSweep):
         sweep = read_variants(path_of(sweep, "The actuator file of a sweep"))

@@ -108,13 +108,13 @@ def add_effects(
 
         return _with_remainder(without_remainder(model), measured, named if others else None, others, say)
     kept, given, new = _split(model, names, measured)
-    whitening = _whitening(placed(with_effects(model, kept), measured))
+    whitening = whitening_beside(placed(with_effects(model, kept), measured))
     observations, wanted = whitening.observations, [*(added.effect for added in given), *new]
     for effect in wanted:
         if reason := why_untestable(effect, observations):
             raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     say("Fitting the effects")
-    start = _in_their_runs(starting_point(observations, whitening, wanted), whitening, runs or {})
+    start = in_their_runs(starting_point(observations, whitening, wanted), whitening, runs or {})
     partial = [refit(observations, whitening, start[:k]).effects for k in range(len(given) + 1, len(start))]
     alone = checked_refit(whitening, start)
     say("Fitting the tolerances of the drawing beside them")
@@ -152,10 +152,10 @@ def _with_remainder(
 
     def learnt(one: AddResult) -> RemainderResult:
         bare = without_remainder(one.model)
-        return add_remainder(bare, measured, _whitening(placed(bare, measured)), one, others, say)
+        return add_remainder(bare, measured, whitening_beside(placed(bare, measured)), one, others, say)
 
     if named is None:
-        return add_remainder(model, measured, _whitening(placed(model, measured)), progress=say)
+        return add_remainder(model, measured, whitening_beside(placed(model, measured)), progress=say)
     first = learnt(named(model))
     if not first.parts:
         return first
@@ -218,7 +218,7 @@ def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
     return names
 
 
-def _in_their_runs(starts: Sequence[Start], whitening: Whitening, runs: Mapping[str, tuple[int, int]]) -> list[Start]:
+def in_their_runs(starts: Sequence[Start], whitening: Whitening, runs: Mapping[str, tuple[int, int]]) -> list[Start]:
     """Effects with those that began or ended within the campaign in their runs alone, counted from 1."""
     observations = whitening.observations
     result = []
@@ -257,8 +257,8 @@ def _split(
     return kept, given, [effect for effect in wanted if effect.name not in present]
 
 
-def _whitening(observations: Observations) -> Whitening:
-    """The noise of the readings beside the model without what is refitted."""
+def whitening_beside(observations: Observations) -> Whitening:
+    """The noise of readings beside the model without what is refitted; TableError where it is unknown."""
     noise = estimate_noise(observations)
     if noise is None:
         raise TableError(str(NO_NOISE))

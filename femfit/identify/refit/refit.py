@@ -40,14 +40,16 @@ class Refit:
     def covariance(self) -> FloatArray:
         """Covariance of the free parameters, each over its plausible range; zero for those at a bound; shape (p, p).
 
-        What the fit leaves beyond the noise, of the model's own misfit say, counts as noise (Birge, 1932).
+        What the fit leaves beyond the noise, of the model's own misfit say, counts as noise (Birge, 1932); what is
+        known beforehand stays as well known.
         """
         moving = np.flatnonzero(~self.active)
         result = np.zeros((len(self.active), len(self.active)))
         columns = self.jacobian[:, moving]
-        information = columns.T @ columns + np.diag(self.precision[moving])
         freedom = max(len(self.whitened_residual) - len(moving), 1)
-        result[np.ix_(moving, moving)] = max(1.0, self.chi2 / freedom) * np.linalg.pinv(information, hermitian=True)
+        noise = max(1.0, self.chi2 / freedom)
+        information = columns.T @ columns / noise + np.diag(self.precision[moving])
+        result[np.ix_(moving, moving)] = np.linalg.pinv(information, hermitian=True)
         return result
 
     @cached_property
@@ -88,13 +90,14 @@ def refit(
     start: Sequence[Start],
     fixed: Mapping[str, Mapping[str, float]] | None = None,
     prior_sd: Mapping[str, float] | None = None,
+    prior_mean: Mapping[str, float] | None = None,
 ) -> Refit:
     """Fit effects within their bounds, all parameters that these readings see.
 
-    ``prior_sd`` has, per effect, the standard deviation about their nulls that its parameters are known to have
-    beforehand.
+    ``prior_sd`` has, per effect, the standard deviation that its parameters are known to have beforehand, about their
+    nulls or as far from these as ``prior_mean`` says.
     """
-    fixed, prior_sd = fixed or {}, prior_sd or {}
+    fixed, prior_sd, prior_mean = fixed or {}, prior_sd or {}, prior_mean or {}
     initial = [one.columns.parameters(one.amplitude) for one in start]
     free = tuple(
         (k, p)
@@ -109,7 +112,7 @@ def refit(
     width = np.array([p.plausible[1] - p.plausible[0] for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width
-    null = np.array([p.null for _, p in free]) / width
+    expected = np.array([p.null + prior_mean.get(start[k].name, 0.0) for k, p in free]) / width
     root = width / np.array([prior_sd.get(start[k].name, np.inf) for k, _ in free])
     x0 = np.clip(np.array([initial[k][p.name] for k, p in free]) / width, low, high)
 
@@ -125,7 +128,7 @@ def refit(
         return whitening.full(observations.value - observations.predict(effects_at(x)))
 
     def with_prior(x: FloatArray) -> FloatArray:
-        return np.concatenate([residual(x), root * (x - null)])
+        return np.concatenate([residual(x), root * (x - expected)])
 
     inner = np.clip(x0, low + 1e-6, high - 1e-6)
     solution = optimize.least_squares(

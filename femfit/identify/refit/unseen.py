@@ -41,6 +41,7 @@ def unseen_error(
     start: Sequence[Start],
     fixed: Mapping[str, Mapping[str, float]] | None = None,
     prior_sd: Mapping[str, float] | None = None,
+    prior_mean: Mapping[str, float] | None = None,
 ) -> UnseenError:
     """Cross-validate effects over the runs of a campaign."""
     group = left_out_groups(observations)
@@ -55,6 +56,7 @@ def unseen_error(
             start,
             fixed=fixed,
             prior_sd=prior_sd,
+            prior_mean=prior_mean,
         )
         effects[int(one)] = fit.effects
         residual = unseen.value - unseen.predict(fit.effects)

@@ -1,0 +1,28 @@
+"""Constants of the calibration of a drawing."""
+
+MOST_STEPS = 8
+"""Numerical: a drawing whose numbers have not settled after so many sweeps follows no Gauss-Newton step."""
+
+MOST_ROUNDS = 3
+"""Numerical: how often what a calibrated drawing leaves is diagnosed again; each round needs a cause of its own."""
+
+SETTLED = 0.1
+"""Conventional: a step below this part of each number's standard deviation changes no conclusion."""
+
+HALVINGS = 4
+"""Numerical: a step that draws what cannot be built is halved so often."""
+
+OPEN = 0.5
+"""Conventional: a combination of numbers of whose tolerances the data leave more than this is not determined."""
+
+SHOWN = 3
+"""Conventional: more directions that are not determined are counted, not listed."""
+
+ALIKE = 0.9
+"""Conventional: numbers whose errors are correlated more than this are said not to be told apart."""
+
+IN_COMBINATION = 0.1
+"""Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""
+
+UNUSUAL = 3.0
+"""Conventional: a number that is more tolerances than this from its drawn value is to be checked otherwise."""

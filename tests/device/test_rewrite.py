@@ -1,0 +1,98 @@
+"""A drawing written with other numbers: comments and layout stay, and the numbers are those that were asked for."""
+
+import tomllib
+
+import pytest
+
+from femfit.core.errors import OutputError
+from femfit.device.drawn_numbers import numbers_from_toml
+from femfit.device.load import actuator_from_toml
+from femfit.device.rewrite import NewValue, require_same_elsewhere, rewritten
+from support.actuators import GEOMETRY
+from support.small_drawing import SMALL
+
+RIG = (GEOMETRY / "emaws-rig.toml").read_text()
+
+
+def new_value(text, key, value, directory=None):
+    (facts,) = (one.facts for one in numbers_from_toml(text, "text", directory) if one.facts.key == key)
+    return NewValue(facts.key, facts.also, facts.kind, facts.value, value)
+
+
+def changed_lines(before, after):
+    pairs = zip(before.splitlines(), after.splitlines(), strict=True)
+    return [new for old, new in pairs if old != new]
+
+
+def test_only_the_lines_of_changed_numbers_change_and_keep_their_comments():
+    values = [
+        new_value(RIG, "moving.regions.magnet.z_mm[1]", 5.148),
+        new_value(RIG, "materials.ferrite.relative_permeability", 431.2),
+    ]
+    text = rewritten(RIG, values, "rig")
+    assert changed_lines(RIG, text) == ["relative_permeability = 431.2 # Table 1", "z_mm = [0, 5.148]"]
+
+
+def test_a_drawing_with_its_own_values_is_the_same_text():
+    numbers = [one.facts for one in numbers_from_toml(RIG, "rig")]
+    assert rewritten(RIG, [NewValue(n.key, n.also, n.kind, n.value, n.value) for n in numbers], "rig") == RIG
+
+
+def test_a_face_moves_all_that_touches_it():
+    value = new_value(RIG, "electromagnet.regions.upper_flange.z_mm[1]", -19.9)
+    assert value.also
+    tables = tomllib.loads(rewritten(RIG, [value], "rig"))
+    assert tables["electromagnet"]["regions"]["upper_flange"]["z_mm"] == [-25, -19.9]
+    assert tables["electromagnet"]["regions"]["sleeve"]["z_mm"] == [-19.9, -5]
+    assert tables["coil"]["z_mm"] == [-19.9, -5]
+
+
+def test_line_ends_stay():
+    windows = SMALL.replace("\n", "\r\n")
+    text = rewritten(windows, [new_value(windows, "moving.regions.magnet.r_mm[1]", 4.02)], "small")
+    assert text == windows.replace("r_mm = [0, 4]", "r_mm = [0, 4.02]")
+
+
+def test_a_material_of_the_library_gets_a_table_of_its_own():
+    library = SMALL.replace("[materials.hard]\nremanence_T = 1.2\nrelative_permeability = 1.05\n", "")
+    library = library.replace('material = "hard"', 'material = "N42"').replace('"N42"', '"n42"')
+    text = rewritten(library, [new_value(library, "materials.n42.relative_permeability", 1.07)], "small")
+    material = actuator_from_toml(text).moving.regions[0].material
+    assert (material.relative_permeability, material.remanence_T) == (1.07, 1.312)
+
+
+@pytest.mark.parametrize("lists", [True, False])
+def test_a_curve_is_scaled_as_a_whole(lists):
+    curve = "B_T = [0, 1.0, 1.5, 1.8] # own\nH_A_per_m = [0, 200, 2000, 20000]"
+    text = SMALL.replace("relative_permeability = 500", curve).replace(
+        '"materials.iron.relative_permeability" = 50', ""
+    )
+    if not lists:
+        text = text.replace("[materials.iron]\n" + curve + "\n", "").replace(
+            'material = "iron"', 'material = "steel_1010"'
+        )
+    name = "iron" if lists else "steel_1010"
+    before = actuator_from_toml(text).fixed[0].material
+    after = rewritten(text, [new_value(text, f"materials.{name}.H_A_per_m", 1.1)], "small")
+    material = actuator_from_toml(after).fixed[0].material
+    kept = len(material.field_A_per_m)  # one that rises with less than mu_0 is cut there when it is read
+    assert kept > 0.8 * len(before.field_A_per_m)
+    assert material.flux_density_T == before.flux_density_T[:kept]
+    assert material.field_A_per_m == pytest.approx([1.1 * h for h in before.field_A_per_m[:kept]])
+    assert ("# own" in after) == lists
+
+
+def test_a_drawing_that_names_further_files_is_written_beside_them(tmp_path):
+    curve = 'bh_curve = "steel.csv"'
+    text = SMALL.replace("relative_permeability = 500", curve).replace(
+        '"materials.iron.relative_permeability" = 50', ""
+    )
+    (tmp_path / "steel.csv").write_text("B_T,H_A_per_m\n0,0\n1,200\n1.5,2000\n1.8,20000\n")
+    (tmp_path / "small.toml").write_text(text)
+    require_same_elsewhere(tmp_path / "small.toml", tmp_path / "new.toml")
+    with pytest.raises(OutputError, match="beside the old drawing"):
+        require_same_elsewhere(tmp_path / "small.toml", tmp_path / "other" / "new.toml")
+    value = new_value(text, "materials.iron.B_T", 0.98, tmp_path)
+    after = rewritten(text, [value], "small", tmp_path)
+    assert "steel.csv" not in after
+    assert actuator_from_toml(after).fixed[0].material.flux_density_T == pytest.approx([0, 0.98, 1.47, 1.764])
