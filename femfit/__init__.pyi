@@ -1,5 +1,7 @@
 """The names of ``femfit`` for editors and type checkers; ``__init__.py`` loads them when they are used."""
 
+from femfit.audit.tolerance_analysis import ToleranceAnalysis as ToleranceAnalysis
+from femfit.audit.tolerance_analysis import analyse_tolerances as analyse_tolerances
 from femfit.core.errors import FemfitError as FemfitError
 from femfit.device.load import read_actuator as read_actuator
 from femfit.device.parts import Actuator as Actuator

@@ -40,6 +40,7 @@ class NumberFacts:
     value: float  # As the file has it
     unit: str  # As the file has it: mm, T, or empty
     tolerance: float  # Standard deviation, in the unit or as a share
+    effect: str = ""  # Of the catalogue, where that stands for this number in a diagnosis
 
     @property
     def subject(self) -> str:
@@ -84,7 +85,7 @@ def numbers_from_toml(
         *_lengths(data, source, directory),
         *_materials(actuator),
         *_hall_places(data, source, directory),
-        *_turns(actuator),
+        *_turns(data, actuator),
     ]
     return tuple(
         replace(one, facts=replace(one.facts, tolerance=_tolerance(one.facts, given, general))) for one in found
@@ -141,23 +142,25 @@ def _hall_places(data: dict[str, Any], source: str, directory: Path | None) -> I
             return
 
 
-def _turns(actuator: Actuator) -> Iterator[DrawnNumber]:
-    """Of coils that share a circuit: those of a circuit's only coil are the catalogue's."""
+def _turns(data: dict[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]:
     for place, coil in enumerate(actuator.coils):
-        if sum(one.circuit == coil.circuit for one in actuator.coils) > 1:
-            ends = [
-                replace(actuator, coils=_with(actuator.coils, place, replace(coil, turns=coil.turns * (1.0 + change))))
-                for change in (SHARE_STEP, -SHARE_STEP)
-            ]
-            yield _share(joined("coils", coil.name, "turns"), "turns", coil.turns, *ends)
+        ends = [
+            replace(actuator, coils=_with(actuator.coils, place, replace(coil, turns=coil.turns * (1.0 + change))))
+            for change in (SHARE_STEP, -SHARE_STEP)
+        ]
+        alone = sum(one.circuit == coil.circuit for one in actuator.coils) == 1
+        key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
+        yield _share(key, "turns", coil.turns, *ends, effect="turns" if alone else "")
 
 
 def _with(parts: tuple[Any, ...], place: int, part: Any) -> tuple[Any, ...]:
     return (*parts[:place], part, *parts[place + 1 :])
 
 
-def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator) -> DrawnNumber:
-    return DrawnNumber(NumberFacts(key, (), kind, value, "", KINDS[kind].tolerance), SHARE_STEP, larger, smaller)
+def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator, *, effect: str = "") -> DrawnNumber:
+    return DrawnNumber(
+        NumberFacts(key, (), kind, value, "", KINDS[kind].tolerance, effect), SHARE_STEP, larger, smaller
+    )
 
 
 def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
@@ -171,8 +174,10 @@ def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
         elif material.relative_permeability != 1.0:
             kind = "recoil_permeability" if material.remanence_T else "permeability"
             yield _of_material(actuator, name, "relative_permeability", kind, material.relative_permeability)
-        if material.remanence_T and len(magnets) > 1:
-            yield _of_material(actuator, name, "remanence_T", "remanence", abs(material.remanence_T))
+        if material.remanence_T:
+            number = _of_material(actuator, name, "remanence_T", "remanence", abs(material.remanence_T))
+            alone = len(magnets) == 1
+            yield replace(number, facts=replace(number.facts, effect="remanence")) if alone else number
 
 
 def _of_material(actuator: Actuator, name: str, key: str, kind: str, value: float) -> DrawnNumber:

@@ -31,7 +31,7 @@ def drawn_effects(
     if coenergy is None:
         return (), ("The numbers of the drawing are not in the model: the table is too small for a co-energy.",)
     at, slopes = _aligned(signatures, rows)
-    kept = [k for k in range(len(signatures.numbers)) if np.any(slopes[:, :, k])]
+    kept = [k for k, one in enumerate(signatures.numbers) if np.any(slopes[:, :, k]) and not one.effect]
     numbers, slopes = [signatures.numbers[k] for k in kept], slopes[:, :, kept]
     rows = rows.take(at)
     of_fields = 1 if rows.flux_linkage is None else 2

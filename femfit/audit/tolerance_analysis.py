@@ -1,0 +1,188 @@
+"""What a drawing's tolerances make of a series: gradients, scatter, and the share of each number.
+
+References
+----------
+D. H. Evans, Journal of Quality Technology 7 (1975) 1: statistical tolerancing; the scatter of a linear system.
+I. M. Sobol, Mathematics and Computers in Simulation 55 (2001) 271: shares of a variance. Of a linear system with
+independent numbers, the first-order and the total share are both (slope x standard deviation)^2 over their sum.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femfit.core.amount import amount, counted, rounded
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import MissingPartError, UsageError
+from femfit.core.printed import Printed
+from femfit.core.sweep_columns import is_flux
+from femfit.device.drawn_numbers import NumberFacts
+from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOTOR_CONSTANT = "motor_constant_N_per_A"
+"""The force's slope over the current, from the swept currents beside the point."""
+
+
+SHOWN = 1e-3
+"""Conventional: share of the variance from which a number is printed."""
+
+
+@dataclass(frozen=True)
+class NumberShare:
+    """What one number of the drawing contributes."""
+
+    number: NumberFacts
+    gradient: float  # Of the quantity, per unit of the number, or per one whole of a number without a unit
+    scatter: float  # Of the quantity, by one standard deviation of the number
+    share: float  # Of the variance of a series
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ToleranceAnalysis(Printed):
+    """A quantity at one point of the sweep, and how a series of devices scatters about it.
+
+    Parameters
+    ----------
+    quantity : str
+        ``force_N``, a flux linkage, ``hall_T``, or ``motor_constant_N_per_A``.
+    value, scatter : float
+        As drawn, and the standard deviation of a series, to first order and with independent numbers.
+    shares : tuple of NumberShare
+        The largest first.
+    """
+
+    quantity: str
+    distance_m: float
+    currents_A: tuple[float, ...]
+    value: float
+    scatter: float
+    shares: tuple[NumberShare, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        currents = " and ".join(amount(one, "A", 3) for one in self.currents_A)
+        at = f"At {amount(self.distance_m, 'm', 3)}" + (f" and {currents}" if self.currents_A else "")
+        relative = f" ({rounded(100.0 * self.scatter / abs(self.value), 2)} %)" if self.value else ""
+        value, scatter = amount(self.value, self.quantity, 3), amount(self.scatter, self.quantity)
+        lines = [
+            f"{at} the {_words(self.quantity)} is {value}. One standard deviation of a series is {scatter}{relative}.",
+            "Of its variance, per number of the drawing, with the gradient:",
+        ]
+        shown = [one for one in self.shares if one.share >= SHOWN]
+        for one in shown:
+            facts = one.number
+            per = f"{amount(one.gradient, self.quantity)} per {facts.unit or 'one whole'}"
+            lines.append(f"  {rounded(100.0 * one.share, 2)} %  {facts.key} +- {_within(facts)}: {per}")
+        if left := len(self.shares) - len(shown):
+            lines.append(f"  {counted(left, 'further number')}: less than {rounded(100.0 * SHOWN, 1)} % each")
+        return "\n".join(lines)
+
+
+def analyse_tolerances(
+    sweep: SweepTable | str | Path,
+    *,
+    distance_m: float,
+    currents_A: Sequence[float] = (),
+    quantity: str = "force_N",
+) -> ToleranceAnalysis:
+    """Say what the tolerances of a drawing make of a series of devices, at the swept point next to the one given.
+
+    Parameters
+    ----------
+    sweep : SweepTable or path
+        Solved with signatures.
+    distance_m : float
+    currents_A : sequence of float
+        One a circuit, in the table's order.
+    quantity : str
+        A column with a slope, or ``motor_constant_N_per_A``: the force's slope over the first circuit's current.
+
+    Raises
+    ------
+    MissingPartError
+        If the sweep has no signatures.
+    UsageError
+        If the point lies outside of the sweep, or there is no such quantity.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> table = ff.run_sweep("rig.toml", "runs/rig", signatures=True)  # doctest: +SKIP
+    >>> print(ff.analyse_tolerances(table, distance_m=0.02, currents_A=[0.7]))  # doctest: +SKIP
+    """
+    table = sweep if isinstance(sweep, SweepTable) else read_sweep_table(sweep)
+    if table.signatures is None:
+        raise MissingPartError("The sweep must have signatures. Sweep the drawing again with --signatures.")
+    rows = table.valid_rows()
+    names = current_names(rows)
+    point = _nearest(rows, names, distance_m, currents_A)
+    known = [name for name in table.signatures.rows if name in {"force_N", "hall_T"} or is_flux(str(name))]
+    if quantity not in {*known, MOTOR_CONSTANT}:
+        raise UsageError(f"quantity must be one of {', '.join([*map(str, known), MOTOR_CONSTANT])}; got {quantity!r}.")
+    value = _at(rows, names, point, quantity)
+    gradients = [_at(table.signatures.of(one), names, point, quantity) for one in table.signatures.numbers]
+    scatters = [abs(g) * one.tolerance for g, one in zip(gradients, table.signatures.numbers, strict=True)]
+    variance = float(np.sum(np.square(scatters)))
+    shares = [
+        NumberShare(one, g, s, s**2 / variance if variance else 0.0)
+        for one, g, s in zip(table.signatures.numbers, gradients, scatters, strict=True)
+    ]
+    return ToleranceAnalysis(
+        quantity,
+        float(point[0]),
+        tuple(point[1:].tolist()),
+        value,
+        float(np.sqrt(variance)),
+        tuple(sorted(shares, key=lambda one: -one.share)),
+    )
+
+
+def _nearest(rows: "pd.DataFrame", names: list[str], distance_m: float, currents_A: Sequence[float]) -> FloatArray:
+    """The swept point next to the one given, the distance first."""
+    swept = rows[["distance_m", *names]].to_numpy(dtype=np.float64)
+    varied = [k for k in range(swept.shape[1]) if k == 0 or np.ptp(swept[:, k]) > 0.0]
+    if len(currents_A) not in {len(names), len(varied) - 1}:
+        raise UsageError(f"currents_A must have one number for each of {', '.join(names)}; got {len(currents_A)}.")
+    wanted = swept[0].copy()
+    wanted[varied if len(currents_A) == len(varied) - 1 else slice(None)] = [distance_m, *currents_A]
+    low, high = swept.min(axis=0), swept.max(axis=0)
+    for name, given, least, most in zip(("distance_m", *names), wanted, low, high, strict=True):
+        if not least <= given <= most:
+            limits = f"{amount(least, name, 4)} to {amount(most, name, 4)}"
+            raise UsageError(f"{name} must lie within the sweep, {limits}; got {amount(given, name, 4)}.")
+    away = (swept - wanted) / np.where(high > low, high - low, 1.0)
+    return np.asarray(swept[int(np.argmin(np.sum(away**2, axis=1)))])
+
+
+def _at(rows: "pd.DataFrame", names: list[str], point: FloatArray, quantity: str) -> float:
+    """A column, or the slope of the force, at a swept point."""
+    settings = rows[["distance_m", *names]].to_numpy(dtype=np.float64)
+    if quantity != MOTOR_CONSTANT:
+        return float(rows[quantity].to_numpy()[np.all(settings == point, axis=1)][0])
+    line = np.all(np.delete(settings, 1, axis=1) == np.delete(point, 1), axis=1)
+    current, force = settings[line, 1], rows["force_N"].to_numpy()[line]
+    if len(current) < 2:
+        raise UsageError(f"{MOTOR_CONSTANT} needs two currents or more in the sweep; it has {len(current)}.")
+    order = np.argsort(current)
+    slope = np.gradient(force[order], current[order], edge_order=2 if len(current) > 2 else 1)
+    return float(slope[np.flatnonzero(current[order] == point[1])[0]])
+
+
+def _words(quantity: str) -> str:
+    names = {"hall_T": "field at the Hall element", MOTOR_CONSTANT: "motor constant"}
+    return names.get(quantity) or quantity.rpartition("_")[0].replace("_", " ")
+
+
+def _within(facts: NumberFacts) -> str:
+    if facts.unit:
+        return f"{rounded(facts.tolerance, 2)} {facts.unit}"
+    return f"{rounded(100.0 * facts.tolerance, 2)} %"

@@ -1,0 +1,39 @@
+"""``femfit tolerance``: what a drawing's tolerances make of a series of devices."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def tolerance(
+    sweep: Path,
+    *,
+    distance_mm: float,
+    current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
+    of: str = "force_N",
+    json: Path | None = None,
+) -> None:
+    """How a series of devices scatters by the drawing's tolerances, and which number to hold more tightly.
+
+    Parameters
+    ----------
+    sweep : Path
+        Directory of a sweep with --signatures.
+    distance_mm : float
+        The swept point next to it is taken.
+    current_A : tuple of float
+        One for each circuit whose current was swept.
+    of : str
+        force_N, flux_linkage_Wb, hall_T, or motor_constant_N_per_A (the force's slope over the current).
+    json : Path
+        File for the result as JSON.
+    """
+    from femfit.audit.tolerance_analysis import analyse_tolerances
+    from femfit.cli.output import write_json
+    from femfit.core.outputs import RESULT, require_outputs
+
+    require_outputs([sweep], (json, RESULT))
+    result = analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of)
+    write_json(json, result.to_dict())
+    print(result)
