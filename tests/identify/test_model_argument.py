@@ -24,8 +24,9 @@ def files(levitation_model, tmp_path):
 def test_a_model_may_be_given_by_its_file(levitation_model, files):
     model, bench = files
     assert str(compare(model, bench)) == str(compare(levitation_model, bench))
-    assert diagnose(model, bench, bootstrap=0).verdict == diagnose(levitation_model, bench, bootstrap=0).verdict
-    assert suggest(model, bench).explanations == suggest(levitation_model, bench).explanations
+    found, same = (diagnose(one, bench, bootstrap=0) for one in (model, levitation_model))
+    assert found.verdict == same.verdict
+    assert suggest(model, bench, found).explanations == suggest(levitation_model, bench, same).explanations
 
 
 def test_a_missing_model_file_is_named(files, tmp_path):

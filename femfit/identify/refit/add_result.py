@@ -145,7 +145,7 @@ class AddResult(Printed):
         doubt = " Its size is not certain: see below." if self.suspicious else ""
         if self.better_alone:
             names += f", but a tolerance of the drawing explains more than it by itself ({self.better_alone})"
-        risen = f"the error on runs left out rises: {self._risen()}" if self._risen() else ""
+        risen = f"the error on runs left out rises in {self._risen()}" if self._risen() else ""
         if not self.accepted:
             worse = risen if self.filter is None or self.filter.accepted else "the filter is worse on runs left out"
             return f"Not accepted: with {names} {worse}.\nOn the readings fitted, {rest}"
@@ -157,9 +157,8 @@ class AddResult(Printed):
 
     def _risen(self) -> str:
         """The channels whose error on runs left out is larger than before, in words."""
-        return ", ".join(
-            f"{CHANNEL_WORDS[one.channel]} from {amount(one.rms_before, one.channel, 3)} to "
-            f"{amount(self.left_out[one.channel], one.channel, 3)} rms"
+        return " and ".join(
+            CHANNEL_WORDS[one.channel]
             for one in self.fall.channels
             if self.left_out[one.channel] > HARMS * one.rms_before
         )
