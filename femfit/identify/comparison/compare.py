@@ -19,7 +19,7 @@ from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.diagnosis_text import mount_words
 from femfit.identify.decision.naming import decide
-from femfit.identify.decision.own_misfit import finer_model, own_misfit, own_misfit_sentence
+from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
@@ -170,7 +170,8 @@ class Comparison(Printed):
         why = str(self.findings[-1]) if self.findings else ""
         more = any(one.rms > WITHIN_NOISE * one.noise_floor for one in self.channels if one.noise_floor)
         scatter = f"{'; the test allows for' if left else ' and'} {freedom}" if freedom and more else ""
-        own = self._own_misfit(left, rms)
+        apart = beyond_own_misfit(self.observations, self.beyond_noise, rms)
+        own = own_misfit_sentence(self.observations, self.times_own, apart)
         guessed = any(one.noise_source == "guess" for one in self.channels)
         verdict = _VERDICTS["agrees_beyond" if self.verdict == "agrees" and left else self.verdict].format(
             where=self.where.sentence,
@@ -197,14 +198,6 @@ class Comparison(Printed):
             lines.append(f"Filter {self.filter.sentence} Innovations' mean square (should be 1): {squares or 'none'}.")
         said = self.findings[:-1] if self.verdict == "compare_only" else self.findings
         return "\n".join([*lines, *notes(said)])
-
-    def _own_misfit(self, left: Mapping[str, str], rms: Mapping[str, float]) -> str:
-        """What is granted to the model's own misfit, after what is more than that and noise."""
-        most = own_misfit(self.observations)
-        more = {name: words for name, words in left.items() if rms[name] > most[name]}
-        own = own_misfit_sentence(self.observations, self.times_own, tuple(more))
-        missed = " and ".join(more.values())
-        return f"No effect is named, but the model misses {missed}. {own}".strip() if more else own
 
 
 def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -> Comparison:

@@ -6,8 +6,8 @@ from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
-from femfit.identify.decision.own_misfit import finer_model, own_misfit, own_misfit_sentence
-from femfit.identify.noise.within import beyond_noise, in_words
+from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, own_misfit_sentence
+from femfit.identify.noise.within import beyond_noise
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.signatures.columns import CHANGES_NOTHING
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -50,15 +50,11 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     names = " and ".join(one.name for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
-    rms, most = (
-        {one.channel: one.rms_after for one in diagnosis.error_fall.channels},
-        own_misfit(diagnosis.observations),
-    )
+    rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
     beyond = beyond_noise(diagnosis.observations, diagnosis.campaign.noise, rms) if diagnosis.campaign else {}
-    left = in_words({name: times for name, times in beyond.items() if rms[name] > most[name]}, rms)
+    left = beyond_own_misfit(diagnosis.observations, beyond, rms)
     if diagnosis.own_misfit:
-        own = own_misfit_sentence(diagnosis.observations, diagnosis.times_own, tuple(left))
-        return f"{_VERDICTS['nothing_named'].format(left=' and '.join(left.values()))} {own}".strip() if left else own
+        return own_misfit_sentence(diagnosis.observations, diagnosis.times_own, left)
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
     after = diagnosis.lack_of_fit_after
     own = (

@@ -54,6 +54,11 @@ class EffectSpace:
         return np.concatenate([one.whitened * half_ranges(one), _leading(np.concatenate(errors, axis=1))], axis=1)
 
     @cached_property
+    def grams(self) -> tuple[FloatArray, ...]:
+        """Products of each block's columns, shape (k, k)."""
+        return tuple(np.asarray(block.T @ block) for block in self.blocks)
+
+    @cached_property
     def every_block(self) -> FloatArray:
         """All blocks beside each other, shape (M, sum of k)."""
         return np.concatenate([np.zeros((len(self.campaign.observations.value), 0)), *self.blocks], axis=1)

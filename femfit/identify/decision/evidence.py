@@ -19,6 +19,7 @@ import numpy as np
 from scipy import linalg
 
 from femfit.core.arrays import FloatArray, IntArray
+from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
 from femfit.identify.decision.effect_space import EffectSpace
 
@@ -85,10 +86,14 @@ class Linear:
         return more + self.log_evidence - self.density(square, log_det)
 
 
+def density_of(campaign: Campaign) -> LogDensity:
+    """The density of a campaign's readings."""
+    return LogDensity(len(campaign.observations.value), float(np.sum(campaign.noise.degrees_of_freedom)))
+
+
 def null(space: EffectSpace) -> Linear:
     """The readings without any effect."""
-    target = space.campaign.whitened_residual
-    density = LogDensity(len(target), float(np.sum(space.campaign.noise.degrees_of_freedom)))
+    target, density = space.campaign.whitened_residual, density_of(space.campaign)
     return Linear(target, np.zeros((len(target), 0)), density, float(density(float(target @ target), 0.0)))
 
 

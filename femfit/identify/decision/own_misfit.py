@@ -1,10 +1,13 @@
 """A model's own misfit to the table that it was fitted to: what a verdict grants it, and what would make it smaller."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from femfit.core.amount import amount, rounded
 from femfit.fit.misfit import to_be_added
 from femfit.identify.decision.constants import OWN_MISFIT
+from femfit.identify.noise.within import in_words
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
@@ -19,15 +22,16 @@ _VERDICT = (
 _FINER = "To see smaller errors, make the model's own misfit smaller. "
 
 
-def own_misfit_sentence(observations: Observations, times_own: float, apart: tuple[str, ...] = ()) -> str:
+def own_misfit_sentence(observations: Observations, times_own: float, apart: Mapping[str, str]) -> str:
     """The verdict where a model misses the readings no more than its own table by an assumed factor.
 
     Parameters
     ----------
     times_own : float
         Of :class:`~femfit.identify.decision.naming.Decision`.
-    apart : tuple of str
-        Channels whose error is more than noise and own misfit, which the sentence leaves out.
+    apart : mapping of str to str
+        Channels whose error is more than noise and own misfit, as :func:`beyond_own_misfit` has them: they are said
+        first, and granted nothing.
     """
     both, hidden = [], []
     for name in (one for one in observations.channels if one not in apart):
@@ -38,15 +42,25 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: tup
                 f"the {words} by {amount(read, name)} rms in these readings and {amount(own, name)} in that table"
             )
             hidden.append(f"{amount(OWN_MISFIT * own, name)} rms of the {words}")
+    missed = [f"No effect is named, but the model misses {' and '.join(apart.values())}."] if apart else []
     if not both:
-        return ""
-    return _VERDICT.format(
+        return " ".join(missed)
+    granted = _VERDICT.format(
         nothing="Apart from that, nothing" if apart else "Nothing",
         both=", ".join(both),
         times=rounded(times_own, 2),
         most=f"{OWN_MISFIT:g}",
         hidden=" or ".join(hidden),
     )
+    return " ".join([*missed, granted])
+
+
+def beyond_own_misfit(
+    observations: Observations, beyond: Mapping[str, float], rms: Mapping[str, float]
+) -> dict[str, str]:
+    """Channels beyond the noise whose error the model's own misfit does not make either, in words."""
+    most = own_misfit(observations)
+    return in_words({name: times for name, times in beyond.items() if rms[name] > most[name]}, rms)
 
 
 def own_misfit(observations: Observations) -> dict[str, float]:

@@ -1,6 +1,6 @@
 """Searches the explanations that count: sets of effects, refitted best first, with and without an unknown cause."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -23,7 +23,7 @@ from femfit.identify.decision.constants import (
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import (
     Linear,
-    LogDensity,
+    density_of,
     mean_of_logs,
     null,
     of_sizes,
@@ -73,11 +73,11 @@ def explain(campaign: Campaign) -> Posterior:
     start = null(space)
     nothing = Explanation((), start.log_evidence, np.inf, linear=start, with_unknown=with_unknown_cause(space, start))
     found = {frozenset[str](): nothing}
-    alone = dict(_with_one_more(space, nothing))
-    for one in (*alone.values(), *_pairs(space, start, alone)):
+    alone = _with_one_more(space, nothing)
+    for one in (*alone, *_pairs(space, start, alone)):
         _propose(found, one)
     # A large effect's own curvature may spoil what it promises to first order
-    likeliest = max(alone.values(), key=lambda one: one.log_evidence, default=nothing)
+    likeliest = max(alone, key=lambda one: one.log_evidence, default=nothing)
     while True:
         logs = _log_posterior(found, len(space.variants))
         total = np.logaddexp.reduce(list(logs.values()))
@@ -91,7 +91,7 @@ def explain(campaign: Campaign) -> Posterior:
                 break
         found[best] = _refitted(space, found[best])
         if found[best].fit is not None:
-            for one in dict(_with_one_more(space, found[best])).values():
+            for one in _with_one_more(space, found[best]):
                 _propose(found, one)
     return Posterior(space, found, {key: float(np.exp(value - total)) for key, value in logs.items()})
 
@@ -125,7 +125,7 @@ def _log_posterior(found: Mapping[frozenset[str], Explanation], effects: int) ->
     return result
 
 
-def _with_one_more(space: EffectSpace, base: Explanation) -> Iterator[tuple[str, Explanation]]:
+def _with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
     """Every further effect beside refitted ones, to first order: its log evidence and where its refit begins."""
     linear = base.linear or null(space)
     beside = linear.beside(space.every_block)
@@ -133,13 +133,14 @@ def _with_one_more(space: EffectSpace, base: Explanation) -> Iterator[tuple[str,
     begun = base.starts
     if base.fit is not None:
         begun = tuple(one.continued(added) for one, added in zip(base.starts, base.fit.effects, strict=True))
+    found = []
     for name, variants in space.variants.items():
         if name in base.names:
             continue
         logs, starts = [], []
         for k in variants:
             at = space.places[k]
-            gram = space.blocks[k].T @ space.blocks[k] - beside[:, at].T @ beside[:, at]
+            gram = space.grams[k] - beside[:, at].T @ beside[:, at]
             one = space.campaign.effects[k]
             exact = _one_more(linear, one, gram[: one.count, : one.count], along[at][: one.count])
             formed = _one_more(linear, one, gram, along[at])
@@ -151,7 +152,8 @@ def _with_one_more(space: EffectSpace, base: Explanation) -> Iterator[tuple[str,
             part, in_part = _in_some_runs(space, linear, name)
             start = in_part if part + np.log(IN_PART) > log + np.log1p(-IN_PART) else start
             log = float(np.logaddexp(log + np.log1p(-IN_PART), part + np.log(IN_PART)))
-        yield name, Explanation((*begun, start), log)
+        found.append(Explanation((*begun, start), log))
+    return found
 
 
 def _in_some_runs(space: EffectSpace, linear: Linear, name: str) -> tuple[float, Start]:
@@ -201,9 +203,9 @@ def _one_more(linear: Linear, one: Start, gram: FloatArray, along: FloatArray) -
     return -np.inf, one
 
 
-def _pairs(space: EffectSpace, linear: Linear, alone: Mapping[str, Explanation]) -> list[Explanation]:
+def _pairs(space: EffectSpace, linear: Linear, alone: Sequence[Explanation]) -> list[Explanation]:
     """Pairs of which neither may look like much alone, to first order."""
-    best = sorted((one for one in alone.values() if np.isfinite(one.log_evidence)), key=lambda one: -one.log_evidence)
+    best = sorted((one for one in alone if np.isfinite(one.log_evidence)), key=lambda one: -one.log_evidence)
     leading = [(one.starts[0], space.block(one.starts[0])) for one in best[:PAIRED]]
     pairs = []
     for both in combinations(leading, 2):
@@ -224,7 +226,7 @@ def _pairs(space: EffectSpace, linear: Linear, alone: Mapping[str, Explanation])
             replace(one, amplitude=np.clip(half_ranges(one) * top[1][at : at + one.count], *one.columns.bounds))
             for one, at in zip(starts, ends, strict=False)
         )
-        pairs.append(Explanation(begun, top[0] - 2.0 * np.log(SIZES) / 2.0))
+        pairs.append(Explanation(begun, top[0] - np.log(SIZES)))
     return sorted(pairs, key=lambda one: -one.log_evidence)[:PAIRED]
 
 
@@ -245,7 +247,7 @@ def _refitted(space: EffectSpace, one: Explanation) -> Explanation:
         columns,
         _families(free),
         np.arange(slopes.shape[1], columns.shape[1]),
-        LogDensity(len(slopes), float(np.sum(campaign.noise.degrees_of_freedom))),
+        density_of(campaign),
     )
     return replace(
         one,
