@@ -8,9 +8,15 @@ _STILL = "Leave everything still and read the fluxmeter for as long as a run tak
 
 
 def _drifted(flux: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    """With what an integrated offset, and one that drifts itself, have become since the run's start."""
+    """With what an integrated offset, and one that drifts itself over the campaign, have become since the run's start.
+
+    Of the offset o + o' T at the time T of the campaign, the integral from a run's start T_0 to T_0 + t is
+    o t + o' (t^2 + 2 T_0 t) / 2.
+    """
     time = conditions.time_s / 1000.0
-    return flux + conditions.nominal.flux_linkage_Wb * (p["ramp"] * time + p["bend"] * time**2)
+    start = conditions.elapsed / 1000.0 - time
+    drift = p["ramp"] * time + p["bend"] * time * (time + 2.0 * start)
+    return flux + conditions.nominal.flux_linkage_Wb * drift
 
 
 FLUX_INTEGRATOR_DRIFT = Effect(
@@ -22,7 +28,7 @@ FLUX_INTEGRATOR_DRIFT = Effect(
             "ramp",
             bounds=(-100.0, 100.0),
             plausible=(-0.5, 0.5),
-            description="Drift over 1000 readings (or seconds) of a run, as a part of the largest flux linkage.",
+            description="Drift over the first 1000 readings (or seconds), as a part of the largest flux linkage.",
             words="the fluxmeter drifts by {signed} in 1000 readings or seconds",
             scale="flux_linkage_Wb",
         ),
@@ -30,7 +36,7 @@ FLUX_INTEGRATOR_DRIFT = Effect(
             "bend",
             bounds=(-100.0, 100.0),
             plausible=(-0.5, 0.5),
-            description="The same, growing with the square of the time, as the offset itself drifts.",
+            description="What it grows by in that time, as the offset itself drifts from run to run.",
             words="its drift grows by {signed} in the first 1000",
             scale="flux_linkage_Wb",
         ),

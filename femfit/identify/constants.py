@@ -36,6 +36,9 @@ COARSE = (2, 3)
 FINE_DEGREE = 15
 """Assumed: degree of a misfit that depends on the distance alone, or on the current: a stage's leadscrew has turns."""
 
+FINER = 0.7
+"""Assumed: by how much each further degree of an unknown misfit, or of a model's own, is smaller."""
+
 LEAST_READINGS = 6
 """Assumed: a channel of fewer readings is not tested; a third of its readings is as many patterns as it may have."""
 

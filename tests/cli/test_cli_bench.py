@@ -31,7 +31,7 @@ def with_steps(column):
 
 @pytest.fixture(scope="module")
 def files(levitation_model, tmp_path_factory):
-    """A voltage whose trapezoids are the model's flux linkage, plus R i, an offset and white noise."""
+    """A voltage whose trapezoids are the model's flux linkage, plus R i, a growing offset and white noise."""
     generator = np.random.default_rng(4)
     plan = settings(levitation_model, runs=3, distances=8, currents=6)
     pieces = []
@@ -46,13 +46,14 @@ def files(levitation_model, tmp_path_factory):
         change = np.diff(read["flux_linkage_Wb"]) * RATE
         induced = np.zeros(len(flux))
         induced[HOLD :: HOLD + 1][: len(change)] = change
+        offset = OFFSET * (run + time / time[-1])
         noise = generator.normal(0.0, NOISE, len(flux))
         pieces.append(
             pd.DataFrame(
                 {
                     "run": run,
                     "time_s": time,
-                    "coil_voltage_V": induced + RESISTANCE * current + OFFSET * run + noise,
+                    "coil_voltage_V": induced + RESISTANCE * current + offset + noise,
                     "current_A": current,
                     "distance_m": distance,
                 }

@@ -46,6 +46,14 @@ def test_further_columns_at_a_fit_change_it_as_all_columns_together_do(drawn):
     np.testing.assert_allclose(one.with_more(gram, along, sizes), together, rtol=1e-11)
 
 
+def test_a_wide_guess_of_the_noise_is_never_taken_for_smaller_and_may_be_larger():
+    guess, known = LogDensity(READINGS, 7.0, guessed=True), LogDensity(READINGS, np.inf)
+    student = LogDensity(READINGS, 7.0)
+    fewer, more = READINGS * np.array([0.1, 0.5, 1.0]), READINGS * np.array([1.0, 2.0, 20.0])
+    np.testing.assert_allclose(np.diff(guess(fewer, 0.0)), np.diff(known(fewer, 0.0)), rtol=1e-12)
+    np.testing.assert_allclose(np.diff(guess(more, 0.0)), np.diff(student(more, 0.0)), rtol=1e-12)
+
+
 def test_noise_from_few_repeats_gives_students_density(drawn):
     y, columns, _ = drawn
     few = 7.0

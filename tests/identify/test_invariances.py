@@ -179,7 +179,8 @@ def test_more_structure_never_looks_more_like_noise(levitation_model, declared, 
         force = clean.rows["force_N"] + times * NOISE["force_N"] * structure
         comparison = compare(levitation_model, replace(clean, rows=clean.rows.assign(force_N=force)))
         p_values.append(comparison.p_value)
-    assert all(after <= before for before, after in pairwise(p_values)), p_values
+    # Run offsets take up a constant error whole: such p-values are equal within what the variances converge to
+    assert all(after <= before + 1e-5 for before, after in pairwise(p_values)), p_values
     assert p_values[-1] < p_values[0]
     if shape == "wave":  # 2 sigma rms: where patterns are too broad to see it, the sentence says it all the same
         assert "within" not in str(comparison).split("\n")[0]

@@ -6,10 +6,14 @@ import pytest
 from femfit.audit.audit_model import audit_model
 from femfit.core.errors import MissingPartError, TableError
 from femfit.effects.catalogue import all_effects
+from femfit.effects.conditions import Conditions
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.experiments.possible import possible_experiments
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.place import placed
 from femfit.identify.signatures.columns import why_untestable
+from femfit.model.readings import predict_readings
+from femfit.tables.measurement import CHANNELS
 from support.magnet_pair import bench_csv, force, magnet_pair
 
 
@@ -51,10 +55,16 @@ def test_only_effects_that_it_can_have_are_considered(model, shifted):
     assert "Hall element" in reasons["hall_offset"]
 
 
-def test_no_flux_linkage_is_suggested_where_there_is_no_winding(model, shifted):
-    advice = suggest(model, shifted)
-    assert advice.suggestions
-    assert not any("flux linkage" in one.text for one in advice.suggestions)
+def test_no_flux_linkage_is_suggested_where_there_is_no_winding(model, tmp_path):
+    little = bench_csv(tmp_path / "little.csv", shift_m=0.02e-3)
+    assert len(suggest(model, little).explanations) > 1
+    observations = placed(model, little)
+    read = predict_readings(
+        model, np.array([5e-3]), np.array([0.0]), Conditions(observations.nominal), channels=CHANNELS
+    )
+    measurements = possible_experiments(observations, tuple(read), list(all_effects().values()))
+    assert any("once more, on a new mount" in one.text for one in measurements)
+    assert not any("flux linkage" in one.text for one in measurements)
 
 
 def test_a_table_without_currents_is_refused_beside_a_model_with_a_circuit(levitation_model, shifted):

@@ -97,7 +97,7 @@ def test_the_stated_error_is_the_larger_of_change_and_disagreement(reaction, wor
 
 
 class _Level:
-    mesh = unknowns = field = None
+    mesh = unknowns = field = signatures = None
 
     def rows(self, _distance, _currents):
         return {"force_N": [2.0, 4.0], DISAGREEMENT: [0.5, 0.1]}

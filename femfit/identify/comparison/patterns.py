@@ -18,7 +18,7 @@ from numpy.polynomial.legendre import legvander
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.distance_scale import even_scale
-from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, LEAST_READINGS, LEAST_SPREAD_C
+from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
 from femfit.identify.readings.observations import Observations, once_for_settings
 
 _MOTION = ("velocity_m_s", "current_rate_A_s")
@@ -57,7 +57,9 @@ def drift_patterns(observations: Observations) -> Patterns:
 def own_misfit_columns(observations: Observations) -> FloatArray | None:
     """The model's misfit to its own table as smooth patterns, each by one standard deviation; None where it has none.
 
-    All patterns of a channel together have the tolerance's variance at a reading, on average.
+    Four kinds of misfit, each with the tolerance's variance at a reading on average, since nobody knows which it is: as
+    large everywhere or a share of the prediction, and all patterns alike or finer ones smaller. Between the points of
+    its table a model is so granted twice the misfit that it has at them.
 
     References
     ----------
@@ -66,10 +68,18 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
     if not observations.tolerance.any():
         return None
     patterns = smooth_patterns(observations)
-    readings = np.bincount(observations.channel, minlength=len(observations.channels))[patterns.channel]
-    number = np.bincount(patterns.channel, minlength=len(observations.channels))[patterns.channel]
-    size = np.sqrt(np.sum(patterns.columns**2, axis=0) * number / readings)
-    return np.asarray(observations.tolerance[:, None] * patterns.columns / np.maximum(size, 1e-300))
+    finer = FINER ** (2.0 * patterns.degree)
+    readings, number, total = (
+        np.bincount(columns, weights, len(observations.channels))[patterns.channel]
+        for columns, weights in ((observations.channel, None), (patterns.channel, None), (patterns.channel, finer))
+    )
+    weight = np.sqrt(finer / total + 1.0 / number)
+    prediction = observations.value - observations.residual
+    kinds = patterns.columns, patterns.columns * prediction[:, None]
+    scaled = [
+        columns * weight / np.maximum(np.sqrt(np.sum(columns**2, axis=0) / readings), 1e-300) for columns in kinds
+    ]
+    return np.asarray(observations.tolerance[:, None] * np.concatenate(scaled, axis=1))
 
 
 def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:

@@ -33,9 +33,6 @@ SIZES = 9
 UNKNOWN_SIZES = (3.0, 10.0, 30.0, 100.0, 300.0)
 """Assumed: lengths of an unknown misfit's patterns, in standard deviations, equally likely."""
 
-FINER = 0.7
-"""Assumed: by how much each further degree of an unknown misfit is smaller."""
-
 BROAD = (0, 1, 2, 3)
 """Assumed: degrees up to which an unknown misfit of one channel, or of all, may go alone."""
 

@@ -12,10 +12,10 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.distance_scale import even_scale
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.patterns import scaled_to_one
+from femfit.identify.constants import FINER
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import (
     BROAD,
-    FINER,
     FORM,
     FORM_DEGREE,
     FORM_DIRECTIONS,

@@ -30,13 +30,17 @@ class LogDensity:
 
     readings: int
     degrees_of_freedom: float  # Of the noise; infinite where it is declared, and the density normal
+    # Whether the noise is a wide guess: it may then be larger, but readings that scatter less do not make it smaller
+    guessed: bool = False
 
     def __call__(self, square: FloatArray | float, log_det: FloatArray | float) -> FloatArray:
         """Take squares and determinants of one shape."""
         if not np.isfinite(self.degrees_of_freedom):
             return np.asarray(-0.5 * (square + log_det))
         half = 0.5 * (self.degrees_of_freedom + self.readings)
-        return np.asarray(-half * np.log1p(square / self.degrees_of_freedom) - 0.5 * log_det)
+        # Where the squares are as many as the readings, both densities fall alike
+        least = np.maximum(square, self.readings) if self.guessed else square
+        return np.asarray(-half * np.log1p(least / self.degrees_of_freedom) + 0.5 * (least - square - log_det))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +92,9 @@ class Linear:
 
 def density_of(campaign: Campaign) -> LogDensity:
     """The density of a campaign's readings."""
-    return LogDensity(len(campaign.observations.value), float(np.sum(campaign.noise.degrees_of_freedom)))
+    noise = campaign.noise
+    free = float(np.sum(noise.degrees_of_freedom))
+    return LogDensity(len(campaign.observations.value), free, "guess" in noise.source.values())
 
 
 def null(space: EffectSpace) -> Linear:

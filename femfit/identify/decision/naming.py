@@ -66,6 +66,8 @@ def decide(campaign: Campaign) -> Decision:
         if chosen.fit is not None:
             after = campaign.patterns.test(chosen.fit.whitened_residual, chosen.fit.jacobian[:, ~chosen.fit.active])
             verdict = "form_insufficient" if after.p_value <= LEVEL_AFTER else verdict
+    if verdict == "form_insufficient" and not _explains_most(campaign, chosen):
+        verdict, chosen, after = "unexplained", None, None
     if verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign):
         return Decision("nothing_missing", probability, test, True, times, posterior)
     own = verdict == "nothing_missing" and _beyond_noise(campaign)
@@ -84,6 +86,16 @@ def decide(campaign: Campaign) -> Decision:
         tuple((name, *_exchanged(name, near)) for name in chosen.names),
         tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
     )
+
+
+def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
+    """Whether effects of another form than the readings leave less than half of the squared misfit.
+
+    Where no explanation fits, the best of them is still no explanation.
+    """
+    before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
+    fit = chosen.fit if chosen else None
+    return fit is not None and fit.chi2 - len(fit.whitened_residual) < 0.5 * before
 
 
 def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:

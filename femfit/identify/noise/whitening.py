@@ -149,7 +149,7 @@ class Whitening:
             return columns, np.zeros(0)
         columns = self.serial(columns)
         squares, vectors = np.linalg.eigh(columns.T @ columns)
-        kept = squares > 1e-12 * squares[-1]
+        kept = squares > 1e-3  # Less than a thousandth of the noise's own variance: the rest is no noise to speak of
         left = columns @ (vectors[:, kept] / np.sqrt(squares[kept]))
         return left, 1.0 - 1.0 / np.sqrt(1.0 + squares[kept])
 
