@@ -18,7 +18,9 @@ def first_best(values: Sequence[float], least: float = 0.0) -> int:
 
 def ranked(items: Sequence[Item], value: Callable[[Item], float], least: float = 0.0) -> list[Item]:
     """Items with the largest value first; those that are equal up to rounding stay in the order given."""
-    left, result = list(items), []
+    left, values, result = list(items), [value(item) for item in items], []
     while left:
-        result.append(left.pop(first_best([value(item) for item in left], least)))
+        best = first_best(values, least)
+        result.append(left.pop(best))
+        values.pop(best)
     return result

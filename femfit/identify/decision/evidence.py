@@ -77,17 +77,19 @@ class Linear:
         """X' C^-1 y, shape (n,)."""
         return others.T @ self.target - beside.T @ self._solved[1]
 
-    def with_more(self, gram: FloatArray, along: FloatArray, sizes: FloatArray) -> FloatArray:
-        """Log evidence with further columns X as well, at each of their common sizes.
+    def with_more(self, gram: FloatArray, along: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Log evidence with further columns X as well, and their mean amplitudes, at each of their common sizes.
 
-        Takes X' C^-1 X, shape (n, n), and X' C^-1 y, shape (n,).
+        Takes X' C^-1 X, shape (n, n), and X' C^-1 y, shape (n,); returns shapes (sizes,) and (sizes, n).
         """
         values, vectors = np.linalg.eigh(gram)
-        grown = sizes[:, None] ** 2 * np.maximum(values, 0.0)
-        fall = np.sum(sizes[:, None] ** 2 * (vectors.T @ along) ** 2 / (1.0 + grown), axis=1)
+        squares = sizes[:, None] ** 2
+        grown = squares * np.maximum(values, 0.0)
+        along = vectors.T @ along
+        mean = squares * along / (1.0 + grown)
         _, _, square, log_det = self._solved
-        more = self.density(square - fall, log_det + np.sum(np.log1p(grown), axis=1))
-        return more + self.log_evidence - self.density(square, log_det)
+        more = self.density(square - mean @ along, log_det + np.sum(np.log1p(grown), axis=1))
+        return more + self.log_evidence - self.density(square, log_det), mean @ vectors.T
 
 
 def density_of(campaign: Campaign) -> LogDensity:
@@ -110,7 +112,7 @@ def mean_of_logs(values: Sequence[float] | FloatArray) -> float:
 
 def sizes_of(length: float) -> FloatArray:
     """Sizes from where columns of a length would just be seen to where they are as long."""
-    return np.geomspace(min(1.0 / max(length, 1e-300), 1.0), 1.0, SIZES)
+    return np.asarray(min(1.0 / max(length, 1e-300), 1.0) ** np.linspace(1.0, 0.0, SIZES))
 
 
 def with_unknown_cause(space: EffectSpace, linear: Linear) -> float:
@@ -119,7 +121,7 @@ def with_unknown_cause(space: EffectSpace, linear: Linear) -> float:
     gram, along = space.unknown_gram - beside.T @ beside, linear.along(space.unknown, beside)
     sizes = np.array(UNKNOWN_SIZES)
     logs = [
-        linear.with_more(weight[:, None] * gram[np.ix_(group, group)] * weight, weight * along[group], sizes)
+        linear.with_more(weight[:, None] * gram[np.ix_(group, group)] * weight, weight * along[group], sizes)[0]
         for group, weight in space.unknown_groups
     ]
     return mean_of_logs(np.concatenate(logs))

@@ -101,11 +101,11 @@ def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
 def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
     """The sets of effects that a class may hold, the most probable first; of equal ones the commonest first."""
     order = {name: k for k, name in enumerate(posterior.space.variants)}
-    sets = [names for names, beside in posterior.probability if names and beside == unknown]
+    likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
+    least = IN_CLASS * max(likely.values())
+    sets = [names for names, p in likely.items() if p >= least]
     sets.sort(key=lambda names: sorted(order[name] for name in names))
-    sets = ranked(sets, lambda names: float(np.log(posterior.probability[names, unknown] + 1e-300)), ROUNDING)
-    least = IN_CLASS * posterior.probability[sets[0], unknown]
-    return [names for names in sets if posterior.probability[names, unknown] >= least]
+    return ranked(sets, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:

@@ -43,6 +43,7 @@ class Explanation:
 
     starts: tuple[Start, ...]
     log_evidence: float
+    without: float = -np.inf  # That of the refitted explanation that it has one effect, or two, more than
     first_order: float = -np.inf  # What it was before the refit
     fit: Refit | None = None
     linear: Linear | None = None  # Where it was refitted
@@ -52,6 +53,13 @@ class Explanation:
     def names(self) -> tuple[str, ...]:
         """The effects, in the order in which they were found."""
         return tuple(one.name for one in self.starts)
+
+    @property
+    def continued(self) -> tuple[Start, ...]:
+        """Where its effects' refit ended, or begins."""
+        if self.fit is None:
+            return self.starts
+        return tuple(one.continued(added) for one, added in zip(self.starts, self.fit.effects, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +89,11 @@ def explain(campaign: Campaign) -> Posterior:
     while True:
         logs = _log_posterior(found, len(space.variants))
         total = np.logaddexp.reduce(list(logs.values()))
-        waiting = [key for key, one in found.items() if one.linear is None]
+        # What adds nothing to first order is next to nothing, where first order is exact
+        waiting = [key for key, one in found.items() if one.linear is None and one.log_evidence > one.without]
         best = max(waiting, key=lambda names: logs[names, False], default=None)
         if best is None or logs[best, False] - total < np.log(LOOKED_AT):
-            best = _as_promising(found, logs)
+            best = _as_promising(found, logs) or _without_one(found, logs)
         if best is None:
             best = frozenset(likeliest.names)
             if found[best].linear is not None or logs[frozenset(), False] - total > np.log(LOOKED_AT):
@@ -109,6 +118,17 @@ def _as_promising(found: Mapping[frozenset[str], Explanation], logs: Mapping[Key
     return max(alike, key=lambda names: found[names].log_evidence, default=None)
 
 
+def _without_one(found: dict[frozenset[str], Explanation], logs: Mapping[Key, float]) -> frozenset[str] | None:
+    """The most probable set without one of its effects, where its exchanges begin; None where all are known."""
+    top = max((one for one in found.values() if one.linear), key=lambda one: logs[frozenset(one.names), False])
+    for left in top.names if len(top.names) > 1 else ():
+        names = frozenset(top.names) - {left}
+        if names not in found or found[names].linear is None:
+            found[names] = Explanation(tuple(one for one in top.continued if one.name != left), -np.inf)
+            return names
+    return None
+
+
 def _propose(found: dict[frozenset[str], Explanation], one: Explanation) -> None:
     """Take up a set of effects that is new, or begins better than before."""
     names = frozenset(one.names)
@@ -130,9 +150,7 @@ def _with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
     linear = base.linear or null(space)
     beside = linear.beside(space.every_block)
     along = linear.along(space.every_block, beside)
-    begun = base.starts
-    if base.fit is not None:
-        begun = tuple(one.continued(added) for one, added in zip(base.starts, base.fit.effects, strict=True))
+    begun, unknown = base.continued, base.with_unknown - base.log_evidence
     found = []
     for name, variants in space.variants.items():
         if name in base.names:
@@ -152,7 +170,9 @@ def _with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
             part, in_part = _in_some_runs(space, linear, name)
             start = in_part if part + np.log(IN_PART) > log + np.log1p(-IN_PART) else start
             log = float(np.logaddexp(log + np.log1p(-IN_PART), part + np.log(IN_PART)))
-        found.append(Explanation((*begun, start), log))
+        # What adds something may stand in the unknown cause's place: its refit tells
+        beside_unknown = log + unknown if log <= base.log_evidence else -np.inf
+        found.append(Explanation((*begun, start), log, base.log_evidence, with_unknown=beside_unknown))
     return found
 
 
@@ -183,19 +203,15 @@ def _one_more(linear: Linear, one: Start, gram: FloatArray, along: FloatArray) -
 
     What would leave its bounds is left out: a friction does not push.
     """
-    half = half_ranges(one)
+    half, (low, high) = half_ranges(one), one.columns.bounds
     kept = np.ones(len(along), dtype=bool)
     while kept[: one.count].any():
-        amplitudes = np.flatnonzero(kept[: one.count])
-        inner, part = gram[np.ix_(kept, kept)], along[kept]
-        own = gram[np.ix_(amplitudes, amplitudes)]
+        own = gram[: one.count, : one.count][np.ix_(kept[: one.count], kept[: one.count])]
         sizes = sizes_of(float(np.sqrt(max(np.linalg.eigvalsh(own)[-1], 0.0))))
-        logs = linear.with_more(inner, part, sizes)
-        size = sizes[int(np.argmax(logs))]
-        mean = np.zeros(len(along))
-        mean[kept] = size**2 * linalg.solve(np.eye(len(part)) + size**2 * inner, part, assume_a="pos")
-        amplitude = mean[: one.count] * half
-        low, high = one.columns.bounds
+        logs, means = linear.with_more(gram[np.ix_(kept, kept)], along[kept], sizes)
+        amplitude = np.zeros(len(along))
+        amplitude[kept] = means[int(np.argmax(logs))]
+        amplitude = amplitude[: one.count] * half
         wrong = ((amplitude < low) & (low == 0.0)) | ((amplitude > high) & (high == 0.0))
         if not wrong.any():
             return mean_of_logs(logs), replace(one, amplitude=np.clip(amplitude, low, high))
@@ -226,7 +242,7 @@ def _pairs(space: EffectSpace, linear: Linear, alone: Sequence[Explanation]) -> 
             replace(one, amplitude=np.clip(half_ranges(one) * top[1][at : at + one.count], *one.columns.bounds))
             for one, at in zip(starts, ends, strict=False)
         )
-        pairs.append(Explanation(begun, top[0] - np.log(SIZES)))
+        pairs.append(Explanation(begun, top[0] - np.log(SIZES), linear.log_evidence))
     return sorted(pairs, key=lambda one: -one.log_evidence)[:PAIRED]
 
 
