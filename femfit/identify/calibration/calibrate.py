@@ -23,7 +23,7 @@ from femfit.core.paths import path_of
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.identify.calibration.choose import Choice, first_choice, next_choice
-from femfit.identify.calibration.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, SETTLED
+from femfit.identify.calibration.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, SETTLED, SLOW
 from femfit.identify.calibration.open_directions import open_combinations
 from femfit.identify.calibration.redraw import Drawing, Estimate, Redrawn, estimate
 from femfit.identify.calibration.remaining import decide_beside
@@ -33,6 +33,7 @@ from femfit.identify.comparison.fall import ErrorFall, error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.noise.within import beyond_noise
 from femfit.identify.readings.place import measurement_of
 from femfit.identify.refit.unseen import channel_rms, unseen_error
 from femfit.identify.signatures.columns import effect_columns, why_untestable
@@ -108,16 +109,20 @@ def calibrate(
     if beside is not None:
         choice = replace(choice, beside=tuple(effect.name for effect in beside), runs={})
     task = _Task(source, measured, directory / "calibrated", say)
-    now = task.settled(_at(first, choice, np.array([one.drawn for one in choice.numbers])))
+    now = _at(first, choice, np.array([one.drawn for one in choice.numbers]))
     for _ in range(0 if beside is not None else MOST_ROUNDS):
+        now = _without_absent(task.settled(now, 1))
         say("Diagnosing what is left")
         decision = decide_beside(now.redrawn, now.estimate, measured)
         further = next_choice(now.choice, decision, known, asked=wanted is not None) if decision else now.choice
-        if (further.numbers, further.beside) == (now.choice.numbers, now.choice.beside):
-            now = replace(now, choice=further)
-            break
+        nothing = (further.numbers, further.beside) == (now.choice.numbers, now.choice.beside)
         values = np.append(now.values, [one.drawn for one in further.numbers[len(now.values) :]])
-        now = task.settled(replace(_at(now.redrawn, further, values), sweeps=now.sweeps))
+        now = replace(_at(now.redrawn, further, values), sweeps=now.sweeps)
+        if nothing:
+            break
+    now = task.settled(now)
+    if beside is None:
+        now = task.settled(_without_absent(now))
     say("Leaving each run out")
     return _result(first, now)
 
@@ -142,13 +147,26 @@ class _Iteration:
 
     @property
     def step(self) -> float:
-        """Largest change over its standard deviation."""
-        return float(np.max(np.abs(self.estimate.change) / self.estimate.sd))
+        """Length of the change in standard deviations, of well determined combinations too, root mean square."""
+        one = self.estimate
+        return float(np.sqrt(one.change @ one.information @ one.change / len(one.change)))
 
 
 def _at(redrawn: Redrawn, choice: Choice, values: FloatArray) -> _Iteration:
     effects = [effect_by_name(name) for name in choice.beside]
     return _Iteration(redrawn, choice, values, estimate(redrawn, choice.numbers, values, effects, choice.runs))
+
+
+def _without_absent(now: _Iteration) -> _Iteration:
+    """Without effects that were named beside earlier values of the numbers and are absent beside the present ones."""
+    absent = [
+        one.effect.name
+        for one in now.estimate.alone
+        if all(low <= p.null <= high for p in one.effect.amplitudes for low, high in [one.ci95.get(p.name, (1.0, 0.0))])
+    ]
+    if not absent:
+        return now
+    return replace(_at(now.redrawn, now.choice.without(absent), now.values), sweeps=now.sweeps)
 
 
 @dataclass(frozen=True)
@@ -160,15 +178,17 @@ class _Task:
     directory: Path
     say: Callable[[str], None]
 
-    def settled(self, now: _Iteration) -> _Iteration:
+    def settled(self, now: _Iteration, most: int = MOST_STEPS) -> _Iteration:
         """The drawing swept anew until a step is small against the errors; once at least."""
-        for steps in range(MOST_STEPS):
-            if steps and now.step <= SETTLED:
+        part = 1.0
+        for _ in range(most):
+            if now.sweeps > 1 and now.step <= SETTLED:
                 break
             self.say(f"Sweeping the drawing anew, step {now.sweeps}")
-            text, values = _moved(self.source, now)
+            text, values = _moved(self.source, now, part)
             redrawn = self.source.swept(text, self.directory, self.measured)
-            now = replace(_at(redrawn, now.choice, values), sweeps=now.sweeps + 1)
+            before, now = now.step, replace(_at(redrawn, now.choice, values), sweeps=now.sweeps + 1)
+            part *= 0.5 if now.step > SLOW * before else 1.0
         return now
 
 
@@ -198,6 +218,7 @@ def _result(first: Redrawn, now: _Iteration) -> CalibrationResult:
         fitted=fitted,
         undetermined=open_combinations(choice.numbers, now.estimate.covariance),
         lack_of_fit=pattern_space(observations, whitening).test(left, fit.jacobian[:, ~fit.active]),
+        beyond_noise=beyond_noise(observations, noise, {one.channel: one.rms_after for one in channels}),
         sweeps=now.sweeps,
         settled=now.step <= SETTLED,
         remarks=choice.remarks,
@@ -205,11 +226,14 @@ def _result(first: Redrawn, now: _Iteration) -> CalibrationResult:
     )
 
 
-def _moved(source: Drawing, now: _Iteration) -> tuple[str, FloatArray]:
-    """The drawing after a step, rounded to a hundredth of the errors; a shorter step where it cannot be built."""
-    places = 2 - np.floor(np.log10(now.estimate.sd)).astype(int)
+def _moved(source: Drawing, now: _Iteration, part: float) -> tuple[str, FloatArray]:
+    """The drawing after a part of a step; a shorter one where it cannot be built.
+
+    Values are rounded to a hundredth of the error that each would have, were all others known.
+    """
+    places = 2 + np.ceil(0.5 * np.log10(np.diag(now.estimate.information))).astype(int)
     for halving in range(HALVINGS + 1):
-        moved = now.values + now.estimate.change / 2**halving
+        moved = now.values + part * now.estimate.change / 2**halving
         values = np.array([round(float(x), int(n)) for x, n in zip(moved, places, strict=True)])
         text = source.with_values(now.choice.numbers, values)
         try:

@@ -23,6 +23,14 @@ class Choice:
     remarks: tuple[str, ...] = ()  # What was decided where the data leave it open
     undecided: tuple[str, ...] = ()  # What was not, since the data do not tell a number from an effect
 
+    def without(self, effects: Sequence[str]) -> "Choice":
+        """The same without some of the effects beside."""
+        return replace(
+            self,
+            beside=tuple(name for name in self.beside if name not in effects),
+            remarks=tuple(text for text in self.remarks if text.partition(" ")[0] not in effects),
+        )
+
 
 @dataclass(frozen=True)
 class Named:
@@ -58,7 +66,7 @@ def with_named(
         elif asked:
             remarks.append(f"{drawn[0].key} is named as well; it was not asked for and stays as drawn.")
         elif effects:
-            undecided.append(f"{' or '.join(one.members)} would give the same readings. {advice()}".rstrip())
+            undecided.append(f"{' or '.join(one.members)} would give the same readings.")
         elif one.runs:
             undecided.append(
                 f"{drawn[0].key} has its other value from run {one.runs[0]} to run {one.runs[1]} alone, so that no one "
@@ -86,9 +94,12 @@ def first_choice(found: Diagnosis, known: Sequence[Suspect], data: Measurement) 
     named = [Named(one.members, one.runs) for one in found.missing]
     choice = with_named(Choice(), named, known, lambda: _advice(found, data))
     if choice.undecided:
+        by_effect = {one.effect: one.key for one in known}
+        keys = ",".join(by_effect[name] for one in named for name in one.members if name in by_effect)
         raise TableError(
-            f"These data do not say what is wrong: {' '.join(choice.undecided)} Nothing is written. To decide it "
-            "yourself, ask for the numbers by their key paths (--numbers)."
+            f"These data do not say what is wrong: {' '.join(choice.undecided)} {_advice(found, data)} Nothing is "
+            "written. To blame a number all the same, ask for it; or for all of them, each within its tolerance: "
+            f"--numbers '{keys}'"
         )
     if choice.beside and not choice.numbers:
         raise TableError(

@@ -94,6 +94,12 @@ class Estimate:
     prior: Prior
 
     @property
+    def information(self) -> FloatArray:
+        """Inverse of the covariance, shape (n, n)."""
+        size = np.outer(self.sd, self.sd)
+        return np.asarray(np.linalg.pinv(self.covariance / size, hermitian=True) / size)
+
+    @property
     def sd(self) -> FloatArray:
         """Standard deviations of the numbers, shape (n,)."""
         return np.sqrt(np.diag(self.covariance))

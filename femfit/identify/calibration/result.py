@@ -18,6 +18,7 @@ from femfit.identify.calibration.open_directions import Combination, alike
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.constants import LEVEL_AFTER
+from femfit.identify.noise.within import in_words
 from femfit.identify.readings.place import notes, suspicions
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
@@ -84,6 +85,9 @@ class CalibrationResult(Printed):
         What the data know hardly better than the tolerances do.
     lack_of_fit : LackOfFit
         Of the calibrated drawing with the effects beside it.
+    beyond_noise : mapping of str to float
+        Channels whose error on the readings fitted is more than 1.2 times what declared noise, or repeats, show, in
+        times the noise.
     sweeps : int
         How often the drawing was swept; ``settled`` says whether the last step was small against the errors.
 
@@ -106,6 +110,7 @@ class CalibrationResult(Printed):
     fitted: ErrorFall
     undetermined: tuple[Combination, ...]
     lack_of_fit: LackOfFit
+    beyond_noise: Mapping[str, float]
     sweeps: int
     settled: bool
     remarks: tuple[str, ...] = ()
@@ -131,6 +136,7 @@ class CalibrationResult(Printed):
             "error_on_runs_left_out": self.unseen and self.unseen.to_dict(),
             "error_on_readings_fitted": self.fitted.to_dict(),
             "lack_of_fit": vars(self.lack_of_fit),
+            "beyond_noise": dict(self.beyond_noise),
             "sweeps": self.sweeps,
             "settled": self.settled,
             "remarks": list(self.remarks),
@@ -157,6 +163,10 @@ class CalibrationResult(Printed):
             done = f"Not settled after {counted(self.sweeps, 'sweep')}: do not trust these numbers. Calibrate fewer"
         p = probability(self.lack_of_fit.p_value)
         if self.lack_of_fit.p_value > LEVEL_AFTER:
+            left = in_words(self.beyond_noise, {one.channel: one.rms_after for one in self.fitted.channels})
+            if left:
+                missed = " and ".join(left.values())
+                return f"{done}: the test finds nothing in what is left ({p}), but the model misses {missed}."
             return f"{done}: what is left is noise ({p})."
         return (
             f"{done}, but the misfit that is left is not noise ({p}): something else is wrong as well, and these "
