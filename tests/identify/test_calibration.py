@@ -1,5 +1,7 @@
 """A drawing's wrong numbers are found from readings of a device whose field was solved anew, not of a linear model."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -8,8 +10,9 @@ from femfit.core.errors import ActuatorFileError, TableError, UsageError
 from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import effect_by_name
 from femfit.field.sweep import run_sweep
-from femfit.identify.calibration.calibrate import calibrate
-from femfit.identify.calibration.redraw import Redrawn, estimate
+from femfit.identify.calibration.calibrate import _moved, calibrate
+from femfit.identify.calibration.choose import Choice
+from femfit.identify.calibration.redraw import Drawing, Redrawn, estimate
 from femfit.identify.calibration.suspects import suspects, wanted_suspects
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import whitening_beside
@@ -117,6 +120,15 @@ def test_the_result_says_value_error_tolerance_and_the_fall(found):
     np.testing.assert_allclose(np.diag(data["covariance"]), [one.sd**2 for one in found.numbers])
 
 
+def test_a_step_that_draws_what_cannot_be_built_is_halved(place):
+    radius = wanted_suspects("moving.regions.magnet.r_mm[1]", suspects(DRAWN, "small.toml"))
+    step = SimpleNamespace(change=np.array([-4.5]), information=np.array([[1e4]]))  # of 4 mm
+    now = SimpleNamespace(choice=Choice(radius), values=np.array([4.0]), estimate=step)
+    text, values = _moved(Drawing(DRAWN, "small.toml", place, 1), now, 1.0)
+    assert values.tolist() == [1.75]
+    assert "r_mm = [0, 1.75]" in text
+
+
 @pytest.mark.long
 def test_the_diagnosis_names_the_number_where_none_is_asked_for(place, built):
     """A lower magnet alone; it is written, and only then is nothing missing."""
@@ -140,7 +152,7 @@ def test_a_pair_that_readings_cannot_separate_is_said(place):
     assert set(combination.change) == set(pair)
     assert 0.5 < combination.left <= 1.0
     assert "Not determined by these data: " in str(result)
-    assert "hardly told apart (correlation " in str(result)
+    assert "go together (correlation " in str(result)
 
 
 def test_errors_say_what_to_do_before_anything_is_solved(place, bench, tmp_path):
@@ -168,6 +180,20 @@ def test_standard_deviations_are_those_of_the_estimates(found, place, built):
     assert np.abs(z).max() < 4.0
     spread = np.std(z, axis=0)  # of 30: within 0.67 and 1.34 in 99 % where the errors are right
     assert np.all((spread > 0.6) & (spread < 1.4))
+
+
+@pytest.mark.long
+def test_a_number_that_is_twenty_tolerances_off_is_found_in_more_than_one_step(place, built):
+    """The data know it far better than its tolerance; that it is unusual is said."""
+    text = BASE.replace("length_mm = 0.03", "length_mm = 0.003").replace("= 500", f"= {TRUE_IRON}")
+    (place / "tight.toml").write_text(text)
+    readings(built, offset=0.0).to_csv(place / "tight.csv", index=False)
+    result = calibrate(
+        place / "tight.toml", place / "tight.csv", place / "tight", numbers=HEIGHT, effects=[], workers=1
+    )
+    assert result.settled
+    assert abs(result.numbers[0].value - TRUE_HEIGHT) < 4.0 * result.numbers[0].sd
+    assert "tolerances from its drawn value, which is unusual" in str(result)
 
 
 @pytest.mark.long

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import ActuatorFileError
+from femfit.core.errors import ActuatorFileError, TableError
 from femfit.core.paths import path_of
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
@@ -106,23 +106,13 @@ def calibrate(
     else:
         everything = ALL in ([numbers] if isinstance(numbers, str) else list(numbers or ()))
         choice = Choice(tuple(one for one in wanted if not everything or _seen(one, first)))
+        if not choice.numbers:
+            raise TableError("These data show no number of the drawing: none of them changes any of the readings.")
     if beside is not None:
         choice = replace(choice, beside=tuple(effect.name for effect in beside), runs={})
     task = _Task(source, measured, directory / "calibrated", say)
     now = _at(first, choice, np.array([one.drawn for one in choice.numbers]))
-    for _ in range(0 if beside is not None else MOST_ROUNDS):
-        now = _without_absent(task.settled(now, 1))
-        say("Diagnosing what is left")
-        decision = decide_beside(now.redrawn, now.estimate, measured)
-        further = next_choice(now.choice, decision, known, asked=wanted is not None) if decision else now.choice
-        nothing = (further.numbers, further.beside) == (now.choice.numbers, now.choice.beside)
-        values = np.append(now.values, [one.drawn for one in further.numbers[len(now.values) :]])
-        now = replace(_at(now.redrawn, further, values), sweeps=now.sweeps)
-        if nothing:
-            break
-    now = task.settled(now)
-    if beside is None:
-        now = task.settled(_without_absent(now))
+    now = task.settled(now) if beside is not None else task.completed(now, known, asked=wanted is not None)
     say("Leaving each run out")
     return _result(first, now)
 
@@ -187,9 +177,24 @@ class _Task:
             self.say(f"Sweeping the drawing anew, step {now.sweeps}")
             text, values = _moved(self.source, now, part)
             redrawn = self.source.swept(text, self.directory, self.measured)
-            before, now = now.step, replace(_at(redrawn, now.choice, values), sweeps=now.sweeps + 1)
-            part *= 0.5 if now.step > SLOW * before else 1.0
+            before, now = now, replace(_at(redrawn, now.choice, values), sweeps=now.sweeps + 1)
+            back = now.estimate.change @ now.estimate.information @ before.estimate.change < 0.0
+            part *= 0.5 if back and now.step > SLOW * before.step else 1.0
         return now
+
+    def completed(self, now: _Iteration, known: Sequence[Suspect], *, asked: bool) -> _Iteration:
+        """The same with what is missing beside it, as a diagnosis with the numbers free names it after each step."""
+        for _ in range(MOST_ROUNDS):
+            now = _without_absent(self.settled(now, 1))
+            self.say("Diagnosing what is left")
+            decision = decide_beside(now.redrawn, now.estimate, self.measured)
+            further = next_choice(now.choice, decision, known, asked=asked) if decision else now.choice
+            nothing = (further.numbers, further.beside) == (now.choice.numbers, now.choice.beside)
+            values = np.append(now.values, [one.drawn for one in further.numbers[len(now.values) :]])
+            now = replace(_at(now.redrawn, further, values), sweeps=now.sweeps)
+            if nothing:
+                break
+        return self.settled(_without_absent(self.settled(now)))
 
 
 def _result(first: Redrawn, now: _Iteration) -> CalibrationResult:

@@ -109,7 +109,8 @@ def first_choice(found: Diagnosis, known: Sequence[Suspect], data: Measurement) 
     if not choice.numbers:
         raise TableError(
             "No number of the drawing is named, so there is nothing to calibrate, and nothing is written. "
-            f"{verdict_sentence(found)}"
+            f"{verdict_sentence(found)} To fit numbers all the same, each within its tolerance, ask for them, or "
+            "for all (--numbers)."
         )
     return choice
 

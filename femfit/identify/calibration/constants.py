@@ -10,7 +10,7 @@ SETTLED = 0.1
 """Conventional: a step below this part of each number's standard deviation changes no conclusion."""
 
 SLOW = 0.5
-"""Numerical: where a step is not shorter than this part of the one before, the next ones are halved."""
+"""Numerical: where a step goes back by more than this part of the one before, the next ones are halved."""
 
 HALVINGS = 4
 """Numerical: a step that draws what cannot be built is halved so often."""

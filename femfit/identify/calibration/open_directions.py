@@ -55,8 +55,8 @@ def open_combinations(numbers: Sequence[Suspect], covariance: FloatArray) -> tup
 def alike(keys: Sequence[str], correlation: FloatArray) -> tuple[str, ...]:
     """A sentence for each pair of numbers whose errors go together."""
     return tuple(
-        f"{one} and {other} are hardly told apart (correlation {correlation[j, k]:.2f}): these data are as well "
-        f"explained by more of one and {'more' if correlation[j, k] > 0.0 else 'less'} of the other."
+        f"The errors of {one} and {other} go together (correlation {correlation[j, k]:.2f}): within them, more of one "
+        f"with {'more' if correlation[j, k] > 0.0 else 'less'} of the other explains these data as well."
         for (j, one), (k, other) in combinations(enumerate(keys), 2)
         if abs(correlation[j, k]) > ALIKE
     )

@@ -1,7 +1,7 @@
 """A drawing with given values of its numbers: written, swept, fitted, and beside the readings."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -126,7 +126,9 @@ def estimate(
     place = [next(j for j, (k, _) in enumerate(fit.free) if k == number) for number in range(n)]
     change = per * np.array([fit.effects[k].parameters[fit.free[j][1].name] for k, j in enumerate(place)])
     size = per * np.array([fit.free[j][1].width for j in place])
-    covariance = fit.covariance[np.ix_(place, place)] * np.outer(size, size)
+    active = fit.active.copy()
+    active[place] = False  # a step ends at ten tolerances, and the next one goes on
+    covariance = replace(fit, active=active).covariance[np.ix_(place, place)] * np.outer(size, size)
     return Estimate(fit, change, covariance, _alone(whitening, fit, start[n:]), prior)
 
 
