@@ -9,15 +9,15 @@ from typing import Any
 from femfit.core.errors import TableError, UsageError
 from femfit.core.finding import listing
 from femfit.device.complaints import joined
+from femfit.device.drawing import table_at
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.file_numbers import unit_of
-from femfit.device.load import actuator_from_toml, parse
+from femfit.device.load import parse
 from femfit.device.read_tolerances import read_tolerances
 from femfit.device.rewrite import NewValue
-from femfit.device.tolerance_defaults import KINDS
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import Effect
-from femfit.effects.tolerances import REMANENCE, RESISTANCE, TOLERANCE_SD, TURNS
+from femfit.effects.tolerances import RESISTANCE, TOLERANCE_SD
 from femfit.model.actuator_model import ActuatorModel
 
 ALL = "all"
@@ -57,7 +57,7 @@ class Suspect:
 
 
 def suspects(text: str, source: str, directory: Path | None = None) -> tuple[Suspect, ...]:
-    """The numbers of an actuator file's text: those of its signatures, then those that the catalogue scales exactly.
+    """The numbers of an actuator file's text: those of its signatures, and the resistance of its only coil.
 
     Raises
     ------
@@ -70,39 +70,24 @@ def suspects(text: str, source: str, directory: Path | None = None) -> tuple[Sus
             one.key,
             one.also,
             one.kind,
-            one.key,
+            one.effect or one.key,
             one.value,
             one.tolerance * (1.0 if one.unit else abs(one.value)),
             not one.unit,
         )
         for one in facts
     ]
-    return (*of_signatures, *_scaled_exactly(parse(text, source), text, source, directory))
+    return (*of_signatures, *_resistance(parse(text, source)))
 
 
-def _scaled_exactly(data: dict[str, Any], text: str, source: str, directory: Path | None) -> Iterator[Suspect]:
-    """The remanence of the only magnet material, turns and resistance of the only coil."""
-    actuator, (given, _) = actuator_from_toml(text, source, directory), read_tolerances(data, [])
-
-    def suspect(key: str, kind: str, effect: Effect, value: float, tolerance: float) -> Suspect:
-        return Suspect(key, (), kind, effect.name, value, given.get(key, tolerance * abs(value)), share=True)
-
-    used = {region.material.name: region.material for region in (*actuator.fixed, *actuator.moving.regions)}
-    magnets = [material for material in used.values() if material.remanence_T]
-    if len(magnets) == 1:
-        key, value = joined("materials", magnets[0].name, "remanence_T"), abs(magnets[0].remanence_T)
-        yield suspect(key, "remanence", REMANENCE, value, KINDS["remanence"].tolerance)
-    if len(actuator.coils) == 1:
-        path, table = ("coil", data["coil"]) if "coil" in data else _only(data["coils"])
-        yield suspect(f"{path}.turns", "turns", TURNS, float(table["turns"]), KINDS["turns"].tolerance)
-        if table.get("resistance_ohm"):
-            value = float(table["resistance_ohm"])
-            yield suspect(f"{path}.resistance_ohm", "resistance", RESISTANCE, value, TOLERANCE_SD)
-
-
-def _only(coils: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
-    ((name, table),) = coils.items()
-    return joined("coils", name), table
+def _resistance(data: Mapping[str, Any]) -> Iterator[Suspect]:
+    """Of the only coil, where the file gives it: no field depends on it."""
+    paths = [("coil",), *(("coils", name) for name in table_at(data, "coils"))]
+    coils = [(joined("", *path), table_at(data, *path)) for path in paths if table_at(data, *path)]
+    if len(coils) == 1 and coils[0][1].get("resistance_ohm"):
+        key, value = f"{coils[0][0]}.resistance_ohm", float(coils[0][1]["resistance_ohm"])
+        tolerance = read_tolerances(data, [])[0].get(key, TOLERANCE_SD * value)
+        yield Suspect(key, (), "resistance", RESISTANCE.name, value, tolerance, share=True)
 
 
 def wanted_suspects(keys: str | Sequence[str], known: Sequence[Suspect]) -> tuple[Suspect, ...]:
