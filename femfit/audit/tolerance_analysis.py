@@ -55,6 +55,11 @@ class ToleranceAnalysis(Printed):
         As drawn, and the standard deviation of a series, to first order and with independent numbers.
     shares : tuple of NumberShare
         The largest first.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.analyse_tolerances("runs/rig", distance_m=0.02).scatter  # doctest: +SKIP
     """
 
     quantity: str
