@@ -44,7 +44,6 @@ class Explanation:
     starts: tuple[Start, ...]
     log_evidence: float
     without: float = -np.inf  # That of the refitted explanation that it has one effect, or two, more than
-    first_order: float = -np.inf  # What it was before the refit
     fit: Refit | None = None
     linear: Linear | None = None  # Where it was refitted
     with_unknown: float = -np.inf  # Log evidence with an unknown cause beside
@@ -82,40 +81,47 @@ def explain(campaign: Campaign) -> Posterior:
     nothing = Explanation((), start.log_evidence, np.inf, linear=start, with_unknown=with_unknown_cause(space, start))
     found = {frozenset[str](): nothing}
     alone = _with_one_more(space, nothing)
+    promised = {frozenset[str](): {frozenset(one.names): one.log_evidence for one in alone}}
     for one in (*alone, *_pairs(space, start, alone)):
         _propose(found, one)
     # A large effect's own curvature may spoil what it promises to first order
     likeliest = max(alone, key=lambda one: one.log_evidence, default=nothing)
+    odds = _prior_odds(len(space.variants))
     while True:
-        logs = _log_posterior(found, len(space.variants))
+        logs = _log_posterior(found, odds)
         total = np.logaddexp.reduce(list(logs.values()))
-        # What adds nothing to first order is next to nothing, where first order is exact
-        waiting = [key for key, one in found.items() if one.linear is None and one.log_evidence > one.without]
+        waiting = [key for key, one in found.items() if one.linear is None and _adds(one, odds)]
         best = max(waiting, key=lambda names: logs[names, False], default=None)
         if best is None or logs[best, False] - total < np.log(LOOKED_AT):
-            best = _as_promising(found, logs) or _without_one(found, logs)
+            best = _without_one(found, logs) or _as_promising(found, promised, logs)
         if best is None:
             best = frozenset(likeliest.names)
             if found[best].linear is not None or logs[frozenset(), False] - total > np.log(LOOKED_AT):
                 break
         found[best] = _refitted(space, found[best])
         if found[best].fit is not None:
+            promised[best] = {}
             for one in _with_one_more(space, found[best]):
+                promised[best][frozenset(one.names)] = one.log_evidence
                 _propose(found, one)
     return Posterior(space, found, {key: float(np.exp(value - total)) for key, value in logs.items()})
 
 
-def _as_promising(found: Mapping[frozenset[str], Explanation], logs: Mapping[Key, float]) -> frozenset[str] | None:
-    """A set that promised to first order as much as the most probable one did; None where none is left."""
+def _as_promising(
+    found: Mapping[frozenset[str], Explanation],
+    promised: Mapping[frozenset[str], Mapping[frozenset[str], float]],
+    logs: Mapping[Key, float],
+) -> frozenset[str] | None:
+    """An exchange of one effect that promised as much, beside the same others, as the most probable set did."""
     top = max((names for names, one in found.items() if one.linear is not None), key=lambda names: logs[names, False])
     alike = [
-        names
-        for names, one in found.items()
-        if one.linear is None
-        and len(names) == len(top)
-        and one.log_evidence > found[top].first_order + np.log(LOOKED_AT)
+        (log, names)
+        for left in top
+        for rest in (promised.get(top - {left}, {}),)
+        for names, log in rest.items()
+        if found[names].linear is None and log > rest[top] + np.log(LOOKED_AT)
     ]
-    return max(alike, key=lambda names: found[names].log_evidence, default=None)
+    return max(alike, key=lambda pair: pair[0])[1] if alike else None
 
 
 def _without_one(found: dict[frozenset[str], Explanation], logs: Mapping[Key, float]) -> frozenset[str] | None:
@@ -136,9 +142,22 @@ def _propose(found: dict[frozenset[str], Explanation], one: Explanation) -> None
         found[names] = one
 
 
-def _log_posterior(found: Mapping[frozenset[str], Explanation], effects: int) -> dict[Key, float]:
-    there, unknown = min(EXPECTED_EFFECTS / max(effects, 1), LIKELIEST), UNKNOWN_CAUSE
-    odds, result = np.log(there) - np.log1p(-there), {}
+def _prior_odds(effects: int) -> float:
+    """Log odds of an effect before the readings are looked at."""
+    there = min(EXPECTED_EFFECTS / max(effects, 1), LIKELIEST)
+    return float(np.log(there) - np.log1p(-there))
+
+
+def _adds(one: Explanation, odds: float) -> bool:
+    """Whether a set is worth a refit: not where one more effect makes it no more probable to first order.
+
+    What adds next to nothing is small, and for small effects first order is exact.
+    """
+    return one.log_evidence > one.without - (odds if len(one.starts) > 1 else 0.0)
+
+
+def _log_posterior(found: Mapping[frozenset[str], Explanation], odds: float) -> dict[Key, float]:
+    unknown, result = UNKNOWN_CAUSE, {}
     for names, one in found.items():
         result[names, False] = one.log_evidence + len(names) * odds + np.log1p(-unknown)
         result[names, True] = one.with_unknown + len(names) * odds + np.log(unknown)
@@ -268,7 +287,6 @@ def _refitted(space: EffectSpace, one: Explanation) -> Explanation:
     return replace(
         one,
         log_evidence=linear.log_evidence,
-        first_order=one.log_evidence,
         fit=fit,
         linear=linear,
         with_unknown=with_unknown_cause(space, linear),
