@@ -122,7 +122,8 @@ def _as_its_own(campaign: Campaign) -> bool:
         scatter = sigma**2 * (1.0 + BEYOND_NOISE * np.sqrt(2.0 / np.count_nonzero(here)))
         put_back = np.mean((observations.distance_slope[here] * noise.mount_m) ** 2)
         own = OWN_MISFIT**2 * np.mean(observations.tolerance[here] ** 2)
-        if np.mean(observations.residual[here] ** 2) > own + scatter + put_back:
+        # Where mounts make more than the own misfit, a misfit that they could make is no sign of it
+        if np.mean(observations.residual[here] ** 2) > own + scatter + min(own, put_back):
             return False
     return True
 
