@@ -17,13 +17,12 @@ from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.diagnosis_text import mount_words
 from femfit.identify.decision.naming import decide
-from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, own_misfit_sentence
+from femfit.identify.decision.own_misfit import OWN_WORDS, beyond_own_misfit, finer_model, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.noise.within import beyond_noise, in_words
+from femfit.identify.noise.within import allowed_for, beyond_noise, in_words
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
@@ -119,6 +118,8 @@ class Comparison(Printed):
     beyond_noise : mapping of str to float
         Channels whose error is more than 1.2 times what declared noise, or repeats, show, and how many times the noise
         of one reading it is.
+    allowed : str
+        What the test allows for beside the noise of a reading, in words: what mounts and runs differ by.
     filter : OneFilter or None
         A record through the model's filter; None of a bench table, and where the model has no filter for it.
     shape : ShapeMisfit or None
@@ -147,6 +148,7 @@ class Comparison(Printed):
     findings: tuple[Finding, ...] = ()
     filter: OneFilter | None = None
     beyond_noise: Mapping[str, float] = field(default_factory=dict)
+    allowed: str = ""
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -162,9 +164,7 @@ class Comparison(Printed):
         }
 
     def __str__(self) -> str:
-        freedom = None
-        if self.mount_m:
-            freedom = mount_words(self.mount_m, self.mount_assumed, self.observations.given)
+        freedom = self.allowed
         rms = {one.channel: one.rms for one in self.channels}
         left = in_words(self.beyond_noise, rms)
         why = str(self.findings[-1]) if self.findings else ""
@@ -182,7 +182,7 @@ class Comparison(Printed):
             their="a guess of their" if guessed else "their",
         )
         lines = [*suspicions(self.findings), verdict, *map(str, self.channels)]
-        if self.verdict == "wrong_shape":
+        if self.verdict == "wrong_shape" and OWN_WORDS in own:
             lines.append(finer_model(self.model))
         if self.p_value is not None and self.structure is not None:
             lines.append(
@@ -254,6 +254,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         findings=(*observations.findings, *findings),
         filter=filtered(model, data) if isinstance(data, TimeSeries) else None,
         beyond_noise=beyond,
+        allowed=allowed_for(observations, noise),
     )
 
 

@@ -6,8 +6,8 @@ from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
-from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, own_misfit_sentence
-from femfit.identify.noise.within import beyond_noise
+from femfit.identify.decision.own_misfit import OWN_WORDS, beyond_own_misfit, finer_model, own_misfit_sentence
+from femfit.identify.noise.within import allowed_for, beyond_noise
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.signatures.columns import CHANGES_NOTHING
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -15,7 +15,7 @@ from femfit.tables.measurement import CHANNEL_WORDS
 if TYPE_CHECKING:
     from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 
-_SHOWN, _ALIKE = 8, 4
+_SHOWN, _ALIKE, _CLASS = 8, 4, 6
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}{own}.",
@@ -39,9 +39,12 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
         lines.append(certainty_sentence(diagnosis))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
-    if diagnosis.own_misfit:
+    if diagnosis.own_misfit and OWN_WORDS in verdict_sentence(diagnosis):
         lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
+    allowed = allowed_for(diagnosis.observations, diagnosis.campaign.noise if diagnosis.campaign else None)
+    if allowed and allowed not in "".join(lines):
+        lines.append(f"The test allows for {allowed}.")
     skip = diagnosis.findings[-1] if diagnosis.verdict == "compare_only" else None
     return [*lines, *notes(tuple(f for f in diagnosis.findings if f is not skip)), *_could_show(diagnosis)]
 
@@ -64,12 +67,13 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     )
     also = {"nothing_missing": "nothing_named", "named": "named_and_left"}
     kind = also.get(diagnosis.verdict, diagnosis.verdict) if left else diagnosis.verdict
+    allowed = _scatter(diagnosis)
     return _VERDICTS[kind].format(
         names=names,
         it=it,
         explain=explain,
         why=why,
-        scatter=_scatter(diagnosis),
+        scatter=f" and {allowed}" if allowed else "",
         own=own,
         left=" and ".join(left.values()),
     )
@@ -81,9 +85,11 @@ def certainty_sentence(diagnosis: "Diagnosis") -> str:
         certain = "Certain: no other effect of the catalogue would give these readings."
         considered = "Not certain: no other effect of those considered would give these readings; excluded: "
         return f"{considered}{', '.join(diagnosis.excluded)}." if diagnosis.excluded else certain
-    members = [name for one in diagnosis.missing for name in one.members[1:]]
+    members = list(dict.fromkeys(name for one in diagnosis.missing for name in one.members[1:]))
     if members:
-        return f"Not certain: {_any_of(members)} would give the same readings. femfit suggest says what to measure."
+        more = f" or {counted(len(members) - _CLASS, 'further one')}" if len(members) > _CLASS + 1 else ""
+        others = _any_of(members) if not more else f"{', '.join(members[:_CLASS])}{more}"
+        return f"Not certain: {others} would give the same readings. femfit suggest says what to measure."
     if diagnosis.look_alikes:
         alike = _any_of(diagnosis.look_alikes[:_ALIKE])
         return f"Not certain: {alike}, or a cause like it that the catalogue lacks, could give these readings."
@@ -100,19 +106,10 @@ def _any_of(names: "list[str] | tuple[str, ...]") -> str:
 
 
 def _scatter(diagnosis: "Diagnosis") -> str:
-    """The freedom of mounts that a passing model uses, where it misses by clearly more than the noise."""
-    noise = diagnosis.campaign.noise if diagnosis.campaign else None
-    beyond = [(one.after_over_noise or 0.0) > WITHIN_NOISE for one in diagnosis.error_fall.channels]
-    if noise is None or noise.mount_m <= 0.0 or not any(beyond):
+    """What a passing model is granted beside the noise, where it misses by clearly more than that."""
+    if not any((one.after_over_noise or 0.0) > WITHIN_NOISE for one in diagnosis.error_fall.channels):
         return ""
-    return f" and {mount_words(noise.test_mount_m, noise.mount_assumed, diagnosis.observations.given)}"
-
-
-def mount_words(mount_m: float, assumed: bool, given: tuple[str, ...]) -> str:
-    """What a body that is put back may be off by, and where that comes from."""
-    place = "mount to mount" if "mount" in given else "run to run"
-    source = "assumed, since there are few" if assumed else "estimated"
-    return f"the {amount(mount_m, 'mount_m')} by which the distance may differ from {place} ({source})"
+    return allowed_for(diagnosis.observations, diagnosis.campaign.noise if diagnosis.campaign else None)
 
 
 def _named(one: "NamedEffect") -> list[str]:

@@ -14,8 +14,11 @@ from femfit.model.magnetics import LawMagnetics
 from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.tables.measurement import CHANNEL_WORDS
 
+OWN_WORDS = "beyond the model's own misfit to the table that it was fitted to"
+"""What says that a misfit was taken for the model's own."""
+
 _VERDICT = (
-    "{nothing} is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. Noise "
+    "{nothing} is missing {own}: it misses {both}. Noise "
     "taken off, that is {times} times its own misfit. Of that no more than the size is known, so an error of up to "
     "{most} times it, {hidden}, could hide behind it."
 )
@@ -46,6 +49,7 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: Map
     if not both:
         return " ".join(missed)
     granted = _VERDICT.format(
+        own=OWN_WORDS,
         nothing="Apart from that, nothing" if apart else "Nothing",
         both=", ".join(both),
         times=rounded(times_own, 2),

@@ -45,3 +45,23 @@ def in_words(beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str,
         f"{times:.3g} times the noise of one reading"
         for name, times in beyond.items()
     }
+
+
+def allowed_for(observations: Observations, noise: NoiseModel | None) -> str:
+    """What the test allows for beside the noise of a reading, and where that comes from; empty where that is nothing.
+
+    Offsets of runs are said where they are larger than the noise of one reading.
+    """
+    if noise is None:
+        return ""
+    place = "mount to mount" if "mount" in observations.given else "run to run"
+    source = "assumed, since there are few" if noise.mount_assumed else "estimated"
+    said = [f"the {amount(noise.test_mount_m, 'mount_m')} by which the distance may differ from {place} ({source})"]
+    return " and ".join(
+        said[: noise.mount_m > 0.0]
+        + [
+            f"the {amount(offset, name)} by which every reading of the {CHANNEL_WORDS[name]} differs from run to run"
+            for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
+            if offset > sigma
+        ]
+    )
