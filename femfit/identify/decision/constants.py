@@ -48,6 +48,9 @@ SETTLED = 1e-3
 LOOKED_AT = 0.002
 """Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""
 
+IN_VAIN = 3
+"""Numerical: refits in a row that bring nothing after which no further effect is looked for beside an unknown cause."""
+
 PAIRED = 12
 """Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
 

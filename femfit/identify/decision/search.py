@@ -14,6 +14,7 @@ from femfit.identify.decision.constants import (
     EXPECTED_EFFECTS,
     FORM_SPREAD,
     IN_PART,
+    IN_VAIN,
     LIKELIEST,
     LOOKED_AT,
     PAIRED,
@@ -86,19 +87,26 @@ def explain(campaign: Campaign) -> Posterior:
         _propose(found, one)
     # A large effect's own curvature may spoil what it promises to first order
     likeliest = max(alone, key=lambda one: one.log_evidence, default=nothing)
-    odds = _prior_odds(len(space.variants))
+    odds, least, in_vain = _prior_odds(len(space.variants)), np.log(LOOKED_AT), 0
     while True:
         logs = _log_posterior(found, odds)
         total = np.logaddexp.reduce(list(logs.values()))
+        top = max((names for names, one in found.items() if one.linear), key=lambda names: logs[names, False])
         waiting = [key for key, one in found.items() if one.linear is None and _adds(one, odds)]
         best = max(waiting, key=lambda names: logs[names, False], default=None)
-        if best is None or logs[best, False] - total < np.log(LOOKED_AT):
-            best = _without_one(found, logs) or _as_promising(found, promised, logs)
+        # Beside an unknown cause the first of several effects looks like nothing: the most promising way is gone on
+        deeper = best is not None and logs[best, False] > logs[top, False] and in_vain < IN_VAIN
+        if best is None or (logs[best, False] - total < least and not deeper):
+            best = _without_one(found, top)
+            if best is None and logs[top, False] - total > least:
+                best = _as_promising(found, promised, top)
         if best is None:
             best = frozenset(likeliest.names)
-            if found[best].linear is not None or logs[frozenset(), False] - total > np.log(LOOKED_AT):
+            if found[best].linear is not None or logs[frozenset(), False] - total > least:
                 break
         found[best] = _refitted(space, found[best])
+        better = _log_posterior({best: found[best]}, odds)[best, False] > logs[top, False]
+        in_vain = 0 if better else in_vain + 1
         if found[best].fit is not None:
             promised[best] = {}
             for one in _with_one_more(space, found[best]):
@@ -110,10 +118,9 @@ def explain(campaign: Campaign) -> Posterior:
 def _as_promising(
     found: Mapping[frozenset[str], Explanation],
     promised: Mapping[frozenset[str], Mapping[frozenset[str], float]],
-    logs: Mapping[Key, float],
+    top: frozenset[str],
 ) -> frozenset[str] | None:
     """An exchange of one effect that promised as much, beside the same others, as the most probable set did."""
-    top = max((names for names, one in found.items() if one.linear is not None), key=lambda names: logs[names, False])
     alike = [
         (log, names)
         for left in top
@@ -124,13 +131,12 @@ def _as_promising(
     return max(alike, key=lambda pair: pair[0])[1] if alike else None
 
 
-def _without_one(found: dict[frozenset[str], Explanation], logs: Mapping[Key, float]) -> frozenset[str] | None:
+def _without_one(found: dict[frozenset[str], Explanation], top: frozenset[str]) -> frozenset[str] | None:
     """The most probable set without one of its effects, where its exchanges begin; None where all are known."""
-    top = max((one for one in found.values() if one.linear), key=lambda one: logs[frozenset(one.names), False])
-    for left in top.names if len(top.names) > 1 else ():
-        names = frozenset(top.names) - {left}
+    for left in found[top].names if len(top) > 1 else ():
+        names = top - {left}
         if names not in found or found[names].linear is None:
-            found[names] = Explanation(tuple(one for one in top.continued if one.name != left), -np.inf)
+            found[names] = Explanation(tuple(one for one in found[top].continued if one.name != left), -np.inf)
             return names
     return None
 
