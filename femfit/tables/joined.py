@@ -16,7 +16,7 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
     Raises
     ------
     TableError
-        If there is none, bench tables stand beside records over time, or their declared noises differ.
+        If there is none, bench tables stand beside records, their declared noises differ, or two are the same.
     """
     if not measurements:
         raise TableError("No measurement is given. Give a bench table, or a record over time.")
@@ -30,6 +30,9 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
             f"Measurements that are taken together must have one declared noise; {first.source} and another differ. "
             "Declare the same for all, or take them one by one."
         )
+    for k, one in enumerate(measurements):
+        if any(one.rows.equals(other.rows) for other in measurements[:k]):
+            raise TableError(f"{one.source} holds the same readings as another one that was given. Give each once.")
     rows = pd.concat(_numbered(measurements), ignore_index=True)
     common = [name for name in first.given if name != "order" or all("order" in one.given for one in measurements)]
     given = tuple(dict.fromkeys([*common, *(name for one in measurements for name in one.given if name != "order")]))

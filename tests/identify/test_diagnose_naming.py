@@ -55,6 +55,25 @@ def test_two_hidden_effects_are_both_named(levitation_model):
     assert {"core_saturation", "hall_offset"} == {one.name for one in result.missing}
 
 
+def test_three_hidden_effects_are_named_though_the_first_alone_explains_little(levitation_model):
+    hidden = [HALL, AddedEffect(effect_by_name("turns"), {"turns_error": 0.03}), SATURATION]
+    result = diagnose(levitation_model, campaign(levitation_model, 6, hidden), **QUICK)
+    assert {"core_saturation", "hall_offset", "turns"} == {one.name for one in result.missing}
+
+
+def clipped(readings, _):
+    """A load cell that ends at half of the largest force."""
+    force = readings["force_N"]
+    return readings | {"force_N": np.minimum(force, 0.5 * force.max())}
+
+
+def test_no_name_is_given_that_spoils_a_channel_which_was_right(levitation_model):
+    result = diagnose(levitation_model, campaign(levitation_model, 5, change=clipped), **QUICK)
+    assert result.verdict in {"unexplained", "form_insufficient"}
+    for one in result.error_fall.channels:
+        assert one.rms_after <= 1.2 * max(one.rms_before, one.noise)
+
+
 def crooked(readings, rows):
     """A force sensor whose gain is 10 % wrong and whose characteristic bends: no form of the catalogue is exact."""
     force = readings["force_N"]

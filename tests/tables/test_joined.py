@@ -18,9 +18,9 @@ def bench(path, runs=2, noise="", **columns):
     return read_measurement(path)
 
 
-def record(path):
+def record(path, size=1.0):
     time = np.linspace(0.0, 0.5, 501)
-    swing = np.sin(9.0 * time)
+    swing = size * np.sin(9.0 * time)
     rows = {"time_s": time, "current_A": 0.5 + 0.1 * swing, "distance_m": 0.02 + 1e-3 * swing}
     pd.DataFrame(rows).to_csv(path, index=False)
     return read_measurement(path)
@@ -41,7 +41,7 @@ def test_one_measurement_is_itself(tmp_path):
 
 
 def test_records_keep_their_segments_apart(tmp_path):
-    one, other = record(tmp_path / "a.csv"), record(tmp_path / "b.csv")
+    one, other = record(tmp_path / "a.csv"), record(tmp_path / "b.csv", 0.9)
     joined = joined_measurements([one, other])
     assert joined.rows["run"].nunique() == 2
     assert joined.rows["segment"].nunique() == one.rows["segment"].nunique() + other.rows["segment"].nunique()
@@ -54,5 +54,7 @@ def test_what_does_not_belong_together_is_refused(tmp_path):
         joined_measurements([table, record(tmp_path / "log.csv")])
     with pytest.raises(TableError, match="one declared noise"):
         joined_measurements([table, bench(tmp_path / "b.csv", noise="2e-3")])
+    with pytest.raises(TableError, match="the same readings"):
+        joined_measurements([table, bench(tmp_path / "copy.csv", noise="1e-3")])
     with pytest.raises(TableError, match="No measurement is given"):
         joined_measurements([])

@@ -7,7 +7,7 @@ import numpy as np
 
 from femfit.core.ties import ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
-from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING
+from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
 from femfit.identify.decision.diagnosis import Verdict
@@ -89,13 +89,21 @@ def decide(campaign: Campaign) -> Decision:
 
 
 def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
-    """Whether effects of another form than the readings leave less than half of the squared misfit.
+    """Whether effects of another form than the readings leave less than half of the squared misfit, and spoil nothing.
 
-    Where no explanation fits, the best of them is still no explanation.
+    Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse.
     """
     before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
-    fit = chosen.fit if chosen else None
-    return fit is not None and fit.chi2 - len(fit.whitened_residual) < 0.5 * before
+    fit, observations = chosen.fit if chosen else None, campaign.observations
+    if fit is None or fit.chi2 - len(fit.whitened_residual) >= 0.5 * before:
+        return False
+    left = observations.value - observations.predict(fit.effects)
+    for c, sigma in enumerate(campaign.noise.sigma):
+        here = observations.channel == c
+        was, now = (np.sqrt(np.mean(one[here] ** 2)) for one in (observations.residual, left))
+        if now > WITHIN_NOISE * max(was, sigma):
+            return False
+    return True
 
 
 def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
@@ -115,17 +123,19 @@ def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
 
 
 def _as_its_own(campaign: Campaign) -> bool:
-    """Whether each channel is missed by no more than twice what the model misses its own table by, noise taken off."""
-    observations, noise = campaign.observations, campaign.noise
+    """Whether no channel is missed by more than noise and twice its own table's misfit, and that is more than noise."""
+    observations, noise, beyond = campaign.observations, campaign.noise, False
     for c, sigma in enumerate(noise.sigma):
         here = observations.channel == c
-        scatter = sigma**2 * (1.0 + BEYOND_NOISE * np.sqrt(2.0 / np.count_nonzero(here)))
+        missed = np.mean(observations.residual[here] ** 2)
+        uncertain = sigma**2 * BEYOND_NOISE * np.sqrt(2.0 / np.count_nonzero(here))
         put_back = np.mean((observations.distance_slope[here] * noise.mount_m) ** 2)
         own = OWN_MISFIT**2 * np.mean(observations.tolerance[here] ** 2)
         # Where mounts make more than the own misfit, a misfit that they could make is no sign of it
-        if np.mean(observations.residual[here] ** 2) > own + scatter + min(own, put_back):
+        if missed > sigma**2 + uncertain + own + min(own, put_back):
             return False
-    return True
+        beyond = beyond or bool(missed > sigma**2 and own > uncertain)
+    return beyond
 
 
 def _beyond_noise(campaign: Campaign) -> bool:

@@ -25,16 +25,17 @@ class EffectSize:
     channel: str
     change: float
     ci95: tuple[float, float]
-    of_largest: float  # ``change`` over the largest magnitude that the base predicts for this channel
+    # ``change`` over the largest magnitude that the base predicts for this channel; None where it predicts nothing
+    of_largest: float | None
     distance_m: float
     current_A: float
 
     def __str__(self) -> str:
-        share = abs(self.of_largest)
-        part = f"{100.0 * share:.2g} % of" if share <= 1.0 else f"{rounded(share, 2)} times"
+        share = abs(self.of_largest or 0.0)
+        part = f", {100.0 * share:.2g} % of its largest" if share <= 1.0 else f", {rounded(share, 2)} times its largest"
         return (
             f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount(self.change, self.channel)} (95 %: "
-            f"{amount_range(*self.ci95, self.channel)}), {part} its largest, at "
+            f"{amount_range(*self.ci95, self.channel)}){part if self.of_largest is not None else ''}, at "
             f"{amount(self.distance_m, 'distance_m', 3)} and {amount(self.current_A, 'current_A')}"
         )
 
@@ -57,7 +58,7 @@ def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ..
                     channel=channel,
                     change=float(change[at]),
                     ci95=(float(change[at] - half), float(change[at] + half)),
-                    of_largest=float(change[at]) / largest[c],
+                    of_largest=float(change[at]) / largest[c] if largest[c] else None,
                     distance_m=float(observations.column("distance_m")[at]),
                     current_A=float(observations.column("current_A")[at]),
                 )

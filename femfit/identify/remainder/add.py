@@ -165,7 +165,9 @@ def _sizes(observations: Observations, change: FloatArray, learnt: Learnt) -> tu
         error = half * float(np.sqrt(max(row @ learnt.covariance @ row, 0.0)))
         size = float(change[at])
         place = (float(observations.column("distance_m")[at]), float(observations.column("current_A")[at]))
-        result.append(EffectSize(NAME, channel, size, (size - error, size + error), size / largest, *place))
+        result.append(
+            EffectSize(NAME, channel, size, (size - error, size + error), size / largest if largest else None, *place)
+        )
     return tuple(result)
 
 
