@@ -67,5 +67,5 @@ deviations."""
 CERTAIN = 0.5
 """Conventional: probability of just what is named below which it is not certain."""
 
-NOTICED = 3.0
+NOTICED = 5.0
 """Calibrated: logarithm of the odds by which an unknown cause must be preferred for a name to be certain."""
