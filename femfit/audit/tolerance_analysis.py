@@ -25,7 +25,7 @@ from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_tabl
 if TYPE_CHECKING:
     import pandas as pd
 
-MOTOR_CONSTANT = "motor_constant_N_per_A"
+FORCE_CONSTANT = "force_constant_N_per_A"
 """The force's slope over the current, from the swept currents beside the point."""
 
 
@@ -38,8 +38,8 @@ class NumberShare:
     """What one number of the drawing contributes."""
 
     number: NumberFacts
-    gradient: float  # Of the quantity, per unit of the number, or per one whole of a number without a unit
-    scatter: float  # Of the quantity, by one standard deviation of the number
+    gradient: float  # Of the quantity in its SI unit, per unit of the number, or per one whole of one without a unit
+    scatter: float  # Of the quantity in its SI unit, by one standard deviation of the number
     share: float  # Of the variance of a series
 
 
@@ -50,7 +50,7 @@ class ToleranceAnalysis(Printed):
     Parameters
     ----------
     quantity : str
-        ``force_N``, a flux linkage, ``hall_T``, or ``motor_constant_N_per_A``.
+        ``force_N``, a flux linkage, ``hall_T``, or ``force_constant_N_per_A``.
     value, scatter : float
         As drawn, and the standard deviation of a series, to first order and with independent numbers.
     shares : tuple of NumberShare
@@ -78,9 +78,10 @@ class ToleranceAnalysis(Printed):
         at = f"At {amount(self.distance_m, 'm', 3)}" + (f" and {currents}" if self.currents_A else "")
         relative = f" ({rounded(100.0 * self.scatter / abs(self.value), 2)} %)" if self.value else ""
         value, scatter = amount(self.value, self.quantity, 3), amount(self.scatter, self.quantity)
+        batch = f"In a batch of devices its standard deviation is {scatter}{relative}."
         lines = [
-            f"{at} the {_words(self.quantity)} is {value}. One standard deviation of a series is {scatter}{relative}.",
-            "Of its variance, per number of the drawing, with the gradient:",
+            f"{at} the {_words(self.quantity)} is {value}. {batch}",
+            "Of its variance, per number of the drawing (+- one standard deviation), with the gradient:",
         ]
         shown = [one for one in self.shares if one.share >= SHOWN]
         for one in shown:
@@ -106,10 +107,11 @@ def analyse_tolerances(
     sweep : SweepTable or path
         Solved with signatures.
     distance_m : float
+        Within the sweep.
     currents_A : sequence of float
         One a circuit, in the table's order.
     quantity : str
-        A column with a slope, or ``motor_constant_N_per_A``: the force's slope over the first circuit's current.
+        A column with a slope, or ``force_constant_N_per_A``: the force's slope over the first circuit's current.
 
     Raises
     ------
@@ -131,8 +133,8 @@ def analyse_tolerances(
     names = current_names(rows)
     point = _nearest(rows, names, distance_m, currents_A)
     known = [name for name in table.signatures.rows if name in {"force_N", "hall_T"} or is_flux(str(name))]
-    if quantity not in {*known, MOTOR_CONSTANT}:
-        raise UsageError(f"quantity must be one of {', '.join([*map(str, known), MOTOR_CONSTANT])}; got {quantity!r}.")
+    if quantity not in {*known, FORCE_CONSTANT}:
+        raise UsageError(f"quantity must be one of {', '.join([*map(str, known), FORCE_CONSTANT])}; got {quantity!r}.")
     value = _at(rows, names, point, quantity)
     gradients = [_at(table.signatures.of(one), names, point, quantity) for one in table.signatures.numbers]
     scatters = [abs(g) * one.tolerance for g, one in zip(gradients, table.signatures.numbers, strict=True)]
@@ -171,19 +173,19 @@ def _nearest(rows: "pd.DataFrame", names: list[str], distance_m: float, currents
 def _at(rows: "pd.DataFrame", names: list[str], point: FloatArray, quantity: str) -> float:
     """A column, or the slope of the force, at a swept point."""
     settings = rows[["distance_m", *names]].to_numpy(dtype=np.float64)
-    if quantity != MOTOR_CONSTANT:
+    if quantity != FORCE_CONSTANT:
         return float(rows[quantity].to_numpy()[np.all(settings == point, axis=1)][0])
     line = np.all(np.delete(settings, 1, axis=1) == np.delete(point, 1), axis=1)
     current, force = settings[line, 1], rows["force_N"].to_numpy()[line]
     if len(current) < 2:
-        raise UsageError(f"{MOTOR_CONSTANT} needs two currents or more in the sweep; it has {len(current)}.")
+        raise UsageError(f"{FORCE_CONSTANT} needs two currents or more in the sweep; it has {len(current)}.")
     order = np.argsort(current)
     slope = np.gradient(force[order], current[order], edge_order=2 if len(current) > 2 else 1)
     return float(slope[np.flatnonzero(current[order] == point[1])[0]])
 
 
 def _words(quantity: str) -> str:
-    names = {"hall_T": "field at the Hall element", MOTOR_CONSTANT: "motor constant"}
+    names = {"hall_T": "field at the Hall element", FORCE_CONSTANT: "force constant"}
     return names.get(quantity) or quantity.rpartition("_")[0].replace("_", " ")
 
 

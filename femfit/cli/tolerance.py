@@ -25,7 +25,7 @@ def tolerance(
     current_A : tuple of float
         One for each circuit whose current was swept.
     of : str
-        force_N, flux_linkage_Wb, hall_T, or motor_constant_N_per_A (the force's slope over the current).
+        force_N, flux_linkage_Wb, hall_T, or force_constant_N_per_A (the force's slope over the current).
     json : Path
         File for the result as JSON.
     """

@@ -152,11 +152,18 @@ def _without_absent(now: _Iteration) -> _Iteration:
     absent = [
         one.effect.name
         for one in now.estimate.alone
-        if all(low <= p.null <= high for p in one.effect.amplitudes for low, high in [one.ci95.get(p.name, (1.0, 0.0))])
+        if all(
+            one.parameters[p.name] == p.null or (p.name in one.ci95 and _holds(one.ci95[p.name], p.null))
+            for p in one.effect.amplitudes
+        )
     ]
     if not absent:
         return now
     return replace(_at(now.redrawn, now.choice.without(absent), now.values), sweeps=now.sweeps)
+
+
+def _holds(interval: tuple[float, float], value: float) -> bool:
+    return interval[0] <= value <= interval[1]
 
 
 @dataclass(frozen=True)

@@ -1,13 +1,13 @@
 """Constants of the calibration of a drawing."""
 
 MOST_STEPS = 8
-"""Numerical: a drawing whose numbers have not settled after so many sweeps follows no Gauss-Newton step."""
+"""Numerical: numbers that have not settled after so many sweeps in a row follow no Gauss-Newton step."""
 
 MOST_ROUNDS = 3
 """Numerical: how often what a calibrated drawing leaves is diagnosed again; each round needs a cause of its own."""
 
 SETTLED = 0.1
-"""Conventional: a step below this part of each number's standard deviation changes no conclusion."""
+"""Conventional: a step below this part of the standard deviations, root mean square, changes no conclusion."""
 
 SLOW = 0.5
 """Numerical: where a step goes back by more than this part of the one before, the next ones are halved."""
@@ -16,7 +16,8 @@ HALVINGS = 4
 """Numerical: a step that draws what cannot be built is halved so often."""
 
 OPEN = 0.5
-"""Conventional: a combination of numbers of whose tolerances the data leave more than this is not determined."""
+"""Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
+said to be determined."""
 
 SHOWN = 3
 """Conventional: more directions that are not determined are counted, not listed."""

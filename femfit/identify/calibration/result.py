@@ -30,7 +30,8 @@ _NOTHING_UNSEEN = (
     "calibration holds. On the readings that were fitted, the drawing swept anew:"
 )
 _TOLERANCES_DECIDE = (
-    "In {} directions the tolerances alone decide: a value that has its tolerance as its error was not measured."
+    "In {} directions the data leave at least half of the tolerances: a value that has its tolerance as its error was "
+    "not measured."
 )
 
 

@@ -46,7 +46,7 @@ SETTLED = 1e-3
 """Numerical: gain of the log evidence from which sizes are tried once more."""
 
 LOOKED_AT = 0.002
-"""Numerical: an explanation is refitted where it may have this part of the probability, which is where a class ends."""
+"""Numerical: an explanation is refitted where it may have this part of the probability: a fifth of a class's end."""
 
 IN_VAIN = 3
 """Numerical: refits in a row that bring nothing after which no further effect is looked for beside an unknown cause."""

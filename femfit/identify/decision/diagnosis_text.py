@@ -23,7 +23,7 @@ _VERDICTS = {
     "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}{own}.",
     "named_and_left": "Missing: {names}. With {it} the model still misses {left}.",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
-    "unexplained": "Something is missing that no effect of the catalogue explains, nor any two of them.",
+    "unexplained": "Something is missing that no effect of the catalogue explains, nor several of them.",
     "compare_only": "No verdict. {why}",
 }
 
@@ -93,12 +93,19 @@ def certainty_sentence(diagnosis: "Diagnosis") -> str:
     if diagnosis.look_alikes:
         alike = _any_of(diagnosis.look_alikes[:_ALIKE])
         return f"Not certain: {alike}, or a cause like it that the catalogue lacks, could give these readings."
+    return f"Not certain: {_why_uncertain(diagnosis)}."
+
+
+def _why_uncertain(diagnosis: "Diagnosis") -> str:
     if diagnosis.campaign and "guess" in diagnosis.campaign.noise.source.values():
-        return "Not certain: the noise is a guess. Measure some settings twice, or declare it."
+        return "the noise is a guess. Measure some settings twice, or declare it"
     if any(not fit.converged for fit in diagnosis.explanations[:1]):
-        return "Not certain: the fit was ended before it had settled, so its sizes are not final."
-    unusual = "its size is unusual. Check it by another measurement"
-    return f"Not certain: {unusual if diagnosis.verdict == 'named' else 'the readings differ from its exact form'}."
+        return "the fit was ended before it had settled, so its sizes are not final"
+    if diagnosis.verdict != "named":
+        return "the readings differ from its exact form"
+    if all(one.plausible for one in diagnosis.missing):
+        return "other sets of effects are together as probable as just what is named"
+    return "its size is unusual. Check it by another measurement"
 
 
 def _any_of(names: "list[str] | tuple[str, ...]") -> str:

@@ -135,7 +135,10 @@ class EffectSpace:
 
     @cached_property
     def _modulations(self) -> FloatArray:
-        """Smooth functions of the setting in each channel, of mean square one together; shape (M, f)."""
+        """Smooth functions of the setting in each channel, at most one over the root of their number; shape (M, f).
+
+        Together their mean square is about a quarter over an even grid.
+        """
         observations = self.campaign.observations
         smooth = _smooth(observations, FORM_DEGREE)
         here = [observations.channel == c for c in range(len(observations.channels))]
