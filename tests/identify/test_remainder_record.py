@@ -11,7 +11,7 @@ import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.place import placed
-from femfit.identify.refit.add_effects import _whitening
+from femfit.identify.refit.add_effects import whitening_beside
 from femfit.identify.remainder.learn import Beside, columns_at, learn
 from femfit.identify.remainder.parts import BRAKE, COENERGY, NAME, parts_of
 from femfit.model.bspline import TensorSpline, basis_matrix
@@ -83,7 +83,7 @@ def test_a_brake_is_learnt_as_one_that_never_pushes(model, clean):
     observations = placed(model, clean)
     change = observations.predict([truth]) - observations.base
     braked = observations.with_values(observations.value + change)
-    noise = _whitening(observations).noise
+    noise = whitening_beside(observations).noise
     parts = [part for part in parts_of(braked) if part.kind in {BRAKE, "current_A"}]
     whitening = Beside(Whitening(braked, noise, chains_of(braked)), np.zeros((len(braked.value), 0)))
     found = learn(whitening, parts, columns_at(braked, parts))
