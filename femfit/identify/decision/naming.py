@@ -12,6 +12,7 @@ from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
 from femfit.identify.decision.diagnosis import Verdict
 from femfit.identify.decision.search import Explanation, Posterior, explain
+from femfit.identify.refit.refit import is_plausible
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
     "nothing_missing": (False, False),
@@ -91,11 +92,14 @@ def decide(campaign: Campaign) -> Decision:
 def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
     """Whether effects of another form than the readings leave less than half of the squared misfit, and spoil nothing.
 
-    Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse.
+    Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
+    whose size is as unlikely as its form.
     """
     before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
     fit, observations = chosen.fit if chosen else None, campaign.observations
     if fit is None or fit.chi2 - len(fit.whitened_residual) >= 0.5 * before:
+        return False
+    if not all(is_plausible(added, p) for added in fit.effects for p in added.effect.parameters):
         return False
     left = observations.value - observations.predict(fit.effects)
     for c, sigma in enumerate(campaign.noise.sigma):
