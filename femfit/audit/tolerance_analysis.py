@@ -18,7 +18,6 @@ from femfit.core.amount import amount, counted, rounded
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.printed import Printed
-from femfit.core.sweep_columns import is_flux
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
 
@@ -87,7 +86,9 @@ class ToleranceAnalysis(Printed):
         for one in shown:
             facts = one.number
             per = f"{amount(one.gradient, self.quantity)} per {facts.unit or 'one whole'}"
-            lines.append(f"  {rounded(100.0 * one.share, 2)} %  {facts.key} +- {_within(facts)}: {per}")
+            lines.append(
+                f"  {rounded(100.0 * one.share, 2)} %  {facts.key} +- {amount(facts.tolerance, facts.unit)}: {per}"
+            )
         if left := len(self.shares) - len(shown):
             lines.append(f"  {counted(left, 'further number')}: less than {rounded(100.0 * SHOWN, 1)} % each")
         return "\n".join(lines)
@@ -132,9 +133,9 @@ def analyse_tolerances(
     rows = table.valid_rows()
     names = current_names(rows)
     point = _nearest(rows, names, distance_m, currents_A)
-    known = [name for name in table.signatures.rows if name in {"force_N", "hall_T"} or is_flux(str(name))]
-    if quantity not in {*known, FORCE_CONSTANT}:
-        raise UsageError(f"quantity must be one of {', '.join([*map(str, known), FORCE_CONSTANT])}; got {quantity!r}.")
+    known = [*table.signatures.channels, FORCE_CONSTANT]
+    if quantity not in known:
+        raise UsageError(f"quantity must be one of {', '.join(known)}; got {quantity!r}.")
     value = _at(rows, names, point, quantity)
     gradients = [_at(table.signatures.of(one), names, point, quantity) for one in table.signatures.numbers]
     scatters = [abs(g) * one.tolerance for g, one in zip(gradients, table.signatures.numbers, strict=True)]
@@ -187,9 +188,3 @@ def _at(rows: "pd.DataFrame", names: list[str], point: FloatArray, quantity: str
 def _words(quantity: str) -> str:
     names = {"hall_T": "field at the Hall element", FORCE_CONSTANT: "force constant"}
     return names.get(quantity) or quantity.rpartition("_")[0].replace("_", " ")
-
-
-def _within(facts: NumberFacts) -> str:
-    if facts.unit:
-        return f"{rounded(facts.tolerance, 2)} {facts.unit}"
-    return f"{rounded(100.0 * facts.tolerance, 2)} %"

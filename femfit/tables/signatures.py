@@ -45,9 +45,14 @@ class Signatures(Printed):
         """The rows of a number."""
         return self.rows[self.rows["number"] == number.key].reset_index(drop=True)
 
+    @property
+    def channels(self) -> list[str]:
+        """The columns that hold slopes."""
+        return [name for name in map(str, self.rows) if name in {"force_N", "hall_T"} or is_flux(name)]
+
     def __str__(self) -> str:
         """What matters most first: rms change of each channel by one standard deviation of each number."""
-        channels = [name for name in map(str, self.rows) if name in {"force_N", "hall_T"} or is_flux(name)]
+        channels = self.channels
         sizes = {
             one: [one.tolerance * float(np.sqrt(np.nanmean(self.of(one)[name] ** 2))) for name in channels]
             for one in self.numbers

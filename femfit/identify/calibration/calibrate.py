@@ -207,10 +207,9 @@ class _Task:
 def _result(first: Redrawn, now: _Iteration) -> CalibrationResult:
     whitening, fit, choice = now.redrawn.whitening, now.estimate.fit, now.choice
     observations, noise = whitening.observations, whitening.noise
-    known = {name: sd for name, sd in noise.floor.items() if name in noise.source}
     before = channel_rms(first.whitening.observations, first.whitening.observations.residual)
     after = observations.predict(now.estimate.alone)
-    channels = error_fall(observations, observations.base, after, known).channels
+    channels = error_fall(observations, observations.base, after, noise.known).channels
     fitted = ErrorFall(tuple(replace(one, rms_before=before[one.channel]) for one in channels))
     left = whitening.full(observations.value - after)
     last = observations.runs - 1

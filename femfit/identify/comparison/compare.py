@@ -18,7 +18,7 @@ from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.naming import decide
-from femfit.identify.decision.own_misfit import OWN_WORDS, beyond_own_misfit, finer_model, own_misfit_sentence
+from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
@@ -182,7 +182,7 @@ class Comparison(Printed):
             their="a guess of their" if guessed else "their",
         )
         lines = [*suspicions(self.findings), verdict, *map(str, self.channels)]
-        if self.verdict == "wrong_shape" and OWN_WORDS in own:
+        if self.verdict == "wrong_shape" and granted_channels(self.observations, apart):
             lines.append(finer_model(self.model))
         if self.p_value is not None and self.structure is not None:
             lines.append(

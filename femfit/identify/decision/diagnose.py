@@ -135,14 +135,13 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     where = Where("", (), "The model fits.")
     if decision.verdict != "nothing_missing":
         where = where_it_fails(observations, campaign.whitening)
-    known = {name: sd for name, sd in campaign.noise.floor.items() if name in campaign.noise.source}
     return Diagnosis(
         verdict=decision.verdict,
         missing=missing,
         ranking=_ranking(campaign, decision, scores, excess),
         where=where,
-        error_fall=error_fall(observations, observations.base, after, known),
-        noise_floor=known,
+        error_fall=error_fall(observations, observations.base, after, campaign.noise.known),
+        noise_floor=campaign.noise.known,
         detectable=detectable_magnitudes(campaign, LEVEL),
         clean=clean,
         model=model,

@@ -6,7 +6,7 @@ from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
-from femfit.identify.decision.own_misfit import OWN_WORDS, beyond_own_misfit, finer_model, own_misfit_sentence
+from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
 from femfit.identify.noise.within import allowed_for, beyond_noise
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.signatures.columns import CHANGES_NOTHING
@@ -39,7 +39,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
         lines.append(certainty_sentence(diagnosis))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
-    if diagnosis.own_misfit and OWN_WORDS in verdict_sentence(diagnosis):
+    if diagnosis.own_misfit and granted_channels(diagnosis.observations, _left(diagnosis)[1]):
         lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
     allowed = allowed_for(diagnosis.observations, diagnosis.campaign.noise if diagnosis.campaign else None)
@@ -53,9 +53,7 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     names = " and ".join(one.name for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
-    rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
-    beyond = beyond_noise(diagnosis.observations, diagnosis.campaign.noise, rms) if diagnosis.campaign else {}
-    left = beyond_own_misfit(diagnosis.observations, beyond, rms)
+    beyond, left = _left(diagnosis)
     if diagnosis.own_misfit:
         return own_misfit_sentence(diagnosis.observations, diagnosis.times_own, left)
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
@@ -77,6 +75,13 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
         own=own,
         left=" and ".join(left.values()),
     )
+
+
+def _left(diagnosis: "Diagnosis") -> tuple[dict[str, float], dict[str, str]]:
+    """Channels whose error after is beyond the noise, and in words those that the model's own misfit does not make."""
+    rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
+    beyond = beyond_noise(diagnosis.observations, diagnosis.campaign.noise, rms) if diagnosis.campaign else {}
+    return beyond, beyond_own_misfit(diagnosis.observations, beyond, rms)
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:

@@ -14,11 +14,8 @@ from femfit.model.magnetics import LawMagnetics
 from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.tables.measurement import CHANNEL_WORDS
 
-OWN_WORDS = "beyond the model's own misfit to the table that it was fitted to"
-"""What says that a misfit was taken for the model's own."""
-
 _VERDICT = (
-    "{nothing} is missing {own}: it misses {both}. Noise "
+    "{nothing} is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. Noise "
     "taken off, that is {times} times its own misfit. Of that no more than the size is known, so an error of up to "
     "{most} times it, {hidden}, could hide behind it."
 )
@@ -37,19 +34,15 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: Map
         first, and granted nothing.
     """
     both, hidden = [], []
-    for name in (one for one in observations.channels if one not in apart):
+    for name in granted_channels(observations, apart):
         here, words = observations.of(name), CHANNEL_WORDS[name]
         read, own = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.tolerance))
-        if own > 0.0:
-            both.append(
-                f"the {words} by {amount(read, name)} rms in these readings and {amount(own, name)} in that table"
-            )
-            hidden.append(f"{amount(OWN_MISFIT * own, name)} rms of the {words}")
+        both.append(f"the {words} by {amount(read, name)} rms in these readings and {amount(own, name)} in that table")
+        hidden.append(f"{amount(OWN_MISFIT * own, name)} rms of the {words}")
     missed = [f"No effect is named, but the model misses {' and '.join(apart.values())}."] if apart else []
     if not both:
         return " ".join(missed)
     granted = _VERDICT.format(
-        own=OWN_WORDS,
         nothing="Apart from that, nothing" if apart else "Nothing",
         both=", ".join(both),
         times=rounded(times_own, 2),
@@ -57,6 +50,11 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: Map
         hidden=" or ".join(hidden),
     )
     return " ".join([*missed, granted])
+
+
+def granted_channels(observations: Observations, apart: Mapping[str, str]) -> list[str]:
+    """Channels whose error is taken for the model's own misfit, where that of those apart is not."""
+    return [name for name, most in own_misfit(observations).items() if most > 0.0 and name not in apart]
 
 
 def beyond_own_misfit(

@@ -279,9 +279,8 @@ def _refitted(space: EffectSpace, one: Explanation) -> Explanation:
     there = ~(fit.active & (np.abs(value) < 1e-9))
     free = [pair for pair, kept in zip(fit.free, there, strict=True) if kept]
     if {k for k, p in free if not p.nonlinear and not p.beside} != set(range(len(fit.effects))):
-        return replace(
-            one, log_evidence=-np.inf, with_unknown=-np.inf, linear=null(space)
-        )  # an effect of size zero explains nothing
+        # An effect of size zero explains nothing
+        return replace(one, log_evidence=-np.inf, with_unknown=-np.inf, linear=null(space))
     slopes = -0.5 * fit.jacobian[:, there]
     errors = [space.form_error(a.effect, observations.predict([a]) - observations.base) for a in fit.effects]
     columns = np.concatenate([slopes, *errors], axis=1)

@@ -89,6 +89,11 @@ class NoiseModel:
         """Standard deviation of one reading per channel."""
         return dict(zip(self.channels, (float(s) for s in self.sigma), strict=True))
 
+    @property
+    def known(self) -> dict[str, float]:
+        """The same of the channels whose noise has a source."""
+        return {name: sigma for name, sigma in self.floor.items() if name in self.source}
+
 
 @dataclass(frozen=True, eq=False)
 class Whitening:

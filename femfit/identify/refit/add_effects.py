@@ -177,8 +177,7 @@ def _result(
     observations, noise, fit = whitening.observations, whitening.noise, fitted.fit
     misfits = [(text, observations.value - observations.predict(effects)) for text, effects in stages]
     sizes, patterns = effect_sizes(observations, fit), pattern_space(observations, whitening)
-    known = {name: sd for name, sd in noise.floor.items() if name in noise.source}
-    fall = error_fall(observations, observations.predict(stages[0][1]), observations.predict(fit.effects), known)
+    fall = error_fall(observations, observations.predict(stages[0][1]), observations.predict(fit.effects), noise.known)
     return AddResult(
         model=model,
         added=fit.effects[beside:],
@@ -186,7 +185,7 @@ def _result(
         kept=tuple(added.effect.name for added in kept),
         fall=fall,
         left_out=fitted.error.rms,
-        floor=known,
+        floor=noise.known,
         floor_source=noise.source,
         steps=tuple(Step(text, channel_rms(observations, misfit)) for text, misfit in misfits),
         sizes=sizes,

@@ -115,16 +115,15 @@ def _result(
     observations, noise = whitening.observations, whitening.noise
     predicted = observations.predict(effects) if effects else observations.base
     misfits = {"model": observations.residual} | ({NAME: observations.value - predicted} if effects else {})
-    known = {name: sd for name, sd in noise.floor.items() if name in noise.source}
     patterns = pattern_space(observations, whitening)
     return RemainderResult(
         model=after,
         added=effects,
         base=(),
         kept=tuple(one.effect.name for one in model.effects),
-        fall=error_fall(observations, observations.base, predicted, known),
+        fall=error_fall(observations, observations.base, predicted, noise.known),
         left_out=checked.error.rms,
-        floor=known,
+        floor=noise.known,
         floor_source=noise.source,
         steps=tuple(Step(text, channel_rms(observations, misfit)) for text, misfit in misfits.items()),
         sizes=_sizes(observations, predicted - observations.base, learnt),
