@@ -43,6 +43,20 @@ class NumberFacts:
     effect: str = ""  # Of the catalogue, where that stands for this number in a diagnosis
 
     @property
+    def name(self) -> str:
+        """What a diagnosis calls it."""
+        return self.effect or self.key
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation in the unit of the value."""
+        return self.tolerance * self.per(self.value)
+
+    def per(self, value: float) -> float:
+        """What one unit of a change is where the number has a value, in the unit of that."""
+        return 1.0 if self.unit else abs(value)
+
+    @property
     def subject(self) -> str:
         """The number as the subject of a sentence."""
         return KINDS[self.kind].words.format(key=self.key, name=self.key.split(".")[1] if "." in self.key else "")

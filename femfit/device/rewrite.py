@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +11,13 @@ from femfit.core.errors import ActuatorFileError, OutputError
 from femfit.core.paths import path_of
 from femfit.device.complaints import joined
 from femfit.device.decimals import decimal_sum
+from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.file_numbers import Location, numbers_of, with_value
 from femfit.device.load import actuator_from_tables, actuator_from_toml, parse, read_text
-from femfit.device.parts import NonlinearMaterial
+from femfit.device.parts import Actuator, NonlinearMaterial
 
 _DIGITS = 9
 """Significant digits of the points of a scaled curve."""
-
-
-@dataclass(frozen=True)
-class NewValue:
-    """Another value of a number of :func:`femfit.device.drawn_numbers.read_numbers`, or of a single key of the file."""
-
-    key: str
-    also: tuple[str, ...]  # Key paths of what moves with it
-    kind: str  # Of :data:`femfit.device.tolerance_defaults.KINDS`
-    drawn: float  # 1 of a curve, whose value is a factor
-    value: float
 
 
 def drawing_text(path: str | Path) -> str:
@@ -55,25 +44,28 @@ def require_same_elsewhere(drawing: Path, written: Path) -> None:
         )
 
 
-def rewritten(text: str, values: Iterable[NewValue], source: str, directory: Path | None = None) -> str:
-    """The text with these values; those of faces move all key paths of the number by the same length.
+def rewritten(
+    text: str, values: Iterable[tuple[NumberFacts, float]], source: str, directory: Path | None = None
+) -> str:
+    """The text with other values of its numbers; those of faces move all key paths of the number by the same length.
 
-    A number of a library's material, or a curve from a file, is written into ``[materials.NAME]``.
+    A number of a library's material, or a curve from a file, is written into ``[materials.NAME]``; the value of a curve
+    is a factor.
     """
     drawn = parse(text, source)
     locations, tables = numbers_of(drawn), tomlkit.parse(text)
-    for one in values:
-        if one.value == one.drawn:
+    for one, value in values:
+        if value == one.value:
             continue
         if one.kind.startswith("curve_"):
-            _scale_curve(tables, one, drawn, source, directory)
-        elif one.kind in {"length", "hall_place"}:
+            _scale_curve(tables, one.key, value, actuator_from_tables(drawn, source, directory))
+        elif one.unit:
             for key in (one.key, *one.also):
                 before = _at(drawn, locations[key])
-                with_value(tables, locations[key], decimal_sum(decimal_sum(before, -1.0, one.drawn), 1.0, one.value))
+                with_value(tables, locations[key], decimal_sum(decimal_sum(before, -1.0, one.value), 1.0, value))
         else:
             before = _at(drawn, locations[one.key])
-            with_value(tables, locations[one.key], math.copysign(one.value, one.drawn if before is None else before))
+            with_value(tables, locations[one.key], math.copysign(value, one.value if before is None else before))
     return tomlkit.dumps(tables)
 
 
@@ -88,17 +80,14 @@ def _at(tables: Mapping[str, Any], location: Location) -> Any:
     return place
 
 
-def _scale_curve(
-    tables: dict[str, Any], one: NewValue, drawn: dict[str, Any], source: str, directory: Path | None
-) -> None:
+def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Actuator) -> None:
     """One list of a magnetisation curve times a factor, both lists written where the file has neither."""
-    actuator = actuator_from_tables(drawn, source, directory)
     used = (region.material for region in (*actuator.fixed, *actuator.moving.regions))
     curves = [material for material in used if isinstance(material, NonlinearMaterial)]
-    by_key = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in ("B_T", "H_A_per_m")}
-    curve, key = by_key[one.key]
+    by_path = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in ("B_T", "H_A_per_m")}
+    curve, key = by_path[path]
     points = {"B_T": curve.flux_density_T, "H_A_per_m": curve.field_A_per_m}
-    points[key] = tuple(float(f"{one.value * x:.{_DIGITS}g}") for x in points[key])
+    points[key] = tuple(float(f"{factor * x:.{_DIGITS}g}") for x in points[key])
     table = tables.setdefault("materials", {}).setdefault(curve.name, {})
     table.pop("bh_curve", None)
     for column, values in points.items():

@@ -32,6 +32,7 @@ KINDS: dict[str, Kind] = {
     "curve_flux_density": Kind(0.02, "the flux density of {name} at every field"),  # polarisation by composition
     "curve_field": Kind(0.15, "the field that {name} needs for every flux density"),  # annealing and machining
     "turns": Kind(0.005, "the number of turns of {name}"),
+    "resistance": Kind(0.02, "the resistance of {name}"),  # round wire, IEC 60317-0-1
 }
 
 

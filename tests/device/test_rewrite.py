@@ -7,7 +7,7 @@ import pytest
 from femfit.core.errors import OutputError
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
-from femfit.device.rewrite import NewValue, require_same_elsewhere, rewritten
+from femfit.device.rewrite import require_same_elsewhere, rewritten
 from support.actuators import GEOMETRY
 from support.small_drawing import SMALL
 
@@ -16,7 +16,7 @@ RIG = (GEOMETRY / "emaws-rig.toml").read_text()
 
 def new_value(text, key, value, directory=None):
     (facts,) = (one.facts for one in numbers_from_toml(text, "text", directory) if one.facts.key == key)
-    return NewValue(facts.key, facts.also, facts.kind, facts.value, value)
+    return facts, value
 
 
 def changed_lines(before, after):
@@ -35,12 +35,12 @@ def test_only_the_lines_of_changed_numbers_change_and_keep_their_comments():
 
 def test_a_drawing_with_its_own_values_is_the_same_text():
     numbers = [one.facts for one in numbers_from_toml(RIG, "rig")]
-    assert rewritten(RIG, [NewValue(n.key, n.also, n.kind, n.value, n.value) for n in numbers], "rig") == RIG
+    assert rewritten(RIG, [(n, n.value) for n in numbers], "rig") == RIG
 
 
 def test_a_face_moves_all_that_touches_it():
     value = new_value(RIG, "electromagnet.regions.upper_flange.z_mm[1]", -19.9)
-    assert value.also
+    assert value[0].also
     tables = tomllib.loads(rewritten(RIG, [value], "rig"))
     assert tables["electromagnet"]["regions"]["upper_flange"]["z_mm"] == [-25, -19.9]
     assert tables["electromagnet"]["regions"]["sleeve"]["z_mm"] == [-19.9, -5]

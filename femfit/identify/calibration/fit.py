@@ -1,0 +1,211 @@
+"""The numbers of a drawing fitted to readings by their slopes, and what is missing beside them.
+
+References
+----------
+A. Tarantola, Inverse Problem Theory (SIAM, 2005), section 3.2: least squares with Gaussian priors.
+S. F. Schmidt, Advances in Control Systems 3 (1966) 293: parameters that are considered and not estimated.
+B. D. Tapley, B. E. Schutz and G. H. Born, Statistical Orbit Determination (Elsevier, 2004), chapter 6: the same of
+least squares.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding
+from femfit.device.drawn_numbers import NumberFacts
+from femfit.device.load import actuator_from_toml
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect, Effect
+from femfit.field.sweep import run_sweep
+from femfit.fit.build import fit_model
+from femfit.identify.calibration.choose import Choice
+from femfit.identify.calibration.drawing import Drawing
+from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.decision.campaign import considered_effects, gather
+from femfit.identify.decision.naming import Decision, decide
+from femfit.identify.noise.whitening import Whitening
+from femfit.identify.readings.place import placed
+from femfit.identify.refit.add_effects import in_their_runs, whitening_beside
+from femfit.identify.refit.refit import Refit, refit
+from femfit.identify.refit.start import Start, starting_point
+from femfit.identify.signatures.columns import columns_at, effect_columns, why_untestable
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.with_effects import with_effects
+from femfit.tables.measurement import Measurement
+from femfit.tables.sweep_table import SweepTable
+
+
+@dataclass(frozen=True, eq=False)
+class Redrawn:
+    """A drawing that was swept, with its model beside the readings and nothing added to it."""
+
+    drawing: Drawing
+    table: SweepTable
+    model: ActuatorModel
+    whitening: Whitening
+    sweeps: int = 1  # How many it took until here
+
+    def effect_of(self, number: NumberFacts) -> Effect | None:
+        """What a number changes of the model; None where that is nothing at the points of the sweep."""
+        if number.effect:
+            return effect_by_name(number.effect)
+        return next((one.effect for one in self.model.drawn if one.key == number.key), None)
+
+    def column(self, number: NumberFacts) -> FloatArray | None:
+        """Change of the readings per unit of that effect, shape (M,); None where that is nothing."""
+        effect = self.effect_of(number)
+        found = effect_columns(effect, self.whitening.observations) if effect else []
+        return found[0].columns[:, 0] if found and np.isfinite(found[0].columns).all() else None
+
+    def shows(self, number: NumberFacts) -> bool:
+        """Whether the readings can show a number."""
+        effect = self.effect_of(number)
+        testable = effect is not None and not why_untestable(effect, self.whitening.observations)
+        return testable and self.column(number) is not None
+
+
+def swept(drawing: Drawing, directory: Path, measured: Measurement, workers: int, sweeps: int = 1) -> Redrawn:
+    """A drawing swept with its signatures, and its model beside readings."""
+    actuator = actuator_from_toml(drawing.text, drawing.source, drawing.directory)
+    table = run_sweep(actuator, directory, workers=workers, signatures=drawing.numbers)
+    model = fit_model(table).model
+    if not model.drawn:
+        raise TableError(
+            "The model of this drawing takes up no numbers of it: it has several circuits, or its sweep is too "
+            "small for a co-energy. Sweep more distances and currents."
+        )
+    return Redrawn(drawing, table, model, whitening_beside(placed(model, measured)), sweeps)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The numbers fitted by their slopes about a drawing that was swept, with the effects beside them."""
+
+    redrawn: Redrawn
+    choice: Choice
+    values: FloatArray  # Of the numbers in the drawing, shape (n,)
+    fit: Refit  # The numbers' effects first
+    prior_sd: dict[str, float]  # Of each number's effect, in the unit of its amplitude, after its tolerance
+    prior_mean: dict[str, float]
+    beside: tuple[AddedEffect, ...]  # The effects beside, fitted to the drawing without a change of its numbers
+
+    @cached_property
+    def scale(self) -> FloatArray:
+        """Each number's unit over those of the fit's free parameters, shape (n, p): zero but for its own."""
+        result = np.zeros((len(self.values), len(self.fit.free)))
+        for j, (k, parameter) in enumerate(self.fit.free):
+            if k < len(self.values):
+                result[k, j] = self.choice.numbers[k].per(self.values[k]) * parameter.width
+        return result
+
+    @cached_property
+    def unbounded(self) -> Refit:
+        """The fit with the numbers free: a step ends at ten tolerances, and the next one goes on."""
+        return replace(self.fit, active=self.fit.active & ~self.scale.any(axis=0))
+
+    @property
+    def change(self) -> FloatArray:
+        """Of the numbers from the drawing, in their units; shape (n,)."""
+        return self.scale @ [self.fit.effects[k].parameters[p.name] / p.width for k, p in self.fit.free]
+
+    @cached_property
+    def covariance(self) -> FloatArray:
+        """Of the numbers in their units, were all others as drawn; shape (n, n)."""
+        return np.asarray(self.scale @ self.unbounded.covariance @ self.scale.T)
+
+    @cached_property
+    def information(self) -> FloatArray:
+        """Its inverse."""
+        size = np.sqrt(np.outer(np.diag(self.covariance), np.diag(self.covariance)))
+        return np.asarray(np.linalg.pinv(self.covariance / size, hermitian=True) / size)
+
+    @property
+    def step(self) -> float:
+        """Length of the change in standard deviations, of well determined combinations too, root mean square."""
+        return float(np.sqrt(self.change @ self.information @ self.change / len(self.change)))
+
+    @cached_property
+    def error(self) -> FloatArray:
+        """Covariance of the numbers where those that stay as drawn may be off within their tolerances, shape (n, n).
+
+        With whitened columns J of all that was fitted, and S of the others per tolerance, the fitted ones move by
+        -G c where the others are off by c tolerances, G = (J'J + L)^-1 J'S. Before the data c has the covariance 1:
+        least squares then have the error P + G G', Schmidt's consider covariance. After them c has the inverse of
+        S'S - S'J G + 1 about its estimate; its second moment about zero, the drawing, is C, and the error P + G C G'.
+        """
+        fitted = {*(one.name for one in self.choice.numbers), *self.choice.beside}
+        others = [one for one in self.redrawn.drawing.suspects if one.name not in fitted]
+        columns = [(one.tolerance, self.redrawn.column(one)) for one in others]
+        off = [tolerance * column for tolerance, column in columns if column is not None]
+        if not off:
+            return self.covariance
+        moving = ~self.unbounded.active
+        fitted_to, others_by = -self.fit.jacobian[:, moving], self.redrawn.whitening.full(np.stack(off, axis=1))
+        information = fitted_to.T @ fitted_to + np.diag(self.fit.precision[moving])
+        moved = np.linalg.pinv(information, hermitian=True) @ fitted_to.T @ others_by
+        about = np.linalg.inv(others_by.T @ (others_by - fitted_to @ moved) + np.eye(len(off)))
+        found = about @ others_by.T @ self.fit.whitened_residual
+        by = self.scale[:, moving] @ moved
+        return np.asarray(self.covariance + by @ (about + np.outer(found, found)) @ by.T)
+
+
+def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
+    """Fit numbers within their tolerances, and the effects beside them, about the drawing as it was swept."""
+    whitening, n = redrawn.whitening, len(choice.numbers)
+    observations, effects = whitening.observations, []
+    for one in choice.numbers:
+        effect = redrawn.effect_of(one)
+        if effect is None:
+            raise TableError(f"{one.key} changes nothing at the points of the sweep, so it cannot be calibrated.")
+        effects.append(effect)
+    effects += [effect_by_name(name) for name in choice.beside]
+    for effect in effects:
+        if reason := why_untestable(effect, observations):
+            raise TableError(f"{effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
+    # At the drawing: of numbers that cannot be told apart the best without their tolerances may be anywhere
+    start = [
+        Start.at_null(one.columns, whitening) if k < n else one
+        for k, one in enumerate(starting_point(observations, whitening, effects))
+    ]
+    start = in_their_runs(start, whitening, {name: runs for name, runs in choice.beside.items() if runs})
+    at = [(one, one.per(float(value)), float(value)) for one, value in zip(choice.numbers, values, strict=True)]
+    sd = {one.name: one.deviation / per for one, per, _ in at}
+    mean = {one.name: (one.value - value) / per for one, per, value in at}
+    fit = refit(observations, whitening, start, prior_sd=sd, prior_mean=mean)
+    begin = [one.continued(added) for one, added in zip(start[n:], fit.effects[n:], strict=True)]
+    alone = refit(observations, whitening, begin).effects if begin else ()
+    beside = tuple(replace(one, ci95=free.ci95) for one, free in zip(alone, fit.effects[n:], strict=True))
+    return Estimate(redrawn, choice, values, fit, sd, mean, beside)
+
+
+def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
+    """The decision about what the calibrated drawing leaves; None where it cannot be tested.
+
+    Had a cause been overlooked, the numbers would have been fitted to it as well, and what they leave of it would look
+    like another. So what was fitted is free in this decision: its columns scatter as the noise does, each number by its
+    tolerance and each effect by its plausible range.
+    """
+    observations = placed(with_effects(now.redrawn.model, now.beside), measured)
+    nominal, fitted = observations.nominal, now.fit.effects
+    campaign = gather(
+        observations, considered_effects([one.effect.name for one in fitted], nominal.circuits, nominal.drawn)
+    )
+    if isinstance(campaign, Finding):
+        return None
+    free = [
+        columns.columns * [now.prior_sd.get(one.effect.name, p.width) for p in columns.amplitudes]
+        for one in fitted
+        for columns in columns_at(one, now.redrawn.whitening.observations)
+    ]
+    known = campaign.whitening.misfit
+    misfit = np.concatenate([*([] if known is None else [known]), *free], axis=1)
+    whitening = replace(campaign.whitening, misfit=misfit)
+    starts = tuple(Start.at_null(one.columns, whitening) for one in campaign.effects)
+    return decide(
+        replace(campaign, whitening=whitening, patterns=pattern_space(observations, whitening), effects=starts)
+    )
