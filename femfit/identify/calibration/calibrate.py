@@ -24,7 +24,7 @@ from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.calibration.choose import Choice, with_named
-from femfit.identify.calibration.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, SETTLED, SLOW
+from femfit.identify.calibration.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE, SETTLED
 from femfit.identify.calibration.drawing import Drawing
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
 from femfit.identify.calibration.remarks import open_combinations, remarks, verdict
@@ -144,18 +144,25 @@ class _Task:
 
     def settled(self, now: Estimate, most: int = MOST_STEPS) -> Estimate:
         """The drawing swept anew until a step is small against the errors; once at least."""
-        part = 1.0
-        for _ in range(most):
-            sweeps = now.redrawn.sweeps
-            if sweeps > 1 and now.step <= SETTLED:
+        part, good, last = 1.0, 0, now
+        for _ in range(MOST_STEPS):
+            if good == most or (last is now and now.redrawn.sweeps > 1 and now.step <= SETTLED):
                 break
-            self.say(f"Sweeping the drawing anew, step {sweeps}")
+            self.say(f"Sweeping the drawing anew, step {last.redrawn.sweeps}")
             drawing, values = _moved(self.source, now, part)
-            redrawn = swept(drawing, self.directory, self.measured, self.workers, sweeps + 1)
-            before, now = now, estimate(redrawn, now.choice, values)
-            back = now.change @ now.information @ before.change < 0.0
-            part *= 0.5 if back and now.step > SLOW * before.step else 1.0
+            last = estimate(self.swept(drawing, last.redrawn.sweeps + 1), now.choice, values)
+            if last.cost(last) <= now.cost(last) + RISE:
+                now, part, good = last, min(1.0, 2.0 * part), good + 1
+            else:
+                part *= 0.5
+        if last is not now:  # what lies in the directory is what is said
+            again = self.swept(now.redrawn.drawing, last.redrawn.sweeps + 1)
+            now = estimate(again, now.choice, now.values)
         return now
+
+    def swept(self, drawing: Drawing, sweeps: int) -> Redrawn:
+        """A drawing swept in the directory of the calibrated one."""
+        return swept(drawing, self.directory, self.measured, self.workers, sweeps)
 
     def completed(self, now: Estimate, *, asked: bool) -> Estimate:
         """The same with what is missing beside it, as a diagnosis with the numbers free names it after each step."""

@@ -9,8 +9,9 @@ MOST_ROUNDS = 3
 SETTLED = 0.1
 """Conventional: a step below this part of the standard deviations, root mean square, changes no conclusion."""
 
-SLOW = 0.5
-"""Numerical: where a step goes back by more than this part of the one before, the next ones are halved."""
+RISE = 1.0
+"""Numerical: a step after which the weighted sum of squares is more than this larger is taken back and halved; less
+changes no conclusion, and meshes differ."""
 
 HALVINGS = 4
 """Numerical: a step that draws what cannot be built is halved so often."""

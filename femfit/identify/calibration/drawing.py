@@ -1,7 +1,7 @@
 """A drawing with its numbers: which can be calibrated, what users call them, and the drawing with other values."""
 
 import difflib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -58,8 +58,14 @@ class Drawing:
 
     def _called(self, key: str) -> NumberFacts:
         paths = [((one.key, *one.also), one) for one in self.suspects]
-        found = [one for known, one in paths if key in (*known, one.name)]
-        found = found or [one for known, one in paths if any(path.endswith(f".{key}") for path in known)]
+        tests: tuple[Callable[[str], bool], ...] = (
+            lambda path: path == key,
+            lambda path: path.endswith(f".{key}"),
+            lambda path: path.partition("[")[0].endswith(f".{key}"),  # of a list, where one place alone is a number
+        )
+        found = [one for one in self.suspects if key == one.name]
+        for test in tests:
+            found = found or [one for known, one in paths if any(map(test, known))]
         if len(found) == 1:
             return found[0]
         if found:

@@ -129,6 +129,15 @@ class Estimate:
         """Length of the change in standard deviations, of well determined combinations too, root mean square."""
         return float(np.sqrt(self.change @ self.information @ self.change / len(self.change)))
 
+    def cost(self, like: "Estimate") -> float:
+        """Weighted sum of squares that the drawing leaves, by the noise of another estimate, and of its tolerances."""
+        observations = self.redrawn.whitening.observations
+        white = like.redrawn.whitening.full(observations.value - observations.predict(self.beside))
+        drawn = [
+            (one.value - value) / one.deviation for one, value in zip(self.choice.numbers, self.values, strict=True)
+        ]
+        return float(white @ white) + float(np.sum(np.square(drawn)))
+
     @cached_property
     def error(self) -> FloatArray:
         """Covariance of the numbers where those that stay as drawn may be off within their tolerances, shape (n, n).

@@ -81,10 +81,9 @@ def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], left: Sequence[C
                 "data as well."
             )
     if any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers):
-        exact = ", ".join(f"± {rounded(number.sd_as_drawn, 2)} {number.unit}".rstrip() for number in numbers)
         yield (
-            "Most of these errors is what the numbers that were not fitted may be off by within their tolerances; were "
-            f"those exactly as drawn, it would be {exact}. Fit more of them, or measure them."
+            "Most of these errors is what the numbers that were not fitted may be off by within their tolerances. Fit "
+            "more of them (--numbers), or measure them."
         )
     for number, facts in zip(numbers, now.choice.numbers, strict=True):
         away, whole = abs(number.value - number.drawn) / number.tolerance, round(number.value)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.core.amount import amount, counted
+from femfit.core.amount import amount, counted, rounded
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
@@ -47,15 +47,12 @@ class CalibratedNumber:
         return cls(one.key, one.also, one.value, value, sd, sd_as_drawn, one.deviation, unit)
 
     @property
-    def texts(self) -> tuple[str, str, str, str]:
+    def texts(self) -> tuple[str, ...]:
         """A row of the printed table."""
         places = max(0, 1 - math.floor(math.log10(self.sd))) if self.sd > 0.0 else 6
-        return (
-            self.key,
-            f"{self.drawn:g} {self.unit}".rstrip(),
-            f"{self.value:.{places}f} ± {self.sd:.{places}f} {self.unit}".rstrip(),
-            f"{self.tolerance:.2g} {self.unit}".rstrip(),
-        )
+        value = f"{self.value:.{places}f} ± {self.sd:.{places}f}"
+        numbers = (f"{self.drawn:g}", value, f"± {rounded(self.sd_as_drawn, 2)}", rounded(self.tolerance, 2))
+        return (self.key, *(f"{text} {self.unit}".rstrip() for text in numbers))
 
 
 @dataclass(frozen=True)
@@ -118,14 +115,18 @@ class CalibrationResult(Printed):
 
     def __str__(self) -> str:
         count = f"{counted(len(self.numbers), 'number')} of the drawing in {counted(self.sweeps, 'sweep')}"
-        rows = [("number", "drawn", "calibrated", "tolerance"), *(one.texts for one in self.numbers)]
-        widths = [max(len(row[k]) for row in rows) for k in range(4)]
+        rows = [
+            ("number", "drawn", "calibrated", "all others as drawn", "tolerance"),
+            *(one.texts for one in self.numbers),
+        ]
+        widths = [max(len(row[k]) for row in rows) for k in range(5)]
         nominal = nominal_of(self.model.without_effects)
         lines = [
             *suspicions(self.findings),
             f"Calibrated {count}. {self.verdict}"
             if self.settled
-            else f"Not settled after {counted(self.sweeps, 'sweep')}: do not trust these numbers. Calibrate fewer.",
+            else f"Not settled after {counted(self.sweeps, 'sweep')}: do not trust these numbers. Calibrate fewer, or "
+            "declare how far distances may be off (distance_mm), if nothing does.",
             *("  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows),
         ]
         for one in self.beside:
@@ -147,7 +148,8 @@ class CalibrationResult(Printed):
 
 def heading(result: CalibrationResult, drawing: str, data: Sequence[str]) -> str:
     """The comment above a calibrated drawing: what it was made from, and which numbers are not as drawn."""
-    rows = (f"#   {key} = {value} (drawn {drawn})" for key, drawn, value, _ in (one.texts for one in result.numbers))
+    rows = [f"#   {key} = {value} (drawn {drawn})" for key, drawn, value, *_ in (one.texts for one in result.numbers)]
+    rows += [] if result.settled else ["#   Not settled: do not trust these numbers."]
     end = "\r\n" if "\r\n" in result.drawing else "\n"
     lines = [f"# Calibrated by femfit from {drawing} and {', '.join(data)}:", *rows, "", ""]
     return end.join(lines).replace("±", "+-")
