@@ -158,6 +158,9 @@ SEARCH_STEPS, LARGEST_STEP, SETTLED_STEP, NO_VARIANCE = 100, 2.0, 1e-7, 1e-6
 """Numerical: steps of the search for variances, the largest and the last in a log variance, and the part of where the
 search began below which a variance is none."""
 
+FLAT = 1e-6
+"""Numerical: curvature of -2 log likelihood in a log variance below which it is flat, and the variance stays."""
+
 SPANNED_SQUARE = 1e-9
 """Numerical: part of a squared length below which a column of mounts or runs is spanned by others."""
 

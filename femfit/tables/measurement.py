@@ -26,6 +26,9 @@ class _ChannelWords(dict[str, str]):
         return f"{self[quantity]} of {circuit}"
 
 
+OF_RUNS = "run."
+"""Begins the key of a declared standard deviation of what all readings of a run share: run.force_N."""
+
 CHANNEL_WORDS = _ChannelWords(
     {
         "force_N": "force",

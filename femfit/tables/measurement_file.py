@@ -19,6 +19,7 @@ from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, matc
 from femfit.tables.header import parse_header
 from femfit.tables.measurement import (
     CHANNELS,
+    OF_RUNS,
     SERIES_CHANNELS,
     SERIES_COLUMNS,
     SETTINGS,
@@ -202,7 +203,8 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
     rows, used, findings = read_columns(raw, known, said.columns, said.units)
     unused, named = _unused(raw, used), [column.name for column in used]
     _require("bench table", named, path, unused, _about(findings, named))
-    sidecar = read_sidecar(path, (*CHANNELS, "distance_m", "current_A", *of_circuits), used, said.noise)
+    with_noise = (*CHANNELS, "distance_m", "current_A", *of_circuits, *(OF_RUNS + name for name in channels))
+    sidecar = read_sidecar(path, with_noise, used, said.noise)
     given = tuple(
         name for name in known if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )

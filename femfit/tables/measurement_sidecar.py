@@ -11,6 +11,7 @@ from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
 from femfit.tables.columns import UsedColumn, match_column
 from femfit.tables.header import same_header
+from femfit.tables.measurement import OF_RUNS
 from femfit.tables.settings_file import finite_number, read_settings
 
 _EXAMPLE = "force_N = 2e-4"
@@ -22,7 +23,11 @@ _OF_DRAWINGS = frozenset({"schema", "sweep"})
 
 @dataclass(frozen=True)
 class Sidecar:
-    """What a measurement's sidecar says; ``noise`` is a standard deviation per channel, in the channel's unit."""
+    """What a measurement's sidecar says.
+
+    ``noise`` is a standard deviation per channel, in the channel's unit; ``run.force_N`` is that of what all readings
+    of a run share.
+    """
 
     noise: Mapping[str, float] = field(default_factory=dict)
     test_object: str = ""
@@ -77,7 +82,8 @@ def read_sidecar(
     """Read ``NAME.csv.toml`` or else ``NAME.toml`` beside a measurement; what it says is empty where there is none.
 
     A channel's noise stands at the top or under ``[noise]``: ``force_N = 2e-4``, or ``force_mN = 0.2``, or with the
-    header of its column, whose unit it then has. The ``noise`` that the caller declares counts in its place.
+    header of its column, whose unit it then has; its offset from run to run under ``[noise.run]``, or as
+    ``run.force_N``. The ``noise`` that the caller declares counts in its place.
     """
     file, data = _sidecar_file(measurement)
     sidecar = Sidecar() if file is None else _parsed(file, data, channels, used)
@@ -109,6 +115,8 @@ def _parsed(file: Path, settings: dict[str, Any], channels: Sequence[str], used:
         raise TableError(f"[noise] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(declared)}.")
     noise: dict[str, float] = {}
     findings: list[Finding] = []
+    declared = declared | {OF_RUNS + key: value for key, value in _offsets(file, declared).items()}
+    declared.pop(OF_RUNS.rstrip("."), None)
     texts = {key: str(data.pop(key)) for key in ("test_object", "notes") if key in data}
     for key, value in (data | declared).items():
         column = _channel(key, channels, used)
@@ -127,8 +135,20 @@ def _parsed(file: Path, settings: dict[str, Any], channels: Sequence[str], used:
 
 def _channel(key: str, channels: Sequence[str], used: Sequence[UsedColumn]) -> UsedColumn | None:
     """The channel that a key means: by its name, with another unit, or by the header of its column."""
+    if key.startswith(OF_RUNS):
+        of_runs = [name.removeprefix(OF_RUNS) for name in channels if name.startswith(OF_RUNS)]
+        found = _channel(key.removeprefix(OF_RUNS), of_runs, used) if of_runs else None
+        return replace(found, name=OF_RUNS + found.name) if found else None
     own = (column for column in used if column.name in channels and same_header(key, column.header))
     return match_column(key, channels) if key in channels else next(own, match_column(key, channels))
+
+
+def _offsets(file: Path, declared: Mapping[str, Any]) -> dict[str, object]:
+    """What ``[noise.run]`` holds."""
+    offsets = declared.get(OF_RUNS.rstrip("."), {})
+    if not isinstance(offsets, dict):
+        raise TableError(f"[noise.run] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(offsets)}.")
+    return offsets
 
 
 def _no_channel(key: str, where: str, channels: Sequence[str]) -> str:

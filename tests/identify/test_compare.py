@@ -217,12 +217,12 @@ def test_the_declared_uncertainty_of_the_distance_is_noise_of_every_reading(levi
 
 
 def test_the_scatter_of_repeats_holds_the_declared_error_of_their_settings_once(levitation_model):
-    """Repeats are set anew, so that their scatter is the sensor's noise and what the distance's error makes of it."""
+    """Repeats are set anew, so that their scatter is the sensor's noise and what the current's error makes of it."""
     observations = compare(levitation_model, campaign(levitation_model, 34, runs=6, mount_m=0.0, rho=0.0)).observations
     columns = np.zeros((len(observations.value), 2))
-    columns[observations.of("force_N"), 0] = 4e-4  # what an error of the distance makes of the force
+    columns[observations.of("force_N"), 1] = 4e-4  # what an error of the current makes of the force
     error = np.random.default_rng(1).standard_normal(len(observations.covariates))[observations.row]
-    read = observations.with_values(observations.value + error * columns[:, 0])
+    read = observations.with_values(observations.value + error * columns[:, 1])
     scatter, known = (estimate_noise(one) for one in (read, replace(read, setting_columns=columns)))
     force = observations.channels.index("force_N")
     assert scatter.sigma[force] == pytest.approx(2**0.5 * NOISE["force_N"], rel=0.1)

@@ -10,6 +10,7 @@ from statsmodels.regression.mixed_linear_model import MixedLM
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, rho_of
 from femfit.identify.noise.restricted import Contrasts, restricted_estimate
+from femfit.identify.noise.whitening import Whitening, chains_of, stops
 from femfit.identify.readings.bench import bench_observations
 from support.campaign import campaign
 
@@ -145,3 +146,61 @@ def test_the_declared_error_of_the_distance_is_how_well_a_body_comes_back(levita
     assert noise[0].mount_m == pytest.approx(20e-6, rel=0.2)
     assert noise[1].mount_m == pytest.approx(5e-6, rel=0.4)
     assert [one.mount_assumed for one in noise] == [True, False]
+
+
+def at_stops(model, seed, stop_m, **size):
+    """A campaign whose stage is off by something else at each stop, and by how much."""
+    table = campaign(model, seed, mount_m=10e-6, rho=0.0, distances=10, currents=7, runs=3)
+    rng, keys = np.random.default_rng(seed), ["run", "distance_m"]
+    error = table.rows.groupby(keys).ngroup().map(dict(enumerate(rng.normal(0.0, stop_m, 30)))).to_numpy()
+    slope = bench_observations(model, table)
+    rows = table.rows.copy()
+    for name in slope.channels:
+        here = slope.of(name)
+        rows.loc[slope.row[here], name] += slope.distance_slope[here] * error[slope.row[here]]
+    return replace(table, rows=rows, **size)
+
+
+@pytest.mark.parametrize("declared", [{}, {"distance_m": 100e-6}], ids=["found", "declared"])
+def test_the_error_of_each_stop_of_the_stage_is_told_from_the_scatter_of_readings(levitation_model, declared):
+    observations = bench_observations(levitation_model, at_stops(levitation_model, 4, 100e-6, declared_noise=declared))
+    noise = estimate_noise(observations)
+    scatter = estimate_noise(bench_observations(levitation_model, at_stops(levitation_model, 4, 0.0)))
+    assert noise.stop_m == pytest.approx(100e-6, rel=0.35)  # 20 differences and a prior: to a fifth
+    np.testing.assert_allclose(noise.sigma, scatter.sigma, rtol=0.1)
+    assert np.all(noise.rho < 0.3)
+    assert scatter.stop_m < 0.2 * noise.stop_m
+
+
+def test_readings_of_a_stop_share_its_error_in_the_tests_too(levitation_model):
+    """The map to independent readings is the inverse root of the covariance that it says."""
+    observations = bench_observations(levitation_model, at_stops(levitation_model, 5, 50e-6))
+    noise = replace(
+        estimate_noise(observations), rho=np.zeros(4), test_run=np.zeros(4), test_mount_m=0.0, test_stop_m=50e-6
+    )
+    of_stop = 50e-6 * observations.distance_slope[:, None] * (stops(observations)[:, None] == np.arange(30))
+    covariance = np.diag(noise.sigma[observations.channel] ** 2) + of_stop @ of_stop.T
+    whitening = Whitening(observations, noise, chains_of(observations))
+    columns = np.random.default_rng(6).normal(size=(len(covariance), 3)) * noise.sigma[observations.channel][:, None]
+    white = whitening.full(columns)
+    np.testing.assert_allclose(white.T @ white, columns.T @ np.linalg.solve(covariance, columns), rtol=1e-9)
+
+
+def test_declared_offsets_of_runs_stand_whatever_the_runs_differ_by(levitation_model):
+    """An error that begins at the second of three runs is no scatter of the runs once that is known."""
+    table = campaign(levitation_model, 6, mount_m=5e-6, rho=0.0)
+    later = table.rows["run"].to_numpy() > 1.0
+    rows = table.rows.assign(hall_V=table.rows["hall_V"] + np.where(later, 0.02, 0.0))
+    rows[["coil_temperature_C", "magnet_temperature_C", "order"]] = (
+        np.nan
+    )  # which could be what differs from run to run
+    table = replace(table, given=("run", "distance_m", "current_A", "branch", *table.channels))
+    hall = bench_observations(levitation_model, table).channels.index("hall_V")
+
+    def noise(**declared):
+        read = replace(table, rows=rows, declared_noise={f"run.{name}": sd for name, sd in declared.items()})
+        return estimate_noise(bench_observations(levitation_model, read))
+
+    assert noise().run[hall] > 5e-3
+    assert noise(hall_V=1e-3).run[hall] == pytest.approx(1e-3, rel=1e-3)
+    assert noise(hall_V=1e-3).test_run[hall] == pytest.approx(1e-3, rel=1e-2)

@@ -63,6 +63,21 @@ def test_a_sidecar_declares_noise_and_test_object(tmp_path, sidecar_name, noise)
     assert (table.test_object, table.notes) == ("magnet 3", "Tuesday")
 
 
+@pytest.mark.parametrize(
+    "noise", ["[noise.run]\nforce_mN = 0.5", "[noise]\nrun.force_N = 5e-4", "[noise]\nrun = {force_mN = 0.5}"]
+)
+def test_a_sidecar_declares_what_the_readings_of_a_run_share(tmp_path, noise):
+    file = written(tmp_path, CONTRACT, f"{noise}\n")
+    assert read_bench_table(file).declared_noise == pytest.approx({"run.force_N": 5e-4})
+    assert read_bench_table(file, noise={"run.force_mN": 2.0}).declared_noise == pytest.approx({"run.force_N": 2e-3})
+
+
+@pytest.mark.parametrize("noise", ["[noise]\nrun.distance_mm = 0.5", "[noise]\nrun = 3", "[noise.run]\nforce_N = 0"])
+def test_what_runs_cannot_share_is_refused(tmp_path, noise):
+    with pytest.raises(TableError, match="run"):
+        read_bench_table(written(tmp_path, CONTRACT, f"{noise}\n"))
+
+
 def test_csv_and_parquet_give_the_same_table(tmp_path):
     file = written(tmp_path, CONTRACT)
     pd.read_csv(file).to_parquet(tmp_path / "bench.parquet")

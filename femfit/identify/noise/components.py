@@ -54,7 +54,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         rho[c], contrasts[c] = rho_of(k), design.contrasts(readings[c], k)
         if not scatter[c].repeats:  # what smooth patterns leave is never taken for the noise of a reading
             contrasts[c] = Contrasts(0.0, 0.0, contrasts[c].along, contrasts[c].columns)
-    sigma, mount, run = _variances(observations, scatter, contrasts)
+    sigma, mount, run, stop = _variances(observations, scatter, contrasts)
     for c in range(len(names)):
         if c not in designs:
             largest = float(np.abs(observations.value[observations.channel == c]).max())
@@ -71,6 +71,8 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         source={names[c]: scatter[c].source for c in known},
         test_mount_m=mount[1],
         test_run=run[1],
+        stop_m=stop[0],
+        test_stop_m=stop[1],
         mount_assumed=mount[2],
         never_varying=tuple(constant),
     )
@@ -109,16 +111,21 @@ def _correlation(design: ChannelDesign, y: FloatArray) -> int:
 
 def _variances(
     observations: Observations, scatter: Sequence[Scatter], contrasts: dict[int, Contrasts]
-) -> tuple[FloatArray, tuple[float, float, bool], tuple[FloatArray, FloatArray]]:
-    """Standard deviations of readings, of mounts and of runs; of the last two also as tests use them."""
+) -> tuple[FloatArray, tuple[float, float, bool], tuple[FloatArray, FloatArray], tuple[float, float]]:
+    """Standard deviations of readings, of mounts, of runs and of stops; of the last three also as tests use them."""
     known, random, names = list(contrasts), random_effects(observations), observations.channels
     sigma = np.array([one.prior for one in scatter])
     # Of the variances only those that several mounts or runs, in a channel of known noise, have
-    used = [g for g in range(1 + len(names)) if random.differences[g] > 0.0 and (g == 0 or g - 1 in known)]
-    place = np.array([used.index(g) if g in used else -1 for g in range(1 + len(names))])
+    groups = range(2 + len(names))
+    used = [g for g in groups if random.differences[g] > 0.0 and (g - 1 in known or g in {0, groups[-1]})]
+    place = np.array([used.index(g) if g in used else -1 for g in groups])
     columns = place[random.group] >= 0
-    mount = observations.declared_mount_m or PRIOR_MOUNT_M
-    scale = np.array([mount, *(PRIOR_RUN * sigma)])[used] ** 2
+    mount = observations.declared_distance_m or PRIOR_MOUNT_M
+    stop = observations.declared_distance_m or _least_stop(observations, sigma, known)
+    declared_run = np.array([observations.declared_run.get(name, np.nan) for name in names])
+    offsets = np.where(np.isnan(declared_run), PRIOR_RUN * sigma, declared_run)
+    scale = np.array([mount, *offsets, stop])[used] ** 2
+    given = np.array([False, *np.isfinite(declared_run), False])[used]
     group, second = place[random.group[columns]], random.second[columns]
     parts = [
         Contrasts(contrasts[c].square, contrasts[c].free, contrasts[c].along, contrasts[c].columns[:, columns])
@@ -135,10 +142,10 @@ def _variances(
     shown = np.maximum(np.sqrt(n * alone.spread_alone[:u] / 2.0), alone.variance[:u])
     read = shown - alone.variance[:u]
     against = [
-        bool(k) and alone.converged and contradicts(float(s / (a + b)), float(k), PRIOR_WEIGHT)
-        for s, a, b, k in zip(shown, scale[:u], read, n, strict=True)
+        not known and bool(k) and alone.converged and contradicts(float(s / (a + b)), float(k), PRIOR_WEIGHT)
+        for s, a, b, k, known in zip(shown, scale[:u], read, n, given, strict=True)
     ]
-    weight = np.concatenate([np.where(against, 0.0, PRIOR_WEIGHT), trust])
+    weight = np.concatenate([np.where(given, EXACT, np.where(against, 0.0, PRIOR_WEIGHT)), trust])
     # From what the readings say alone: a large offset of runs is not to be taken for noise of readings on the way
     found = restricted_estimate(parts, group, second, scale, weight, np.maximum(alone.variance, scale))
     variance = found.variance[:u].copy()
@@ -147,14 +154,25 @@ def _variances(
     degrees = np.maximum(found.degrees_of_freedom[:u], PRIOR_WEIGHT)
     tests = np.where(against, shown * _student(np.maximum(n, 1.0)) - read, variance * _student(degrees))
     assumed = ~np.array(against, dtype=bool) & (degrees < 2.0 * PRIOR_WEIGHT)
-    result, wide = np.zeros(1 + len(names)), np.zeros(1 + len(names))
+    result, wide = np.zeros(len(groups)), np.zeros(len(groups))
     result[used], wide[used] = np.sqrt(variance), np.sqrt(np.maximum(tests, variance))
     sigma[known] = np.sqrt(found.variance[u:])
     for c in known:
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(sigma[c], step / np.sqrt(12.0))
-    taken = bool(0 in used and assumed[0] and observations.declared_mount_m is None)
-    return sigma, (float(result[0]), float(wide[0]), taken), (result[1:], wide[1:])
+    taken = bool(0 in used and assumed[0] and observations.declared_distance_m is None)
+    return (
+        sigma,
+        (float(result[0]), float(wide[0]), taken),
+        (result[1:-1], wide[1:-1]),
+        (float(result[-1]), float(wide[-1])),
+    )
+
+
+def _least_stop(observations: Observations, sigma: FloatArray, known: Sequence[int]) -> float:
+    """The error of a stop that makes, in the channel which shows it most, what runs are assumed to differ by."""
+    shown = [np.sqrt(np.mean(observations.distance_slope[observations.channel == c] ** 2)) / sigma[c] for c in known]
+    return PRIOR_RUN / max(float(max(shown)), 1e-300)
 
 
 def _differences(

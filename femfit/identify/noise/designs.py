@@ -6,20 +6,23 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
+from femfit.identify.constants import LEAST_REPEATS
 from femfit.identify.noise.contrasts import Chain, ChannelDesign
-from femfit.identify.noise.whitening import chains_of, orthonormal_basis, sequence
+from femfit.identify.noise.whitening import chains_of, orthonormal_basis, sequence, stops
 from femfit.identify.readings.observations import Observations, once_for_settings
 from femfit.identify.readings.repeats import repeat_cells
 
 
 @dataclass(frozen=True, eq=False)
 class RandomEffects:
-    """Columns of mounts and runs, one variance for the mounts and one for each channel's runs."""
+    """Columns of mounts, runs and stops: a variance for the mounts, one for each channel's runs, one for the stops."""
 
     columns: FloatArray  # Shape (M, q)
-    group: IntArray  # Which variance each has: 0 of mounts, 1 + c of the runs of channel c; shape (q,)
+    # Which variance each has: 0 of mounts, 1 + c of the runs of channel c, 1 + channels of the stops; shape (q,)
+    group: IntArray
     second: BoolArray  # Whether its effect is the square of a mount's error; shape (q,)
-    differences: FloatArray  # Mounts, and runs of each channel, less one; shape (1 + channels,)
+    # Mounts, and runs of each channel, less one, and stops less places of the stage; shape (2 + channels,)
+    differences: FloatArray
 
 
 @once_for_settings
@@ -41,7 +44,11 @@ def repeated_readings(observations: Observations) -> list[tuple[IntArray, IntArr
 
 @once_for_settings
 def random_effects(observations: Observations) -> RandomEffects:
-    """Mounts and runs of which there are several; a body of a single run was put back only where the file says so."""
+    """Mounts, runs and stops of which there are several.
+
+    A body of a single run was put back only where the file says so. Stops of single rows are not told from the scatter
+    of readings.
+    """
     mount, run = observations.column("mount"), observations.column("run")
     mounts, here = np.unique(mount), observations.channel[:, None] == np.arange(len(observations.channels))
     runs = [np.unique(run[column]) for column in here.T]
@@ -57,7 +64,18 @@ def random_effects(observations: Observations) -> RandomEffects:
             columns.append(((run[:, None] == there) & here[:, [c]]).astype(np.float64))
             group += len(there) * [1 + c]
             second += len(there) * [False]
-    differences = [len(mounts) - 1.0 if put_back else 0.0, *(len(there) - 1.0 for there in runs)]
+    stop = stops(observations)
+    numbers, rows = np.unique(stop), len(observations.covariates)
+    repeated = len(numbers) - len(np.unique(observations.column("distance_m")))
+    if repeated > 0 and 2 * len(numbers) <= rows:
+        columns.append((stop[:, None] == numbers) * observations.distance_slope[:, None])
+        group += len(numbers) * [1 + len(runs)]
+        second += len(numbers) * [False]
+    differences = [
+        len(mounts) - 1.0 if put_back else 0.0,
+        *(len(there) - 1.0 for there in runs),
+        float(repeated) if 1 + len(runs) in group else 0.0,
+    ]
     none = np.zeros((len(run), 0))
     return RandomEffects(
         np.concatenate([none, *columns], axis=1), np.array(group, int), np.array(second, bool), np.array(differences)
@@ -65,18 +83,30 @@ def random_effects(observations: Observations) -> RandomEffects:
 
 
 @once_for_settings
-def _designs(observations: Observations) -> list[dict[bool, ChannelDesign]]:
-    """Of each channel the designs for readings of equal variance, from repeats (True) and from smooth patterns."""
+def _designs(observations: Observations) -> list[dict[tuple[bool, bool], ChannelDesign]]:
+    """Of each channel the designs for readings of equal variance, by whether from repeats, and with known stops."""
     return [{} for _ in observations.channels]
 
 
 def channel_design(observations: Observations, c: int, repeats: bool, sigma: float = 0.0) -> ChannelDesign:
-    """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0."""
+    """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0.
+
+    Stops have columns where enough of the repeats is left beside them.
+    """
+    design = _design(observations, c, repeats, sigma, stops_known=not repeats)
+    enough = not repeats or design.free >= LEAST_REPEATS
+    return design if enough else _design(observations, c, repeats, sigma, stops_known=True)
+
+
+def _design(observations: Observations, c: int, repeats: bool, sigma: float, stops_known: bool) -> ChannelDesign:
+    """The same where errors of stops are known, and weighed as those of single rows are, or have columns."""
     here = repeated_readings(observations)[c][0] if repeats else np.flatnonzero(observations.channel == c)
-    made = np.sum(observations.setting_columns[here] ** 2, axis=1)
+    effects = random_effects(observations)
+    of_stops = effects.group == 1 + len(observations.channels)
+    made = np.sum(uncertain_settings(observations, stops_known)[here] ** 2, axis=1)
     equal = sigma == 0.0 or not made.any()
-    if equal and repeats in _designs(observations)[c]:
-        return _designs(observations)[c][repeats]
+    if equal and (repeats, stops_known) in _designs(observations)[c]:
+        return _designs(observations)[c][repeats, stops_known]
     weight = np.ones(len(here)) if equal else 1.0 / np.sqrt(1.0 + made / sigma**2)
     cell = repeated_readings(observations)[c][2] if repeats else np.zeros(len(here), dtype=np.intp)
     order = np.lexsort((sequence(observations)[here], observations.column("run")[here]))
@@ -87,12 +117,18 @@ def channel_design(observations: Observations, c: int, repeats: bool, sigma: flo
     fixed = np.concatenate([patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))], common], axis=1)
     if repeats:
         fixed = _within(fixed, cell)
-    random = random_effects(observations).columns[here]
+    random = effects.columns[here] * ~(of_stops & stops_known)
     cells = int(cell.max()) + 1 if repeats else 0
     design = ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, _chain(observations, here), weight)
     if equal:
-        _designs(observations)[c][repeats] = design
+        _designs(observations)[c][repeats, stops_known] = design
     return design
+
+
+def uncertain_settings(observations: Observations, stops_known: bool) -> FloatArray:
+    """Errors of settings that are weighed as if each row had its own: without those of stops that have columns."""
+    has_columns = random_effects(observations).differences[-1] > 0.0 and not stops_known
+    return observations.setting_columns[:, int(has_columns) :]
 
 
 def _within(columns: FloatArray, cell: IntArray) -> FloatArray:

@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import LARGEST_STEP, NO_VARIANCE, SEARCH_STEPS, SETTLED_STEP
+from femfit.identify.constants import FLAT, LARGEST_STEP, NO_VARIANCE, SEARCH_STEPS, SETTLED_STEP
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +82,9 @@ def restricted_estimate(
     for _ in range(SEARCH_STEPS):
         free = (x > low + 1e-9) | (slope < 0.0)
         step = np.zeros(len(x))
-        size = np.sqrt(np.maximum(np.diag(curvature)[free], 1e-300))
-        inner = curvature[np.ix_(free, free)] / np.outer(size, size) + 1e-9 * np.eye(len(size))
+        damped = curvature[np.ix_(free, free)] + FLAT * np.eye(int(free.sum()))
+        size = np.sqrt(np.diag(damped))
+        inner = damped / np.outer(size, size) + 1e-9 * np.eye(len(size))
         step[free] = np.clip(-np.linalg.solve(inner, slope[free] / size) / size, -LARGEST_STEP, LARGEST_STEP)
         for _ in range(SEARCH_STEPS):
             there = np.maximum(x + step, low)

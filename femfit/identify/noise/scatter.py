@@ -8,7 +8,7 @@ from scipy import stats
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.constants import CONTRADICTED, EXACT, LEAST_REPEATS, LEAST_REPEATS_AGAINST_DECLARED, SAME_READING
 from femfit.identify.noise.contrasts import ChannelDesign
-from femfit.identify.noise.designs import channel_design, repeated_readings
+from femfit.identify.noise.designs import channel_design, random_effects, repeated_readings, uncertain_settings
 from femfit.identify.noise.smoothness import guessed_noise
 from femfit.identify.noise.whitening import NoiseModel, orthonormal_basis
 from femfit.identify.readings.observations import Observations
@@ -69,7 +69,8 @@ def _pure_error(observations: Observations, c: int, free: int) -> float:
     """
     design = channel_design(observations, c, repeats=True)
     variance = design.contrasts(observations.residual[design.here], 0).square / free
-    made = float(np.mean(np.sum(observations.setting_columns[design.here] ** 2, axis=1)))
+    stops_known = not design.random[:, random_effects(observations).group == 1 + len(observations.channels)].any()
+    made = float(np.mean(np.sum(uncertain_settings(observations, stops_known)[design.here] ** 2, axis=1)))
     return float(np.sqrt(max(variance - made, variance * np.sqrt(2.0 / free))))
 
 

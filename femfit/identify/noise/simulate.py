@@ -3,13 +3,13 @@
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.identify.noise.whitening import Whitening, random_columns, sequence
+from femfit.identify.noise.whitening import Whitening, random_columns, sequence, setting_errors
 
 
 def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> FloatArray:
     """Draw everything in the readings that is neither model nor effect, shape (M,), in their units.
 
-    It is AR(1) noise along each run, re-mounts, run offsets, and what uncertain settings make.
+    It is AR(1) noise along each run, re-mounts, run offsets, and what errors of the settings make.
     """
     observations, noise, chains = whitening.observations, whitening.noise, whitening.chains
     rho = noise.rho[observations.channel] ** chains.gap
@@ -21,7 +21,7 @@ def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> Flo
         )
     columns, deviations = random_columns(observations, noise.mount_m, noise.run)
     random = columns @ (deviations * generator.standard_normal(len(deviations)))
-    settings = observations.setting_columns.shape[1]
-    errors = generator.standard_normal((len(observations.covariates), settings))[observations.row]
-    uncertain = np.sum(observations.setting_columns * errors, axis=1)
-    return np.asarray(value * noise.sigma[observations.channel] + random + uncertain)
+    value = value * noise.sigma[observations.channel] + random
+    for number, size in setting_errors(observations, noise.stop_m):
+        value += size * generator.standard_normal(number.max() + 1)[number]
+    return np.asarray(value)

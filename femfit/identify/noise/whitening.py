@@ -1,7 +1,7 @@
 """The noise model of a campaign, and the linear map that makes its readings independent with unit variance.
 
-A reading is the truth plus AR(1) noise along its run (per channel), plus the channel's slope in distance times its
-mount's random position error, plus a random offset per run and channel.
+A reading is the truth plus AR(1) noise along its run (per channel), plus the channel's slope in distance times the
+random position errors of its mount and of its stop of the stage, plus a random offset per run and channel.
 
 References
 ----------
@@ -50,6 +50,32 @@ def sequence(observations: Observations) -> FloatArray:
     return place[observations.row]
 
 
+@once_for_settings
+def stops(observations: Observations) -> IntArray:
+    """Number of the stop of the stage at which each reading was taken, from 0, shape (M,).
+
+    Readings of a run that follow each other at the same recorded distance share by how much the stage was off.
+    """
+    run, distance = observations.column("run"), observations.column("distance_m")
+    order = np.lexsort((observations.row, sequence(observations), run))
+    begins = (np.diff(run[order]) != 0.0) | (np.diff(distance[order]) != 0.0)
+    number = np.zeros(len(run), dtype=np.intp)
+    number[order] = np.cumsum(np.append(False, begins))
+    return number
+
+
+def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntArray, FloatArray]]:
+    """What errors of the settings make: who shares each, a number per reading, and its standard deviation, (M,).
+
+    Readings of a stop share the error of the distance, those of a row that of the current.
+    """
+    distance, *currents = observations.setting_columns.T
+    if stop_m > 0.0:
+        distance = stop_m * observations.distance_slope
+    errors = [(stops(observations), distance), *((observations.row, one) for one in currents)]
+    return [(number, size) for number, size in errors if size.any()]
+
+
 def chains_of(observations: Observations) -> Chains:
     """Link the readings of each channel and run in their sequence."""
     run, order = observations.column("run"), sequence(observations)
@@ -80,6 +106,8 @@ class NoiseModel:
     # The same standard deviations as tests use them: widened for having been estimated from few mounts and runs
     test_mount_m: float
     test_run: FloatArray
+    stop_m: float = 0.0  # Of the distance at each stop of the stage, as repeats show it; 0 where they do not
+    test_stop_m: float = 0.0
     # Whether ``mount_m`` rests on the prior more than on the readings, since there are few mounts
     mount_assumed: bool = False
     never_varying: tuple[str, ...] = ()  # Channels that read the same wherever a setting was repeated
@@ -117,26 +145,24 @@ class Whitening:
 
     @cached_property
     def _settings(self) -> list[tuple[sparse.csr_array, FloatArray]]:
-        """The unit vectors of each uncertain setting's rows, shape (N, M), and how far they shrink.
+        """The unit vectors of those that share the error of a setting, shape (n, M), and how far they shrink.
 
-        The readings of a row share its errors g, so that their covariance is I + g g' with the inverse root
+        The readings of a stop share its error g, so that their covariance is I + g g' with the inverse root
         I - (1 - (1 + g'g)^-1/2) g g' / g'g; the second error is first mapped by that of the first.
         """
         observations = self.observations
         maps: list[tuple[sparse.csr_array, FloatArray]] = []
-        for column in observations.setting_columns.T:
-            if not column.any():
-                continue
-            error = _shrunk(column / self.noise.sigma[observations.channel], maps)
-            length = np.sqrt(np.bincount(observations.row, error**2, minlength=len(observations.covariates)))
-            unit = error / np.maximum(length, 1e-300)[observations.row]
+        for number, size in setting_errors(observations, self.noise.test_stop_m):
+            error = _shrunk(size / self.noise.sigma[observations.channel], maps)
+            length = np.sqrt(np.bincount(number, error**2))
+            unit = error / np.maximum(length, 1e-300)[number]
             shape = len(length), len(error)
-            rows = sparse.csr_array((unit, (observations.row, np.arange(len(error)))), shape=shape)
-            maps.append((rows, 1.0 - 1.0 / np.sqrt(1.0 + length**2)))
+            shared = sparse.csr_array((unit, (number, np.arange(len(error)))), shape=shape)
+            maps.append((shared, 1.0 - 1.0 / np.sqrt(1.0 + length**2)))
         return maps
 
     def serial(self, x: FloatArray) -> FloatArray:
-        """Only the noise of each row and along the runs whitened, for x of shape (M,) or (M, k)."""
+        """Only the noise of each setting and along the runs whitened, for x of shape (M,) or (M, k)."""
         share, sigma = self._share, self.noise.sigma[self.observations.channel]
         if x.ndim == 2:
             share, sigma = share[:, None], sigma[:, None]
@@ -167,7 +193,7 @@ class Whitening:
 
 
 def _shrunk(x: FloatArray, maps: list[tuple[sparse.csr_array, FloatArray]]) -> FloatArray:
-    """x, of shape (M,) or (M, k), shrunk along unit vectors of rows."""
+    """x, of shape (M,) or (M, k), shrunk along unit vectors."""
     for unit, shrink in maps:
         x = x - unit.T @ ((shrink if x.ndim == 1 else shrink[:, None]) * (unit @ x))
     return x

@@ -7,7 +7,7 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.identify.constants import WITHIN_NOISE
-from femfit.identify.noise.whitening import NoiseModel, random_columns
+from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
 
@@ -33,7 +33,7 @@ def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
     """Rms error that the noise makes in each channel, by what was declared and what the readings show of it."""
     count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
     columns, deviations = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
-    settings = np.sum(observations.setting_columns**2, axis=1)
+    settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
     beside = np.bincount(observations.channel, settings + columns**2 @ deviations**2, len(noise.sigma)) / count
     return np.asarray(np.sqrt(noise.sigma**2 + beside))
 
@@ -50,17 +50,21 @@ def in_words(beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str,
 def allowed_for(observations: Observations, noise: NoiseModel | None) -> str:
     """What the test allows for beside the noise of a reading, and where that comes from; empty where that is nothing.
 
-    Offsets of runs are said where they are larger than the noise of one reading.
+    Offsets of runs, and errors of stops, are said where they make more than the noise of one reading.
     """
     if noise is None:
         return ""
+    made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
+    at_stops = [f"the {amount(noise.stop_m, 'mount_m')} by which the distance is off at each stop (estimated)"]
     place = "mount to mount" if "mount" in observations.given else "run to run"
     source = "assumed, since there are few" if noise.mount_assumed else "estimated"
     said = [f"the {amount(noise.test_mount_m, 'mount_m')} by which the distance may differ from {place} ({source})"]
     return " and ".join(
         said[: noise.mount_m > 0.0]
+        + at_stops[: bool(made.any())]
         + [
-            f"the {amount(offset, name)} by which every reading of the {CHANNEL_WORDS[name]} differs from run to run"
+            f"the {amount(offset, name)} by which every reading of the {CHANNEL_WORDS[name]} differs from run to run "
+            f"({'declared' if name in observations.declared_run else f'estimated; declare run.{name} if it is less'})"
             for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
             if offset > sigma
         ]

@@ -27,7 +27,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.circuit_columns import parts_of
-from femfit.tables.measurement import BenchTable
+from femfit.tables.measurement import OF_RUNS, BenchTable
 from femfit.tables.measurement_checks import STILL_CURRENT
 
 
@@ -109,7 +109,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             *_drawn_spring(nominal, channels),
         ),
         present=tuple(added.effect.name for added in model.effects),
-        declared_mount_m=declared.get("distance_m"),
+        declared_distance_m=declared.get("distance_m"),
+        declared_run={name: declared[OF_RUNS + name] for name in channels if OF_RUNS + name in declared},
     )
 
 

@@ -50,7 +50,9 @@ class Observations:
     present: tuple[str, ...] = ()
     # What declares the noise: ``declared``, a sidecar; ``samples``, those within each window
     noise_source: str = "declared"
-    declared_mount_m: float | None = None  # Standard deviation to which a body is said to come back when put back
+    declared_distance_m: float | None = None  # Standard deviation to which stage and body are said to come back
+    # Standard deviation by which all readings of a channel are said to differ from run to run
+    declared_run: Mapping[str, float] = field(default_factory=dict)
     # What follows from the settings alone, by the function that works it out
     of_settings: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False)
 
