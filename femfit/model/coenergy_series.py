@@ -1,14 +1,37 @@
 """The co-energy of a base model as a Taylor series."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.effects.taylor_series import TaylorSeries
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
+
+KEPT = 64
+"""Numerical: series that are kept; effects ask for one or two points a reading each."""
+
+
+@dataclass(frozen=True, eq=False)
+class RepeatedCoenergy:
+    """A co-energy that gives again what it gave before: a fit changes one size of one effect at a time."""
+
+    coenergy: CoenergySeries
+    _known: dict[tuple[bytes, bytes, int, int], TaylorSeries] = field(default_factory=dict, init=False, repr=False)
+
+    def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
+        """Taylor coefficients at points (n,) in m and A, not to be written to."""
+        key = (distance.tobytes(), current.tobytes(), in_distance, in_current)
+        series = self._known.pop(key, None)
+        if series is None:
+            series = self.coenergy(distance, current, in_distance, in_current)
+            series.coefficients.flags.writeable = False
+            while len(self._known) >= KEPT:
+                self._known.pop(next(iter(self._known)))
+        self._known[key] = series  # the newest last
+        return series
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from femfit.effects.stages import (
     true_setting,
     with_further_force,
 )
+from femfit.effects.taylor_series import CoenergySeries
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, resistance_of, with_sources
 
@@ -27,6 +28,7 @@ def predict_readings(
     conditions: Conditions,
     effects: Iterable[AddedEffect] | None = None,
     channels: Collection[str] = CHANNELS,
+    coenergy: CoenergySeries | None = None,
 ) -> dict[str, FloatArray]:
     """Readings of a body held at rest.
 
@@ -42,6 +44,8 @@ def predict_readings(
     channels : collection of str
         What is wanted beside the usual channels: inductance_H, d(flux linkage)/di at low frequency, and resistance_ohm,
         that of the winding, as an LCR meter reads them.
+    coenergy : callable or None
+        The base model's, from a caller who keeps what it gave.
 
     Returns
     -------
@@ -54,7 +58,7 @@ def predict_readings(
         return _read_of_circuits(model, distance, current, conditions, added)
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
     d, i = true_setting(added, d, i, conditions)
-    coenergy = base_coenergy(base)
+    coenergy = coenergy or base_coenergy(base)
     bridge = "inductance_H" in channels
     series = changed_coenergy(coenergy, added, conditions)(d, i, 1, 2 if bridge else 1)
     force = with_further_force(added, -series.derivative(1, 0), d, i, conditions)

@@ -10,6 +10,7 @@ from femfit.core.amount import amount, counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.core.remembered import remembered
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
@@ -24,8 +25,9 @@ from femfit.identify.readings.currents import (
 from femfit.identify.readings.observations import InTheirRuns, Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.coenergy_series import RepeatedCoenergy
 from femfit.model.readings import predict_readings
-from femfit.model.with_effects import nominal_of
+from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import OF_RUNS, BenchTable
 from femfit.tables.measurement_checks import STILL_CURRENT
@@ -133,11 +135,18 @@ class _BenchPrediction:
         return self._predicted(self.distance_m + distance_m, self.current_A + current_A, self.model.effects)
 
     def _predicted(self, d: FloatArray, i: FloatArray, effects: tuple[AddedEffect, ...]) -> FloatArray:
-        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects, tuple(self.rows)))
+        channels, coenergy = tuple(self.rows), _coenergy(self)
+        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects, channels, coenergy))
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the rows as one vector, channel after channel."""
         return np.concatenate([values[name][piece] for name, piece in self.rows.items()])
+
+
+@remembered
+def _coenergy(prediction: _BenchPrediction) -> RepeatedCoenergy:
+    """The base model's."""
+    return RepeatedCoenergy(base_coenergy(prediction.model))
 
 
 def _require_current(model: ActuatorModel, table: BenchTable) -> None:
