@@ -50,6 +50,7 @@ def test_a_pair_of_magnets_runs_from_its_drawing_to_its_report(tmp_path):
     assert "There is no coil" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.long
 def test_a_bearing_of_two_coils_runs_from_its_drawing_to_its_report_and_pictures(tmp_path):
     path = tmp_path / "bearing.toml"
     assert femfit("new", "bearing", "-o", path).returncode == 0

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -31,8 +32,13 @@ def variants():
 
 
 @pytest.fixture(scope="module")
-def whole(variants, tmp_path_factory):
-    return run_sweep(variants, tmp_path_factory.mktemp("whole"), workers=1, settings=QUICK)
+def directory(tmp_path_factory):
+    return tmp_path_factory.mktemp("whole")
+
+
+@pytest.fixture(scope="module")
+def whole(variants, directory):
+    return run_sweep(variants, directory, workers=1, settings=QUICK)
 
 
 def test_the_table_has_a_column_for_each_parameter_and_a_row_for_each_point(whole, variants):
@@ -95,8 +101,8 @@ def test_a_variant_whose_meshes_cannot_be_planned_is_rows_with_its_reason(varian
     assert summarise(table)["failures"] == {"failed: no layer fits": 9}
 
 
-def test_an_interrupted_parameter_sweep_resumes_to_the_same_table(variants, whole, tmp_path):
-    run_sweep(variants, tmp_path, workers=1, settings=QUICK)
+def test_an_interrupted_parameter_sweep_resumes_to_the_same_table(variants, whole, directory, tmp_path):
+    shutil.copytree(directory, tmp_path, dirs_exist_ok=True)
     journal = tmp_path / "journal.jsonl"
     lines = journal.read_bytes().splitlines(keepends=True)
     for kept, workers in ((2, 2), (9, 1)):
@@ -106,8 +112,8 @@ def test_an_interrupted_parameter_sweep_resumes_to_the_same_table(variants, whol
         pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
 
 
-def test_other_values_of_a_parameter_are_another_configuration(variants, tmp_path):
-    run_sweep(variants, tmp_path, workers=1, settings=QUICK)
+def test_other_values_of_a_parameter_are_another_configuration(whole, directory, tmp_path):
+    shutil.copytree(directory, tmp_path, dirs_exist_ok=True)
     other = variants_from_toml(
         TEXT.replace("stop = 45, step = 5", "stop = 25, step = 5").replace("20, 80, 20", "20, 81, 20")
     )

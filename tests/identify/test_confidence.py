@@ -18,7 +18,10 @@ def hidden(name, **parameters):
 
 @pytest.mark.parametrize(
     "effect",
-    [hidden("core_saturation", mmf_loss_3=0.02), hidden("force_gain", gain_error=0.05)],
+    [
+        pytest.param(hidden("core_saturation", mmf_loss_3=0.02), marks=pytest.mark.long),
+        hidden("force_gain", gain_error=0.05),
+    ],
     ids=lambda effect: effect.effect.name,
 )
 def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levitation_model, effect):

@@ -29,14 +29,15 @@ def decided(model, table):
     return decide(gather(bench_observations(model, table), list(all_effects().values())))
 
 
+# The gate opens on 1 % of clean campaigns: two openings are less likely than 0.04 % among three, and 0.3 % among eight
+@pytest.mark.parametrize("campaigns", [3, pytest.param(8, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("rho", "mount_m"), [(0.0, 0.0), (0.6, 50e-6)])
-def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_model, rho, mount_m):
-    # The gate opens on 1 % of clean campaigns; eight of them leave two openings less likely than 0.3 %
+def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_model, rho, mount_m, campaigns):
     verdicts = [
         decided(levitation_model, campaign(levitation_model, seed, rho=rho, mount_m=mount_m)).verdict
-        for seed in range(8)
+        for seed in range(campaigns)
     ]
-    assert verdicts.count("nothing_missing") >= 7
+    assert verdicts.count("nothing_missing") >= campaigns - 1
     assert "named" not in verdicts
 
 
@@ -230,8 +231,8 @@ def test_a_name_with_a_rival_that_fits_as_well_with_more_parameters_is_not_certa
 
 
 def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):
-    table = campaign(levitation_model, 10, distances=6, currents=5)
-    first, again = (diagnose(levitation_model, table, bootstrap=10, rng=1) for _ in range(2))
+    table = campaign(levitation_model, 10, distances=5, currents=4)
+    first, again = (diagnose(levitation_model, table, bootstrap=8, rng=1) for _ in range(2))
     assert first.clean == again.clean
     assert first.clean.named <= 1
 

@@ -71,14 +71,15 @@ def test_the_scatter_of_the_balances_is_what_the_sensors_noise_makes(model, clea
         assert low < rms / observations.declared_noise[name] < 1.15
 
 
-def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, clean):
+# The gate opens on 1 % of clean campaigns: two openings are less likely than 0.1 % among four, and 1 % among twelve
+@pytest.mark.parametrize("records", [4, pytest.param(12, marks=pytest.mark.long)])
+def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, clean, records):
     ways = [{}, {"lost": 0.02}, {"converter_A": 5e-3, "current_A": 3e-4}, {"distance_m": 3e-5, "current_A": 4e-3}]
     verdicts = [
         diagnose(model, recorded(clean, seed=run, runs=(run,), **ways[run % 4]), **QUICK).verdict
-        for run in range(1, 13)
+        for run in range(1, records + 1)
     ]
-    # The gate opens on 1 % of clean campaigns: two openings among twelve are less likely than 1 %
-    assert verdicts.count("nothing_missing") >= 11
+    assert verdicts.count("nothing_missing") >= records - 1
     assert "named" not in verdicts
 
 
@@ -112,7 +113,7 @@ def test_forty_long_clean_records_are_called_clean_but_for_chance(model):
     [
         (added("viscous_friction", damping_per_s=6.0), "damping_per_s", 0.2),
         (added("motional_emf", share=1.0), "share", 0.3),
-        (added("core_saturation", mmf_loss_3=0.04), "mmf_loss_3", 0.3),
+        pytest.param(added("core_saturation", mmf_loss_3=0.04), "mmf_loss_3", 0.3, marks=pytest.mark.long),
         (added("driver_gain", gain_error=0.03), "gain_error", 0.05),
     ],
     ids=lambda value: value.effect.name if isinstance(value, AddedEffect) else None,

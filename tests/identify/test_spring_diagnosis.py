@@ -92,7 +92,7 @@ def test_the_newcomers_return_spring_is_found(tmp_path):
     assert force.rms_after < 0.03 * force.rms_before
 
 
-@pytest.mark.parametrize("hidden", [2300.0, 2600.0])
+@pytest.mark.parametrize("hidden", [2300.0, pytest.param(2600.0, marks=pytest.mark.long)])
 def test_a_stiffer_suspension_is_no_pair_of_stops_and_no_other_preload(hidden):
     """A body that swings on a suspension at rest in the middle of its travel, 15 % and 30 % stiffer than drawn."""
     drawn, true = (

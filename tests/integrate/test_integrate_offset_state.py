@@ -110,7 +110,10 @@ def test_sensitivities_are_those_of_a_changed_record(part, experiment):
     np.testing.assert_allclose(told, expected, atol=1e-9 * max(1.0, float(np.abs(told).max())))
 
 
-@pytest.mark.parametrize(("rate", "peaks"), [(100.0, (260.0, 140.0, 300.0)), (32.0, (180.0, 220.0, 100.0))])
+@pytest.mark.parametrize(
+    ("rate", "peaks"),
+    [(100.0, (260.0, 140.0, 300.0)), pytest.param(32.0, (180.0, 220.0, 100.0), marks=pytest.mark.long)],
+)
 def test_an_identified_field_holds_on_other_amplitudes(rate, peaks, field_model):
     inputs = ExperimentInputs(ramp_rate=rate, amplitudes=peaks)
     other = synthesise(inputs, np.random.default_rng(5)).after_zero_reading()

@@ -2,15 +2,17 @@
 
 import copy
 import pickle
-import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import femfit as ff
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.whitening import Whitening
 from support.actuators import GEOMETRY
+from support.campaign import campaign
 
 
 def unpickled(given):
@@ -42,8 +44,9 @@ def results(tmp_path_factory, levitation_model):
     columns = {"current_A": i, "distance_m": d, "force_N": levitation_model.force(d, i)}
     columns["flux_linkage_Wb"] = levitation_model.flux_linkage(d, i)
     pd.DataFrame(columns).to_csv(place / "sweep.csv", index=False)
-    shutil.copy(GEOMETRY.parent / "data" / "levitation_bench.csv", place / "bench.csv")
-    table, bench = ff.read_sweep(place / "sweep.csv"), ff.read_measurement(place / "bench.csv")
+    table = ff.read_sweep(place / "sweep.csv")
+    offset = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
+    bench = campaign(levitation_model, 1, [offset], runs=2, distances=5, currents=4)
     series = ff.read_measurement(loop_record(place))
     found, added = ff.diagnose(levitation_model, bench, bootstrap=0), ff.add_effects(levitation_model, bench, EFFECT)
     others = [name for name in ff.list_effects() if name != "hall_offset"]

@@ -113,7 +113,7 @@ def test_what_is_read_and_what_is_not_used_is_said_before_the_innovations(log):
 
 def test_a_rest_on_a_stop_is_recognised():
     model = replace(solenoid(), sample_time_s=STEP_S, other_sensors=damped().other_sensors)
-    steps, generator = 3000, np.random.default_rng(2)
+    steps, generator = 1000, np.random.default_rng(2)
     truth = np.tile([4e-3, 0.0, 0.0], (steps, 1))
     readings = predict_sensors(model, truth) + generator.standard_normal((steps, 2)) * [4e-3, 2e-5]
     found = ff.observe(model, series(np.zeros(steps), *readings.T), find=False)
@@ -265,12 +265,12 @@ def test_a_pull_in_with_bounces_is_followed_within_the_noise_of_the_sensors():
     loop = switched([0.0, 0.02], [0.0, 12.0], 0.1, model=springy)
     arrival = next(event.time_s for event in loop.events if event.name == "hits_near")
     squares = []
-    for seed in (1, 2, 3, 4):
+    for seed in (1, 2):
         record = logged([loop], seed=seed)
         one = ff.observe(springy, record, find=False).filters[0].replayed
         after = np.abs(record.rows["time_s"] - arrival) < 8e-3
         squares.append(np.nanmean(one.innovation[after] ** 2 / one.variance[after], axis=0))
-    # 640 readings: 1.11 in 97.5 % of cases; a body that stops dead makes 5 and 6
+    # 320 readings: 1.16 in 97.5 % of cases; a body that stops dead makes 5 and 6
     np.testing.assert_allclose(np.mean(squares, axis=0), 1.0, atol=0.4)
 
 

@@ -35,19 +35,22 @@ def arrival(loop):
     return next(event for event in loop.events if event.name == "hits_near")
 
 
-@pytest.mark.parametrize("restitution", [0.0, 0.6])
-def test_the_interval_holds_the_time_of_the_first_touch_and_the_speed_is_right(restitution):
+@pytest.mark.parametrize(
+    ("restitution", "records", "least"),  # of intervals of 95 %: fewer in 1.4 % and 1.6 % of such sets
+    [(0.0, 4, 3), (0.6, 4, 3), *(pytest.param(one, 20, 17, marks=pytest.mark.long) for one in (0.0, 0.6))],
+)
+def test_the_interval_holds_the_time_of_the_first_touch_and_the_speed_is_right(restitution, records, least):
     device = model(restitution)
     loop = switched([0.0, 0.02], [0.0, 12.0], 0.1, model=device)
     truth, held = arrival(loop), 0
-    for seed in range(20):
+    for seed in range(records):
         first = seen(device, loop, seed).seatings[0]
         assert first.stop == "near"
         assert first.confidence > 0.999
         assert first.velocity_m_s == pytest.approx(truth.velocity_m_s, rel=0.1)
         assert first.high_s - first.low_s < 6.0 * STEP_S
         held += first.low_s <= truth.time_s <= first.high_s
-    assert held >= 17  # of 20 intervals of 95 %: fewer in 1.6 % of such sets
+    assert held >= least
 
 
 def test_a_body_that_is_blocked_before_its_stop_is_not_said_to_seat_with_certainty():
@@ -56,7 +59,7 @@ def test_a_body_that_is_blocked_before_its_stop_is_not_said_to_seat_with_certain
     stop = replace(device.motion.near_stop, distance_m=1e-3)
     blocked = replace(device, motion=replace(device.motion, near_stop=stop))
     loop = switched([0.0, 0.02], [0.0, 12.0], 0.1, model=blocked)
-    for seed in range(5):
+    for seed in range(2):
         for one in seen(device, loop, seed).seatings:
             assert one.stop != "near" or one.confidence < 0.95, seed
 
@@ -75,7 +78,7 @@ def test_a_body_that_lies_on_a_stop_does_not_seat_when_a_current_finds_it_there(
     device = replace(model(), process_noise=ProcessNoise(acceleration_density=400.0, voltage_V=0.012))
     loop = switched([0.0, 0.02], [0.0, 12.0], 0.03, model=device)
     assert not [event for event in loop.events if event.name.startswith("hits")]
-    for seed in range(4):
+    for seed in range(2):
         assert all(one.confidence < 0.95 for one in seen(device, loop, seed).seatings), seed
 
 
@@ -91,7 +94,7 @@ def offset_by(record, amperes):
     return replace(record, rows=record.rows.assign(current_A=record.rows["current_A"] + amperes))
 
 
-@pytest.mark.parametrize("amperes", [0.02, 0.05, -0.05])
+@pytest.mark.parametrize("amperes", [0.02, *(pytest.param(one, marks=pytest.mark.long) for one in (0.05, -0.05))])
 def test_a_filter_that_does_not_follow_the_readings_claims_neither_seatings_nor_rests(amperes):
     device = model()
     loop = switched([0.0, 0.02, 0.1], [0.0, 12.0, 0.0], 0.2, model=device)

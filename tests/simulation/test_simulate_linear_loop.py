@@ -82,7 +82,7 @@ def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(reque
     free = replace(loop.model, sensor=loop.model.sensor and replace(loop.model.sensor, adc_bits=0))
     quiet = replace(loop, model=free)
     experiment = Experiment("backstepping", "ekf", (0.026,), noise_scale=0.0, start_error_m=2e-5)
-    (result,) = run_experiments(quiet, [experiment], np.random.default_rng(0), runs=1, steps=4000)
+    (result,) = run_experiments(quiet, [experiment], np.random.default_rng(0), runs=1, steps=1600)
     size = np.abs(result.series.distance_m[:, 0] - 0.026)
     window = np.array([size[k : k + 200].max() for k in range(400, 1600, 200)])
     window = window[window > 1e-13]  # rounding of 26 mm leaves 3e-15 m

@@ -69,7 +69,7 @@ def _coils() -> Iterator[Row]:
         yield Row(EXACT, f"{name}: force at 1 A", source, "N", -slope, _part(1, cases.two_coils, a, b, z), 5e-4, COILS)
     for length, henry in ((2.0, 1.3588917590e-6), (1.0, 2.0746304193e-6), (0.5, 2.8853346103e-6)):
         name = f"thin solenoid, radius 1 m, length {length:g} m: L / N²"
-        yield Row(EXACT, name, "Lyle, Nagaoka", "H", henry, partial(cases.solenoid, length), 5e-4)
+        yield Row(EXACT, name, "Lyle, Nagaoka", "H", henry, partial(cases.solenoid, length), 5e-4, cheap=length == 0.5)
     name, henry = "Brooks coil of 10 mm: L / N²", 0.025491e-6
     yield Row(EXACT, name, "Grover's table", "H", henry, cases.brooks, 5e-4, ANALYTIC)
     finer = partial(cases.brooks, cases.FINER)
