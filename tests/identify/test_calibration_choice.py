@@ -56,16 +56,16 @@ def test_of_a_number_and_an_effect_the_drawings_is_calibrated_and_the_other_is_s
     assert [one.key for one in choice.numbers] == ["materials.hard.remanence_T"]
     assert not choice.beside
     (remark,) = choice.remarks.values()
-    assert "remanence_T was fitted, as the drawing's; magnet_temperature would give the same readings." in remark
+    assert "remanence_T was fitted, as the drawing's. magnet_temperature, not in the drawing, would give" in remark
     assert remark.endswith(effect_by_name("magnet_temperature").experiment)
 
 
 def test_whoever_asks_for_a_number_decides_its_class():
     asked = Choice((number(RADIUS),))
     assert with_named(asked, decision(("coil_temperature", RADIUS)), KNOWN, asked=True) == asked
-    choice = with_named(asked, decision((HEIGHT,), ("friction",)), KNOWN, asked=True)
+    choice = with_named(asked, decision((HEIGHT,), ("coulomb_friction",)), KNOWN, asked=True)
     assert choice.numbers == asked.numbers
-    assert choice.beside == {"friction": None}
+    assert choice.beside == {"coulomb_friction": None}
     assert choice.remarks == {HEIGHT: f"{HEIGHT} is named as well; it was not asked for and stays as drawn."}
 
 
@@ -74,6 +74,10 @@ def test_a_remark_goes_with_the_effect_that_it_is_about():
     assert set(choice.remarks) == {HEIGHT, "hall_offset"}
     assert set(choice.without(choice.beside).remarks) == {HEIGHT}
     assert not choice.without(["hall_offset"]).beside
+    both = with_named(Choice(), decision((HEIGHT, "coulomb_friction", RADIUS)), KNOWN)
+    assert both.numbers == (number(HEIGHT), number(RADIUS))
+    assert "say which is wrong" in both.remarks[HEIGHT]
+    assert "coulomb_friction, not in the drawing," in both.remarks[HEIGHT]
     asked = with_named(Choice((number(RADIUS),)), decision((HEIGHT,)), KNOWN, asked=True)
     assert not with_named(asked, decision(), KNOWN, asked=True).remarks  # named no more
 

@@ -64,9 +64,11 @@ def with_named(choice: Choice, decision: Decision, known: Sequence[NumberFacts],
 
 def _left_open(drawn: Sequence[NumberFacts], effects: Sequence[str]) -> str:
     """What would explain the data as well, and a measurement that tells it apart."""
-    keys, check = " or ".join(number.key for number in drawn), f"Measure {drawn[0].subject} on the device itself."
+    keys = " or ".join(number.key for number in drawn)
+    said = f"{keys} was fitted, as the drawing's."
+    if len(drawn) > 1:
+        said = f"These data do not say which is wrong: {keys}. All of them were fitted, each within its tolerance."
     if not effects:
-        fitted = "All of them were fitted, each within its tolerance."
-        return f"These data do not say which is wrong: {keys}. {fitted} {check}"
-    others, isolating = " or ".join(effects), effect_by_name(effects[0]).experiment
-    return f"{keys} was fitted, as the drawing's; {others} would give the same readings. To tell: {isolating}"
+        return f"{said} Measure {drawn[0].subject} on the device itself."
+    also = f"{' or '.join(effects)}, not in the drawing, would give the same readings."
+    return f"{said} {also} To tell: {effect_by_name(effects[0]).experiment}"

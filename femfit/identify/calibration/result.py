@@ -116,7 +116,7 @@ class CalibrationResult(Printed):
     def __str__(self) -> str:
         count = f"{counted(len(self.numbers), 'number')} of the drawing in {counted(self.sweeps, 'sweep')}"
         rows = [
-            ("number", "drawn", "calibrated", "all others as drawn", "tolerance"),
+            ("number", "drawn", "calibrated", "rest as drawn", "tolerance"),
             *(one.texts for one in self.numbers),
         ]
         widths = [max(len(row[k]) for row in rows) for k in range(5)]
