@@ -147,10 +147,3 @@ def device_effects(circuits: Sequence[str], drawn: Iterable[Effect] = ()) -> dic
     found = effects_of(all_effects(), circuits)
     own = {name: effect_by_name(name) if effect.of else effect for name, effect in found.items()}
     return own | {effect.name: effect for effect in drawn}
-
-
-def catalogue_order(names: Iterable[str]) -> tuple[str, ...]:
-    """Names in the catalogue's order, unknown ones last."""
-    places = {name: k for k, name in enumerate(all_effects())}
-    kinds = {name: name.partition(SEPARATOR)[0] for name in names}
-    return tuple(sorted(kinds, key=lambda name: places.get(kinds[name], len(places))))

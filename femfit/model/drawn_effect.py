@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from femfit.effects.effect import Effect, EffectParameter
+from femfit.effects.effect import Calibration, Effect, EffectParameter
 from femfit.model.carried import Carried, FieldChange, FieldTerm, carried_effect
 
 PLAUSIBLE, POSSIBLE = 3.0, 10.0
@@ -16,6 +16,13 @@ LEAST = -0.9
 NEEDS = ("force_N|flux_linkage_Wb|hall_V",)
 
 CHANGE = "change"
+
+MICROMETER_MM, MICROMETER_COST = 0.01, 40.0
+"""Assumed: standard uncertainty of a dimension that a micrometer reads on the part, and what getting at the part costs,
+in readings of a usual sweep."""
+
+SENSORS = "hall.", "sensors."
+"""Beginnings of the key paths of what stands inside of a package, where no micrometer reaches."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +66,15 @@ class DrawnEffect:
             experiment=f"Measure {self.subject} on the device itself.",
             reference="Signature computed from the drawing's own field",
         )
-        return replace(made, needs=NEEDS)
+        return replace(made, needs=NEEDS, calibrations=self._calibrations)
+
+    @property
+    def _calibrations(self) -> tuple[Calibration, ...]:
+        """A dimension can be read on the part itself."""
+        if self.unit != "mm" or self.key.startswith(SENSORS):
+            return ()
+        text = f"Measure {self.subject} on the device itself, to {MICROMETER_MM:g} mm."
+        return (Calibration({self.parameter: MICROMETER_MM}, MICROMETER_COST, text),)
 
 
 def parameter_name(unit: str) -> str:

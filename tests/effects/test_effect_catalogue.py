@@ -171,8 +171,3 @@ def test_model_files_of_earlier_versions_find_the_drawings_tolerances():
         "turns",
         "resistance",
     ]
-
-
-def test_names_stand_in_the_order_of_how_common_they_are():
-    names = ("magnet_temperature", "current_gain", "theirs", "turns", "remanence")
-    assert catalogue.catalogue_order(names) == ("remanence", "turns", "current_gain", "magnet_temperature", "theirs")

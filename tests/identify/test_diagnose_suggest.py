@@ -12,7 +12,7 @@ from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParame
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import certainty_sentence
 from femfit.identify.experiments.plan import examine_plan
-from femfit.identify.experiments.suggest import joined, suggest, suggest_measurements
+from femfit.identify.experiments.suggest import Advice, Suggestion, joined, suggest, suggest_measurements
 from femfit.identify.readings.bench import bench_observations, conditions_of
 from femfit.identify.signatures.columns import why_untestable
 from femfit.model.actuator_kind import ActuatorKind
@@ -82,6 +82,19 @@ def test_a_further_channel_or_a_reference_weight_separates_twins_and_more_of_the
     assert any("flux linkage" in one.text for one in advice.suggestions)
     assert not any("once more" in one.text for one in advice.suggestions)
     assert str(advice).splitlines()[0].endswith(first.text)
+
+
+def test_advice_prints_the_best_measurements_and_counts_the_others():
+    pairs = tuple(combinations("abcdefg", 2))
+    many = tuple(
+        Suggestion(f"Try {k}.", 10.0 * k, tuple((*p, 9.0) for p in pairs[k:]), pairs[:k]) for k in range(1, 20)
+    )
+    printed, data = str(Advice(tuple("abcdefg"), many)), Advice(tuple("abcdefg"), many).to_dict()
+    assert printed.count("Try ") == 3
+    assert "16 further measurements" in printed
+    assert "This separates all but a from b." in printed
+    assert len(data["suggestions"]) == len(many)
+    assert len(printed) < 1000
 
 
 def test_advice_says_how_many_explanations_it_does_not_compare(confounded, levitation_model, monkeypatch):

@@ -335,6 +335,15 @@ def test_every_field_of_the_model_is_written(model):
     assert set(model_to_dict(model)) == {"schema", *names}
 
 
+def test_a_dimension_can_be_read_on_the_part_and_a_permeability_or_a_place_inside_a_sensor_cannot():
+    coil = DrawnEffect("coil.r_mm[1]", (), "coil.r_mm[1]", 20.0, "mm", 0.1, ())
+    (micrometer,) = coil.effect.calibrations
+    assert micrometer.reads == {coil.parameter: pytest.approx(0.01)}
+    assert "coil.r_mm[1]" in micrometer.instruction
+    assert not replace(coil, key="hall.z_mm").effect.calibrations
+    assert not replace(coil, key="materials.steel.relative_permeability", unit="").effect.calibrations
+
+
 BOX = ValidityBox(0.015, 0.045, 0.0, 1.4)
 
 

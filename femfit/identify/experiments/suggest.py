@@ -4,7 +4,7 @@ A measurement is tried as a further run beside the readings that are there: the 
 at the old and the new settings are explained by each other one (:mod:`femfit.identify.experiments.separation`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
@@ -17,15 +17,15 @@ from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.printed import Printed
-from femfit.effects.catalogue import catalogue_order, device_effects
+from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import Calibration
+from femfit.effects.effect import AddedEffect, Calibration
 from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.identify.decision.own_misfit import finer_model
-from femfit.identify.experiments.constants import COMPARED, SHOWN, TIE
+from femfit.identify.experiments.constants import COMPARED, SHOWN, SHOWN_CLAUSES, TIE
 from femfit.identify.experiments.noise import noise_for
 from femfit.identify.experiments.possible import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
@@ -47,6 +47,13 @@ from femfit.model.readings import predict_readings
 from femfit.tables.measurement import CHANNELS, BenchTable, Measurement
 
 
+def _few(pairs: Sequence[tuple[str, str]]) -> str:
+    """Pairs in a few clauses, and how many more there are."""
+    clauses = pairs_in_words(pairs)
+    more = len(clauses) - SHOWN_CLAUSES
+    return "; ".join([*clauses[:SHOWN_CLAUSES], *([f"and {more} more such groups"] if more > 0 else [])])
+
+
 @dataclass(frozen=True)
 class Suggestion:
     """A measurement and what it would separate."""
@@ -58,6 +65,17 @@ class Suggestion:
     remains: tuple[tuple[str, str], ...]  # Pairs that it leaves together
     # The settings to be measured, or the direct reading
     experiment: Experiment | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def what_it_does(self) -> str:
+        """A sentence on what it separates, or on what it leaves together where that is less to say."""
+        if not self.remains:
+            return (
+                "This separates them." if len(self.separates) == 1 else "This separates each of them from every other."
+            )
+        if len(self.remains) < len(self.separates):
+            return f"This separates all but {_few(self.remains)}."
+        return f"This separates {_few([pair[:2] for pair in self.separates])}."
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -89,15 +107,13 @@ class Advice(Printed):
             return "\n".join([self.note, *isolating, *self.remarks])
         lines = []
         for k, one in enumerate(self.suggestions[:SHOWN]):
-            clauses = "; ".join(pairs_in_words([pair[:2] for pair in one.separates]))
             lines.append(f"{'Next' if k == 0 else 'Or'}: {one.text}")
-            lines.append(
-                f"  This separates {clauses}, and takes as long as about {counted(round(one.cost), 'reading')}."
-            )
-            if one.remains:
-                lines.append(f"  It does not separate {'; '.join(pairs_in_words(one.remains))}.")
+            lines.append(f"  {one.what_it_does} It takes as long as about {counted(round(one.cost), 'reading')}.")
+        if len(self.suggestions) > SHOWN:
+            others = counted(len(self.suggestions) - SHOWN, "further measurement")
+            lines.append(f"{others} would separate some of them too; --json writes them all.")
         if self.never:
-            lines.append(f"No measurement that femfit knows separates {'; '.join(pairs_in_words(self.never))}.")
+            lines.append(f"No measurement that femfit knows separates {_few(self.never)}.")
         more = ""
         if self.further:
             as_well = "explanation fits" if self.further == 1 else "explanations fit"
@@ -209,11 +225,10 @@ def suggest_measurements(
     d, i = (observations.covariates[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
     available = tuple(predict_readings(model, d, i, Conditions(observations.nominal), channels=CHANNELS))
     named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
-    direct = [named[name] for name in catalogue_order(named)]
     result = []
-    for experiment in possible_experiments(observations, available, direct):
-        direct_reading = experiment.calibration and _direct(experiment.effect, experiment.calibration)
-        distance = direct_reading or _joint(model, table, noise, experiment)
+    for experiment in possible_experiments(observations, available, list(named.values())):
+        direct = experiment.calibration and _direct(experiment.effect, experiment.calibration)
+        distance = direct or _joint(model, table, noise, experiment)
         separates, remains = list[tuple[str, str, float]](), list[tuple[str, str]]()
         for a, b in combinations(explanations, 2):
             pair = (" + ".join(a.names), " + ".join(b.names))
@@ -235,20 +250,23 @@ def _direct(effect: str, calibration: Calibration) -> Distance:
     """By a direct reading of an effect's parameters."""
     uncertainty = np.array(list(calibration.reads.values()))
 
-    def reading(fit: Refit) -> FloatArray:
-        values = np.zeros(len(calibration.reads))
-        for added in fit.effects:
-            if added.effect.name == effect:
-                values += [added.parameters[name] for name in calibration.reads]
-            for name, change in calibration.also.get(added.effect.name, {}).items():
-                values[0] += change * added.parameters[name]
-        return np.asarray(values / uncertainty)
-
     def distance(a: Refit, b: Refit) -> float | None:
-        apart = float(np.linalg.norm(reading(a) - reading(b)))
+        difference = direct_reading(effect, calibration, a.effects) - direct_reading(effect, calibration, b.effects)
+        apart = float(np.linalg.norm(difference / uncertainty))
         return apart if apart >= needed_distance() else None
 
     return distance
+
+
+def direct_reading(effect: str, calibration: Calibration, effects: Iterable[AddedEffect]) -> FloatArray:
+    """What a direct reading of an effect's parameters shows where some effects act, in the parameters' units."""
+    values = np.zeros(len(calibration.reads))
+    for added in effects:
+        if added.effect.name == effect:
+            values += [added.parameters[name] for name in calibration.reads]
+        for name, change in calibration.also.get(added.effect.name, {}).items():
+            values[0] += change * added.parameters[name]
+    return values
 
 
 def _joint(model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment) -> Distance:
