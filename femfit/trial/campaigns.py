@@ -9,7 +9,7 @@
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -131,6 +131,16 @@ def make_campaigns(device: Device, directory: Path, cases: int, seed: int, truth
         Numbers of those in which the device can show what they were to hide.
     """
     made = []
+    for number, campaign, errors in measured_campaigns(device, cases, seed, truths):
+        write_campaign(campaign, directory / "campaigns" / f"{number:04d}", errors, truths)
+        made.append(number)
+    return made
+
+
+def measured_campaigns(
+    device: Device, cases: int, seed: int, truths: TruthSet | None = None
+) -> Iterator[tuple[int, Campaign, Mapping[str, HiddenError]]]:
+    """Measure campaigns: the number of each, what was measured and what it hides, where the device can show that."""
     orders = _usual_orders(device.actuator, cases, seed) if truths is None else _orders(truths, cases, seed)
     part = 0 if truths is None else 1 + SETS.index(truths.name)
     for number, (names, level) in enumerate(orders, 1):
@@ -141,9 +151,7 @@ def make_campaigns(device: Device, directory: Path, cases: int, seed: int, truth
             campaign = make_campaign(device, errors, level, rng, habits)
         except DomainError:
             continue
-        _write(campaign, directory / "campaigns" / f"{number:04d}", errors, truths)
-        made.append(number)
-    return made
+        yield number, campaign, errors
 
 
 def _usual_orders(actuator: Actuator, cases: int, seed: int) -> list[tuple[tuple[str, ...], float]]:
@@ -179,7 +187,8 @@ def _orders(truths: TruthSet, cases: int, seed: int) -> list[tuple[tuple[str, ..
     return orders
 
 
-def _write(campaign: Campaign, place: Path, errors: Mapping[str, HiddenError], truths: TruthSet | None) -> None:
+def write_campaign(campaign: Campaign, place: Path, errors: Mapping[str, HiddenError], truths: TruthSet | None) -> None:
+    """Write a campaign's files into a directory."""
     place.mkdir(parents=True, exist_ok=True)
     campaign.rows.to_csv(place / "data.csv", index=False, float_format="%.9g")
     noise = "".join(f"{channel} = {sigma:.4g}\n" for channel, sigma in campaign.declared_noise.items())
@@ -188,13 +197,13 @@ def _write(campaign: Campaign, place: Path, errors: Mapping[str, HiddenError], t
         (place / "data.toml").write_text(noise, encoding="utf-8")
     key = campaign.key() | {
         "set": truths.name if truths else "usual",
-        "right": {name: list(_right(name, error)) for name, error in errors.items()},
+        "right": {name: list(right_names(name, error)) for name, error in errors.items()},
         "group": {name: truths.truths[name].group if truths else "catalogue" for name in errors},
         "constants": {name: dict(error.constants) for name, error in errors.items()},
     }
     write_json(place / "hidden.json", key)
 
 
-def _right(name: str, error: HiddenError) -> Sequence[str]:
+def right_names(name: str, error: HiddenError) -> Sequence[str]:
     """Names of the diagnosis that say what is hidden."""
     return error.names if error.names is not None else (name.partition(" (")[0],)

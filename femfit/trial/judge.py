@@ -62,13 +62,13 @@ def judge(
             key.get("shown", {}).get(name, COULD_BE_SHOWN if key["level"] >= 1.0 else 0.0) >= COULD_BE_SHOWN
             for name in hidden
         ),
-        unknown=tuple(not _says(known, right[name]) for name in hidden),
+        unknown=tuple(not says(known, right[name]) for name in hidden),
         verdict=said["verdict"],
         classes=classes,
-        found=tuple(any(_says(members, right[name]) for members in classes) for name in hidden),
-        named_first=bool(classes) and _says(classes[0][:1], every),
+        found=tuple(any(says(members, right[name]) for members in classes) for name in hidden),
+        named_first=bool(classes) and says(classes[0][:1], every),
         certain=bool(said["confident"]),
-        spurious=sum(not _says(members, every) for members in classes),
+        spurious=sum(not says(members, every) for members in classes),
         right_channel=said["where"]["channel"] in channels,
         right_runs=_right_runs(key, right, said),
         withheld_named=None if withheld is None else bool(withheld["missing"]),
@@ -76,7 +76,7 @@ def judge(
     )
 
 
-def _says(names: Iterable[str], right: Iterable[str]) -> bool:
+def says(names: Iterable[str], right: Iterable[str]) -> bool:
     """Whether one of the names is right; numbers of a material's curve count by the material."""
     wanted = {_subject(name) for name in right}
     return any(_subject(name) in wanted for name in names)
@@ -90,7 +90,7 @@ def _right_runs(key: Mapping[str, Any], right: Mapping[str, list[str]], said: Ma
     """Whether what was said of the runs in which an error acts holds within one run."""
     for name, (first, last) in key.get("when", {}).items():
         for one in said["missing"]:
-            if one.get("when") and _says(one["class"], right[name]):
+            if one.get("when") and says(one["class"], right[name]):
                 told = one["when"]
                 begins, ends = told.get("first_run") or 1, told.get("last_run") or key["runs"]
                 return bool(abs(begins - first) <= 1 and abs(ends - last) <= 1)

@@ -61,6 +61,7 @@ class Campaign:
     habits: Habits = field(default_factory=Habits)
     mount_m: float = 0.0  # Standard deviation of the mounts' distances
     runs: int = 1
+    at: Conditions | None = None  # Of all readings, those left out as well, in the order of measuring
 
     def key(self) -> dict[str, Any]:
         """What nobody may know who diagnoses it, as JSON-ready data."""
@@ -111,7 +112,7 @@ def make_campaign(
             hidden = {name: bench.size(name, level * float(rng.choice([-1.0, 1.0])), meters) for name in acting}
             campaign = _measure(bench, dials, meters, hidden, rng)
             rows = written(campaign.rows, habits, rng)
-            return replace(campaign, rows=rows, level=level, when=when, habits=habits)
+            return replace(campaign, rows=rows, level=level, when=when, habits=habits, at=at)
     raise DomainError(
         f"{device.actuator.name} must show {' and '.join(errors)} by {level:g} noise sigmas; no campaign did."
     )
