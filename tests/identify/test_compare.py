@@ -185,6 +185,20 @@ def test_the_freedom_of_the_mounts_is_said(levitation_model, given):
     assert ("from mount to mount" in str(comparison)) is given
 
 
+def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model):
+    """Two runs do not show how well a body comes back: what 20 um make is neither noise nor missing."""
+    noise = {name: 0.2 * sd for name, sd in NOISE.items()}
+    table = campaign(levitation_model, 22, runs=2, mount_m=20e-6, rho=0.0, noise=noise)
+    comparison, diagnosis = compare(levitation_model, table), diagnose(levitation_model, table, bootstrap=0)
+    assert comparison.verdict == "agrees"
+    assert comparison.mount_assumed
+    assert comparison.beyond_noise
+    for text in (str(comparison), verdict_sentence(diagnosis)):
+        assert text.startswith("Nothing is missing if the body comes back no better than to")
+    declared = compare(levitation_model, replace(table, declared_noise={"distance_m": 20e-6}))
+    assert not declared.beyond_noise
+
+
 def test_a_single_run_without_mounts_has_no_freedom_to_be_put_back(levitation_model):
     table = campaign(levitation_model, 11, runs=1, mount_m=0.0)
     once = replace(table, given=tuple(name for name in table.given if name not in ("mount", "run")))

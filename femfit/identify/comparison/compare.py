@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -22,7 +22,7 @@ from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, 
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.noise.within import allowed_for, beyond_noise, in_words
+from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed, in_words
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
@@ -109,17 +109,10 @@ class Comparison(Printed):
         Of the lack of fit in smooth patterns.
     structure : LackOfFit or None
         That test, in the worst of its groups of patterns.
-    mount_m : float or None
-        Standard deviation by which the distance may differ from mount to mount, where that freedom is given.
-    mount_assumed : bool
-        Whether it is assumed rather than estimated, since there are few mounts.
+    noise : NoiseModel or None
+        Of the readings; None where it is unknown.
     times_own : float
         Misfit beyond noise over the model's own misfit to its table; infinite where that is none or there is no test.
-    beyond_noise : mapping of str to float
-        Channels whose error is more than 1.2 times what declared noise, or repeats, show, and how many times the noise
-        of one reading it is.
-    allowed : str
-        What the test allows for beside the noise of a reading, in words: what mounts and runs differ by.
     filter : OneFilter or None
         A record through the model's filter; None of a bench table, and where the model has no filter for it.
     shape : ShapeMisfit or None
@@ -138,8 +131,7 @@ class Comparison(Printed):
     where: Where
     p_value: float | None
     structure: LackOfFit | None
-    mount_m: float | None
-    mount_assumed: bool
+    noise: NoiseModel | None
     times_own: float
     shape: ShapeMisfit | None
     maps: tuple[MisfitMap, ...]
@@ -147,8 +139,24 @@ class Comparison(Printed):
     model: ActuatorModel
     findings: tuple[Finding, ...] = ()
     filter: OneFilter | None = None
-    beyond_noise: Mapping[str, float] = field(default_factory=dict)
-    allowed: str = ""
+
+    @property
+    def mount_m(self) -> float | None:
+        """Standard deviation by which the distance may differ from mount to mount, where that freedom is given."""
+        return (self.noise.mount_m or None) if self.noise else None
+
+    @property
+    def mount_assumed(self) -> bool:
+        """Whether that is assumed rather than estimated, since there are few mounts."""
+        return bool(self.noise and self.noise.mount_assumed)
+
+    @property
+    def beyond_noise(self) -> Mapping[str, float]:
+        """Channels whose error is more than 1.2 times what declared noise, or repeats, show.
+
+        How many times the noise of one reading it is, of each.
+        """
+        return beyond_noise(self.observations, self.noise, {one.channel: one.rms for one in self.channels})
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -164,16 +172,19 @@ class Comparison(Printed):
         }
 
     def __str__(self) -> str:
-        freedom = self.allowed
-        rms = {one.channel: one.rms for one in self.channels}
-        left = in_words(self.beyond_noise, rms)
+        freedom = allowed_for(self.observations, self.noise)
+        rms, beyond = {one.channel: one.rms for one in self.channels}, self.beyond_noise
+        left = in_words(beyond, rms)
         why = str(self.findings[-1]) if self.findings else ""
         more = any(one.rms > WITHIN_NOISE * one.noise_floor for one in self.channels if one.noise_floor)
         scatter = f"{'; the test allows for' if left else ' and'} {freedom}" if freedom and more else ""
-        apart = beyond_own_misfit(self.observations, self.beyond_noise, rms)
+        apart = beyond_own_misfit(self.observations, beyond, rms)
         own = own_misfit_sentence(self.observations, self.times_own, apart)
         guessed = any(one.noise_source == "guess" for one in self.channels)
-        verdict = _VERDICTS["agrees_beyond" if self.verdict == "agrees" and left else self.verdict].format(
+        if_assumed = if_mounts_are_assumed(self.observations, self.noise, rms, left) if self.verdict == "agrees" else ""
+        verdict = if_assumed or _VERDICTS[
+            "agrees_beyond" if self.verdict == "agrees" and left else self.verdict
+        ].format(
             where=self.where.sentence,
             scatter=scatter,
             why=why,
@@ -244,8 +255,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         where=agrees if verdict == "agrees" else where_it_fails(observations, whitening),
         p_value=decision.lack_of_fit.p_value if decision else None,
         structure=decision.lack_of_fit if decision else None,
-        mount_m=(noise.mount_m or None) if noise else None,
-        mount_assumed=bool(noise and noise.mount_assumed),
+        noise=noise,
         shape=shape_misfit(model, floor.get("force_N")),
         times_own=decision.times_own if decision else math.inf,
         maps=misfit_maps(observations),
@@ -253,8 +263,6 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         model=model,
         findings=(*observations.findings, *findings),
         filter=filtered(model, data) if isinstance(data, TimeSeries) else None,
-        beyond_noise=beyond,
-        allowed=allowed_for(observations, noise),
     )
 
 

@@ -7,7 +7,7 @@ from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
-from femfit.identify.noise.within import allowed_for, beyond_noise
+from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.signatures.columns import CHANGES_NOTHING
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -56,6 +56,11 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     beyond, left = _left(diagnosis)
     if diagnosis.own_misfit:
         return own_misfit_sentence(diagnosis.observations, diagnosis.times_own, left)
+    if diagnosis.verdict == "nothing_missing" and diagnosis.campaign:
+        rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
+        assumed = if_mounts_are_assumed(diagnosis.observations, diagnosis.campaign.noise, rms, left)
+        if assumed:
+            return assumed
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
     after = diagnosis.lack_of_fit_after
     own = (

@@ -1,6 +1,7 @@
 """Whether an error is within the noise, the one answer for everything that is printed."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -36,6 +37,25 @@ def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
     settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
     beside = np.bincount(observations.channel, settings + columns**2 @ deviations**2, len(noise.sigma)) / count
     return np.asarray(np.sqrt(noise.sigma**2 + beside))
+
+
+def if_mounts_are_assumed(
+    observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float], left: Mapping[str, str]
+) -> str:
+    """What is said of errors, given in words as ``left``, that re-mounts make if they are as large as is assumed.
+
+    Empty where they would not make them, and where the readings or a declaration say how large re-mounts are.
+    """
+    if noise is None or not left or not noise.mount_assumed:
+        return ""
+    with_mounts = noise_shown(observations, replace(noise, mount_assumed=False, mount_m=noise.test_mount_m))
+    if any(rms[name] > with_mounts[noise.channels.index(name)] for name in left):
+        return ""
+    return (
+        f"Nothing is missing if the body comes back no better than to {amount(noise.test_mount_m, 'mount_m')}, which "
+        f"is assumed: that would make what the model misses, {' and '.join(left.values())}. Declare distance_mm, or "
+        "put the body back more often, to know."
+    )
 
 
 def in_words(beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str, str]:
