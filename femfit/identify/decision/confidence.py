@@ -14,7 +14,7 @@ from femfit.core.ties import ROUNDING, ranked
 from femfit.identify.decision.constants import NOTICED, UNKNOWN_SIZES
 from femfit.identify.decision.evidence import Linear
 from femfit.identify.decision.naming import Decision
-from femfit.identify.decision.search import Explanation
+from femfit.identify.decision.proposals import Explanation
 from femfit.tables.measurement import CHANNEL_WORDS
 
 

@@ -20,8 +20,8 @@ from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.magnitude import detectable_magnitudes, explained_share
 from femfit.identify.decision.naming import Decision, decide
+from femfit.identify.decision.proposals import Explanation
 from femfit.identify.decision.scoring import score_effects
-from femfit.identify.decision.search import Explanation
 from femfit.identify.noise.simulate import simulated_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import placed

@@ -11,7 +11,8 @@ from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
 from femfit.identify.decision.diagnosis import Verdict
-from femfit.identify.decision.search import Explanation, Posterior, explain
+from femfit.identify.decision.proposals import Explanation
+from femfit.identify.decision.search import Posterior, explain
 from femfit.identify.refit.refit import is_plausible
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
