@@ -16,7 +16,9 @@ def swept(tmp_path_factory):
     directory = tmp_path_factory.mktemp("sweep")
     path = directory / "variants.toml"
     path.write_text(SMALL.replace("values = [10, 10, 11]", "values = [10, 21, 11]"), encoding="utf-8")
-    return directory, femfit("sweep", path, "-o", directory / "run", "--json", directory / "summary.json")
+    return directory, femfit(
+        "sweep", path, "-o", directory / "run", "--workers", 1, "--json", directory / "summary.json"
+    )
 
 
 def test_a_sweep_says_how_many_variants_there_are_and_what_failed(swept):

@@ -60,6 +60,8 @@ def test_a_sweep_cut_short_resumes_to_the_same_table_bit_for_bit(whole, director
         pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
 
 
+# The workers know no kind of sweep: test_sweep_run has the linear one.
+@pytest.mark.long
 def test_two_processes_give_the_numbers_of_one(whole, actuator, tmp_path):
     two = run_sweep(actuator, tmp_path, workers=2, settings=QUICK)
     pd.testing.assert_frame_equal(whole.rows, two.rows, check_exact=True)

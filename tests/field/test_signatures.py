@@ -34,7 +34,8 @@ def _table(problem, distance, currents):
         ("emaws-rig", 0.022, 1.0),  # magnet and Hall element
         ("ball", 0.005, 1.0),  # arcs and saturation
         ("plunger-solenoid", 0.002, 1.0),  # a bore: every distance has its own mesh
-        ("voice-coil", -0.006, 2.0),  # a moving coil in a saturating magnet system
+        # a moving coil in a saturating magnet system
+        pytest.param("voice-coil", -0.006, 2.0, marks=pytest.mark.long),
     ],
 )
 def test_scaling_of_all_lengths_and_currents(name, distance, current):

@@ -32,8 +32,10 @@ def actuator():
 
 @pytest.fixture(scope="module")
 def whole(actuator, tmp_path_factory):
-    directory = tmp_path_factory.mktemp("whole")
-    return directory, run(actuator, directory)
+    """Directory, table, and what the progress said."""
+    directory, calls = tmp_path_factory.mktemp("whole"), []
+    table = run(actuator, directory, progress=lambda at: calls.append((at.points_done, at.points)))
+    return directory, table, calls
 
 
 def run(actuator, directory, workers=1, **options):
@@ -45,16 +47,15 @@ def test_two_processes_give_the_numbers_of_one(actuator, whole, tmp_path):
     pd.testing.assert_frame_equal(run(actuator, tmp_path, workers=2).rows, whole[1].rows, check_exact=True)
 
 
-def test_progress_counts_points_and_no_levels(actuator, tmp_path):
-    calls = []
-    run(actuator, tmp_path, progress=lambda at: calls.append((at.points_done, at.points)))
+def test_progress_counts_points_and_no_levels(whole):
+    _, _, calls = whole
     counts = [done for done, _ in calls]
     assert sorted(set(counts)) == [8 * k for k in range(9)]
     assert {total for _, total in calls} == {64}
 
 
 def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole, tmp_path, monkeypatch):
-    directory, expected = whole
+    directory, expected, _ = whole
     lines = (directory / "journal.jsonl").read_bytes().splitlines(keepends=True)
     assert len(lines) == 1 + 2 + len(DISTANCES)
     searches = []

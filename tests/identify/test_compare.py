@@ -126,7 +126,7 @@ def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model)
 
 
 def test_repeats_and_a_declaration_are_weighed_unless_they_contradict_each_other(levitation_model):
-    table = campaign(levitation_model, 15, [HALL])
+    table = campaign(levitation_model, 15, [HALL], distances=8, currents=5)
     alone = compare(levitation_model, table)
     for factor, sources in ((1.0, {"declared and repeats"}), (0.6, {"repeats"}), (1.7, {"repeats"})):
         declared = {name: factor * sigma for name, sigma in NOISE.items()}
@@ -207,7 +207,7 @@ def test_a_single_run_without_mounts_has_no_freedom_to_be_put_back(levitation_mo
     assert comparison.mount_m is None
 
 
-@pytest.mark.parametrize("offset_m", [0.0, 3e-5, 5e-5, 8e-5])
+@pytest.mark.parametrize("offset_m", [0.0, 5e-5, *(pytest.param(one, marks=pytest.mark.long) for one in (3e-5, 8e-5))])
 def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     offset = AddedEffect(effect_by_name("distance_offset"), {"offset_m": offset_m})
     table = campaign(levitation_model, 30, [offset], runs=1, distances=8, currents=5, mount_m=0.0)

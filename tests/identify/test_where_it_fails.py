@@ -69,8 +69,8 @@ def test_a_share_of_a_hall_output_says_what_it_is_a_share_of(levitation_model):
 
 
 def test_the_channel_is_one_that_is_off_the_most_in_units_of_its_noise(levitation_model):
+    observations = bench_observations(levitation_model, campaign(levitation_model, 1, distances=8, currents=5))
     for effect in all_effects().values():
-        observations = bench_observations(levitation_model, campaign(levitation_model, 1, distances=8, currents=5))
         added = AddedEffect(effect, effect.null() | typical_parameters(effect))
         change = observations.predict([added]) - observations.base
         off = [

@@ -79,6 +79,8 @@ def test_python_m_femfit_is_the_command():
     assert done.stdout.strip() == femfit.__version__
 
 
+# test_sweep_run has a shorter one.
+@pytest.mark.long
 def test_a_script_without_a_guard_sweeps_in_several_processes(tmp_path):
     drawing = tmp_path / "small.toml"
     replaced = {"current_A = {": "current_A = [0, 1]", "distance_mm = {": "distance_mm = [15, 20, 30, 45]"}

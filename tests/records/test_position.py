@@ -21,7 +21,7 @@ LASER = PositionSensor(name="eddy", distances_m=(0.0, 1.0), readings=(1.0, -2e3 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """The same record with the distance in metres and as volts of a sensor that falls by 2 V/mm."""
-    series = logs(3000, 1, seed=5)[1][0]
+    series = logs(1500, 1, seed=5)[1][0]
     rows = series.rows[["time_s", "voltage_V", "current_A", "distance_m"]]
     path = tmp_path_factory.mktemp("volts")
     rows.to_csv(path / "metres.csv", index=False)

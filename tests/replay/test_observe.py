@@ -321,19 +321,19 @@ def test_dry_friction_that_the_model_lacks_is_told_from_other_noise():
     model, generator = damped(), np.random.default_rng(9)
     rough = replace(model, motion=replace(model.motion, coulomb_N=0.03, viscous_N_s_per_m=0.5))
     smooth = replace(model, motion=replace(model.motion, viscous_N_s_per_m=0.5))
-    volts = 6.0 + 3.0 * np.sign(np.sin(np.arange(6000) / 120.0))
+    volts = 6.0 + 3.0 * np.sign(np.sin(np.arange(4000) / 120.0))
     loop = ff.simulate(
         rough,
-        drive=ff.Profile("voltage", STEP_S * np.arange(6000), volts),
-        duration_s=0.5999,
+        drive=ff.Profile("voltage", STEP_S * np.arange(4000), volts),
+        duration_s=0.3999,
         start_m=3.5e-3,
         sample_time_s=STEP_S,
     )
-    noise = generator.standard_normal((2, 6000))
+    noise = generator.standard_normal((2, 4000))
     record = series(
         volts,
-        loop.table["current_A"][:6000] + TRUE["current"] * noise[0],
-        loop.table["distance_m"][:6000] + TRUE["laser"] * noise[1],
+        loop.table["current_A"][:4000] + TRUE["current"] * noise[0],
+        loop.table["distance_m"][:4000] + TRUE["laser"] * noise[1],
     )
     found = ff.observe(smooth, record).noise
     assert found.friction.force_N == pytest.approx(0.03, rel=0.35)
