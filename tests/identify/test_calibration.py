@@ -18,6 +18,8 @@ from femfit.identify.calibration.fit import Redrawn, estimate
 from femfit.identify.calibration.remarks import remarks, verdict
 from femfit.identify.calibration.result import CalibratedNumber
 from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.decision.campaign import considered_effects, gather
+from femfit.identify.decision.effect_space import EffectSpace
 from femfit.identify.noise.simulate import simulated_noise
 from femfit.identify.noise.within import beyond_noise
 from femfit.identify.readings.place import placed
@@ -83,6 +85,16 @@ def test_two_numbers_are_found_beside_an_effect_that_is_none(found):
     assert hall.effect.name == "hall_offset"
     assert low - 0.5 * (high - low) < OFFSET < high + 0.5 * (high - low)
     assert found.settled
+
+
+def test_a_number_of_the_drawing_is_the_same_in_every_run(found, bench):
+    """What begins at a run is a magnet that was weakened, and no length."""
+    observations = placed(found.model.without_effects, read_bench_table(bench))
+    space = EffectSpace(gather(observations, considered_effects(drawn=observations.nominal.drawn)))
+    drawn = {effect.name for effect in observations.nominal.drawn}
+    assert {HEIGHT, IRON} <= drawn & set(space.variants)
+    assert "remanence" in space.run_by_run
+    assert not drawn & set(space.run_by_run)
 
 
 def test_the_error_on_runs_left_out_falls_to_the_noise(found):

@@ -71,13 +71,18 @@ class EffectSpace:
 
     @cached_property
     def run_by_run(self) -> Mapping[str, tuple[int, FloatArray]]:
-        """Per effect, a variant and its amplitudes' columns run after run, shape (M, runs times k); none of one run."""
+        """Per effect, a variant and its amplitudes' columns run after run, shape (M, runs times k); none of one run.
+
+        A number of the drawing, which no effect of the catalogue changes, is the same in every run.
+        """
         observations = self.campaign.observations
         runs, run = observations.runs, observations.column("run")
         if runs == 1:
             return {}
-        result = {}
+        result, fixed = {}, {effect.name for effect in observations.nominal.drawn}
         for name, variants in self.variants.items():
+            if name in fixed:
+                continue
             one = self.campaign.effects[variants[0]]
             change = one.columns.columns * half_ranges(one)
             parts = np.concatenate([change * (run == k)[:, None] for k in range(runs)], axis=1)
