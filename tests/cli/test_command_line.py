@@ -158,7 +158,7 @@ def test_interrupted_sweep_keeps_its_points_and_goes_on(small_actuator, tmp_path
 
 
 def test_progress_is_lines_of_text_where_there_is_no_terminal(small_actuator, tmp_path):
-    result = separate_femfit("sweep", small_actuator, "-o", tmp_path / "run")
+    result = separate_femfit("sweep", small_actuator, "-o", tmp_path / "run", "--workers", "1")
     assert result.returncode == 0
     assert "\r" not in result.stderr
     assert "\x1b" not in result.stderr
@@ -178,7 +178,7 @@ def test_a_full_disk_is_a_message_and_exit_1(levitation_model, tmp_path):
 
 def test_run_does_the_whole_main_job(small_actuator, tmp_path):
     target = tmp_path / "run"
-    result = femfit("run", small_actuator, "-o", target, "--json", tmp_path / "result.json")
+    result = femfit("run", small_actuator, "-o", target, "--workers", 1, "--json", tmp_path / "result.json")
     assert result.returncode == 0, result.stderr
     for name in ("sweep.parquet", "sweep.csv", "manifest.json", "model.json", "model_law.json", "report.html"):
         assert (target / name).stat().st_size > 0

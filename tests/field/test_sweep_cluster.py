@@ -35,6 +35,7 @@ def journal_keys(directory):
     return [json.loads(line)["key"] for line in lines]
 
 
+@pytest.mark.long
 def test_a_worker_killed_half_way_costs_no_row_and_doubles_none(actuator, tmp_path):
     local = run_sweep(actuator, tmp_path / "local", workers=1, settings=QUICK)
     killed = []

@@ -112,7 +112,7 @@ def test_forty_long_clean_records_are_called_clean_but_for_chance(model):
     ("effect", "key", "rel"),
     [
         (added("viscous_friction", damping_per_s=6.0), "damping_per_s", 0.2),
-        (added("motional_emf", share=1.0), "share", 0.3),
+        pytest.param(added("motional_emf", share=1.0), "share", 0.3, marks=pytest.mark.long),
         pytest.param(added("core_saturation", mmf_loss_3=0.04), "mmf_loss_3", 0.3, marks=pytest.mark.long),
         (added("driver_gain", gain_error=0.03), "gain_error", 0.05),
     ],
