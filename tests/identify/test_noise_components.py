@@ -12,7 +12,7 @@ from femfit.identify.noise.contrasts import Chain, ChannelDesign, rho_of
 from femfit.identify.noise.restricted import Contrasts, restricted_estimate
 from femfit.identify.noise.whitening import Whitening, chains_of, stops
 from femfit.identify.readings.bench import bench_observations
-from support.campaign import campaign
+from support.campaign import NOISE, campaign
 
 
 def alone(n):
@@ -204,3 +204,12 @@ def test_declared_offsets_of_runs_stand_whatever_the_runs_differ_by(levitation_m
     assert noise().run[hall] > 5e-3
     assert noise(hall_V=1e-3).run[hall] == pytest.approx(1e-3, rel=1e-3)
     assert noise(hall_V=1e-3).test_run[hall] == pytest.approx(1e-3, rel=1e-2)
+
+
+def test_a_channel_that_no_distance_changes_has_neither_mounts_nor_stops(levitation_model):
+    table = campaign(levitation_model, 7, rho=0.0)
+    given = tuple(name for name in table.given if name not in {"force_N", "flux_linkage_Wb", "hall_V"})
+    noise = estimate_noise(bench_observations(levitation_model, replace(table, given=given)))
+    assert noise.channels == ("voltage_V",)
+    assert (noise.stop_m, noise.mount_m) == (0.0, 0.0)
+    assert noise.sigma[0] == pytest.approx(NOISE["voltage_V"], rel=0.2)

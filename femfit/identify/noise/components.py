@@ -117,11 +117,12 @@ def _variances(
     sigma = np.array([one.prior for one in scatter])
     # Of the variances only those that several mounts or runs, in a channel of known noise, have
     groups = range(2 + len(names))
-    used = [g for g in groups if random.differences[g] > 0.0 and (g - 1 in known or g in {0, groups[-1]})]
+    moved = [c for c in known if observations.distance_slope[observations.channel == c].any()]
+    used = [g for g in groups if random.differences[g] > 0.0 and (g - 1 in known or (g in {0, groups[-1]} and moved))]
     place = np.array([used.index(g) if g in used else -1 for g in groups])
     columns = place[random.group] >= 0
     mount = observations.declared_distance_m or PRIOR_MOUNT_M
-    stop = observations.declared_distance_m or _least_stop(observations, sigma, known)
+    stop = observations.declared_distance_m or _least_stop(observations, sigma, moved)
     declared_run = np.array([observations.declared_run.get(name, np.nan) for name in names])
     offsets = np.where(np.isnan(declared_run), PRIOR_RUN * sigma, declared_run)
     scale = np.array([mount, *offsets, stop])[used] ** 2
@@ -169,10 +170,10 @@ def _variances(
     )
 
 
-def _least_stop(observations: Observations, sigma: FloatArray, known: Sequence[int]) -> float:
+def _least_stop(observations: Observations, sigma: FloatArray, moved: Sequence[int]) -> float:
     """The error of a stop that makes, in the channel which shows it most, what runs are assumed to differ by."""
-    shown = [np.sqrt(np.mean(observations.distance_slope[observations.channel == c] ** 2)) / sigma[c] for c in known]
-    return PRIOR_RUN / max(float(max(shown)), 1e-300)
+    shown = [np.sqrt(np.mean(observations.distance_slope[observations.channel == c] ** 2)) / sigma[c] for c in moved]
+    return PRIOR_RUN / float(max(shown, default=np.inf))
 
 
 def _differences(
