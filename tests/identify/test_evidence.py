@@ -6,8 +6,12 @@ from scipy import stats
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
+from femfit.identify.decision.naming import decide
+from femfit.identify.noise.simulate import simulated_noise
+from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import add_effects
 from support.campaign import campaign
 
@@ -80,6 +84,17 @@ def test_all_probabilities_make_one(levitation_model):
     found = diagnose(levitation_model, campaign(levitation_model, 81), bootstrap=0)
     assert sum(found.probability.values()) == pytest.approx(1.0, abs=1e-9)
     assert found.verdict == "nothing_missing"
+
+
+def test_simulated_readings_are_decided_alike_with_the_directions_of_the_first_and_their_own(levitation_model):
+    observations = placed(levitation_model, campaign(levitation_model, 4))
+    first = gather(observations, considered_effects())
+    simulated = observations.base + simulated_noise(first.whitening, np.random.default_rng(2))
+    own = decide(first.with_readings(simulated)).probability
+    observations.of_settings.clear()
+    decide(first)
+    for word, probability in decide(first.with_readings(simulated)).probability.items():
+        assert probability == pytest.approx(own[word], abs=1e-3)  # a tenth of a class's end
 
 
 def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_for_the_last(levitation_model):

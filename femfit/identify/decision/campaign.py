@@ -16,7 +16,7 @@ from femfit.identify.noise.components import estimate_noise, never_varying
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.start import Start
-from femfit.identify.signatures.columns import CHANGES_NOTHING, effect_columns, why_untestable
+from femfit.identify.signatures.columns import CHANGES_NOTHING, EffectColumns, effect_columns, why_untestable
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
@@ -70,7 +70,7 @@ class Campaign:
         observations = self.observations.with_values(value)
         noise = estimate_noise(observations) or self.noise
         whitening = Whitening(observations, noise, self.whitening.chains, self.whitening.misfit)
-        effects = tuple(Start.at_null(one.columns, whitening) for one in self.effects)
+        effects = Start.all_at_null([one.columns for one in self.effects], whitening)
         return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
 
 
@@ -114,7 +114,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     if not patterns.groups:
         return TOO_FEW
     untestable: dict[str, str] = {}
-    starts: list[Start] = []
+    found: list[EffectColumns] = []
     for effect in effects:
         reason = why_untestable(effect, observations)
         columns = [] if reason else effect_columns(effect, observations)
@@ -122,8 +122,8 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
             columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
         if not columns:
             untestable[effect.name] = reason or CHANGES_NOTHING
-        starts += [Start.at_null(one, whitening) for one in columns]
-    return Campaign(observations, whitening, patterns, tuple(starts), untestable)
+        found += columns
+    return Campaign(observations, whitening, patterns, Start.all_at_null(found, whitening), untestable)
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:

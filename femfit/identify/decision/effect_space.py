@@ -22,8 +22,9 @@ from femfit.identify.decision.constants import (
     FORM_ELSEWHERE,
     SHARE_DEGREE,
 )
-from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.observations import Observations, once_for_settings
 from femfit.identify.refit.start import Start
+from femfit.identify.signatures.columns import EffectColumns
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +50,20 @@ class EffectSpace:
 
     def block(self, one: Start) -> FloatArray:
         """An effect's amplitudes' columns at half of their plausible range, then its form's error; shape (M, k)."""
-        change = one.columns.columns * half_ranges(one)
-        errors = [self.form_error(one.columns.effect, column) for column in change.T]
-        return np.concatenate([one.whitened * half_ranges(one), _leading(np.concatenate(errors, axis=1))], axis=1)
+        change, known = one.columns.columns * half_ranges(one), _form_directions(self.campaign.observations)
+        _, directions = known.get(id(one.columns), (None, None))
+        if directions is None:
+            formed = [self._formed(one.columns.effect, column) for column in change.T]
+            errors, leading = _leading(np.concatenate([error for error, _ in formed], axis=1))
+            parts = np.split(leading, np.cumsum([error.shape[1] for error, _ in formed])[:-1])
+            directions = np.stack([own @ part for (_, own), part in zip(formed, parts, strict=True)])
+            known[id(one.columns)] = one.columns, directions
+        else:
+            mixed = (
+                column[:, None] * (self._modulations @ own) for column, own in zip(change.T, directions, strict=True)
+            )
+            errors = self.campaign.whitening.full(sum(mixed, np.zeros((len(change), directions.shape[2]))))
+        return np.concatenate([one.whitened * half_ranges(one), errors], axis=1)
 
     @cached_property
     def grams(self) -> tuple[FloatArray, ...]:
@@ -77,17 +89,16 @@ class EffectSpace:
         """
         observations = self.campaign.observations
         runs, run = observations.runs, observations.column("run")
-        if runs == 1:
+        fixed = {effect.name for effect in observations.nominal.drawn}
+        firsts = {name: variants[0] for name, variants in self.variants.items() if name not in fixed}
+        if runs == 1 or not firsts:
             return {}
-        result, fixed = {}, {effect.name for effect in observations.nominal.drawn}
-        for name, variants in self.variants.items():
-            if name in fixed:
-                continue
-            one = self.campaign.effects[variants[0]]
-            change = one.columns.columns * half_ranges(one)
-            parts = np.concatenate([change * (run == k)[:, None] for k in range(runs)], axis=1)
-            result[name] = variants[0], self.campaign.whitening.full(parts)
-        return result
+        picked = [self.campaign.effects[k] for k in firsts.values()]
+        changes = [one.columns.columns * half_ranges(one) for one in picked]
+        parts = np.concatenate([change * (run == k)[:, None] for change in changes for k in range(runs)], axis=1)
+        ends = np.cumsum([runs * change.shape[1] for change in changes])[:-1]
+        whitened = np.split(self.campaign.whitening.full(parts), ends, axis=1)
+        return {name: (k, part) for (name, k), part in zip(firsts.items(), whitened, strict=True)}
 
     @cached_property
     def unknown(self) -> FloatArray:
@@ -151,9 +162,15 @@ class EffectSpace:
 
     def form_error(self, effect: Effect, change: FloatArray) -> FloatArray:
         """Whitened columns of the error of an effect's form where it changes the readings by ``change``, (M,)."""
+        return self._formed(effect, change)[0]
+
+    def _formed(self, effect: Effect, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same, shape (M, n), and which modulations of the change they are, shape (f, n)."""
         error = max(FORM.get(stage, FORM_ELSEWHERE) for stage in effect.acts_on)
         columns = self._modulations * change[:, None]
-        return _leading(error * self.campaign.whitening.full(columns[:, np.any(columns != 0.0, axis=0)]))
+        there = np.any(columns != 0.0, axis=0)
+        errors, leading = _leading(error * self.campaign.whitening.full(columns[:, there]))
+        return errors, error * np.eye(len(there))[:, there] @ leading
 
 
 def half_ranges(one: Start) -> FloatArray:
@@ -170,9 +187,20 @@ def _smooth(observations: Observations, degree: int) -> FloatArray:
     return np.stack([in_x[:, a] * in_y[:, b] for a, b in powers], axis=1)
 
 
-def _leading(columns: FloatArray) -> FloatArray:
-    """The largest directions of a block."""
+@once_for_settings
+def _form_directions(observations: Observations) -> dict[int, tuple[EffectColumns, FloatArray]]:
+    """Per variant of an effect, of these settings, the leading directions of its form's error.
+
+    Simulated readings of the same settings have nearly the same noise, so that the directions are not sought again.
+    They are stored by the address of the columns, which are kept for it to stay theirs; shape (k, f, n).
+    """
+    del observations
+    return {}
+
+
+def _leading(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The largest directions of a block, and the vectors that they are of it."""
     if columns.shape[1] <= FORM_DIRECTIONS:
-        return columns
+        return columns, np.eye(columns.shape[1])
     _, vectors = np.linalg.eigh(columns.T @ columns)
-    return np.asarray(columns @ vectors[:, -FORM_DIRECTIONS:])
+    return np.asarray(columns @ vectors[:, -FORM_DIRECTIONS:]), np.asarray(vectors[:, -FORM_DIRECTIONS:])

@@ -30,6 +30,15 @@ class Start:
         """The start without any of the effect."""
         return cls(columns, whitening.full(columns.columns), np.zeros(len(columns.amplitudes)))
 
+    @classmethod
+    def all_at_null(cls, every: Sequence[EffectColumns], whitening: Whitening) -> tuple[Self, ...]:
+        """The starts of many effects, whitened at once, which is several times faster."""
+        if not every:
+            return ()
+        whitened = whitening.full(np.concatenate([one.columns for one in every], axis=1))
+        parts = np.split(whitened, np.cumsum([one.columns.shape[1] for one in every])[:-1], axis=1)
+        return tuple(cls(one, part, np.zeros(part.shape[1])) for one, part in zip(every, parts, strict=True))
+
     @property
     def name(self) -> str:
         """The effect's name."""
