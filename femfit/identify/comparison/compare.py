@@ -86,6 +86,7 @@ class ChannelMisfit:
 _VERDICTS = {
     "agrees": "The model agrees with these data within {their} noise{scatter}.",
     "agrees_beyond": "These readings do not show that anything is missing, but the model misses {left}{scatter}.",
+    "if_assumed": "Nothing is missing {assumed}",
     "fails": "The model fails: {where}",
     "wrong_shape": "{own} {where}",
     "compare_only": "No verdict. {why} The misfit: {where}",
@@ -181,10 +182,10 @@ class Comparison(Printed):
         apart = beyond_own_misfit(self.observations, beyond, rms)
         own = own_misfit_sentence(self.observations, self.times_own, apart)
         guessed = any(one.noise_source == "guess" for one in self.channels)
-        if_assumed = if_mounts_are_assumed(self.observations, self.noise, rms, left) if self.verdict == "agrees" else ""
-        verdict = if_assumed or _VERDICTS[
-            "agrees_beyond" if self.verdict == "agrees" and left else self.verdict
-        ].format(
+        assumed = if_mounts_are_assumed(self.observations, self.noise, rms, left) if self.verdict == "agrees" else ""
+        kind = "if_assumed" if assumed else "agrees_beyond" if self.verdict == "agrees" and left else self.verdict
+        verdict = _VERDICTS[kind].format(
+            assumed=assumed,
             where=self.where.sentence,
             scatter=scatter,
             why=why,

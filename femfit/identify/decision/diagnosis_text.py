@@ -22,6 +22,8 @@ _VERDICTS = {
     "nothing_named": "No effect is named, but the model misses {left}.",
     "named": "Missing: {names}. With {it} the model explains these data within their noise{scatter}{own}.",
     "named_and_left": "Missing: {names}. With {it} the model still misses {left}.",
+    "nothing_named_if_assumed": "Nothing is missing {assumed}",
+    "named_and_left_if_assumed": "Missing: {names}. With {it} nothing else is missing {assumed}",
     "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
     "unexplained": "Something is missing that no effect of the catalogue explains, nor several of them.",
     "compare_only": "No verdict. {why}",
@@ -56,11 +58,6 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     beyond, left = _left(diagnosis)
     if diagnosis.own_misfit:
         return own_misfit_sentence(diagnosis.observations, diagnosis.times_own, left)
-    if diagnosis.verdict == "nothing_missing" and diagnosis.campaign:
-        rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
-        assumed = if_mounts_are_assumed(diagnosis.observations, diagnosis.campaign.noise, rms, left)
-        if assumed:
-            return assumed
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
     after = diagnosis.lack_of_fit_after
     own = (
@@ -70,6 +67,11 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     )
     also = {"nothing_missing": "nothing_named", "named": "named_and_left"}
     kind = also.get(diagnosis.verdict, diagnosis.verdict) if left else diagnosis.verdict
+    assumed = ""
+    if diagnosis.campaign and kind in also.values():
+        rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
+        assumed = if_mounts_are_assumed(diagnosis.observations, diagnosis.campaign.noise, rms, left)
+        kind = f"{kind}_if_assumed" if assumed else kind
     allowed = _scatter(diagnosis)
     return _VERDICTS[kind].format(
         names=names,
@@ -79,6 +81,7 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
         scatter=f" and {allowed}" if allowed else "",
         own=own,
         left=" and ".join(left.values()),
+        assumed=assumed,
     )
 
 

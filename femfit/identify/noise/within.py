@@ -42,7 +42,7 @@ def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
 def if_mounts_are_assumed(
     observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float], left: Mapping[str, str]
 ) -> str:
-    """What is said of errors, given in words as ``left``, that re-mounts make if they are as large as is assumed.
+    """What a "nothing is missing" rests on where re-mounts make the errors that are given in words as ``left``.
 
     Empty where they would not make them, and where the readings or a declaration say how large re-mounts are.
     """
@@ -52,7 +52,7 @@ def if_mounts_are_assumed(
     if any(rms[name] > with_mounts[noise.channels.index(name)] for name in left):
         return ""
     return (
-        f"Nothing is missing if the body comes back no better than to {amount(noise.test_mount_m, 'mount_m')}, which "
+        f"if the body comes back no better than to {amount(noise.test_mount_m, 'mount_m')}, which "
         f"is assumed: that would make what the model misses, {' and '.join(left.values())}. Declare distance_mm, or "
         "put the body back more often, to know."
     )
