@@ -199,6 +199,17 @@ def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model
     assert not declared.beyond_noise
 
 
+def test_a_channel_of_unknown_noise_is_said_not_to_be_judged(levitation_model):
+    """A voltage that was read in one run of three has no repeats; a resistance that is wrong would not be seen."""
+    table = campaign(levitation_model, 23, rho=0.0)
+    once = table.rows["run"] == 1.0
+    rows = table.rows.assign(voltage_V=table.rows["voltage_V"].where(once) * 1.1)
+    comparison = compare(levitation_model, replace(table, rows=rows))
+    assert "Not judged: the coil voltage, whose noise nothing says." in str(comparison)
+    assert "Not judged" in str(diagnose(levitation_model, replace(table, rows=rows), bootstrap=0))
+    assert "Not judged" not in str(compare(levitation_model, table))
+
+
 def test_a_single_run_without_mounts_has_no_freedom_to_be_put_back(levitation_model):
     table = campaign(levitation_model, 11, runs=1, mount_m=0.0)
     once = replace(table, given=tuple(name for name in table.given if name not in ("mount", "run")))

@@ -22,7 +22,7 @@ from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, 
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed, in_words
+from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed, in_words, not_judged
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
@@ -193,7 +193,8 @@ class Comparison(Printed):
             left=" and ".join(left.values()),
             their="a guess of their" if guessed else "their",
         )
-        lines = [*suspicions(self.findings), verdict, *map(str, self.channels)]
+        unknown = not_judged(self.observations, self.noise)
+        lines = [*suspicions(self.findings), verdict, *unknown, *map(str, self.channels)]
         if self.verdict == "wrong_shape" and granted_channels(self.observations, apart):
             lines.append(finer_model(self.model))
         if self.p_value is not None and self.structure is not None:

@@ -7,7 +7,7 @@ from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
-from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed
+from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed, not_judged
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.signatures.columns import CHANGES_NOTHING
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -32,7 +32,9 @@ _VERDICTS = {
 
 def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
     """The result as lines of text, the verdict first."""
-    lines = [*suspicions(diagnosis.findings), verdict_sentence(diagnosis)]
+    noise = diagnosis.campaign.noise if diagnosis.campaign else None
+    unknown = not_judged(diagnosis.observations, noise)
+    lines = [*suspicions(diagnosis.findings), verdict_sentence(diagnosis), *unknown]
     for one in diagnosis.missing:
         lines += _named(one)
     lines += [] if diagnosis.missing else _not_shown(diagnosis)
@@ -44,7 +46,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
     if diagnosis.own_misfit and granted_channels(diagnosis.observations, _left(diagnosis)[1]):
         lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
-    allowed = allowed_for(diagnosis.observations, diagnosis.campaign.noise if diagnosis.campaign else None)
+    allowed = allowed_for(diagnosis.observations, noise)
     if allowed and allowed not in "".join(lines):
         lines.append(f"The test allows for {allowed}.")
     skip = diagnosis.findings[-1] if diagnosis.verdict == "compare_only" else None

@@ -39,6 +39,16 @@ def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
     return np.asarray(np.sqrt(noise.sigma**2 + beside))
 
 
+def not_judged(observations: Observations, noise: NoiseModel | None) -> list[str]:
+    """A sentence on the channels whose noise is unknown, beside others; none where there are none."""
+    unknown = [CHANNEL_WORDS[name] for name in observations.channels if noise and name not in noise.source]
+    if not unknown:
+        return []
+    return [
+        f"Not judged: the {' and the '.join(unknown)}, whose noise nothing says. Measure settings twice, or declare it."
+    ]
+
+
 def if_mounts_are_assumed(
     observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float], left: Mapping[str, str]
 ) -> str:
