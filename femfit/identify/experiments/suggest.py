@@ -4,7 +4,7 @@ A measurement is tried as a further run beside the readings that are there: the 
 at the old and the new settings are explained by each other one (:mod:`femfit.identify.experiments.separation`).
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
@@ -14,23 +14,21 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.printed import Printed
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import AddedEffect, Calibration
 from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.identify.decision.own_misfit import finer_model
 from femfit.identify.experiments.constants import COMPARED, SHOWN, SHOWN_CLAUSES, TIE
+from femfit.identify.experiments.direct import Distance, by_direct_reading
 from femfit.identify.experiments.noise import noise_for
 from femfit.identify.experiments.possible import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
     listed,
-    needed_distance,
     pairs_in_words,
     parameters_of,
     separation,
@@ -227,7 +225,7 @@ def suggest_measurements(
     named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
     result = []
     for experiment in possible_experiments(observations, available, list(named.values())):
-        direct = experiment.calibration and _direct(experiment.effect, experiment.calibration)
+        direct = experiment.calibration and by_direct_reading(experiment.effect, experiment.calibration)
         distance = direct or _joint(model, table, noise, experiment)
         separates, remains = list[tuple[str, str, float]](), list[tuple[str, str]]()
         for a, b in combinations(explanations, 2):
@@ -240,33 +238,6 @@ def suggest_measurements(
         if separates:
             result.append(Suggestion(experiment.text, experiment.cost, tuple(separates), tuple(remains), experiment))
     return sorted(result, key=lambda one: (one.cost / len(one.separates), one.cost))
-
-
-Distance = Callable[[Refit, Refit], float | None]
-"""How far apart two explanations are with an experiment; None where that is less than needed."""
-
-
-def _direct(effect: str, calibration: Calibration) -> Distance:
-    """By a direct reading of an effect's parameters."""
-    uncertainty = np.array(list(calibration.reads.values()))
-
-    def distance(a: Refit, b: Refit) -> float | None:
-        difference = direct_reading(effect, calibration, a.effects) - direct_reading(effect, calibration, b.effects)
-        apart = float(np.linalg.norm(difference / uncertainty))
-        return apart if apart >= needed_distance() else None
-
-    return distance
-
-
-def direct_reading(effect: str, calibration: Calibration, effects: Iterable[AddedEffect]) -> FloatArray:
-    """What a direct reading of an effect's parameters shows where some effects act, in the parameters' units."""
-    values = np.zeros(len(calibration.reads))
-    for added in effects:
-        if added.effect.name == effect:
-            values += [added.parameters[name] for name in calibration.reads]
-        for name, change in calibration.also.get(added.effect.name, {}).items():
-            values[0] += change * added.parameters[name]
-    return values
 
 
 def _joint(model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment) -> Distance:

@@ -19,9 +19,10 @@ from femfit.effects.effect import AddedEffect, Calibration
 from femfit.identify.decision.constants import IN_CLASS
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
+from femfit.identify.experiments.direct import direct_reading, standard_errors
 from femfit.identify.experiments.noise import assumed_noise
 from femfit.identify.experiments.possible import Experiment
-from femfit.identify.experiments.suggest import direct_reading, suggest
+from femfit.identify.experiments.suggest import suggest
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
@@ -184,20 +185,12 @@ def _read_directly(
         own = set(one.names) - others
         if len(own) != 1 or len(one.names) != len(found.missing):
             continue
-        spread = np.hypot(uncertainty, _standard_errors(effect, calibration, one.fit.effects))
+        spread = np.hypot(uncertainty, standard_errors(effect, calibration, one.fit.effects))
         missed = (reading - direct_reading(effect, calibration, one.fit.effects)) / spread
         log[own.pop()] = one.log_evidence - 0.5 * float(missed @ missed) - float(np.log(spread).sum())
     best = max(log.values())
     after = tuple(name for name in before if log.get(name, -np.inf) >= best + np.log(IN_CLASS))
     return after if says(after, right) else ()
-
-
-def _standard_errors(effect: str, calibration: Calibration, effects: Sequence[AddedEffect]) -> FloatArray:
-    """Of what an explanation says that the reading shows."""
-    for added in effects:
-        if added.effect.name == effect:
-            return np.array([np.ptp(added.ci95.get(name, (0.0, 0.0))) / (2.0 * 1.96) for name in calibration.reads])
-    return np.zeros(len(calibration.reads))
 
 
 def _true_effects(bench: _Bench, found: Diagnosis, right: Sequence[str]) -> tuple[AddedEffect, ...]:
