@@ -43,7 +43,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
         lines.append(certainty_sentence(diagnosis))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
-    if diagnosis.own_misfit and granted_channels(diagnosis.observations, _left(diagnosis)[1]):
+    if diagnosis.own_misfit and granted_channels(diagnosis.observations, _left(diagnosis)[2]):
         lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
     allowed = allowed_for(diagnosis.observations, noise)
@@ -57,7 +57,7 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     names = " and ".join(one.name for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
-    beyond, left = _left(diagnosis)
+    rms, beyond, left = _left(diagnosis)
     if diagnosis.own_misfit:
         return own_misfit_sentence(diagnosis.observations, diagnosis.times_own, left)
     why = str(diagnosis.findings[-1]) if diagnosis.findings else ""
@@ -71,7 +71,6 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     kind = also.get(diagnosis.verdict, diagnosis.verdict) if left else diagnosis.verdict
     assumed = ""
     if diagnosis.campaign and kind in also.values():
-        rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
         assumed = if_mounts_are_assumed(diagnosis.observations, diagnosis.campaign.noise, rms, left)
         kind = f"{kind}_if_assumed" if assumed else kind
     allowed = _scatter(diagnosis)
@@ -87,11 +86,11 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     )
 
 
-def _left(diagnosis: "Diagnosis") -> tuple[dict[str, float], dict[str, str]]:
-    """Channels whose error after is beyond the noise, and in words those that the model's own misfit does not make."""
+def _left(diagnosis: "Diagnosis") -> tuple[dict[str, float], dict[str, float], dict[str, str]]:
+    """Errors after, those beyond the noise, and in words those that the model's own misfit does not make."""
     rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
     beyond = beyond_noise(diagnosis.observations, diagnosis.campaign.noise, rms) if diagnosis.campaign else {}
-    return beyond, beyond_own_misfit(diagnosis.observations, beyond, rms)
+    return rms, beyond, beyond_own_misfit(diagnosis.observations, beyond, rms)
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:

@@ -24,6 +24,11 @@ class RandomEffects:
     # Mounts, and runs of each channel, less one, and stops less places of the stage; shape (2 + channels,)
     differences: FloatArray
 
+    @property
+    def of_stops(self) -> BoolArray:
+        """Which of the columns are of stops, the last of the variances; shape (q,)."""
+        return np.asarray(self.group == len(self.differences) - 1)
+
 
 @once_for_settings
 def repeated_readings(observations: Observations) -> list[tuple[IntArray, IntArray, IntArray]]:
@@ -102,7 +107,6 @@ def _design(observations: Observations, c: int, repeats: bool, sigma: float, sto
     """The same where errors of stops are known, and weighed as those of single rows are, or have columns."""
     here = repeated_readings(observations)[c][0] if repeats else np.flatnonzero(observations.channel == c)
     effects = random_effects(observations)
-    of_stops = effects.group == 1 + len(observations.channels)
     made = np.sum(uncertain_settings(observations, stops_known)[here] ** 2, axis=1)
     equal = sigma == 0.0 or not made.any()
     if equal and (repeats, stops_known) in _designs(observations)[c]:
@@ -117,7 +121,7 @@ def _design(observations: Observations, c: int, repeats: bool, sigma: float, sto
     fixed = np.concatenate([patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))], common], axis=1)
     if repeats:
         fixed = _within(fixed, cell)
-    random = effects.columns[here] * ~(of_stops & stops_known)
+    random = effects.columns[here] * ~(effects.of_stops & stops_known)
     cells = int(cell.max()) + 1 if repeats else 0
     design = ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, _chain(observations, here), weight)
     if equal:

@@ -69,7 +69,7 @@ def _pure_error(observations: Observations, c: int, free: int) -> float:
     """
     design = channel_design(observations, c, repeats=True)
     variance = design.contrasts(observations.residual[design.here], 0).square / free
-    stops_known = not design.random[:, random_effects(observations).group == 1 + len(observations.channels)].any()
+    stops_known = not design.random[:, random_effects(observations).of_stops].any()
     made = float(np.mean(np.sum(uncertain_settings(observations, stops_known)[design.here] ** 2, axis=1)))
     return float(np.sqrt(max(variance - made, variance * np.sqrt(2.0 / free))))
 
