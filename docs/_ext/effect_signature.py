@@ -83,7 +83,7 @@ def effect_signature(
     current = np.linspace(box.current_min_A, box.current_max_A, currents)
     d, i = (x.ravel() for x in np.meshgrid(distance, current, indexing="ij"))
     resting = "stop" in effect.needs
-    moving = "time_s" in effect.needs and not resting
+    moving = any("time_s" in need.split("|") for need in effect.needs) and not resting
     if resting:
         base = _with_stops(base)
     conditions = _conditions(base, moving)

@@ -104,6 +104,7 @@ class Conditions:
     # Time since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
     # anew with a run
     elapsed: FloatArray | float = 0.0
+    frequency_Hz: FloatArray | float = np.nan  # Of the small current of an impedance; NaN where none was measured
     velocity_m_s: FloatArray | float = 0.0
     current_rate_A_s: FloatArray | float = 0.0
     motional_V: FloatArray | float = 0.0  # Voltage that the motion induces, k_m v, as the model has it

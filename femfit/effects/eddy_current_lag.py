@@ -3,7 +3,8 @@
 A closed path around the flux carries the current that its flux induces, so the core sees i - sum_k s_k x_k with
 x_k' = i' - k_m v / L - x_k / tau_k: the induced current answers any change of flux, by current or by motion, and decays
 with the path's own time constant. One path is a shorted ring; diffusion into a solid core is a series of them with
-tau_k = tau / (2 k - 1)^2, of which the first two are kept. No effect on a static bench.
+tau_k = tau / (2 k - 1)^2, of which the first two are kept. No effect on a static bench; an impedance shows
+L (1 - sum_k s_k j w tau_k / (1 + j w tau_k)) in place of L.
 
 References
 ----------
@@ -15,7 +16,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters, States
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
@@ -33,6 +34,15 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
 
 def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
     return {f"eddy_{mode}": (conditions.nominal.peak_current_A * p[f"{mode}_share"], 0.0) for mode in _MODES}
+
+
+def _response(frequency: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, ComplexArray]:
+    """States per ampere of a small current: s / (s + 1 / tau_k), over the largest current."""
+    s = np.asarray(2j * np.pi * frequency, dtype=np.complex128)
+    return {
+        f"eddy_{mode}": s / (s + faster / p["time_s"]) / conditions.nominal.peak_current_A
+        for mode, faster in _MODES.items()
+    }
 
 
 def _coenergy(
@@ -78,7 +88,7 @@ EDDY_CURRENT_LAG = Effect(
             nonlinear=True,
         ),
     ),
-    needs=("time_s", "current_A|voltage_V", "force_N|hall_V|distance_m"),
+    needs=("time_s|frequency_Hz", "current_A|voltage_V", "force_N|hall_V|distance_m"),
     experiment="Hold the body and step the voltage; record current and Hall voltage faster than ten times a time "
     "constant.",
     reference="Stoll, The Analysis of Eddy Currents (1974), chapter 2",
@@ -90,5 +100,6 @@ EDDY_CURRENT_LAG = Effect(
         steady_state=lambda d, i, conditions, p: {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES},
         rate=_rate,
         lag=_lag,
+        response=_response,
     ),
 )

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, SupportsIndex
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import BoolArray, ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
@@ -100,6 +100,9 @@ class Memory:
         W'(d, i) -> V - sum_k z_k t_k lambda^2 / 2 with V = W'(d, i - sum_k c_k z_k) and lambda = dV/di; None where they
         act otherwise. What ``coenergy`` does is said once more, so that the change of the flux linkage with the states
         is known without differences.
+    response : callable or None
+        (frequency in Hz, conditions, p) -> mapping of name to the complex change of the state per ampere of a small
+        sinusoidal current, the body held: what an impedance shows of it; None where it shows nothing.
     recall : callable or None
         (currents in the order in which they were read, whether a run begins there, nominal) -> mapping of name to
         array, for :attr:`Conditions.recalled`: what ``steady_state`` needs of that order; None where it needs nothing.
@@ -111,6 +114,7 @@ class Memory:
     steady_state: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
     rate: Callable[[States, FloatArray, Conditions, Parameters], States]
     lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]]] | None = None
+    response: Callable[[FloatArray, Conditions, Parameters], Mapping[str, ComplexArray]] | None = None
     recall: Callable[[FloatArray, BoolArray, Nominal], Mapping[str, FloatArray]] | None = None
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.printed import Printed
 from femfit.core.sweep_columns import circuit_currents
@@ -21,6 +21,7 @@ from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
+from femfit.model.impedance import checked_frequency, following_share, impedance_of
 from femfit.model.magnetics import Magnetics
 from femfit.model.misfit import Misfit
 from femfit.model.model_text import model_lines
@@ -130,6 +131,43 @@ class ActuatorModel(Printed):
     def inductance(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Inductance d(flux linkage)/di in H, (..., n, n) of several; arguments and errors as of :meth:`force`."""
         return self._evaluate(self.magnetics.inductance, distance, current, extrapolate)
+
+    def impedance(
+        self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
+    ) -> ComplexArray:
+        """Impedance of the circuit in ohm for a small current about a bias, (..., n, n) of several.
+
+        Z = R + j 2 pi f (L + L_s) with the winding's resistance and what is in series with it; of a model with
+        :obj:`femfit.effects.eddy_current_lag`, a part of L lags.
+
+        Parameters
+        ----------
+        distance, current : array_like
+            As of :meth:`force`; the current is the bias.
+        frequency : array_like
+            In Hz; it broadcasts with the others.
+
+        Raises
+        ------
+        MissingPartError
+            If the model has no circuit.
+        DomainError
+            As of :meth:`force`, and for frequencies below zero.
+
+        Examples
+        --------
+        >>> import femfit as ff
+        >>> model = ff.read_model("model.json")
+        >>> z = model.impedance(0.022, 0.5, 100.0)
+        >>> print(f"{z.real:.2f} ohm, {z.imag / (2 * 3.14159 * 100.0):.4f} H")
+        """
+        if not self.require_circuits():
+            self.require_circuit()
+        inductance = self.inductance(distance, current, extrapolate=extrapolate)
+        points = np.shape(inductance)[:-2] if len(self.circuits) > 1 else np.shape(inductance)
+        f = checked_frequency(np.asarray(frequency, dtype=np.float64), points)
+        share = None if self.conditions is None else following_share(self.effects, f, self.conditions)
+        return impedance_of(self, inductance, f, share)[()]
 
     def _evaluate(
         self,

@@ -18,6 +18,7 @@ from femfit.effects.stages import (
 )
 from femfit.effects.taylor_series import CoenergySeries
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.impedance import following_share
 from femfit.model.with_effects import base_coenergy, resistance_of, with_sources
 
 
@@ -42,8 +43,8 @@ def predict_readings(
     distance, current : array, shape (n,)
         As recorded, in m and A; currents of several circuits have the shape (n, circuits), and channels their names.
     channels : collection of str
-        What is wanted beside the usual channels: inductance_H, d(flux linkage)/di at low frequency, and resistance_ohm,
-        that of the winding, as an LCR meter reads them.
+        What is wanted beside the usual channels: inductance_H and resistance_ohm, in series, as an LCR meter reads them
+        at the frequency of the conditions; where that is NaN it is low.
     coenergy : callable or None
         The base model's, from a caller who keeps what it gave.
 
@@ -59,14 +60,12 @@ def predict_readings(
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
     d, i = true_setting(added, d, i, conditions)
     coenergy = coenergy or base_coenergy(base)
-    bridge = "inductance_H" in channels
+    bridge = {"inductance_H", "resistance_ohm"} & set(channels) if base.has_winding else set()
     series = changed_coenergy(coenergy, added, conditions)(d, i, 1, 2 if bridge else 1)
     force = with_further_force(added, -series.derivative(1, 0), d, i, conditions)
     values = {"force_N": force}
     if base.has_winding:
         values["flux_linkage_Wb"] = series.derivative(0, 1)
-    if bridge and base.has_winding:
-        values["inductance_H"] = series.derivative(0, 2)
     if base.sensor is not None:
         field = hall_field(series, coenergy, added, d, i, conditions)
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
@@ -74,8 +73,14 @@ def predict_readings(
         # What the driver does to a commanded voltage does not show: a bench reads across the winding
         ohms, _ = circuit_of(added, like(base.circuit.resistance_ohm, i), np.zeros_like(i), i, conditions)
         values["voltage_V"] = ohms * i
-        if "resistance_ohm" in channels:
-            values["resistance_ohm"] = ohms
+    else:
+        ohms, bridge = np.full_like(i, np.nan), bridge - {"resistance_ohm"}
+    if bridge:
+        frequency = np.nan_to_num(like(conditions.frequency_Hz, i))
+        following = following_share(added, frequency, conditions) * series.derivative(0, 2)
+        lost, in_series = -2.0 * np.pi * frequency * following.imag, base.circuit.inductance_H if base.circuit else 0.0
+        shown = {"inductance_H": in_series + following.real, "resistance_ohm": ohms + lost}
+        values |= {name: shown[name] for name in bridge}
     return recorded(added, values, d, i, conditions)
 
 
