@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
-from femfit.device import schema, schema_device
+from femfit.device import schema, schema_device, schema_materials, schema_solver
 from femfit.device.materials import LIBRARY
 
 REFERENCE = Path(__file__).parents[1] / "reference"
@@ -15,8 +15,12 @@ EXAMPLES = [REFERENCE / "every-key-2.toml", REFERENCE / "every-key.toml"]  # the
 # Table as it is written, what it describes, and the class of the schema that reads it
 TABLES = (
     ("", "These keys stand above all tables, and these tables follow.", schema.FileEntry),
-    ("[materials.NAME]", "A linear material: a magnet, a ferrite, or steel far from saturation.", schema.MaterialEntry),
-    ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema.CurveEntry),
+    (
+        "[materials.NAME]",
+        "A linear material: a magnet, a ferrite, or steel far from saturation.",
+        schema_materials.MaterialEntry,
+    ),
+    ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema_materials.CurveEntry),
     (
         "[fixed.regions.NAME]",
         "A part that stands still; `[electromagnet.regions.NAME]` is the same, as schema 1 calls it.",
@@ -46,7 +50,12 @@ TABLES = (
     ("{ key, factor, offset }", "A key that follows a named parameter.", schema.KeyEntry),
     ("{ min, max, step }", "The range of a Latin hypercube.", schema.SampledEntry),
     ("{ start, stop, step }", "Equally spaced values, both ends included.", schema.RangeEntry),
-    ("[solver]", "How accurate the field solution has to be.", schema.SolverEntry),
+    ("[solver]", "How accurate the field solution has to be, and at which frequencies.", schema_solver.SolverEntry),
+    (
+        "{ start, stop, per_decade }",
+        "Frequencies equally spaced in their logarithm.",
+        schema_solver.FrequencyRangeEntry,
+    ),
     ("[reference]", "The closed loop's steps.", schema.ReferenceEntry),
     (
         "[tolerances]",
@@ -60,7 +69,7 @@ LONGEST_EXAMPLE = 50
 UNITS = (
     ("_N_per_mm", "N/mm"), ("_V_per_mm", "V/mm"), ("_N_s_per_m", "N s/m"), ("_m_per_s2", "m/s²"), ("_mH", "mH"),
     ("_Hz", "Hz"), ("_deg", "°"), ("_N", "N"), ("_V_per_T", "V/T"),
-    ("_A_per_m", "A/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
+    ("_A_per_m", "A/m"), ("_MS_per_m", "MS/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
     ("_T", "T"), ("_A", "A"), ("_V", "V"), ("_g", "g"), ("_C", "°C"),
 )  # fmt: skip
 
@@ -82,7 +91,7 @@ def _section(name: str, text: str, entry: type[schema.Entry], examples: dict[str
         for key, value in described["properties"].items()
     )
     title = f"`{name}`" if name else "The top of the file"
-    heading = f"\n## {title}\n\n" if name != "[materials.NAME]" or entry is schema.MaterialEntry else "\n"
+    heading = f"\n## {title}\n\n" if name != "[materials.NAME]" or entry is schema_materials.MaterialEntry else "\n"
     head = "| key | unit | what to give | range | default | example |\n|---|---|---|---|---|---|\n"
     return f"{heading}{text}\n\n{head}{rows}"
 
@@ -133,8 +142,8 @@ def _examples(name: str, entry: type[schema.Entry], examples: list[dict[str, Any
     """Value by key in the examples' tables of a name of :data:`TABLES`; where two have a key, of the fuller one."""
     every = [one for example in examples for one in _tables(example)]
     if name.startswith("{"):
-        first = name.strip("{ }").split(",")[0]
-        tables = [table for _, table in every if first in table]
+        names = set(name.strip("{ }").split(", "))
+        tables = [table for _, table in every if names <= table.keys()]
     else:
         wanted = name.partition(" ")[0].strip("[]").split(".") if name else []
         tables = [table for path, table in every if _fits(path, wanted)]

@@ -10,10 +10,12 @@ from typing import Any
 from femfit.device.bh_table import Points, curve_problems, read_bh_csv, without_flat_end
 from femfit.device.checks import DrawnPart
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
+from femfit.device.decimals import MEGA_EXPONENT, scaled
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
 from femfit.device.read_outline import outline
-from femfit.device.schema import NAME_PATTERN, CurveEntry, MaterialEntry, OutlineEntry, RegionEntry
+from femfit.device.schema import NAME_PATTERN, OutlineEntry, RegionEntry
+from femfit.device.schema_materials import ConductorEntry, CurveEntry, MaterialEntry, has_curve
 
 RESERVED = ("air", "coil")
 """Region names that the field solver gives to what is not a region."""
@@ -92,21 +94,34 @@ def _materials(tables: Mapping[str, Any], directory: Path, problems: list[str]) 
     materials: dict[str, Material | None] = {name: entry.material for name, entry in LIBRARY.items()}
     for name, table in tables.items():
         path = joined("materials", name)
-        if isinstance(table, dict) and table.keys() & CurveEntry.model_fields.keys():
+        if has_curve(table):
             materials[name] = _saturating(name, table, path, directory, problems)
             continue
         entry = read_table(MaterialEntry, table, path, problems)
-        materials[name] = (
-            None
-            if entry is None
-            else LinearMaterial(name, entry.relative_permeability, entry.remanence_T, entry.remanence_coefficient_per_K)
-        )
+        if entry is None:
+            materials[name] = None
+            continue
+        linear = LinearMaterial(name, entry.relative_permeability, entry.remanence_T, entry.remanence_coefficient_per_K)
+        materials[name] = _conducting(linear, entry, path, problems)
     return materials
+
+
+def _conducting(material: Material, entry: ConductorEntry, path: str, problems: list[str]) -> Material:
+    if entry.lamination_mm and not entry.conductivity_MS_per_m:
+        problems.append(
+            f"{path}.lamination_mm must stand beside a conductivity_MS_per_m > 0; sheets that do not conduct are a "
+            "solid part. Give the conductivity of the sheets (electrical steel 2 to 5), or leave lamination_mm out."
+        )
+    return replace(
+        material,
+        conductivity_S_per_m=scaled(entry.conductivity_MS_per_m, MEGA_EXPONENT),
+        lamination_m=scaled(entry.lamination_mm),
+    )
 
 
 def _saturating(
     name: str, table: Mapping[str, Any], path: str, directory: Path, problems: list[str]
-) -> NonlinearMaterial | None:
+) -> Material | None:
     entry = read_table(CurveEntry, table, path, problems)
     if entry is None:
         return None
@@ -133,7 +148,9 @@ def _saturating(
             points, remark = without_flat_end(*points)
         found = curve_problems(*points)
     problems += [f"{path} {problem}" for problem in found]
-    return None if points is None or found else NonlinearMaterial(name, *points, remark=remark)
+    if points is None or found:
+        return None
+    return _conducting(NonlinearMaterial(name, *points, remark=remark), entry, path.removesuffix(".bh_curve"), problems)
 
 
 def _regions(

@@ -5,15 +5,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from femfit.device.complaints import joined
+from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, scaled
 from femfit.device.drawing import table_at
 from femfit.device.materials import LIBRARY
-from femfit.device.parts import LinearMaterial
+from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.device.schema import (
     CoilEntry,
-    CurveEntry,
     Entry,
     HallEntry,
-    MaterialEntry,
     MovingEntry,
     RegionEntry,
     SupplyEntry,
@@ -30,6 +29,7 @@ from femfit.device.schema_device import (
     StopEntry,
     WindingEntry,
 )
+from femfit.device.schema_materials import CurveEntry, MaterialEntry, has_curve
 
 _SECTIONS: dict[str, type[Entry]] = {
     "coil": CoilEntry, "moving": MovingEntry, "hall": HallEntry, "supply": SupplyEntry, "mechanics": MechanicsEntry,
@@ -45,8 +45,8 @@ Location = tuple[str | int, ...]
 
 BODIES = ("electromagnet", "fixed", "moving")
 UNITS = (
-    "A_per_m", "V_per_T", "N_per_mm", "V_per_mm", "N_s_per_m", "m_per_s2", "per_K", "mm", "ms", "mH", "ohm", "deg",
-    "Hz", "g", "T", "C", "V", "A", "N",
+    "A_per_m", "MS_per_m", "V_per_T", "N_per_mm", "V_per_mm", "N_s_per_m", "m_per_s2", "per_K", "mm", "ms", "mH", "ohm",
+    "deg", "Hz", "g", "T", "C", "V", "A", "N",
 )  # fmt: skip
 """That numbers of the file may be in; a key ends in ``_`` and its unit, or is a bare number."""
 
@@ -80,7 +80,7 @@ def with_value(data: dict[str, Any], location: Location, value: float | str) -> 
     """Set a number of a file, or the name of a material, in place."""
     first, name = location[:2]
     if first == "materials" and name not in table_at(data, "materials"):
-        data.setdefault("materials", {})[name] = _library_table(str(name))
+        data.setdefault("materials", {})[name] = library_table(str(name))
     place: Any = data
     for key in location[:-1]:
         place = place[key]
@@ -102,11 +102,11 @@ def unit_of(name: str) -> str:
 def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
     named = table_at(data, "materials")
     for name, table in named.items():
-        curve = isinstance(table, dict) and table.keys() & CurveEntry.model_fields.keys()
-        yield from _in_table(CurveEntry if curve else MaterialEntry, table, ("materials", name))
+        yield from _in_table(CurveEntry if has_curve(table) else MaterialEntry, table, ("materials", name))
     for name in sorted(_materials_in_use(data) - named.keys()):
-        if name in LIBRARY and isinstance(LIBRARY[name].material, LinearMaterial):
-            yield from _in_table(MaterialEntry, {}, ("materials", name))
+        if name in LIBRARY:
+            linear = isinstance(LIBRARY[name].material, LinearMaterial)
+            yield from _in_table(MaterialEntry if linear else CurveEntry, {}, ("materials", name))
     for body in BODIES:
         for name, table in table_at(data, body, "regions").items():
             yield from _in_table(RegionEntry, table, (body, "regions", name))
@@ -153,6 +153,14 @@ def _materials_in_use(data: Mapping[str, Any]) -> set[str]:
     return {str(table.get("material")) for table in regions if isinstance(table, dict)}
 
 
-def _library_table(name: str) -> dict[str, float]:
+def library_table(name: str) -> dict[str, Any]:
+    """A material of the library as an actuator file would write it."""
     material = LIBRARY[name].material
-    return {key: getattr(material, key) for key in MaterialEntry.model_fields}
+    conduction = {
+        "conductivity_MS_per_m": scaled(material.conductivity_S_per_m, -MEGA_EXPONENT),
+        "lamination_mm": scaled(material.lamination_m, -LENGTH_EXPONENT),
+    }
+    if isinstance(material, NonlinearMaterial):
+        return {"B_T": list(material.flux_density_T), "H_A_per_m": list(material.field_A_per_m), **conduction}
+    own = MaterialEntry.model_fields.keys() - conduction.keys()
+    return {key: getattr(material, key) for key in MaterialEntry.model_fields if key in own} | conduction

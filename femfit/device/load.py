@@ -24,6 +24,7 @@ from femfit.device.parts import AIR, Actuator, MovingPart, Region
 from femfit.device.read_electrics import read_circuits, read_coils, read_supply
 from femfit.device.read_mechanics import check_travel, read_mechanics
 from femfit.device.read_sensors import hall_places, read_sensors
+from femfit.device.read_solver import frequencies
 from femfit.device.read_sweep import read_axes
 from femfit.device.read_tolerances import read_tolerances
 from femfit.device.schema import (
@@ -32,8 +33,8 @@ from femfit.device.schema import (
     FileEntry,
     MovingEntry,
     ReferenceEntry,
-    SolverEntry,
 )
+from femfit.device.schema_solver import SolverEntry
 
 
 def read_text(path: Path) -> str:
@@ -103,6 +104,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     _section(ElectromagnetEntry, data, fixed_key(data), problems)
     body = _section(MovingEntry, data, "moving", problems)
     solver = _section(SolverEntry, data, "solver", problems)
+    frequencies_Hz = frequencies(solver, problems)
     reference = _section(ReferenceEntry, data, "reference", problems)
     drawing = read_drawing(data, directory or Path(), problems)
     coils = read_coils(data, drawing, problems)
@@ -132,6 +134,8 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         sensors=sensors,
         reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
         tolerance=solver.tolerance if solver else None,
+        frequencies_Hz=frequencies_Hz,
+        eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
     )
 
 

@@ -31,6 +31,8 @@ class LinearMaterial:
     remanence_coefficient_per_K: float = 0.0
     # Unit vector (r, z) that a positive remanence points along: (0, 1) axial, (1, 0) radial, outwards
     direction: tuple[float, float] = (0.0, 1.0)
+    conductivity_S_per_m: float = 0.0
+    lamination_m: float = 0.0  # Thickness of sheets that stand radially around the axis; 0: solid
 
     @property
     def reluctivity(self) -> float:
@@ -56,6 +58,8 @@ class NonlinearMaterial:
     flux_density_T: tuple[float, ...]  # B of the curve's points, ascending from 0
     field_A_per_m: tuple[float, ...]  # H of the curve's points, ascending from 0
     remark: str = ""  # What was left out of the curve as it was given; empty for nothing
+    conductivity_S_per_m: float = 0.0
+    lamination_m: float = 0.0  # As of LinearMaterial
 
     @property
     def relative_permeability(self) -> float:
@@ -135,6 +139,10 @@ class Actuator(Printed):
         Steps of the closed-loop reference; empty: derived from the model.
     tolerance : float or None
         Relative accuracy of force and flux linkage that the field solver has to meet; None: one fixed fineness.
+    frequencies_Hz : tuple of float
+        Ascending frequencies of the impedance; empty: the field is solved at rest alone.
+    eddy_error : float
+        Relative error of impedance, force and Hall field that the reduced model of the eddy currents has to meet.
 
     Examples
     --------
@@ -156,6 +164,8 @@ class Actuator(Printed):
     description: str = ""
     reference_distances_m: tuple[float, ...] = ()
     tolerance: float | None = None
+    frequencies_Hz: tuple[float, ...] = ()
+    eddy_error: float = 0.01
 
     @property
     def coil(self) -> Coil:

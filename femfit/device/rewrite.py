@@ -12,7 +12,7 @@ from femfit.core.paths import path_of
 from femfit.device.complaints import joined
 from femfit.device.decimals import decimal_sum
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.file_numbers import Location, numbers_of, with_value
+from femfit.device.file_numbers import Location, library_table, numbers_of, with_value
 from femfit.device.load import actuator_from_tables, actuator_from_toml, parse, read_text
 from femfit.device.parts import Actuator, NonlinearMaterial
 
@@ -88,7 +88,10 @@ def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Act
     curve, key = by_path[path]
     points = {"B_T": curve.flux_density_T, "H_A_per_m": curve.field_A_per_m}
     points[key] = tuple(float(f"{factor * x:.{_DIGITS}g}") for x in points[key])
-    table = tables.setdefault("materials", {}).setdefault(curve.name, {})
+    materials = tables.setdefault("materials", {})
+    if curve.name not in materials:
+        materials[curve.name] = library_table(curve.name)
+    table = materials[curve.name]
     table.pop("bh_curve", None)
     for column, values in points.items():
         if column not in table:

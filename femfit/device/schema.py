@@ -53,33 +53,6 @@ class FileEntry(Entry):
     )
 
 
-class MaterialEntry(Entry):
-    """``[materials.NAME]``: a linear material."""
-
-    relative_permeability: float = Field(
-        ge=1e-6, le=1e7, description="Give mu_r, 1 for everything non-magnetic; the recoil permeability of a magnet."
-    )
-    remanence_T: float = Field(
-        0.0, ge=0, le=3, description="Give B_r in tesla (1 T = 10 kG); the direction is the region's magnetization."
-    )
-    remanence_coefficient_per_K: float = Field(
-        0.0, ge=-0.02, le=0.02, description="Give the relative change of B_r per kelvin: -0.0012 for -0.12 %/K."
-    )
-
-
-CurveValues = Annotated[list[float], Field(max_length=1000)]
-
-
-class CurveEntry(Entry):
-    """``[materials.NAME]``: a soft material with a magnetisation curve, from a file or from two lists."""
-
-    bh_curve: str | None = Field(
-        None, min_length=1, description="Give a CSV file with the columns B_T,H_A_per_m, relative to this file."
-    )
-    B_T: CurveValues | None = Field(None, description="Give ascending flux densities in tesla as a list, from 0.")
-    H_A_per_m: CurveValues | None = Field(None, description="Give ascending fields in A/m as a list, from 0.")
-
-
 Corner = Annotated[list[Length], Field(min_length=2, max_length=3)]
 
 
@@ -218,8 +191,9 @@ class RangeEntry(Entry):
 AXIS_KINDS = ("<range>", "<list>")
 
 
-def _axis_kind(value: object) -> str | None:
-    if isinstance(value, RangeEntry | dict):
+def axis_kind(value: object) -> str | None:
+    """Which of :data:`AXIS_KINDS` a value is written as."""
+    if isinstance(value, Entry | dict):
         return AXIS_KINDS[0]
     return AXIS_KINDS[1] if isinstance(value, list) else None
 
@@ -228,7 +202,7 @@ Axis = Annotated[
     Annotated[RangeEntry, Tag(AXIS_KINDS[0])]
     | Annotated[list[AxisValue], Field(min_length=1, max_length=MAX_AXIS_POINTS), Tag(AXIS_KINDS[1])],
     Discriminator(
-        _axis_kind,
+        axis_kind,
         custom_error_type="axis",
         custom_error_message="Input should be a list of numbers or a table { start, stop, step }",
     ),
@@ -308,14 +282,6 @@ class SampledEntry(Entry):
     min: ParameterValue = Field(description="Give the lowest value.")
     max: ParameterValue = Field(description="Give the highest value, above min.")
     step: float | None = Field(None, gt=0, description="Give a step for values like whole turns, or leave it out.")
-
-
-class SolverEntry(Entry):
-    """``[solver]``: how accurate the field solver has to be."""
-
-    tolerance: float | None = Field(
-        None, ge=1e-5, le=0.1, description="Give the relative accuracy of force and flux linkage, as 1e-3 for 0.1 %."
-    )
 
 
 class ToleranceEntry(Entry):
