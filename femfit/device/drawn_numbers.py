@@ -15,7 +15,7 @@ from typing import Any
 from femfit.core.errors import ActuatorFileError
 from femfit.core.paths import path_of
 from femfit.device.complaints import joined
-from femfit.device.decimals import decimal_sum
+from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, decimal_sum, scaled
 from femfit.device.drawing import table_at
 from femfit.device.drawn_faces import drawn_faces
 from femfit.device.file_numbers import Location, with_value
@@ -72,8 +72,13 @@ class DrawnNumber:
     smaller: Actuator
 
 
-def read_numbers(path: str | Path) -> tuple[DrawnNumber, ...]:
+def read_numbers(path: str | Path, *, harmonic: bool = False) -> tuple[DrawnNumber, ...]:
     """The numbers of an actuator file, in its order.
+
+    Parameters
+    ----------
+    harmonic : bool
+        Whether to have those, too, that change nothing in a field at rest: conductivities and thicknesses of sheets.
 
     Raises
     ------
@@ -81,11 +86,11 @@ def read_numbers(path: str | Path) -> tuple[DrawnNumber, ...]:
         If the file has any problem, or sweeps parameters: its numbers are then not one.
     """
     path = path_of(path, "An actuator file")
-    return numbers_from_toml(read_text(path), str(path), path.parent)
+    return numbers_from_toml(read_text(path), str(path), path.parent, harmonic=harmonic)
 
 
 def numbers_from_toml(
-    text: str, source: str = "actuator file", directory: Path | None = None
+    text: str, source: str = "actuator file", directory: Path | None = None, *, harmonic: bool = False
 ) -> tuple[DrawnNumber, ...]:
     """The numbers of an actuator file's text; arguments and errors as of :func:`read_numbers`."""
     data = parse(text, source)
@@ -102,7 +107,9 @@ def numbers_from_toml(
         *_turns(data, actuator),
     ]
     return tuple(
-        replace(one, facts=replace(one.facts, tolerance=_tolerance(one.facts, given, general))) for one in found
+        replace(one, facts=replace(one.facts, tolerance=_tolerance(one.facts, given, general)))
+        for one in found
+        if harmonic or KINDS[one.facts.kind].at_rest
     )
 
 
@@ -178,7 +185,7 @@ def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuato
 
 
 def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
-    """Permeability and remanence of linear materials, and the scales of B and of H of curves."""
+    """Permeability and remanence of linear materials, the scales of B and of H of curves, and how each conducts."""
     used = {region.material.name: region.material for region in (*actuator.fixed, *actuator.moving.regions)}
     magnets = [name for name, material in used.items() if material.remanence_T]
     for name, material in used.items():
@@ -192,10 +199,17 @@ def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
             number = _of_material(actuator, name, "remanence_T", "remanence", abs(material.remanence_T))
             alone = len(magnets) == 1
             yield replace(number, facts=replace(number.facts, effect="remanence")) if alone else number
+        conduction = (
+            ("conductivity_MS_per_m", "conductivity", scaled(material.conductivity_S_per_m, -MEGA_EXPONENT)),
+            ("lamination_mm", "lamination", scaled(material.lamination_m, -LENGTH_EXPONENT)),
+        )
+        for key, kind, value in conduction:
+            if value:
+                yield _of_material(actuator, name, key, kind, value)
 
 
 def _of_material(actuator: Actuator, name: str, key: str, kind: str, value: float) -> DrawnNumber:
-    def scaled(region: Region, factor: float) -> Region:
+    def changed(region: Region, factor: float) -> Region:
         if region.material.name != name:
             return region
         return replace(region, material=_scaled(region.material, key, factor))
@@ -203,13 +217,19 @@ def _of_material(actuator: Actuator, name: str, key: str, kind: str, value: floa
     ends = []
     for change in (SHARE_STEP, -SHARE_STEP):
         fixed, moving = (
-            tuple(scaled(one, 1.0 + change) for one in regions) for regions in (actuator.fixed, actuator.moving.regions)
+            tuple(changed(one, 1.0 + change) for one in regions)
+            for regions in (actuator.fixed, actuator.moving.regions)
         )
         ends.append(replace(actuator, fixed=fixed, moving=replace(actuator.moving, regions=moving)))
     return _share(joined("materials", name, key), kind, value, *ends)
 
 
+_IN_SI = {"conductivity_MS_per_m": "conductivity_S_per_m", "lamination_mm": "lamination_m"}
+
+
 def _scaled(material: Material, key: str, factor: float) -> Material:
+    if key in _IN_SI:
+        return replace(material, **{_IN_SI[key]: factor * getattr(material, _IN_SI[key])})
     if isinstance(material, LinearMaterial):
         return replace(material, **{key: factor * getattr(material, key)})
     if key == "B_T":
