@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-Kind = Literal["ball", "bearing", "levitation", "magnet-pair", "relay", "solenoid", "voice-coil"]
+Kind = Literal["ball", "bearing", "levitation", "magnet-pair", "pot-magnet", "relay", "solenoid", "voice-coil"]
 
 
 def new(
