@@ -117,6 +117,7 @@ def test_every_number_of_the_signatures_is_accepted_by_key_and_name():
         ("mass_g", r"is no number .*: its field does not depend on it"),
         ("moving.regions.magnet.z_mm[0]", r"is no number .*: it counts from there"),
         ("iron.remanence_T", r"as drawn there is none of it"),
+        ("iron.conductivity_MS_per_m", r"its field does not depend on it"),
         ("moving.magnet.height_mm", r"is no number .* Near it: .*moving\.regions\.magnet"),
     ],
 )

@@ -17,6 +17,7 @@ from femfit.device.file_numbers import BODIES, numbers_of
 from femfit.device.load import parse
 from femfit.device.read_tolerances import read_tolerances
 from femfit.device.rewrite import rewritten
+from femfit.device.schema_materials import ConductorEntry
 from femfit.device.tolerance_defaults import KINDS
 from femfit.effects.catalogue import known_effect
 from femfit.effects.tolerances import RESISTANCE
@@ -78,7 +79,7 @@ class Drawing:
                 why = "its field does not depend on it. An effect of the catalogue (--with) may stand for it"
                 if location[0] in {*BODIES, "coil", "coils"} and "mm" in path:
                     why = "it counts from there, or cannot be built with another one"
-                elif location[0] == "materials":
+                elif location[0] == "materials" and location[-1] not in ConductorEntry.model_fields:
                     why = "as drawn there is none of it"
                 raise UsageError(f"{none}: {why}.")
         near = difflib.get_close_matches(key[:200], [path for known, _ in paths for path in known], n=4, cutoff=0.3)
