@@ -19,6 +19,8 @@ from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C, Condit
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.drawn_effect import DrawnEffect
+from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_magnetics import EddyMagnetics
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.impedance import checked_frequency, following_share, impedance_of
@@ -28,6 +30,7 @@ from femfit.model.model_text import model_lines
 from femfit.model.other_sensor import OtherSensor
 from femfit.model.process_noise import ProcessNoise
 from femfit.model.validity import ValidityBox
+from femfit.model.windings import Windings
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,6 +71,9 @@ class ActuatorModel(Printed):
         Found from a record; a filter derives it from the model's misfit where None.
     drawn : tuple of DrawnEffect
         Numbers of the drawing with what each of them changes; none where the sweep has no signatures.
+    eddy : EddyCurrents or None
+        Eddy currents as windings that are short-circuited; None where the drawing has no conducting parts.
+        :meth:`force` and what stands beside it are those without them.
 
     Examples
     --------
@@ -101,6 +107,7 @@ class ActuatorModel(Printed):
     other_sensors: tuple[OtherSensor, ...] = ()
     process_noise: ProcessNoise | None = None
     drawn: tuple[DrawnEffect, ...] = ()
+    eddy: EddyCurrents | None = None
     provenance: Mapping[str, Any] = limited(default_factory=dict)
 
     def __str__(self) -> str:
@@ -255,19 +262,36 @@ class ActuatorModel(Printed):
         return (self.weakest_current_A, high) if low < self.weakest_current_A < high else (low, high)
 
     @property
+    def eddy_names(self) -> tuple[str, ...]:
+        """States of the eddy currents, after those of the circuits."""
+        return tuple(f"{name}_A" for name in self.eddy.names) if self.eddy is not None else ()
+
+    @property
     def memory_names(self) -> tuple[str, ...]:
-        """States that effects add to (distance, velocity, currents)."""
+        """States that effects add to (distance, velocity, currents, eddy currents)."""
         return self.dynamics.names if self.dynamics is not None else ()
 
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the states of :mod:`femfit.model.dynamics`, with units."""
-        return ("distance_m", "velocity_m_s", *circuit_currents(self.circuit_names), *self.memory_names)
+        currents = circuit_currents(self.circuit_names)
+        return ("distance_m", "velocity_m_s", *currents, *self.eddy_names, *self.memory_names)
 
     @property
     def order(self) -> int:
         """Number of these states."""
-        return 2 + len(self.circuits) + len(self.memory_names)
+        return 2 + self.windings.count + len(self.memory_names)
+
+    @cached_property
+    def windings(self) -> Windings:
+        """Circuits and eddy currents together, as the equations of motion have them."""
+        n, eddy = len(self.circuits), self.eddy
+        if eddy is None:
+            return Windings(self.magnetics, self.resistances_ohm, self.series_inductances_H, n)
+        resistances = np.concatenate([self.resistances_ohm, eddy.resistances_ohm])
+        series = np.zeros((len(resistances),) * 2)
+        series[:n, :n] = self.series_inductances_H
+        return Windings(EddyMagnetics(self.magnetics, eddy), resistances, series, n)
 
     @property
     def travel_m(self) -> tuple[float, float]:

@@ -14,13 +14,12 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import factorial
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.distance_splines import DistanceSplines
 from femfit.model.magnetics import ForceOfCurrents, MagneticSlopes, MagneticState
 from femfit.model.several_magnetics import SeveralMagnetics
 
@@ -41,25 +40,7 @@ class CoenergyMatrix(SeveralMagnetics):
         return self._matrices(distance, order)[0]
 
     def _matrices(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
-        distance = np.asarray(distance, dtype=np.float64)
-        u, first, second = (part.ravel()[:, None] for part in self.coordinate.with_slopes(distance))
-        inner = self._breaks[1:-1].searchsorted(u[:, 0], "right")
-        step = u - self._breaks[inner, None]
-        cells = self._cells[inner]  # (points, powers, entries)
-
-        def along(k: int) -> FloatArray:
-            value = np.zeros((len(u), cells.shape[2]))
-            for power in range(self.u_degree, k - 1, -1):
-                value = value * step + cells[:, power] * (factorial(power) // factorial(power - k))
-            return value
-
-        def entries(order: int) -> FloatArray:
-            if order == 0:
-                return along(0)
-            return first * along(1) if order == 1 else first**2 * along(2) + second * along(1)
-
-        shape = (*distance.shape, *self._places.shape)
-        return [entries(order)[:, self._places].reshape(shape) for order in orders]
+        return [entries[..., self._places] for entries in self._splines.derivatives(distance, *orders)]
 
     def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, of shape (...)."""
@@ -125,18 +106,8 @@ class CoenergyMatrix(SeveralMagnetics):
         return places
 
     @cached_property
-    def _breaks(self) -> FloatArray:
-        return np.unique(self.u_knots)
-
-    @cached_property
-    def _cells(self) -> FloatArray:
-        """One polynomial a cell and entry, the lowest power first: shape (cells, powers, entries)."""
-        corners = self._breaks[:-1]
-        rows = [
-            basis_matrix(corners, self.u_knots, self.u_degree, k) @ self.coefficients / factorial(k)
-            for k in range(self.u_degree + 1)
-        ]
-        return np.stack(rows, axis=1)
+    def _splines(self) -> DistanceSplines:
+        return DistanceSplines(self.coordinate, self.u_knots, self.u_degree, self.coefficients)
 
 
 def _with_one(current: FloatArray) -> FloatArray:

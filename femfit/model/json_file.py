@@ -26,10 +26,12 @@ from femfit.model.carried import Carried
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.drawn_effect import DrawnEffect
+from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.hall import HallField, HallSpline
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.json_carried import carried_from, carried_to
 from femfit.model.json_drawn import drawn_from, drawn_to
+from femfit.model.json_eddy import eddy_from, eddy_to
 from femfit.model.json_magnetics import (
     NETWORK_KIND,
     magnetics_from,
@@ -145,11 +147,11 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
                 "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
                 f"spline; it is {type(held).__name__}."
             )
-    base, changed = model.without_effects, ("magnetics", "circuits", "motion", "sensor")
+    base, changed = model.without_effects, ("magnetics", "circuits", "motion", "sensor", "eddy")
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
     data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
     data["other_sensors"] = _plain(pickups_as_fitted(model.other_sensors, base.other_sensors))
-    for key in ("other_sensors", "process_noise", "drawn"):  # as files were before there were any
+    for key in ("other_sensors", "process_noise", "drawn", "eddy"):  # as files were before there were any
         if not data[key]:
             del data[key]
     return {"schema": SCHEMA_VERSION, **data}
@@ -175,7 +177,7 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
         return kind | spline_to(value.coordinate, value.spline)
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
         return {name: _plain(one) for name, one in unusual(value).items()}
-    if isinstance(value, CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect):
+    if isinstance(value, CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect | EddyCurrents):
         return _spline_record(value)
     data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
     if isinstance(value, HallSensor):  # as files were before it could be late or slow
@@ -189,7 +191,11 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
     return data
 
 
-def _spline_record(value: CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect) -> dict[str, Any]:
+def _spline_record(
+    value: CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect | EddyCurrents,
+) -> dict[str, Any]:
+    if isinstance(value, EddyCurrents):
+        return eddy_to(value)
     if isinstance(value, DrawnEffect):
         return drawn_to(value)
     if isinstance(value, SensedField):
@@ -223,12 +229,13 @@ def _with_one_list(data: Mapping[str, Any]) -> dict[str, Any]:
 def _build(top: Section) -> ActuatorModel:
     top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in _WORKED_OUT)))
     motion, sensor, misfit = (top.optional_section(name) for name in ("motion", "sensor", "misfit"))
-    kind, noise = top.optional_section("kind"), top.optional_section("process_noise")
+    kind, noise, eddy = (top.optional_section(name) for name in ("kind", "process_noise", "eddy"))
+    circuits = tuple(_circuit_from(one) for one in top.sections("circuits")) if top.data.get("circuits") else ()
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=magnetics_from(top.section("magnetics")),
         validity=_validity_from(top.section("validity")),
-        circuits=tuple(_circuit_from(one) for one in top.sections("circuits")) if top.data.get("circuits") else (),
+        circuits=circuits,
         motion=mechanics_from(motion) if motion else None,
         sensor=sensor.record(HallSensor, field=hall_field_from(sensor.section("field"))) if sensor else None,
         misfit=misfit.record(Misfit) if misfit else None,
@@ -242,6 +249,7 @@ def _build(top: Section) -> ActuatorModel:
         process_noise=noise.record(ProcessNoise) if noise else None,
         other_sensors=sensors_from(top.sections("other_sensors")) if top.data.get("other_sensors") else (),
         drawn=tuple(map(drawn_from, top.sections("drawn"))) if top.data.get("drawn") else (),
+        eddy=eddy_from(eddy, tuple(one.name for one in circuits)) if eddy else None,
     )
     added = top.sections("effects") if top.data.get("effects") else ()
     drawn = {one.key: one.effect for one in base.drawn}

@@ -23,6 +23,7 @@ from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.coenergy_tensor import CoenergyTensor
+from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import HallField
 from femfit.model.hall_sensor import HallSensor
@@ -186,6 +187,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         motion=_moved_by(base.motion, effects, at.nominal),
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,
         other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
+        eddy=eddy_with_sources(base, effects),
         effects=effects,
         base=base,
         dynamics=dynamics,
@@ -224,6 +226,7 @@ def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, .
         motion=_moved_by(base.motion, effects, nominal),
         sensor=hall_with_effects(base.sensor, effects, base.circuit_names),
         other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
+        eddy=eddy_with_sources(base, effects),
         effects=effects,
         base=base,
         conditions=at,
@@ -245,6 +248,14 @@ def with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Several
         )
     knots = tuple(one / scale for one, scale in zip(magnetics.current_knots_A, scales[1:], strict=True))
     return replace(magnetics, current_knots_A=knots)
+
+
+def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> EddyCurrents | None:
+    """The eddy currents of a base model beside magnets and turns that effects scale."""
+    if base.eddy is None:
+        return None
+    magnets, *currents = source_scales(effects, base.eddy.circuits)
+    return base.eddy.scaled(magnets, np.array(currents))
 
 
 def resistance_of(

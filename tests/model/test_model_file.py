@@ -21,6 +21,7 @@ from femfit.model.json_file import model_from_dict, model_to_dict, read_model, w
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 from femfit.model.process_noise import ProcessNoise
 from femfit.model.validity import ValidityBox
+from support.eddies import with_eddies
 
 
 @pytest.fixture
@@ -332,6 +333,7 @@ def test_every_field_of_the_model_is_written(model):
     names = {field.name for field in fields(ActuatorModel)} - worked_out
     drawn = DrawnEffect("coil.r_mm[1]", (), "coil.r_mm[1]", 20.0, "mm", 0.1, ())
     model = replace(model, other_sensors=(ForceSensor(name="cell"),), process_noise=ProcessNoise(1e-3), drawn=(drawn,))
+    model = with_eddies(model)
     assert set(model_to_dict(model)) == {"schema", *names}
 
 

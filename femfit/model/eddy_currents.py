@@ -1,0 +1,140 @@
+"""Eddy currents as windings that are short-circuited: patterns of current, fixed to the conducting parts.
+
+Pattern k carries the current e_k and obeys 0 = R_k e_k + d(its flux linkage)/dt. With the circuits' currents i and
+u = i + C(d) e the co-energy is
+
+    W'(d, i, e) = W_s(d, u) + lambda(d) . e + e^T Q(d) e / 2,
+
+W_s the static one, and the field at the Hall element is B_s(d, u) + h(d) . e. A column of C holds the circuits'
+currents that act like a pattern, Q is what is left of the patterns' inductances beside these, and lambda of what
+magnets link with them. For linear materials this is exact; for others W' is convex in (i, e), and the model passive,
+where W_s is convex and Q positive definite.
+
+Distances have the shape (...), n circuits' currents (..., n), r patterns' (..., r).
+
+References
+----------
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1 (several terminal pairs).
+A. Odabasioglu, M. Celik and L. T. Pileggi, IEEE Trans. CAD 17 (1998) 645: projection of symmetric, definite systems
+keeps them passive.
+"""
+
+from dataclasses import dataclass, replace
+from dataclasses import field as limited
+from functools import cached_property
+from math import prod
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray, IntArray
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.distance_splines import DistanceSplines
+
+
+@dataclass(frozen=True)
+class EddyError:
+    """How far the patterns are off the field that they were taken from, relative, at the worst place and frequency."""
+
+    frequency_min_Hz: float = limited(metadata={"lower": 0.0})
+    frequency_max_Hz: float = limited(metadata={"not_below": "frequency_min_Hz"})
+    impedance: float | None = None  # None where there is no circuit
+    force: float | None = None  # Of the force for each ampere
+    hall: float | None = None  # Of the Hall element's field for each ampere; None where there is none
+
+    @property
+    def largest(self) -> float:
+        """The worst of the three."""
+        return max((one for one in (self.impedance, self.force, self.hall) if one is not None), default=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class EddyForms:
+    """C, lambda and Q at distances, or a derivative of theirs in d."""
+
+    coupling: FloatArray  # C, shape (..., n, r)
+    flux_linkage: FloatArray  # lambda in Wb, shape (..., r)
+    inductance: FloatArray  # Q in H, shape (..., r, r)
+
+
+@dataclass(frozen=True, eq=False)
+class EddyCurrents:
+    """The patterns of a model; what depends on the distance are splines with N functions of u(d).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from femfit.model.coordinate import DistanceCoordinate
+    >>> ring = EddyCurrents(
+    ...     names=("eddy_1",), resistances_ohm=np.array([1.0]), circuits=("coil",),
+    ...     coordinate=DistanceCoordinate(1e-3, inverse=False), u_knots=np.array([0.0, 0.0, 0.0, 5.0, 5.0, 5.0]),
+    ...     u_degree=2, couplings=np.full((3, 1, 1), 0.02), flux_linkages_Wb=np.zeros((3, 1)),
+    ...     inductances_H=np.full((3, 1), 1e-3),
+    ... )
+    >>> ring.forms(np.array(2e-3))[0].inductance
+    array([[0.001]])
+    """
+
+    names: tuple[str, ...]
+    resistances_ohm: FloatArray  # Shape (r,)
+    circuits: tuple[str, ...]  # In the order of C's rows
+    coordinate: DistanceCoordinate
+    u_knots: FloatArray
+    u_degree: int
+    couplings: FloatArray  # C, shape (N, n, r)
+    flux_linkages_Wb: FloatArray  # lambda, shape (N, r)
+    inductances_H: FloatArray  # Q_jk, j <= k, row by row; shape (N, r (r + 1) / 2)
+    hall_T_per_A: FloatArray | None = None  # h, shape (N, r); None where the drawing has no Hall element
+    error: EddyError | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of patterns r."""
+        return len(self.names)
+
+    def forms(self, distance: FloatArray, *orders: int) -> list[EddyForms]:
+        """C, lambda and Q at distances, or their derivatives in d of the orders that are given, up to the second."""
+        found = self._motion.derivatives(distance, *(orders or (0,)))
+        n, r = len(self.circuits), self.count
+        return [
+            EddyForms(
+                one[..., : n * r].reshape(*one.shape[:-1], n, r),
+                one[..., n * r : (n + 1) * r],
+                one[..., (n + 1) * r :][..., self._places],
+            )
+            for one in found
+        ]
+
+    def seen(self, distance: FloatArray, *orders: int) -> list[tuple[FloatArray, FloatArray]]:
+        """C (..., n, r) and h (..., r), or their derivatives, as :meth:`forms`."""
+        found = self._sensed.derivatives(distance, *(orders or (0,)))
+        n, r = len(self.circuits), self.count
+        return [(one[..., : n * r].reshape(*one.shape[:-1], n, r), one[..., n * r :]) for one in found]
+
+    def scaled(self, magnets: float, currents: FloatArray) -> "EddyCurrents":
+        """The patterns beside magnets and numbers of turns that are scaled: W_s(d, s u) has u = i + C e / s."""
+        return replace(
+            self,
+            couplings=self.couplings / np.asarray(currents)[:, None],
+            flux_linkages_Wb=magnets * self.flux_linkages_Wb,
+        )
+
+    @cached_property
+    def _places(self) -> IntArray:
+        """Which entry of Q stands at (j, k), shape (r, r)."""
+        places = np.zeros((self.count, self.count), dtype=np.int64)
+        rows, columns = np.triu_indices(self.count)
+        places[rows, columns] = places[columns, rows] = np.arange(len(rows))
+        return places
+
+    @cached_property
+    def _motion(self) -> DistanceSplines:
+        return self._splines(self.couplings, self.flux_linkages_Wb, self.inductances_H)
+
+    @cached_property
+    def _sensed(self) -> DistanceSplines:
+        hall = np.zeros_like(self.flux_linkages_Wb) if self.hall_T_per_A is None else self.hall_T_per_A
+        return self._splines(self.couplings, hall)
+
+    def _splines(self, *parts: FloatArray) -> DistanceSplines:
+        entries = np.concatenate([one.reshape(len(one), prod(one.shape[1:])) for one in parts], axis=1)
+        return DistanceSplines(self.coordinate, self.u_knots, self.u_degree, entries)

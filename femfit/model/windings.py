@@ -1,0 +1,35 @@
+"""All windings of a model: its circuits, and the patterns of its eddy currents as windings that are short-circuited.
+
+The equations of motion know no other: L w' = U - R w + k_m v for the currents w = (i, e), where U is 0 for a pattern.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.magnetics import Magnetics
+
+
+@dataclass(frozen=True, eq=False)
+class Windings:
+    """The n circuits, and after them the r patterns."""
+
+    magnetics: Magnetics  # Of all their currents
+    resistances_ohm: FloatArray  # Shape (n + r,)
+    series_H: FloatArray  # In series outside of the field, on the diagonal of shape (n + r, n + r)
+    circuits: int  # n
+
+    @property
+    def count(self) -> int:
+        """How many there are, n + r."""
+        return len(self.resistances_ohm)
+
+    def voltages(self, voltage: FloatArray) -> FloatArray:
+        """Voltages (..., n + r) of all windings from those of the circuits, (..., n), or (...) of one circuit."""
+        volts = np.asarray(voltage)[..., None] if self.circuits == 1 else np.asarray(voltage)
+        if self.count == self.circuits:
+            return volts
+        result = np.zeros((*volts.shape[:-1], self.count))
+        result[..., : self.circuits] = volts
+        return result

@@ -1,0 +1,56 @@
+"""Eddy currents stand in the model file to the last digit, and a damaged section is named."""
+
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import ModelFileError
+from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
+from support.eddies import with_eddies
+from support.halves import cut_in_two
+
+
+@pytest.fixture(params=["one", "two", "none"])
+def model(request, levitation_model):
+    none = replace(levitation_model, circuits=(), sensor=None)
+    known = {"one": levitation_model, "two": cut_in_two(levitation_model), "none": none}
+    return with_eddies(known[request.param])
+
+
+def test_eddy_currents_are_read_as_they_were_written(model, tmp_path):
+    write_model(model, tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json")
+    for field in fields(EddyCurrents):
+        before, after = getattr(model.eddy, field.name), getattr(again.eddy, field.name)
+        if isinstance(before, np.ndarray):
+            assert before.shape == after.shape
+            assert before.tobytes() == after.tobytes()
+        else:
+            assert before == after
+    assert again.state_names == model.state_names
+    assert again.order == 2 + len(model.circuits) + 3
+
+
+def test_a_file_without_eddy_currents_is_as_before(levitation_model):
+    assert "eddy" not in model_to_dict(levitation_model)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("resistances_ohm", [1.0, -1.0, 1.0], "numbers > 0"),
+        ("circuits", ["other"], "those of the model"),
+        ("couplings", [[[1.0]]], "nested lists"),
+        ("inductances_H", None, "positive definite"),
+        ("names", "eddy", "list of names"),
+    ],
+)
+def test_a_damaged_section_is_named(levitation_model, key, value, words):
+    data = json.loads(json.dumps(model_to_dict(with_eddies(levitation_model))))
+    eddy = data["eddy"]
+    eddy[key] = (-np.array(eddy[key])).tolist() if value is None else value
+    with pytest.raises(ModelFileError, match=f"eddy.{key} must be .*{words}"):
+        model_from_dict(data)
