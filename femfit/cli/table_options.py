@@ -52,6 +52,7 @@ class MeasurementKeywords(Keywords):
     """Keywords of the functions that read measurements."""
 
     noise: dict[str, float]
+    settings: dict[str, float]
 
 
 @Parameter(name="*")
@@ -62,17 +63,15 @@ class MeasurementOptions(TableOptions):
     noise: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
     """CHANNEL=STANDARD DEVIATION of one reading (force_N=2e-4); it counts before what the sidecar says."""
 
+    setting: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
+    """COLUMN=NUMBER of what was the same throughout and has no column, in any unit (distance_mm=2)."""
+
     @property
     def keywords(self) -> MeasurementKeywords:
         """All of them, as the functions that read measurements take them."""
-        noise = {}
-        for text in self.noise:
-            channel, value = _pair(text, "--noise", "2e-4", "force_N")
-            try:
-                noise[channel] = float(value)
-            except ValueError as error:
-                raise UsageError(f"--noise must be a number, as in force_N=2e-4; instead received {text!r}.") from error
-        return {**super().keywords, "noise": noise}
+        noise = dict(_number(text, "--noise", "force_N", "2e-4") for text in self.noise)
+        settings = dict(_number(text, "--setting", "distance_mm", "2") for text in self.setting)
+        return {**super().keywords, "noise": noise, "settings": settings}
 
 
 NO_TABLE_OPTIONS = TableOptions()
@@ -84,3 +83,11 @@ def _pair(text: str, option: str, example: str, name: str = "HEADER") -> tuple[s
     if not (mark and header.strip() and value.strip()):
         raise UsageError(f"{option} must be {name}={example} or the like; instead received {text!r}.")
     return header.strip(), value.strip()
+
+
+def _number(text: str, option: str, name: str, example: str) -> tuple[str, float]:
+    key, value = _pair(text, option, example, name)
+    try:
+        return key, float(value)
+    except ValueError as error:
+        raise UsageError(f"{option} must be a number, as in {name}={example}; instead received {text!r}.") from error

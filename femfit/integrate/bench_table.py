@@ -26,7 +26,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.columns import BENCH_COLUMNS
-from femfit.tables.measurement_file import has_columns, read_columns, read_raw_table
+from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table
 
 NEEDED = ["time_s", "coil_voltage_V", "current_A", "distance_m"]
 

@@ -14,7 +14,7 @@ from femfit.core.errors import TableError
 from femfit.core.printed import Printed
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.tables.columns import UsedColumn, column_values, match_column
-from femfit.tables.measurement_file import read_raw_table
+from femfit.tables.measured_columns import read_raw_table
 
 Interpolation = Literal["held", "linear"]
 

@@ -23,7 +23,7 @@ from femfit.core.paths import path_of
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.columns import UsedColumn, recognise
-from femfit.tables.measurement_file import has_columns, read_raw_table
+from femfit.tables.measured_columns import has_columns, read_raw_table
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
 from femfit.tables.raw_table import RawTable, check_width, decode, typed_numbers
 from femfit.tables.settings_file import finite_number, read_settings

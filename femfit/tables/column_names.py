@@ -20,7 +20,8 @@ z_m                   en height probez
 field_T               en b bz field fluxdensity
 field_T               de feld flussdichte
 current_A             en i current currents curr amp amps ampere amperes coilcurrent icoil
-current_A             de strom stromstarke spulenstrom
+current_A             en idc ibias biascurrent dcbias dcbiascurrent dccurrent ?bias
+current_A             de strom stromstarke spulenstrom gleichstrom vorstrom biasstrom
 current_A             nl stroom stroomsterkte spoelstroom
 current_A             fr courant intensite intensitecourant
 current_A             it corrente intensita
@@ -53,8 +54,30 @@ flux_linkage_Wb       es flujoconcatenado flujoenlazado flujo
 flux_linkage_Wb       pt fluxoconcatenado fluxo
 flux_linkage_Wb       sl magnetnisklep sklep
 flux_linkage_Wb       no fluks flode
-inductance_H          en l inductance selfinductance
-inductance_H          de induktivitat induktivitaet
+frequency_Hz          en f freq frequency frequencies testfrequency testfreq omega hz
+frequency_Hz          de frequenz frequenzen messfrequenz pruffrequenz
+frequency_Hz          nl frequentie
+frequency_Hz          fr frequence
+frequency_Hz          es frecuencia
+frequency_Hz          pt frequencia
+frequency_Hz          sl frekvenca
+frequency_Hz          no frekvens
+impedance_ohm         en z zabs absz zmag magz impedance impedancemagnitude ?magnitude ?mag
+impedance_ohm         de impedanz scheinwiderstand betragz zbetrag ?betrag
+phase_deg             en phase phaseangle theta thetaz phasez zphase argz zarg thz θ θz phi ?angle ?arg
+phase_deg             de phasenwinkel phasenlage ?winkel
+reactance_ohm         en x xs reactance imz zim imagz zimag
+reactance_ohm         de reaktanz blindwiderstand imaginarteilz
+parallel_resistance_ohm en rp rpar parallelresistance
+parallel_resistance_ohm de parallelwiderstand
+parallel_inductance_H en lp lpar parallelinductance
+parallel_inductance_H de parallelinduktivitat
+Q                     en q qualityfactor quality
+Q                     de gute gutefaktor
+D                     en d df dissipation dissipationfactor lossfactor tandelta
+D                     de verlustfaktor
+inductance_H          en l inductance selfinductance ls lser seriesinductance
+inductance_H          de induktivitat induktivitaet reiheninduktivitat serieninduktivitat
 inductance_H          nl inductiviteit zelfinductie inductantie
 inductance_H          it induttanza
 inductance_H          es inductancia
@@ -62,7 +85,9 @@ inductance_H          pt indutancia
 inductance_H          sl induktivnost
 inductance_H          no induktans
 resistance_ohm        en r resistance dcresistance coilresistance windingresistance rdc
+resistance_ohm        en rs rser seriesresistance esr rac acresistance rez zre realz zreal
 resistance_ohm        de widerstand wicklungswiderstand spulenwiderstand
+resistance_ohm        de wirkwiderstand reihenwiderstand serienwiderstand realteilz
 hall_T                en b bz hall hallfield bhall fluxdensity magneticfluxdensity magneticfield
 hall_T                de flussdichte hallfeld
 hall_T                nl fluxdichtheid

@@ -11,7 +11,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.tables.header import parse_header
-from femfit.tables.measurement_file import read_columns, read_raw_table
+from femfit.tables.measured_columns import read_columns, read_raw_table
 
 PLACE = ("r_m", "z_m")
 COLUMNS = ("distance_m", "current_A", *PLACE, "field_T")

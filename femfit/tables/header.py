@@ -18,6 +18,15 @@ _BEFORE = r"(?:\s*/\s*|\s*,\s*|\s+in\s+|\s+en\s+|\s+v\s+|[_\s]+)"
 _TRAILING = tuple(re.compile(_BEFORE + unit) for unit in (r"([^\s_/,]+[/_][^\s_/,]+)$", r"([^\s_/,]+)$"))
 """Units at the end of a header, a quotient before its denominator alone."""
 
+_IMPEDANCE = (
+    (re.compile(r"\|\s*Z\s*\|"), "Zabs"),
+    (re.compile(r"\b(Re|Im|Real|Imag|Abs|Mag|Arg|Phase)\s*[({\[]\s*Z\s*[)}\]]", re.IGNORECASE), r"\1Z"),
+    (re.compile(r"\bZ(?:''|\"|″)"), "ImZ"),
+    (re.compile(r"\bZ['′]"), "ReZ"),
+    (re.compile(r"\b([LR])_s(?![A-Za-z0-9])"), r"\1s"),
+)
+"""How the parts of an impedance are written, whose marks would be taken for units or for nothing."""
+
 _WORD = re.compile(r"[A-ZΑ-Ω]?[a-zα-ω]+|[A-ZΑ-Ω]+(?![a-z])|\d+")
 _LONGEST = 200
 """Characters of a header that are looked at."""
@@ -48,7 +57,10 @@ def plain(text: str) -> str:
 @lru_cache(maxsize=4096)
 def parse_header(text: str) -> Header:
     """Take a header apart: ``Z(inch)``, ``Distance [mm]``, ``Current_A``, ``I / A``, ``Kraft in mN``."""
-    stripped = text[:_LONGEST].strip().strip('"').strip()
+    stripped = text[:_LONGEST].strip()
+    for written, name in _IMPEDANCE:
+        stripped = written.sub(name, stripped)
+    stripped = stripped.strip('"').strip()
     name, unit, known = stripped, None, True
     for match in reversed(list(_BRACKETS.finditer(stripped))):
         inner = match.group(1).strip()

@@ -11,7 +11,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.tables.columns import match_column
-from femfit.tables.measurement_file import has_columns, read_columns, read_raw_table
+from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table
 from femfit.tables.table_file import SUFFIXES
 
 COLUMNS = ("distance_m", "current_A", "inductance_H")

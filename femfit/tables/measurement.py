@@ -29,6 +29,9 @@ class _ChannelWords(dict[str, str]):
 OF_RUNS = "run."
 """Begins the key of a declared standard deviation of what all readings of a run share: run.force_N."""
 
+IMPEDANCE_SHARE = "impedance_share"
+"""Key of the declared standard deviation of an impedance's readings as a share of its magnitude."""
+
 CHANNEL_WORDS = _ChannelWords(
     {
         "force_N": "force",
@@ -53,6 +56,7 @@ SETTINGS: dict[str, float] = {
     "order": np.nan,
     "current_A": np.nan,
     "distance_m": np.nan,
+    "frequency_Hz": np.nan,
     "branch": 0.0,
     "coil_temperature_C": np.nan,
     "magnet_temperature_C": np.nan,
@@ -60,7 +64,8 @@ SETTINGS: dict[str, float] = {
 """Columns that say where and when a reading was taken, with the value that stands for a missing column.
 
 A missing ``mount`` is the run's number, a missing ``order`` the row's place in its run; a missing ``branch`` is
-read from the order of the rows where the currents go up and down.
+read from the order of the rows where the currents go up and down. ``frequency_Hz`` is that of the small current of an
+impedance; without it inductance and resistance are those at low frequency.
 """
 
 SERIES_CHANNELS = (

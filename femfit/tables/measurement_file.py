@@ -1,6 +1,6 @@
 """Measured files of any kind, with an optional sidecar, to checked bench tables and time series."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -10,15 +10,19 @@ import pandas as pd
 
 from femfit.core.amount import counted
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding, listing
+from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
 from femfit.tables.coarse_stamps import spread_stamps
 from femfit.tables.column_option import column_option, remedy_for_columns
-from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_values, match_column, match_columns, recognise
+from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_column
+from femfit.tables.constant_settings import with_settings
 from femfit.tables.header import parse_header
+from femfit.tables.impedance import impedance_columns, in_series, is_impedance
+from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table
 from femfit.tables.measurement import (
     CHANNELS,
+    IMPEDANCE_SHARE,
     OF_RUNS,
     SERIES_CHANNELS,
     SERIES_COLUMNS,
@@ -30,9 +34,8 @@ from femfit.tables.measurement import (
 from femfit.tables.measurement_checks import branch_from_order, checked, in_measuring_order, without_copies
 from femfit.tables.measurement_sidecar import Reading, read_sidecar, reading_of
 from femfit.tables.number_text import clock_seconds
-from femfit.tables.raw_table import RawTable, file_content
+from femfit.tables.raw_table import RawTable
 from femfit.tables.suspected_units import suspected_by_size
-from femfit.tables.table_file import Wanted, parse_table
 from femfit.tables.time_series_checks import check_clock, check_readings
 from femfit.tables.units import unit_factor
 
@@ -51,6 +54,7 @@ def read_measurement(
     units: Mapping[str, str | float] | None = None,
     table: str | None = None,
     noise: Mapping[str, float] | None = None,
+    settings: Mapping[str, float] | None = None,
 ) -> Measurement:
     """Read a measured file: a time series where it has a column of times, else a bench table.
 
@@ -58,8 +62,8 @@ def read_measurement(
     ----------
     path : str or Path
         ``.csv`` (commas, semicolons, tabs or blanks; decimal point or comma; title lines are passed over),
-        ``.parquet``, ``.xlsx``, ``.mat``, HDF5, TDMS or ``.wav``; ``NAME.toml`` or ``NAME.csv.toml`` beside it may
-        declare the noise.
+        ``.parquet``, ``.xlsx``, ``.mat``, HDF5, TDMS, ``.wav`` or ``.s1p``; ``NAME.toml`` or ``NAME.csv.toml``
+        beside it may declare the noise.
     columns : mapping of str to str, optional
         Header to the column that it is, where its name does not say it: ``{"Kanal 3": "force_N"}``.
     units : mapping of str to str, optional
@@ -67,8 +71,12 @@ def read_measurement(
     table : str, optional
         Sheet, group or struct, where a file has several that could be meant.
     noise : mapping of str to float, optional
-        Channel to the standard deviation of one reading: ``{"force_N": 2e-4}``. All of these may stand in the sidecar
-        instead, as ``[columns]``, ``[units]``, ``table`` and ``[noise]``; what is given here counts before it.
+        Channel to the standard deviation of one reading: ``{"force_N": 2e-4}``; of impedances also a share of their
+        magnitude, ``{"impedance_percent": 0.1}``.
+    settings : mapping of str to float, optional
+        What was the same throughout and has no column: ``{"distance_mm": 2.0}``. All of these may stand in the sidecar
+        instead, as ``[columns]``, ``[units]``, ``table``, ``[noise]`` and ``[settings]``; what is given here counts
+        before it.
 
     Raises
     ------
@@ -88,9 +96,11 @@ def read_measurement(
             f"{type(path).__name__}. Give the path of a .csv or .parquet file."
         )
     path = Path(path)
-    said = reading_of(path, columns, units, table, noise)
+    said = reading_of(path, columns, units, table, noise, settings)
     wanted = has_columns((*BENCH_NEEDS, *SERIES_NEEDS), said.columns, said.units)
-    raw = read_raw_table(path, table=said.table, wanted=wanted)
+    raw = read_raw_table(path, table=said.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, said))
+    if _has_impedance(raw, said):
+        return _bench_table(raw, path, said)
     if "time_s" in said.columns.values():
         return _time_series(raw, path, said)
     matched = {header: match_column(header, SERIES_COLUMNS) for header in raw.headers}
@@ -129,6 +139,7 @@ def read_bench_table(
     units: Mapping[str, str | float] | None = None,
     table: str | None = None,
     noise: Mapping[str, float] | None = None,
+    settings: Mapping[str, float] | None = None,
 ) -> BenchTable:
     """Read and check a bench measurement, or a plan of one.
 
@@ -136,74 +147,37 @@ def read_bench_table(
     channel counts as given by its column alone, its cells may be empty.
     """
     path = Path(path)
-    said = reading_of(path, columns, units, table, noise)
-    raw = read_raw_table(path, table=said.table, wanted=has_columns(BENCH_NEEDS, said.columns, said.units))
+    said = reading_of(path, columns, units, table, noise, settings)
+    wanted = has_columns(BENCH_NEEDS, said.columns, said.units)
+    raw = read_raw_table(path, table=said.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, said))
     return _bench_table(raw, path, said, planned)
 
 
-def has_columns(
-    needs: Sequence[frozenset[str]],
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str | float] | None = None,
-) -> Callable[[RawTable], bool]:
-    """Return whether a table has the columns of one of some sets, as they are recognised and named by the user."""
-    names = tuple(sorted(frozenset[str]().union(*needs)))
-
-    def wanted(raw: RawTable) -> bool:
-        known = (*names, *circuit_columns((*raw.headers, *(columns or {}).values())))
-        try:
-            used, _, _ = match_columns(raw.headers, raw.source, known, columns, units, optional=known)
-        except TableError:  # it lacks a column that the user named
-            return False
-        found = {parts_of(column.name)[0] for column in used.values()}
-        return any(need <= found for need in needs)
-
-    return wanted
-
-
-def read_raw_table(
-    path: Path, what: str = "measurement", *, table: str | None = None, wanted: Wanted | None = None
-) -> RawTable:
-    """Read the cells of a measured file under their headers."""
-    raw = parse_table(file_content(path, what), str(path), table=table, wanted=wanted, open_decimal=",")
-    if not raw.headers:
-        raise TableError(
-            f"{path} must have as many column names as columns; there is no line of "
-            f"{counted(raw.numbers.shape[1], 'name')} above "
-            f"its rows of {counted(raw.numbers.shape[1], 'cell')}. Complete the line of names."
-        )
-    twice = [header for k, header in enumerate(raw.headers) if header and header in raw.headers[:k]]
-    if twice:
-        raise TableError(
-            f"{path} has more than one column named {listing(dict.fromkeys(twice))}. Rename or remove one."
-        )
-    return raw
-
-
-def read_columns(
-    raw: RawTable,
-    names: Sequence[str],
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str | float] | None = None,
-) -> tuple[pd.DataFrame, list[UsedColumn], list[Finding]]:
-    """Read what a file has of some columns, in SI."""
-    filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts[k])]
-    used, findings = recognise(filled, raw.source, names, columns, units)
-    if not len(raw.lines):
-        raise TableError(f"{raw.source} has column names and no row below them; it needs one row a reading.")
-    values, said = column_values(raw, used)
-    notes = [Finding("reading", "info", f"{note[0].upper()}{note[1:]}.") for note in raw.notes]
-    return values, used, notes + findings + said
+def _has_impedance(raw: RawTable, said: Reading) -> bool:
+    return is_impedance(raw, said.columns, said.units, said.settings)
 
 
 def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False) -> BenchTable:
-    of_circuits = circuit_columns((*raw.headers, *said.columns.values()))
+    of_circuits, impedance = circuit_columns((*raw.headers, *said.columns.values())), _has_impedance(raw, said)
     channels = (*CHANNELS, *(name for name in of_circuits if parts_of(name)[0] in CHANNELS))
     known = (*BENCH_COLUMNS, *of_circuits)
+    known = impedance_columns(known) if impedance else known
     rows, used, findings = read_columns(raw, known, said.columns, said.units)
-    unused, named = _unused(raw, used), [column.name for column in used]
+    rows, declared = with_settings(rows, said.settings, raw.source)
+    if impedance:
+        rows, converted = in_series(rows, used, raw.source, raw.lines)
+        declared += converted
+    findings += declared
+    unused, named = _unused(raw, used), [str(name) for name in rows]
     _require("bench table", named, path, unused, _about(findings, named))
-    with_noise = (*CHANNELS, "distance_m", "current_A", *of_circuits, *(OF_RUNS + name for name in channels))
+    with_noise = (
+        *CHANNELS,
+        "distance_m",
+        "current_A",
+        IMPEDANCE_SHARE,
+        *of_circuits,
+        *(OF_RUNS + name for name in channels),
+    )
     sidecar = read_sidecar(path, with_noise, used, said.noise)
     given = tuple(
         name for name in known if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
@@ -214,7 +188,7 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
     if not planned:
         full, copies = without_copies(full, given)
     ordered, remarks = in_measuring_order(full, "run" in given)
-    if "branch" not in given:
+    if "branch" not in given and not impedance:
         branch, assumed = branch_from_order(ordered)
         remarks += assumed
         ordered = ordered if branch is None else ordered.assign(branch=branch)
@@ -246,10 +220,11 @@ def _require(kind: str, given: Sequence[str], path: Path, unused: Sequence[str],
     if not any(parts_of(name)[0] in channels for name in given):
         missing[f"one of {', '.join(channels)}"] = channels
     if missing:
+        constant = " Where it was the same throughout, say --setting distance_mm=2.0." * ("distance_m" in missing)
         raise TableError(
             f"A {kind} must have {first} and at least one channel, with numbers in them; {path} lacks "
             f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). "
-            f"{' '.join([*said[:4], ''])}{remedy_for_columns(unused, [*chain(*missing.values())])}"
+            f"{' '.join([*said[:4], ''])}{remedy_for_columns(unused, [*chain(*missing.values())])}{constant}"
         )
 
 
@@ -269,6 +244,8 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
     of_circuits = tuple(name for name in of_circuits if parts_of(name)[0] in SERIES_CHANNELS)
     known = (*SERIES_COLUMNS, *of_circuits)
     values, used, findings = read_columns(raw, known, said.columns, said.units)
+    values, declared = with_settings(values, said.settings, raw.source)
+    findings += declared
     given = tuple(name for name in known if name in values and bool(values[name].notna().any()))
     _require("time series", given, path, _unused(raw, used), _about(findings, given))
     sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, said.noise)

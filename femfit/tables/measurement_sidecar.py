@@ -10,6 +10,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
 from femfit.tables.columns import UsedColumn, match_column
+from femfit.tables.constant_settings import constant_settings
 from femfit.tables.header import same_header
 from femfit.tables.measurement import OF_RUNS
 from femfit.tables.settings_file import finite_number, read_settings
@@ -37,12 +38,13 @@ class Sidecar:
 
 @dataclass(frozen=True)
 class Reading:
-    """How a table is to be read: what columns are, their units, which table of a file, and the noise of channels."""
+    """How a table is to be read: its columns and units, constant settings, which table of a file, the noise."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str | float] = field(default_factory=dict)
     table: str | None = None
     noise: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, float] = field(default_factory=dict)  # In SI
 
 
 def reading_of(
@@ -51,6 +53,7 @@ def reading_of(
     units: Mapping[str, str | float] | None,
     table: str | None,
     noise: Mapping[str, float] | None,
+    settings: Mapping[str, float] | None = None,
 ) -> Reading:
     """Return what the caller says of a table, before what its sidecar says."""
     file, data = _sidecar_file(measurement)
@@ -70,6 +73,7 @@ def reading_of(
         said["units"] | dict(units or {}),
         table if table is not None else data.get("table"),
         noise or {},
+        constant_settings(data.get("settings", {}), str(file)) | constant_settings(settings or {}, "the options"),
     )
 
 
@@ -108,7 +112,7 @@ def _sidecar_file(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
 
 def _parsed(file: Path, settings: dict[str, Any], channels: Sequence[str], used: Sequence[UsedColumn]) -> Sidecar:
     data = dict(settings)
-    for key in ("columns", "units", "table"):
+    for key in ("columns", "units", "table", "settings"):
         data.pop(key, None)
     declared = data.pop("noise", {})
     if not isinstance(declared, dict):

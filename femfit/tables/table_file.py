@@ -13,8 +13,23 @@ from femfit.core.quoted import quoted
 from femfit.tables.containers.named_table import NamedTable
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, parse_parquet
 from femfit.tables.text_table import parse_text
+from femfit.tables.touchstone import parse_touchstone
 
-SUFFIXES = (".csv", ".txt", ".dat", ".tsv", ".asc", ".parquet", ".xlsx", ".mat", ".h5", ".hdf5", ".tdms", ".wav")
+SUFFIXES = (
+    ".csv",
+    ".txt",
+    ".dat",
+    ".tsv",
+    ".asc",
+    ".parquet",
+    ".xlsx",
+    ".mat",
+    ".h5",
+    ".hdf5",
+    ".tdms",
+    ".wav",
+    ".s1p",
+)
 """What is taken for a table where a directory is read."""
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -57,6 +72,8 @@ def parse_table(
         raise TableError(f"{source} holds one table, so that --table {quoted(table)} has no meaning. Leave it out.")
     if content.startswith(PARQUET_MAGIC) or source.endswith(".parquet"):
         return parse_parquet(content, source)
+    if source.casefold().endswith(".s1p"):
+        return parse_touchstone(content, source)
     return parse_text(content, source, **dialect)
 
 

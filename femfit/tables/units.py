@@ -49,6 +49,9 @@ _WORDS: dict[str, dict[str, float]] = {
     "m/s2": {"m/s2 m/s^2 ms2 m/s/s": 1.0, "mm/s2 mm/s^2": 1e-3, "g": GRAVITY, "mg": GRAVITY * 1e-3},
     "degC": {"C degC °C celsius": 1.0},
     "s": {"sec second seconds": 1.0, "min minute minutes": 60.0, "h hr hour hours": 3600.0},
+    "Hz": {"Hz hertz": 1.0, "kHz": 1e3, "MHz MHZ": 1e6, "rad/s rads": 0.5 / math.pi},
+    "deg": {"deg degs degree degrees ° grad": 1.0, "rad radian radians": 180.0 / math.pi},
+    "share": {"share": 1.0, "percent": 1e-2, "%": 1e-2},
     "ohm": {"ohm ohms Ω": 1.0, "mohm mohms mΩ milliohm": 1e-3, "kohm kohms kΩ": 1e3},
 }
 

@@ -1,0 +1,176 @@
+"""Impedances as LCR meters and network analysers write them, to the series equivalent Z = R + j w L.
+
+Two numbers at a frequency make an impedance: magnitude and phase, real and imaginary part, inductance and resistance in
+series or in parallel, or an inductance with its quality Q = X / R or dissipation D = 1 / Q.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.amount import amount, counted
+from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding, listing
+from femfit.core.quoted import quoted
+from femfit.core.sweep_columns import is_current
+from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_columns
+from femfit.tables.header import parse_header
+from femfit.tables.raw_table import RawTable
+from femfit.tables.suspected_units import suspicion
+
+SERIES = ("resistance_ohm", "inductance_H")
+"""Channels of an impedance."""
+
+FORMS = (
+    *("impedance_ohm", "phase_deg", "reactance_ohm", "parallel_resistance_ohm", "parallel_inductance_H"),
+    *("Q", "D"),
+)
+"""Columns that stand for them beside a frequency."""
+
+_PAIRS: Mapping[str, tuple[str, ...]] = {
+    "impedance_ohm": ("phase_deg",),
+    "phase_deg": ("impedance_ohm",),
+    "reactance_ohm": ("resistance_ohm",),
+    "inductance_H": ("Q", "D"),
+    "parallel_inductance_H": ("parallel_resistance_ohm", "Q", "D"),
+}
+"""What goes with what, the second of each in the order in which it is taken."""
+
+_DIRECT = frozenset({"rdc", "dcresistance"})
+"""Names of a resistance that is measured with direct current."""
+
+_METER_DEG = 1.0
+"""Assumed: an instrument's largest error of a phase, beyond which no coil is."""
+
+
+def is_impedance(
+    raw: RawTable, columns: Mapping[str, str], units: Mapping[str, str | float], settings: Mapping[str, float]
+) -> bool:
+    """Tell whether a table has a frequency and something of an impedance."""
+    names = (*BENCH_COLUMNS, *FORMS)
+    try:
+        used, _, _ = match_columns(raw.headers, raw.source, names, columns, units, optional=names)
+    except TableError:
+        return False
+    found = {column.name for column in used.values()} | set(settings)
+    return "frequency_Hz" in found and not found.isdisjoint((*SERIES, *FORMS))
+
+
+def impedance_columns(known: Sequence[str]) -> tuple[str, ...]:
+    """Columns of a bench table as one of impedances has them; a voltage in it is that of the small current."""
+    return (*(name for name in known if name != "voltage_V"), *FORMS)
+
+
+def in_series(
+    rows: pd.DataFrame, used: Sequence[UsedColumn], source: str, lines: Sequence[int]
+) -> tuple[pd.DataFrame, list[Finding]]:
+    """The rows with :data:`SERIES` in place of other forms, and what was converted, assumed or set aside."""
+    findings = [*_phase_in_radians(rows, used)]
+    if not any(is_current(str(name)) for name in rows):
+        rows = rows.assign(current_A=0.0)
+        text, remedy = (
+            "There is no column of a bias current; it was taken for 0 A.",
+            "Else say --setting current_A=0.5.",
+        )
+        findings.append(Finding("no-bias", "info", text, remedy, column="current_A"))
+    rows, direct = _without_direct_current(rows, used)
+    findings += direct
+    f = rows["frequency_Hz"].to_numpy()
+    _require(f <= 0.0, "a frequency > 0", "frequency_Hz", f, source, lines, "Leave out what was read without one.")
+    if "impedance_ohm" in rows:
+        size = rows["impedance_ohm"].to_numpy()
+        _require(size < 0.0, "a magnitude >= 0", "impedance_ohm", size, source, lines, "Name the column's part of Z.")
+    if "phase_deg" in rows:
+        phase = rows["phase_deg"].to_numpy()
+        remedy = "Check its unit (--unit phase_deg=rad), or change its sign (--unit phase_deg=-1) or the leads."
+        _require(
+            np.abs(phase) > 90.0 + _METER_DEG, "a phase of -90 to 90 degrees", "phase_deg", phase, source, lines, remedy
+        )
+    given = [name for name in (*SERIES, *FORMS) if name in rows]
+    if not set(SERIES) <= set(given):
+        pair = next(_complete_pairs(given), None)
+        if pair is not None:
+            z = _impedance(*pair, {name: rows[name].to_numpy() for name in given}, 2.0 * np.pi * f)
+            rows = rows.assign(resistance_ohm=z.real, inductance_H=z.imag / (2.0 * np.pi * f))
+            text = f"{' and '.join(pair)} were converted to resistance and inductance in series."
+            findings.append(Finding("impedance", "info", text))
+        elif not set(SERIES) & set(given):
+            second = _PAIRS.get(given[0], ("parallel_inductance_H",))
+            raise TableError(
+                f"An impedance must have two numbers at each frequency; {source} has {listing(given)}. Add "
+                f"{' or '.join(second)}, or say what a column is with --column HEADER={second[0]}."
+            )
+    rows = rows.drop(columns=[name for name in FORMS if name in rows])
+    return _without_capacitive(rows, source, findings)
+
+
+def _complete_pairs(given: Sequence[str]) -> Iterator[tuple[str, str]]:
+    return ((first, second) for first, others in _PAIRS.items() for second in others if {first, second} <= set(given))
+
+
+def _impedance(first: str, second: str, of: Mapping[str, FloatArray], w: FloatArray) -> ComplexArray:
+    """Z of two columns."""
+    if {first, second} == {"impedance_ohm", "phase_deg"}:
+        return np.asarray(of["impedance_ohm"] * np.exp(1j * np.radians(of["phase_deg"])))
+    if first == "reactance_ohm":
+        return np.asarray(of["resistance_ohm"] + 1j * of["reactance_ohm"])
+    x = w * of[first]
+    with np.errstate(divide="ignore", invalid="ignore"):  # a quality of 0 is no number, and its row has none
+        if second == "parallel_resistance_ohm":
+            return np.asarray(1.0 / (1.0 / of[second] - 1j / x))
+        loss = of["D"] if second == "D" else 1.0 / of["Q"]
+        return np.asarray(loss * x + 1j * x if first == "inductance_H" else 1.0 / (loss / x - 1j / x))
+
+
+def _require(
+    wrong: np.ndarray, what: str, column: str, values: FloatArray, source: str, lines: Sequence[int], remedy: str
+) -> None:
+    if wrong.any():
+        k = int(np.flatnonzero(wrong)[0])
+        raise TableError(
+            f"{column} of {source} must be {what}; line {lines[k]} holds {amount(values[k], column, 3)}. {remedy}"
+        )
+
+
+def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:
+    """The rows without a resistance at direct current, which is no part of an impedance."""
+    header = next((one.header for one in used if one.name == "resistance_ohm"), "")
+    if parse_header(header).name not in _DIRECT:
+        return rows, []
+    text = f"Column {quoted(header)!r} was not used: a resistance at direct current is no part of an impedance."
+    remedy = "If it is one, say --column HEADER=resistance_ohm under another name."
+    return rows.drop(columns="resistance_ohm"), [Finding("unused-column", "info", text, remedy)]
+
+
+def _phase_in_radians(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> Iterator[Finding]:
+    phase = next((one for one in used if one.name == "phase_deg" and one.assumed), None)
+    if phase is not None:
+        largest = float(np.nanmax(np.abs(rows["phase_deg"].to_numpy()), initial=0.0))
+        if 0.0 < largest <= np.pi / 2.0:
+            yield suspicion("phase_deg", "rad", f"it goes up to {largest:.3g}")
+
+
+def _without_capacitive(rows: pd.DataFrame, source: str, findings: list[Finding]) -> tuple[pd.DataFrame, list[Finding]]:
+    """The rows without readings that no inductance gives, those above the winding's own resonance."""
+    if "inductance_H" not in rows:
+        return rows, findings
+    inductance = rows["inductance_H"].to_numpy()
+    wrong = inductance <= 0.0
+    if not wrong.any():
+        return rows, findings
+    if wrong[np.isfinite(inductance)].all():
+        raise TableError(
+            f"An impedance of a coil must have an inductance > 0; {source} has none. If its imaginary part or its "
+            "phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
+        )
+    lowest = float(np.min(rows["frequency_Hz"].to_numpy()[wrong]))
+    text = (
+        f"{counted(int(wrong.sum()), 'reading was', 'readings were')} set aside whose inductance is not positive, from "
+        f"{amount(lowest, 'frequency_Hz')} on: above the winding's own resonance, or too little to be measured."
+    )
+    remedy = "Read at frequencies well below: a tenth of the resonance raises the inductance by a hundredth."
+    findings.append(Finding("resonance", "warning", text, remedy, size=float(wrong.sum()), column="inductance_H"))
+    kept = {name: np.where(wrong, np.nan, rows[name].to_numpy()) for name in SERIES if name in rows}
+    return rows.assign(**kept), findings

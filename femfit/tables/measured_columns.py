@@ -1,0 +1,69 @@
+"""The known columns of a measured file: whether it has them, its cells, and their numbers in SI."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from femfit.core.amount import counted
+from femfit.core.errors import TableError
+from femfit.core.finding import Finding, listing
+from femfit.tables.circuit_columns import circuit_columns, parts_of
+from femfit.tables.columns import UsedColumn, column_values, match_columns, recognise
+from femfit.tables.raw_table import RawTable, file_content
+from femfit.tables.table_file import Wanted, parse_table
+
+
+def has_columns(
+    needs: Sequence[frozenset[str]],
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
+) -> Callable[[RawTable], bool]:
+    """Return whether a table has the columns of one of some sets, as they are recognised and named by the user."""
+    names = tuple(sorted(frozenset[str]().union(*needs)))
+
+    def wanted(raw: RawTable) -> bool:
+        known = (*names, *circuit_columns((*raw.headers, *(columns or {}).values())))
+        try:
+            used, _, _ = match_columns(raw.headers, raw.source, known, columns, units, optional=known)
+        except TableError:  # it lacks a column that the user named
+            return False
+        found = {parts_of(column.name)[0] for column in used.values()}
+        return any(need <= found for need in needs)
+
+    return wanted
+
+
+def read_raw_table(
+    path: Path, what: str = "measurement", *, table: str | None = None, wanted: Wanted | None = None
+) -> RawTable:
+    """Read the cells of a measured file under their headers."""
+    raw = parse_table(file_content(path, what), str(path), table=table, wanted=wanted, open_decimal=",")
+    if not raw.headers:
+        raise TableError(
+            f"{path} must have as many column names as columns; there is no line of "
+            f"{counted(raw.numbers.shape[1], 'name')} above "
+            f"its rows of {counted(raw.numbers.shape[1], 'cell')}. Complete the line of names."
+        )
+    twice = [header for k, header in enumerate(raw.headers) if header and header in raw.headers[:k]]
+    if twice:
+        raise TableError(
+            f"{path} has more than one column named {listing(dict.fromkeys(twice))}. Rename or remove one."
+        )
+    return raw
+
+
+def read_columns(
+    raw: RawTable,
+    names: Sequence[str],
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
+) -> tuple[pd.DataFrame, list[UsedColumn], list[Finding]]:
+    """Read what a file has of some columns, in SI."""
+    filled = [header for k, header in enumerate(raw.headers) if header or any(raw.texts[k])]
+    used, findings = recognise(filled, raw.source, names, columns, units)
+    if not len(raw.lines):
+        raise TableError(f"{raw.source} has column names and no row below them; it needs one row a reading.")
+    values, said = column_values(raw, used)
+    notes = [Finding("reading", "info", f"{note[0].upper()}{note[1:]}.") for note in raw.notes]
+    return values, used, notes + findings + said
