@@ -10,27 +10,8 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
-_PREFIXED = {
-    "m",
-    "s",
-    "A",
-    "N",
-    "Wb",
-    "V",
-    "T",
-    "H",
-    "Hz",
-    "W",
-    "J",
-    "ohm",
-    "g",
-    "V s",
-    "T/A",
-    "V/A",
-    "V/T",
-    "N/A",
-    "N/m",
-}
+_PREFIXED = {*("m", "s", "A", "N", "Wb", "V", "T", "H", "Hz", "W", "J", "ohm", "g"), "V s"}
+_PREFIXED |= {"T/A", "V/A", "V/T", "N/A", "N/m"}
 _MOST_DIGITS = 5  # Of the larger end of an interval
 _SHARES = {"", "1/K", "1/K^2"}
 

@@ -23,7 +23,7 @@ from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.eddy_magnetics import EddyMagnetics
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
-from femfit.model.impedance import checked_frequency, following_share, impedance_of
+from femfit.model.impedance import checked_frequency, following_share, induced_impedance
 from femfit.model.magnetics import Magnetics
 from femfit.model.misfit import Misfit
 from femfit.model.model_text import model_lines
@@ -144,8 +144,8 @@ class ActuatorModel(Printed):
     ) -> ComplexArray:
         """Impedance of the circuit in ohm for a small current about a bias, (..., n, n) of several.
 
-        Z = R + j 2 pi f (L + L_s) with the winding's resistance and what is in series with it; of a model with
-        :obj:`femfit.effects.eddy_current_lag`, a part of L lags.
+        Z = R + j 2 pi f (L + L_s) with the winding's resistance and what is in series with it, less what eddy currents
+        take off; of a model with the effect ``eddy_current_lag`` a part of L lags.
 
         Parameters
         ----------
@@ -170,11 +170,16 @@ class ActuatorModel(Printed):
         """
         if not self.require_circuits():
             self.require_circuit()
-        inductance = self.inductance(distance, current, extrapolate=extrapolate)
-        points = np.shape(inductance)[:-2] if len(self.circuits) > 1 else np.shape(inductance)
-        f = checked_frequency(np.asarray(frequency, dtype=np.float64), points)
-        share = None if self.conditions is None else following_share(self.effects, f, self.conditions)
-        return impedance_of(self, inductance, f, share)[()]
+        inductance, several = self.inductance(distance, current, extrapolate=extrapolate), len(self.circuits) > 1
+        inductance = inductance if several else np.asarray(inductance)[..., None, None]
+        f = checked_frequency(np.asarray(frequency, dtype=np.float64), inductance.shape[:-2])
+        share = np.ones(f.shape, dtype=np.complex128)
+        if self.conditions is not None:
+            share = following_share(self.effects, f, self.conditions)
+        at = np.broadcast_to(np.asarray(distance, dtype=np.float64), inductance.shape[:-2])
+        s, induced = 2j * np.pi * f, induced_impedance(inductance, f, share, self.eddy, at)
+        z = np.diag(self.resistances_ohm) + s[..., None, None] * self.series_inductances_H + induced
+        return np.asarray(z if several else z[..., 0, 0])[()]
 
     def _evaluate(
         self,

@@ -18,8 +18,8 @@ from femfit.effects.stages import (
 )
 from femfit.effects.taylor_series import CoenergySeries
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.impedance import following_share
-from femfit.model.with_effects import base_coenergy, resistance_of, with_sources
+from femfit.model.impedance import following_share, induced_impedance
+from femfit.model.with_effects import base_coenergy, eddy_with_sources, resistance_of, with_sources
 
 
 def predict_readings(
@@ -76,10 +76,12 @@ def predict_readings(
     else:
         ohms, bridge = np.full_like(i, np.nan), bridge - {"resistance_ohm"}
     if bridge:
-        frequency = np.nan_to_num(like(conditions.frequency_Hz, i))
-        following = following_share(added, frequency, conditions) * series.derivative(0, 2)
-        lost, in_series = -2.0 * np.pi * frequency * following.imag, base.circuit.inductance_H if base.circuit else 0.0
-        shown = {"inductance_H": in_series + following.real, "resistance_ohm": ohms + lost}
+        w, low = 2.0 * np.pi * np.nan_to_num(like(conditions.frequency_Hz, i)), series.derivative(0, 2)
+        share, eddy = following_share(added, w / (2.0 * np.pi), conditions), eddy_with_sources(base, added)
+        induced = induced_impedance(low[:, None, None], w / (2.0 * np.pi), share, eddy, d)[:, 0, 0]
+        seen = np.where(w > 0.0, induced.imag / np.where(w > 0.0, w, 1.0), low)
+        in_series = base.circuit.inductance_H if base.circuit else 0.0
+        shown = {"inductance_H": in_series + seen, "resistance_ohm": ohms + induced.real}
         values |= {name: shown[name] for name in bridge}
     return recorded(added, values, d, i, conditions)
 

@@ -11,6 +11,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
+from support.eddies import with_eddies
 
 LAG = {"ring_share": 0.3, "diffusion_share": 0.1, "time_s": 2e-3}
 
@@ -80,3 +81,34 @@ def test_a_bench_reads_the_same_impedance(levitation_model):
     np.testing.assert_allclose(read["inductance_H"][1:], z.imag / (2.0 * np.pi * f[1:]), rtol=1e-4)  # of a table
     assert read["inductance_H"][0] == pytest.approx(levitation_model.inductance(0.022, 0.5), rel=1e-9)
     assert read["resistance_ohm"][0] == levitation_model.circuit.resistance_ohm
+
+
+def test_eddy_currents_are_the_short_circuited_windings_of_the_equations_of_motion(levitation_model):
+    model = with_eddies(levitation_model)
+    d, i, f = np.array([0.02, 0.03]), 0.5, np.array([[10.0], [500.0], [2e4]])
+    z = model.impedance(d, i, f)
+    currents = np.zeros((2, 1 + model.eddy.count))
+    currents[:, 0] = i
+    inductance, r = model.windings.magnetics.inductance(d, currents), np.diag(model.windings.resistances_ohm)
+    voltage = np.zeros(len(r))
+    voltage[0] = 1.0
+    for row, w in enumerate(2.0 * np.pi * f[:, 0]):
+        admittance = np.linalg.solve(r + 1j * w * inductance, np.broadcast_to(voltage[:, None], (2, len(r), 1)))
+        np.testing.assert_allclose(z[row], 1.0 / admittance[:, 0, 0], rtol=1e-10)
+    assert (np.diff(z.real, axis=0) > 0.0).all()
+    assert (z.real[0] > levitation_model.circuit.resistance_ohm).all()
+
+
+def test_a_bench_reads_eddy_currents_beside_effects(levitation_model):
+    model = with_eddies(levitation_model)
+    f, d, i = np.array([20.0, 300.0, 5e3]), np.full(3, 0.022), np.full(3, 0.5)
+    turns = AddedEffect(all_effects()["turns"], {"turns_error": 0.04})
+    changed = with_effects(model, [turns])
+    at = Conditions(nominal_of(model), frequency_Hz=f)
+    read = predict_readings(model, d, i, at, [turns], ("inductance_H", "resistance_ohm"))
+    z = changed.impedance(d, i, f)
+    np.testing.assert_allclose(read["resistance_ohm"], z.real, rtol=1e-4)  # of a table
+    np.testing.assert_allclose(read["inductance_H"], z.imag / (2.0 * np.pi * f), rtol=1e-4)
+    # All that flux induces goes with the square of the turns, the wire's resistance with their number
+    ohms, drawn = model.circuit.resistance_ohm, model.impedance(d, i, f).real
+    np.testing.assert_allclose(read["resistance_ohm"] - 1.04 * ohms, 1.04**2 * (drawn - ohms), rtol=1e-9)
