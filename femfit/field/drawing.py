@@ -19,6 +19,7 @@ from femfit.core.errors import FieldSolverError
 from femfit.device.outlines import Corner, flattened, reversed_outline
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.device.sensors import HallElement
+from femfit.field.conductors import LAYER_FACTOR, skin_layers
 from femfit.field.layout import Layout, layer_outlines
 from femfit.field.outline import COINCIDENT, fixed_parts, polygon, singular_corners
 from femfit.field.regions import coil_region
@@ -38,6 +39,7 @@ def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: So
     """Mesh the actuator with its moving part at a distance."""
     try:
         shape = _draw(actuator, distance, layout, settings)
+        layers = _mark_skins(shape, actuator, settings)
         raw = OCCGeometry(shape, dim=2).GenerateMesh(maxh=layout.outer_radius / 3.0, grading=settings.grading)
     except (NgException, RuntimeError) as error:
         raise FieldSolverError(
@@ -45,6 +47,8 @@ def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: So
             "(parts nearly touching) in the actuator file."
         ) from error
     mesh = Mesh(raw)
+    if layers:
+        mesh.RefineHP(layers, LAYER_FACTOR)
     mesh.Curve(settings.order)
     return mesh
 
@@ -74,6 +78,25 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
         if np.hypot(edge.center.x, edge.center.y) > 0.6 * layout.outer_radius:
             edge.name = "outer"
     return shape
+
+
+def _mark_skins(shape: Any, actuator: Actuator, settings: SolverSettings) -> int:
+    """Mark the surfaces of what conducts; into how many layers the elements at them are to be split."""
+    parts = [(f"fixed:{one.name}", one) for one in actuator.fixed]
+    parts += [(f"moving:{one.name}", one) for one in actuator.moving.regions]
+    frequency = settings.skin_frequency_Hz
+    layers = {
+        name: skin_layers(part, settings.region_fraction * _extent(part), frequency) if frequency else 0
+        for name, part in parts
+    }
+    for face in shape.faces:
+        if layers.get(face.name):
+            for edge in face.edges:
+                if edge.center.x > COINCIDENT:
+                    edge.hpref = 1.0
+                    for vertex in edge.vertices:
+                        vertex.hpref = 1.0
+    return max(layers.values(), default=0)
 
 
 def _hall_size(actuator: Actuator, hall: HallElement, layout: Layout) -> float:

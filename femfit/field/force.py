@@ -104,9 +104,13 @@ class LayerForce:
 
     def between(self, first: GridFunction, second: GridFunction) -> float:
         """The bilinear force of two solutions w in N: that of their sum is f(1, 1) + 2 f(1, 2) + f(2, 2)."""
-        image = first.vec.CreateVector()
-        image.data = self._form.mat * second.vec
-        return float(InnerProduct(first.vec, image))
+        return float(InnerProduct(first.vec, self.image(second)))
+
+    def image(self, function: GridFunction) -> Any:
+        """The vector whose product with a solution is its bilinear force with this one."""
+        image = function.vec.CreateVector()
+        image.data = self._form.mat * function.vec
+        return image
 
 
 class OtherForces:
@@ -146,6 +150,7 @@ def quadratic(form: LayerForce, functions: Sequence[GridFunction]) -> FloatArray
     count = len(functions)
     matrix = np.zeros((count, count))
     for j in range(count):
+        image = form.image(functions[j])
         for k in range(j + 1):
-            matrix[j, k] = matrix[k, j] = form.between(functions[j], functions[k])
+            matrix[j, k] = matrix[k, j] = InnerProduct(functions[k].vec, image)
     return matrix

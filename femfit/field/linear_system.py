@@ -5,7 +5,7 @@ exactly u + v: u of M, frozen, and of the moving coils' currents in free space, 
 :mod:`femfit.field.nonlinear_point`). All are linear in the sources (1, i_1 .. i_n).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,9 @@ from femfit.field.newton import inner
 from femfit.field.regions import AIR
 from femfit.field.weak_form import hall_field, linear_materials, reluctivity, source_loads, stiffness
 
+PatternLoads = Callable[[H1], tuple[FloatArray, FloatArray]]
+"""Right-hand sides of patterns of induced currents, and of what of them moves; shape (patterns, unknowns) each."""
+
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
@@ -37,17 +40,29 @@ class Coefficients:
 class LinearSystem:
     """Forms, loads and force matrix; from one distance to the next only the air's form changes.
 
-    ``total`` and ``own`` have one field a source: the magnets', and that of 1 A in each circuit.
+    ``total`` and ``own`` have one field a source: the magnets', that of 1 A in each circuit, and those of patterns of
+    induced currents, if there are any.
     """
 
-    def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, g: GridFunction, order: int) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        actuator: Actuator,
+        layout: Layout,
+        g: GridFunction,
+        order: int,
+        patterns: PatternLoads | None = None,
+    ) -> None:
         self.mesh = mesh
         self.space = H1(mesh, order=order)
         self._hall = actuator.hall
-        self.loads = source_loads(self.space, actuator)
-        self._own_loads = source_loads(self.space, actuator, moving=True)
+        self.loads, self.own_loads = (source_loads(self.space, actuator, moving=moving) for moving in (False, True))
+        if patterns is not None:
+            all_of_them, moving = patterns(self.space)
+            self.loads = np.concatenate([self.loads, all_of_them])
+            self.own_loads = np.concatenate([self.own_loads, moving])
         self.total, self.own = (tuple(GridFunction(self.space) for _ in self.loads) for _ in range(2))
-        self._layer_force = LayerForce(self.space, g)
+        self.layer_force = LayerForce(self.space, g)
         named = linear_materials(actuator)
         parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(mesh, named)
         self._air = stiffness(self.space, nu_0, layout.outer_radius, regions=AIR)
@@ -63,20 +78,25 @@ class LinearSystem:
         self._inverse.renew((self._air, *self._solid))
         self._solve(self._inverse, self.loads, self.total)
         self._free_inverse.renew((self._air, *self._vacuum))
-        magnetisation = self.total[0].vec.CreateVector()
-        own_loads = []
-        for total, load in zip(self.total, self._own_loads, strict=True):
+        self.find_own(self.total, self.own_loads, self.own)
+
+    def find_own(
+        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, own: Sequence[GridFunction]
+    ) -> None:
+        """Overwrite by the fields of the moving part alone, of its currents' loads and of what fields magnetise."""
+        magnetisation, own_loads = self.total[0].vec.CreateVector(), []
+        for total, load in zip(totals, loads, strict=True):
             self._induced.Apply(total.vec, magnetisation)  # element by element, on the moving part alone
             own_loads.append(magnetisation.FV().NumPy() + load)
-        self._solve(self._free_inverse, own_loads, self.own)
+        self._solve(self._free_inverse, own_loads, own)
 
     def evaluate(self) -> Coefficients:
         """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
         self.solve()
-        self_force = quadratic(self._layer_force, self.own)
+        self_force = quadratic(self.layer_force, self.own)
         linked = np.array([[inner(load, total.vec.FV().NumPy()) for total in self.total] for load in self.loads])
         return Coefficients(
-            force=quadratic(self._layer_force, self.total) - self_force,
+            force=quadratic(self.layer_force, self.total) - self_force,
             self_force=self_force,
             flux_linkage=linked[1:],
             coenergy=0.5 * linked[0, 0],
@@ -151,6 +171,7 @@ class SummedInverse:
 
 def _entry_keys(form: BilinearForm) -> IntArray:
     """Row and column of each stored entry as one ascending number."""
-    _, columns, starts = (np.array(part).astype(np.int64) for part in form.mat.CSR())
+    _, indices, offsets = form.mat.CSR()
+    columns, starts = (np.array(part).astype(np.int64) for part in (indices, offsets))
     rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     return np.asarray(rows * form.space.ndof + columns)

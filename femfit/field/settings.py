@@ -24,6 +24,8 @@ class SolverSettings:
     # Relative accuracy of force and flux linkage; order and element sizes are then chosen to meet it, those above are
     # not used (:mod:`femfit.field.tolerance`)
     tolerance: float | None = None
+    # Highest frequency whose skin depth the elements in conducting parts resolve; 0 for static fields alone
+    skin_frequency_Hz: float = 0.0
 
 
 def settings_for(actuator: Actuator) -> SolverSettings:
