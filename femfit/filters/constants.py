@@ -20,6 +20,13 @@ OWN_VARIANCE = 1e-12
 OWN_SHARE = 0.01
 """Conventional: part of the variance of an effect's state that does not follow the current, so that Q is definite."""
 
+UNKNOWN_EDDY_ERROR = 0.01
+"""Conventional: part by which eddy currents are off where their model does not say it, the error that a reduction is
+asked for."""
+
+LEAST_EDDY_SHARE = 1e-6
+"""Numerical: deviation of a pattern's current over the largest of them, so that a covariance is definite."""
+
 BIAS_DEVIATION_V = 0.02
 """Conventional: first standard deviation of the Hall offset; the data sheet of a ratiometric linear element allows at
 most +-75 mV (Allegro A1321: quiescent output 2.425 to 2.575 V)."""

@@ -12,10 +12,11 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.device.mechanics import Stop
 from femfit.filters.constants import UNMOVED_KG
-from femfit.filters.levitation import blocked_by_diodes, fastest_time_constant
+from femfit.filters.levitation import fastest_time_constant
 from femfit.filters.noise import operating_distance
 from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import blocked_by_diodes
 from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kutta_step
 
 
@@ -34,8 +35,8 @@ def unmoved(model: ActuatorModel) -> ActuatorModel:
 
 
 def substeps(model: ActuatorModel) -> int:
-    """Steps in a sample, so that none is longer than the fastest coil's time constant."""
-    if not model.circuits:
+    """Steps in a sample, so that none is longer than the time constant of the fastest coil, or eddy current."""
+    if not model.windings.count:
         return 1
     fastest = fastest_time_constant(model, operating_distance(model))
     return max(1, int(np.ceil(model.sample_time_s / fastest / LONGEST_STEP)))
@@ -81,7 +82,7 @@ def _stopped(
         time = 2.0 * away / (speed + np.sqrt(np.maximum(speed**2 + 2.0 * gain * away, 0.0)))
     time = np.clip(np.nan_to_num(time), 0.0, model.sample_time_s)
     met = runge_kutta_step(model, before, voltage, time[:, None], count)
-    end, at_stop = 2 + len(model.circuits), np.full(len(met), stop.distance_m)
+    end, at_stop = model.windings.end, np.full(len(met), stop.distance_m)
     # What the parabola misses of the way, with the flux linkage kept
     met[:, 2:end], met[:, 0] = currents_of_same_flux(model, met[:, 2:end], met[:, 0], at_stop), stop.distance_m
     returned, met[:, 1] = -stop.restitution * outward * np.maximum(outward * met[:, 1], 0.0), 0.0

@@ -33,7 +33,7 @@ from femfit.filters.noise import (
 from femfit.filters.outputs import bias_deviations, bias_names, outputs_of
 from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import is_plain, winding_voltage
+from femfit.model.drive import blocked_by_diodes, is_plain, winding_voltage
 from femfit.model.exponential_step import exponential_jacobian, exponential_step, half_way
 from femfit.model.float_steps import float_step
 from femfit.model.sensors import HALL, sensor_named, sensors_of
@@ -143,19 +143,22 @@ def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bia
 
 
 def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
-    """Smallest L/R over the currents of the validity domain in s: the least eigenvalue of R^-1 L of several circuits.
+    """Smallest L/R over the currents of the validity domain in s: the least eigenvalue of R^-1 L of several windings.
 
     Parameters
     ----------
     distance : float
         In m.
     """
+    windings = model.windings
     _, currents = model.validity.grid(1, 3 if len(model.circuits) > 1 else 5)
-    at = model.magnetics.state_of_circuits(np.full(len(currents), distance), currents.reshape(len(currents), -1))
-    inductance = at.inductance + model.series_inductances_H
-    if len(model.circuits) == 1:
-        return float(inductance.min() / model.resistances_ohm[0])
-    root = np.sqrt(model.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric
+    all_currents = np.zeros((len(currents), windings.count))
+    all_currents[:, : windings.circuits] = currents.reshape(len(currents), -1)[:, : windings.circuits]
+    at = windings.magnetics.state_of_circuits(np.full(len(currents), distance), all_currents)
+    inductance = at.inductance + windings.series_H
+    if windings.count == 1:
+        return float(inductance.min() / windings.resistances_ohm[0])
+    root = np.sqrt(windings.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric
     return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
 
 
@@ -165,14 +168,6 @@ def _driven_transition(model: ActuatorModel, states: FloatArray, command: FloatA
     volts = winding_voltage(model, half_way(states, model.sample_time_s), command, model.sample_time_s)
     result = _transition(model, states, volts[:, 0] if volts.shape[1] == 1 else volts)
     return blocked_by_diodes(model, result)
-
-
-def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
-    """States (N, n) whose currents do not turn round where a diode feeds the winding; changes its argument."""
-    for k, circuit in enumerate(model.circuits, start=2):
-        if circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None:
-            states[:, k] = np.maximum(states[:, k], 0.0)
-    return states
 
 
 def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:

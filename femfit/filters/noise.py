@@ -27,13 +27,16 @@ from femfit.filters.constants import (
     FIRST_CURRENT_A,
     FIRST_DEVIATION_M,
     FIRST_VELOCITY_M_S,
+    LEAST_EDDY_SHARE,
     OWN_SHARE,
     OWN_VARIANCE,
+    UNKNOWN_EDDY_ERROR,
     UNKNOWN_FORCE_ERROR,
 )
 from femfit.filters.theory import unstable_pole
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import state_derivative
+from femfit.model.drive import currents_by_voltages
+from femfit.model.dynamics import eddy_currents_of, state_derivative
 from femfit.model.sensors import HALL, reading_of
 
 
@@ -119,14 +122,21 @@ def process_covariance(
         Random walks of the biases, in their units over sqrt(s).
     """
     t, q = model.sample_time_s, noise.acceleration_density
-    circuits = len(model.circuits)
-    middle = model.validity.current_limits_A.mean(axis=1)[:circuits]
-    at = model.magnetics.state_of_circuits(np.asarray(distance), middle)
+    circuits, windings = len(model.circuits), model.windings
+    middle = np.zeros(windings.count)
+    middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
+    at = windings.magnetics.state_of_circuits(np.asarray(distance), middle)
     moving = model.order
     result = np.zeros((moving + len(bias_densities),) * 2)
     result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
-    steps = np.linalg.inv(at.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
-    result[2 : 2 + circuits, 2 : 2 + circuits] = steps @ steps.T
+    if model.eddy is None:
+        steps = np.linalg.inv(at.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
+    else:
+        steps = currents_by_voltages(model, at, t)[:, :circuits] * np.asarray(noise.voltage_V)
+    result[2 : windings.end, 2 : windings.end] = steps @ steps.T
+    if model.eddy is not None:
+        each = range(2 + circuits, windings.end)
+        result[each, each] += _eddy_variances(model, at.inductance, distance)
     if model.memory_names:
         _add_memory(result, model, distance, float(middle[0]))
     biases = range(moving, len(result))
@@ -134,28 +144,52 @@ def process_covariance(
     return result
 
 
+def _eddy_variances(model: ActuatorModel, inductance: FloatArray, distance: float) -> FloatArray:
+    """What a step adds to each pattern's current: it is off by the patterns' error, and forgets in its time constant.
+
+    A wandering error of the variance s^2 and the time constant T gains s^2 (1 - exp(-2 t / T)) in a step t.
+    """
+    eddy, box = model.eddy, model.validity
+    assert eddy is not None  # noqa: S101  its caller asks
+    share = eddy.error.largest if eddy.error is not None else UNKNOWN_EDDY_ERROR
+    jumps = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
+    carried = eddy_currents_of(model, jumps, FIRST_VELOCITY_M_S, distance)
+    times = np.diag(inductance)[len(model.circuits) :] / eddy.resistances_ohm
+    least = LEAST_EDDY_SHARE * max(float(carried.max()), FIRST_CURRENT_A)
+    return np.maximum(share * carried, least) ** 2 * -np.expm1(-2.0 * model.sample_time_s / times)
+
+
 def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, current: float) -> None:
     """What moves the current moves the states of effects along; a part of it on their own keeps Q definite."""
-    state = np.zeros((2, 3 + len(model.memory_names)))
+    state, first = np.zeros((2, model.order)), model.windings.end
     state[:, 0], state[:, 2] = distance, current
     holding = model.require_circuit().resistance_ohm * current
     rates = state_derivative(model, state, np.array([holding, holding + 1.0]))
-    along = (rates[1, 3:] - rates[0, 3:]) / (rates[1, 2] - rates[0, 2])
-    variance, end = result[2, 2], 3 + len(along)
-    result[2, 3:end] = result[3:end, 2] = variance * along
-    result[3:end, 3:end] = variance * np.outer(along, along) + np.diag(OWN_SHARE * variance * along**2 + OWN_VARIANCE)
+    along = (rates[1, first:] - rates[0, first:]) / (rates[1, 2] - rates[0, 2])
+    variance, end = result[2, 2], first + len(along)
+    result[first:end, 2:first] = np.outer(along, result[2, 2:first])
+    result[2:first, first:end] = result[first:end, 2:first].T
+    result[first:end, first:end] = variance * np.outer(along, along) + np.diag(
+        OWN_SHARE * variance * along**2 + OWN_VARIANCE
+    )
 
 
 def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
-    """A covariance from :func:`initial_covariance` with the states of the model's effects, independent, put in."""
-    if model.dynamics is None or not model.memory_names:
+    """A covariance from :func:`initial_covariance` with eddy currents and states of effects, independent, put in."""
+    spreads = np.zeros(0) if model.dynamics is None else model.dynamics.spreads
+    if model.eddy is not None:
+        first_currents = np.full(len(model.circuits), FIRST_CURRENT_A)
+        carried = eddy_currents_of(model, first_currents, FIRST_VELOCITY_M_S)
+        least = LEAST_EDDY_SHARE * max(float(carried.max()), FIRST_CURRENT_A)
+        spreads = np.concatenate([np.maximum(carried, least), spreads])
+    if not len(spreads):
         return covariance
-    added = len(model.memory_names)
+    added = len(spreads)
     first = 2 + len(model.circuits)
     kept = np.r_[0:first, first + added : len(covariance) + added]
     result = np.zeros((len(covariance) + added,) * 2)
     result[np.ix_(kept, kept)] = covariance
-    result[range(first, first + added), range(first, first + added)] = model.dynamics.spreads**2
+    result[range(first, first + added), range(first, first + added)] = spreads**2
     return result
 
 

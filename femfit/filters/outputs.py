@@ -109,10 +109,17 @@ def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial
 
 
 def _hall_slope(model: ActuatorModel, sensor: HallSensor, bias: int | None, states: FloatArray) -> FloatArray:
-    _, in_distance, in_currents = sensor.field.derivatives(states[:, 0], model.currents_of(states))
+    _, in_distance, in_currents = sensor.field.derivatives(states[:, 0], model.acting_currents(states))
     result, n = np.zeros_like(states), len(model.circuits)
-    result[:, 0] = sensor.sensitivity_V_per_T * in_distance
-    result[:, 2 : 2 + n] = sensor.sensitivity_V_per_T * in_currents.reshape(len(states), -1)[:, :n]
+    by_current = in_currents.reshape(len(states), -1)[:, :n]
+    if model.eddy is not None:
+        end = model.windings.end
+        (coupling, field), (coupling_slope, field_slope) = model.eddy.seen(states[:, 0], 0, 1)
+        result[:, 2 + n : end] = np.einsum("pk,pkj->pj", by_current, coupling) + field
+        rising = np.einsum("pk,pkj->pj", by_current, coupling_slope) + field_slope
+        in_distance = in_distance + (rising * states[:, 2 + n : end]).sum(axis=1)
+    result[:, 0], result[:, 2 : 2 + n] = in_distance, by_current
+    result *= sensor.sensitivity_V_per_T
     if bias is not None:
         result[:, bias] = 1.0
     return result

@@ -1,7 +1,7 @@
 """The actuator model: the one object that simulator, filters, comparison and every export read."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
 from typing import Any
@@ -20,10 +20,10 @@ from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.eddy_magnetics import EddyMagnetics
+from femfit.model.eddy_magnetics import EddyMagnetics, acting
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
-from femfit.model.impedance import checked_frequency, following_share, induced_impedance
+from femfit.model.impedance import SmallSignal, checked_frequency, following_share
 from femfit.model.magnetics import Magnetics
 from femfit.model.misfit import Misfit
 from femfit.model.model_text import model_lines
@@ -168,18 +168,36 @@ class ActuatorModel(Printed):
         >>> z = model.impedance(0.022, 0.5, 100.0)
         >>> print(f"{z.real:.2f} ohm, {z.imag / (2 * 3.14159 * 100.0):.4f} H")
         """
+        return self._small_signal(distance, current, frequency, extrapolate).impedance()[()]
+
+    def force_transfer(
+        self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
+    ) -> ComplexArray:
+        """Force in N for an ampere of a small sinusoidal current about a bias, the body held; (..., n) of several.
+
+        Arguments and errors as of :meth:`impedance`. At a frequency of 0 it is dF/di.
+        """
+        return self._small_signal(distance, current, frequency, extrapolate).force()[()]
+
+    def hall_transfer(
+        self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
+    ) -> ComplexArray:
+        """Field at the Hall element in T for an ampere, else as :meth:`force_transfer`."""
+        return self._small_signal(distance, current, frequency, extrapolate).field(self.require_sensor().field)[()]
+
+    def _small_signal(
+        self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, extrapolate: bool
+    ) -> SmallSignal:
         if not self.require_circuits():
             self.require_circuit()
-        inductance, several = self.inductance(distance, current, extrapolate=extrapolate), len(self.circuits) > 1
-        inductance = inductance if several else np.asarray(inductance)[..., None, None]
+        inductance = np.asarray(self.inductance(distance, current, extrapolate=extrapolate))
+        inductance = inductance if len(self.circuits) > 1 else inductance[..., None, None]
         f = checked_frequency(np.asarray(frequency, dtype=np.float64), inductance.shape[:-2])
         share = np.ones(f.shape, dtype=np.complex128)
         if self.conditions is not None:
             share = following_share(self.effects, f, self.conditions)
-        at = np.broadcast_to(np.asarray(distance, dtype=np.float64), inductance.shape[:-2])
-        s, induced = 2j * np.pi * f, induced_impedance(inductance, f, share, self.eddy, at)
-        z = np.diag(self.resistances_ohm) + s[..., None, None] * self.series_inductances_H + induced
-        return np.asarray(z if several else z[..., 0, 0])[()]
+        d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+        return SmallSignal(self, d, i, inductance, f, share)
 
     def _evaluate(
         self,
@@ -207,6 +225,14 @@ class ActuatorModel(Printed):
     def without_effects(self) -> "ActuatorModel":
         """The model as fitted, before effects were added; itself where there are none."""
         return self.base or self
+
+    @cached_property
+    def without_eddies(self) -> "ActuatorModel":
+        """The model of a device whose parts conduct nothing; itself where it has no eddy currents."""
+        if self.eddy is None:
+            return self
+        dynamics = self.dynamics and replace(self.dynamics, eddy=None)
+        return replace(self, eddy=None, base=self.base and self.base.without_eddies, dynamics=dynamics)
 
     @property
     def has_magnet(self) -> bool:
@@ -330,6 +356,28 @@ class ActuatorModel(Printed):
         if not self.circuits:
             return np.zeros(state.shape[:-1])
         return state[..., 2 : 2 + len(self.circuits)] if len(self.circuits) > 1 else state[..., 2]
+
+    def acting_currents(self, state: FloatArray) -> FloatArray:
+        """The currents i + C e of states (..., order), whose static field is there, as :attr:`magnetics` takes them."""
+        if self.eddy is None:
+            return self.currents_of(state)
+        n = len(self.circuits)
+        coupling, _ = self.eddy.seen(state[..., 0])[0]
+        at = acting(state[..., 2 : 2 + n], coupling, state[..., 2 + n : self.windings.end])
+        return (at if n > 1 else at[..., 0]) if n else np.zeros(state.shape[:-1])
+
+    def eddy_field(self, state: FloatArray) -> FloatArray:
+        """What eddy currents add to that field at the Hall element in T, of shape (...)."""
+        if self.eddy is None:
+            return np.zeros(state.shape[:-1])
+        _, field = self.eddy.seen(state[..., 0])[0]
+        return np.asarray((field * state[..., 2 + len(self.circuits) : self.windings.end]).sum(axis=-1))
+
+    def force_in(self, state: FloatArray) -> FloatArray:
+        """Magnetic force in N in states (..., order), with what eddy currents do to it."""
+        if self.eddy is None:
+            return self.magnetics.force(state[..., 0], self.currents_of(state))
+        return self.windings.magnetics.force(state[..., 0], state[..., 2 : self.windings.end])
 
     def require_circuits(self) -> tuple[Circuit, ...]:
         """All circuits, which only a device without a winding may lack; else :class:`MissingPartError`."""

@@ -36,12 +36,12 @@ class Decay:
 
     z: FloatArray  # Step times decay rate of each mode, (..., n)
     modes: FloatArray  # W = R^(-1/2) U, (..., n, n): M = W z W^T R
-    resistances: FloatArray  # (n,)
+    resistances: FloatArray  # (n,), or (..., n)
 
     def parts(self, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
         """f1(M) r and f2(M) r of rates (..., n)."""
         first, second = decay_shares(self.z)
-        if len(self.resistances) == 1:
+        if self.resistances.shape[-1] == 1:
             return first * rate, second * rate
         along = self._along(rate)
         return self._back(first * along), self._back(second * along)
@@ -51,7 +51,7 @@ class Decay:
         z, modes = np.maximum(self.z, LEAST_DECAY), self.modes
         first, second = decay_shares(z)
         third = (0.5 - second) / z
-        if len(self.resistances) == 1:
+        if self.resistances.shape[-1] == 1:
             change = -(z * z / (step * self.resistances) * rate)[..., None] * inductance[..., 0, :]
             return (second - first)[..., None] * change, (2.0 * third - second)[..., None] * change
         changed = np.einsum("...ja,...jkm,...kb->...abm", modes, inductance, modes)
@@ -69,9 +69,9 @@ class Decay:
     def applied(self, matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
         """f1(M) A and f2(M) A of matrices (..., n, m)."""
         first, second = decay_shares(self.z)
-        if len(self.resistances) == 1:
+        if self.resistances.shape[-1] == 1:
             return first[..., None] * matrix, second[..., None] * matrix
-        along = np.swapaxes(self.modes, -1, -2) @ (self.resistances[:, None] * matrix)
+        along = np.swapaxes(self.modes, -1, -2) @ (self.resistances[..., None] * matrix)
         return self.modes @ (first[..., None] * along), self.modes @ (second[..., None] * along)
 
     def _along(self, rate: FloatArray) -> FloatArray:
@@ -82,12 +82,18 @@ class Decay:
 
 
 def decay_of(inductance: FloatArray, resistances: FloatArray, step: float) -> Decay:
-    """The decay of circuits with inductances (..., n, n) in H, those in series included, and n resistances in ohm."""
+    """The decay of circuits with inductances (..., n, n) in H, those in series included.
+
+    Parameters
+    ----------
+    resistances : array, shape (n,), or (..., n) as they are at each point
+        In ohm.
+    """
     root = np.sqrt(resistances)
-    if len(resistances) == 1:
+    if resistances.shape[-1] == 1:
         z = step * resistances / inductance[..., 0]
-        return Decay(z, np.broadcast_to(1.0 / root[:, None], inductance.shape), resistances)
-    times = inductance / (root[:, None] * root)
+        return Decay(z, np.broadcast_to(1.0 / root[..., None], inductance.shape), resistances)
+    times = inductance / (root[..., :, None] * root[..., None, :])
     finite = np.isfinite(times).all(axis=(-2, -1))[..., None, None]
-    times, modes = np.linalg.eigh(np.where(finite, times, np.eye(len(root))))  # a lost run has no modes, and no state
-    return Decay(step / np.where(times == 0.0, -1.0, times), modes / root[:, None], resistances)
+    times, modes = np.linalg.eigh(np.where(finite, times, np.eye(root.shape[-1])))  # a lost run has no modes, no state
+    return Decay(step / np.where(times == 0.0, -1.0, times), modes / root[..., :, None], resistances)

@@ -18,6 +18,7 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.device.circuit import Circuit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.decay import decay_of
+from femfit.model.magnetics import MagneticState
 
 
 def command_limits(circuit: Circuit, *, current: bool | None = None) -> tuple[float, float]:
@@ -75,6 +76,31 @@ def circuit_terms(
     return at.force, at.motional_constant, at.inductance + model.series_inductances_H
 
 
+def currents_by_voltages(model: ActuatorModel, at: MagneticState, step: float) -> FloatArray:
+    """How far voltages held over a step in s move all windings' currents, in A/V, (..., n + r, n + r)."""
+    windings = model.windings
+    inductance = at.inductance + windings.series_H
+    decay = decay_of(inductance, windings.resistances_ohm, step)
+    return step * decay.applied(np.asarray(np.linalg.inv(inductance)))[0]
+
+
+def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
+    """States (N, order) whose currents do not turn round where a diode feeds the winding; changes its argument.
+
+    Eddy currents keep the flux that they link.
+    """
+    before = None if model.eddy is None else states[:, 2 : 2 + len(model.circuits)].copy()
+    for k, circuit in enumerate(model.circuits, start=2):
+        if circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None:
+            states[:, k] = np.maximum(states[:, k], 0.0)
+    if before is not None and (change := states[:, 2 : 2 + before.shape[1]] - before).any():
+        n, end = before.shape[1], model.windings.end
+        linked = model.windings.magnetics.state_of_circuits(states[:, 0], states[:, 2:end]).inductance[:, n:]
+        lost = np.einsum("rkj,rj->rk", linked[..., :n], change)
+        states[:, 2 + n : end] -= np.linalg.solve(linked[..., n:], lost[..., None])[..., 0]
+    return states
+
+
 def current_targets(model: ActuatorModel, currents: FloatArray, command: FloatArray, step: float) -> FloatArray:
     """Currents in A that amplifiers would reach after a step in s; NaN for circuits that are fed by a voltage."""
     kept, limits = _amplifiers(model.circuits, step)
@@ -106,29 +132,47 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
     state : array, shape (..., 2 + n or more)
     command : array, shape (..., n)
     """
-    circuits, n = model.circuits, len(model.circuits)
+    circuits, n, windings = model.circuits, len(model.circuits), model.windings
     if is_plain(circuits):
         return command
-    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2 : 2 + n]
-    volts = np.array(np.broadcast_to(command, currents.shape))
-    for k, circuit in enumerate(circuits):
-        diode = circuit.drive.diode_V
-        if circuit.drive.kind == "voltage" and diode is not None:
-            idle = np.where(currents[..., k] > 0.0, -diode, 0.0)
-            volts[..., k] = np.where(volts[..., k] > 0.0, volts[..., k], idle)
+    velocity, currents = state[..., 1], state[..., 2 : windings.end]
+    volts = np.array(np.broadcast_to(command, (*currents.shape[:-1], n)))
+    diodes = [k for k, one in enumerate(circuits) if one.drive.kind == "voltage" and one.drive.diode_V is not None]
+    for k in diodes:
+        idle = np.where(currents[..., k] > 0.0, -(circuits[k].drive.diode_V or 0.0), 0.0)
+        volts[..., k] = np.where(volts[..., k] > 0.0, volts[..., k], idle)
+    if diodes and model.eddy is not None:
+        _hold_off(model, state, volts, diodes, step)
     amplified = commands_currents(model)
     if amplified.any():
-        _, motional, inductance = circuit_terms(model, distance, currents)
-        against = model.resistances_ohm * currents - motional * velocity[..., None]
-        drives, others = np.flatnonzero(amplified), np.flatnonzero(~amplified)
-        gain = decay_of(inductance, model.resistances_ohm, step).applied(np.asarray(np.linalg.inv(inductance)))[
-            0
-        ]  # di/dt by U
-        rate = (current_targets(model, currents, command, step) - currents)[..., drives] / step
-        if len(others):  # what the voltage sources beside it bring about
-            own = (volts - against)[..., others]
+        at = windings.magnetics.state_of_circuits(state[..., 0], currents)
+        against = windings.resistances_ohm * currents - at.motional_constant * velocity[..., None]
+        drives = np.flatnonzero(amplified)
+        others = np.setdiff1d(np.arange(windings.count), drives)
+        gain = currents_by_voltages(model, at, step) / step
+        rate = (current_targets(model, currents[..., :n], command, step) - currents[..., :n])[..., drives] / step
+        if len(others):  # what voltage sources and eddy currents beside it bring about
+            own = (windings.voltages(volts) - against)[..., others]
             rate = rate - np.einsum("...jk,...k->...j", gain[..., drives[:, None], others], own)
         left = np.linalg.solve(gain[..., drives[:, None], drives], rate[..., None])[..., 0]
         low, high = voltage_limits(circuits)[:, drives]
         volts[..., drives] = np.clip(against[..., drives] + left, low, high)
     return volts
+
+
+def _hold_off(model: ActuatorModel, state: FloatArray, volts: FloatArray, diodes: list[int], step: float) -> None:
+    """Windings without current and command get the voltage that keeps it so: eddy currents drive them for long.
+
+    Where that is beyond the diode's, the diode conducts. Changes ``volts``.
+    """
+    windings = model.windings
+    currents = state[..., 2 : windings.end]
+    at = windings.magnetics.state_of_circuits(state[..., 0], currents)
+    driving = at.motional_constant * state[..., 1:2] - windings.resistances_ohm * currents
+    gain = currents_by_voltages(model, at, step)
+    for k in diodes:
+        off = (currents[..., k] <= 0.0) & (volts[..., k] <= 0.0)
+        others = windings.voltages(volts) + driving
+        others[..., k] = driving[..., k]
+        needed = -(gain[..., k, :] * others).sum(axis=-1) / gain[..., k, k]
+        volts[..., k] = np.where(off, np.maximum(needed, -(model.circuits[k].drive.diode_V or 0.0)), volts[..., k])

@@ -2,10 +2,12 @@
 
 State (d, v, i_1..i_n): d' = v, v' = g + (springs and load - friction - F(d, i)) / m, and from U = R i + L_s i' +
 d(flux linkage)/dt with d(flux linkage)/dt = L i' - k_m v, (L + L_s) i' = U - R i + k_m v, with what is in series
-with each coil in the diagonal L_s. Stops are left to :mod:`femfit.open_loop`.
+with each coil in the diagonal L_s. Eddy currents are further windings without a voltage
+(:mod:`femfit.model.windings`). Stops are left to :mod:`femfit.open_loop`.
 
 In all functions ``state`` has the shape (..., order): distance in m, velocity in m/s (positive: falling away), the
-currents in A in the order of ``model.circuits``, and after them ``model.memory_names``. ``voltage``, across each
+currents in A in the order of ``model.circuits``, those of ``model.eddy_names``, and after them ``model.memory_names``.
+``voltage``, across each
 circuit in V, has the shape (..., n), and (...) of one circuit; ``disturbance``, a further force along growing distance
 in N, has the shape (...). Both are held over a step. Jacobians have the shape (..., order, order): row, component of
 the result; column, component of the state.
@@ -39,10 +41,12 @@ def state_derivative(
 ) -> FloatArray:
     """Time derivative of (distance, velocity, currents), and of the states that the model's effects add."""
     if len(model.circuits) != 1:
-        return _of_any_circuits(model, state, voltage, disturbance)
+        return _of_any_windings(model, state, voltage, disturbance)
     circuit, motion = model.require_circuit(), model.require_motion()
     if model.dynamics is not None and model.dynamics.drives:
         return model.dynamics.derivative(state, voltage, disturbance, motion, model.sample_time_s)
+    if model.eddy is not None:
+        return _of_any_windings(model, state, voltage, disturbance)
     distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
     magnetic = model.magnetics.state(distance, current)
     rates = np.empty((3, *distance.shape))  # a component's values together, whatever the order of ``state``
@@ -54,13 +58,14 @@ def state_derivative(
     return np.moveaxis(rates, 0, -1) if rates.ndim != 2 else rates.T
 
 
-def _of_any_circuits(
+def _of_any_windings(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float
 ) -> FloatArray:
-    """The same for no circuit or several."""
-    motion, end = model.require_motion(), 2 + len(model.circuits)
+    """The same for no circuit or several, and for eddy currents."""
+    motion, windings = model.require_motion(), model.windings
+    end = windings.end
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    magnetic = model.magnetics.state_of_circuits(distance, currents)
+    magnetic = windings.magnetics.state_of_circuits(distance, currents)
     rates = np.zeros_like(state)
     rates[..., 0] = velocity
     rates[..., 1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
@@ -76,10 +81,11 @@ def current_rates(
     currents: FloatArray,
     voltage: FloatArray,
 ) -> FloatArray:
-    """The currents' derivatives (L + L_s)^-1 (U - R i + k_m v), of shape (..., n)."""
-    volts = np.asarray(voltage)[..., None] if currents.shape[-1] == 1 else voltage
-    driving = volts - model.resistances_ohm * currents + magnetic.motional_constant * velocity[..., None]
-    return _solved(magnetic.inductance + model.series_inductances_H, driving[..., None])[..., 0]
+    """The derivatives (L + L_s)^-1 (U - R i + k_m v) of all windings' currents, of shape (..., n + r)."""
+    windings = model.windings
+    volts = windings.voltages(np.asarray(voltage)[..., None] if windings.circuits == 1 else np.asarray(voltage))
+    driving = volts - windings.resistances_ohm * currents + magnetic.motional_constant * velocity[..., None]
+    return _solved(magnetic.inductance + windings.series_H, driving[..., None])[..., 0]
 
 
 def _solved(inductance: FloatArray, right: FloatArray) -> FloatArray:
@@ -111,17 +117,18 @@ def runge_kutta_step(
 def currents_of_same_flux(
     model: ActuatorModel, currents: FloatArray, before: FloatArray, after: FloatArray
 ) -> FloatArray:
-    """Currents of shape (N, n) at other distances that link the same flux, series inductances included, by Newton."""
+    """All windings' currents (N, n + r) at other distances that link the same flux, by Newton."""
+    windings = model.windings
     if not currents.shape[1]:
         return currents
 
     def linked(distance: FloatArray, at: FloatArray) -> FloatArray:
-        flux = model.magnetics.flux_linkage(distance, at[:, 0] if len(model.circuits) == 1 else at)
-        return np.asarray(flux.reshape(at.shape) + at @ model.series_inductances_H)
+        flux = windings.magnetics.flux_linkage(distance, at[:, 0] if windings.count == windings.circuits == 1 else at)
+        return np.asarray(flux.reshape(at.shape) + at @ windings.series_H)
 
     wanted, result = linked(before, currents), currents
     for _ in range(FLUX_STEPS):
-        inductance = model.magnetics.state_of_circuits(after, result).inductance + model.series_inductances_H
+        inductance = windings.magnetics.state_of_circuits(after, result).inductance + windings.series_H
         change = _solved(inductance, (wanted - linked(after, result))[..., None])[..., 0]
         result = result + change
         if np.abs(change).max(initial=0.0) <= FLUX_CHANGE * np.abs(result).max(initial=0.0):
@@ -139,9 +146,10 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     model.require_motion(), model.require_circuits()
     if model.dynamics is not None and model.dynamics.drives:
         return by_differences(partial(state_derivative, model), model, state, voltage)
-    end = 2 + len(model.circuits)
+    windings = model.windings
+    end = windings.end
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    slopes = model.magnetics.slopes_of_circuits(distance, currents)
+    slopes = windings.magnetics.slopes_of_circuits(distance, currents)
     result = np.zeros((*state.shape, state.shape[-1]))
     result[..., 0, 1] = 1.0
     result[..., 1, :end] = acceleration_slopes(model, state, slopes)
@@ -152,9 +160,9 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
 
 
 def acceleration_slopes(model: ActuatorModel, state: FloatArray, slopes: MagneticSlopes) -> FloatArray:
-    """Derivatives of the acceleration by distance, velocity and currents, of shape (..., 2 + n)."""
+    """Derivatives of the acceleration by distance, velocity and currents, of shape (..., 2 + n + r)."""
     motion, distance, velocity = model.require_motion(), state[..., 0], state[..., 1]
-    result = np.empty((*distance.shape, 2 + len(model.circuits)))
+    result = np.empty((*distance.shape, model.windings.end))
     result[..., 0] = motion.static_gradient(distance) - slopes.force_gradient
     result[..., 1] = motion.friction_slope(velocity, model.sample_time_s)
     result[..., 2:] = -slopes.motional_constant
@@ -162,17 +170,17 @@ def acceleration_slopes(model: ActuatorModel, state: FloatArray, slopes: Magneti
 
 
 def current_slopes(model: ActuatorModel, slopes: MagneticSlopes, velocity: FloatArray, rate: FloatArray) -> FloatArray:
-    """Derivatives of currents' rates (..., n) by distance, velocity and currents, of shape (..., n, 2 + n)."""
-    v = velocity[..., None]
-    right = np.empty((*rate.shape, 2 + len(model.circuits)))
+    """Derivatives of currents' rates (..., n + r) by distance, velocity and currents, (..., n + r, 2 + n + r)."""
+    v, windings = velocity[..., None], model.windings
+    right = np.empty((*rate.shape, windings.end))
     right[..., 0] = slopes.motional_gradient * v - np.einsum("...jk,...k->...j", slopes.inductance_gradient, rate)
     right[..., 1] = slopes.motional_constant
     right[..., 2:] = (
-        -np.diag(model.resistances_ohm)
+        -np.diag(windings.resistances_ohm)
         - slopes.inductance_gradient * v[..., None]
         - np.einsum("...jkl,...k->...jl", slopes.inductance_slope, rate)
     )
-    return _solved(slopes.inductance + model.series_inductances_H, right)
+    return _solved(slopes.inductance + windings.series_H, right)
 
 
 def by_differences(
@@ -186,18 +194,44 @@ def by_differences(
     circuits = () if len(model.circuits) == 1 else (len(model.circuits),)
     flat = state.reshape(-1, order)
     volts = np.broadcast_to(voltage, (*state.shape[:-1], *circuits)).reshape(-1, *circuits)
+    slopes = central_differences(
+        lambda points: function(points, np.concatenate([volts] * (2 * order))), flat, state_scale(model)
+    )
+    return slopes.reshape(*state.shape, order)
+
+
+def state_scale(model: ActuatorModel) -> FloatArray:
+    """What is large for each state: a body takes some hundred samples through its stroke."""
     box, memory = model.validity, model.dynamics.spreads if model.dynamics is not None else np.zeros(0)
     stroke = box.distance_max_m - box.distance_min_m
     widths = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
-    # A body takes some hundred samples through its stroke
-    scale = np.array([stroke, 0.01 * stroke / model.sample_time_s, *widths, *memory])
-    slopes = central_differences(lambda points: function(points, np.concatenate([volts] * (2 * order))), flat, scale)
-    return slopes.reshape(*state.shape, order)
+    speed = 0.01 * stroke / model.sample_time_s
+    return np.array([stroke, speed, *widths, *eddy_currents_of(model, widths, speed), *memory])
+
+
+def eddy_currents_of(
+    model: ActuatorModel, jumps: FloatArray, speed: float, distance: float | None = None
+) -> FloatArray:
+    """Currents in A that jumps of the circuits' currents leave in the eddy currents' patterns, and a speed drives.
+
+    As if each pattern were alone: its flux linkage stays at a jump, and at a steady speed v it carries k_m v / R.
+    """
+    windings, n = model.windings, len(model.circuits)
+    if model.eddy is None:
+        return np.zeros(0)
+    box = model.validity
+    at = 0.5 * (box.distance_min_m + box.distance_max_m) if distance is None else distance
+    middle = np.zeros(windings.count)
+    middle[:n] = box.current_limits_A[:n].mean(axis=1)
+    there = windings.magnetics.state(np.asarray(at), middle)
+    left = np.abs(there.inductance[n:, :n]) @ np.asarray(jumps) / np.diag(there.inductance)[n:]
+    return np.hypot(left, there.motional_constant[n:] * speed / windings.resistances_ohm[n:])
 
 
 def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | float = 0.0) -> FloatArray:
     """Output of the Hall element in V before noise and rounding; the time since the start matters to drifts alone."""
     sensor = model.require_sensor()
     if model.dynamics is None:
-        return sensor.voltage(state[..., 0], model.currents_of(state))
+        volts = sensor.voltage(state[..., 0], model.acting_currents(state))
+        return volts if model.eddy is None else volts + sensor.sensitivity_V_per_T * model.eddy_field(state)
     return model.dynamics.hall_voltage(state, sensor.quiescent_V, sensor.sensitivity_V_per_T, time)

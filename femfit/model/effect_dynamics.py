@@ -7,6 +7,11 @@ v' is that of the mechanics under F = -dW'/dd + what the effects add, and from U
 
 since z' grows linearly with i' for each of its signs, and the bracket keeps the sign of the right side.
 
+Eddy currents e (:mod:`femfit.model.eddy_currents`) are windings beside: W' is changed as a function of u = i + C e,
+states that change it follow u, and the equation stands for all currents w = (i, e) with G = (1, C),
+
+    L w' + G^T s u' = U - R w + k_m v - G^T dl/dz . z'(u' = 0),  u' = G w' + C' e v,  s = dl/dz . dz'/du'.
+
 References
 ----------
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), sections 3.1 and 5.1.
@@ -24,7 +29,9 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
 from femfit.effects.stages import changed_coenergy, circuit_of, hall_point, recorded, with_further_force
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.decay import decay_shares
+from femfit.model.decay import decay_of, decay_shares
+from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_magnetics import acting, with_eddies
 from femfit.model.magnetics import MagneticState
 
 _PROBE = 1e-3
@@ -46,6 +53,7 @@ class EffectDynamics:
     at: Conditions
     resistance_ohm: float
     series_H: float = 0.0  # Inductance in series with the winding, outside of the field
+    eddy: EddyCurrents | None = None
 
     @cached_property
     def memories(self) -> tuple[tuple[AddedEffect, Memory], ...]:
@@ -106,15 +114,18 @@ class EffectDynamics:
             In A/s where something else than the voltage decides it: an amplifier, or a diode that blocks.
         """
         flat = state.reshape(-1, state.shape[-1])
-        d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         volts = np.broadcast_to(voltage, state.shape[:-1]).ravel()
+        if np.ndim(disturbance):
+            disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
+        if self.eddy is not None:
+            rates = self._with_eddies(flat, volts, disturbance, mechanics, sample_time_s, current_rate, mean_over)
+            return rates.reshape(state.shape)
+        d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
         memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
-        magnetic, slopes = self._magnetics(memory, d, i)
+        magnetic, slopes, _ = self._magnetics(memory, d, i)
         motional = magnetic.motional_constant * v
         at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional)
         force = with_further_force(self.effects, magnetic.force, d, i, at)
-        if np.ndim(disturbance):
-            disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
         acceleration = mechanics.acceleration(d, v, force - disturbance, sample_time_s)
         if mean_over:
             motional = magnetic.motional_constant * (v + 0.5 * mean_over * acceleration)
@@ -142,30 +153,103 @@ class EffectDynamics:
             rates = self._rates(memory, i, np.full_like(i, current_rate), at) if self.names else rates
         return np.concatenate([[v, acceleration, driving / inductance], rates]).T.reshape(state.shape)
 
-    def _rates(
-        self, memory: Mapping[str, FloatArray], i: FloatArray, current_rate: FloatArray, at: Conditions
+    def _with_eddies(
+        self,
+        flat: FloatArray,
+        volts: FloatArray,
+        disturbance: FloatArray | float,
+        mechanics: Mechanics,
+        sample_time_s: float,
+        current_rate: float | None,
+        mean_over: float,
     ) -> FloatArray:
-        """Rates z' of shape (len(names), n)."""
+        """The same for states (N, order) with eddy currents, by the matrices of all currents."""
+        assert self.eddy is not None  # noqa: S101  its caller asks
+        end = 3 + self.eddy.count
+        d, v, w = flat[:, 0], flat[:, 1], flat[:, 2:end]
+        forms, rising = self.eddy.forms(d, 0, 1)
+        u = acting(w[:, :1], forms.coupling, w[:, 1:])[:, 0]
+        memory = dict(zip(self.names, flat[:, end:].T, strict=True))
+        static, slopes, flux = self._magnetics(memory, d, u)
+        static = MagneticState(static.force, static.motional_constant[:, None], static.inductance[:, None, None])
+        magnetic = with_eddies(forms, rising, w[:, 1:], static, flux[:, None])
+        motional = magnetic.motional_constant * v[:, None]
+        at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional[:, 0])
+        force = with_further_force(self.effects, magnetic.force, d, w[:, 0], at)
+        acceleration = mechanics.acceleration(d, v, force - disturbance, sample_time_s)
+        if mean_over:
+            motional = magnetic.motional_constant * (v + 0.5 * mean_over * acceleration)[:, None]
+            at = replace(at, motional_V=motional[:, 0])
+        resistances, driving = np.empty_like(w), np.zeros_like(w)
+        resistances[:, 1:] = self.eddy.resistances_ohm
+        own = np.full_like(u, self.resistance_ohm)
+        resistances[:, 0], driving[:, 0] = circuit_of(self.effects, own, volts, w[:, 0], at)
+        driving += motional - resistances * w
+        inductance = magnetic.inductance.copy()
+        inductance[:, 0, 0] += self.series_H
+        g = np.concatenate([np.ones((len(flat), 1)), forms.coupling[:, 0]], axis=1)
+        drift = (rising.coupling[:, 0] * w[:, 1:]).sum(axis=1) * v  # of u at held currents
+        rates = np.zeros((len(self.names), len(flat)))
+        if self.names:
+            still = self._rates(memory, u, np.zeros_like(u), at)
+            driving = driving - g * (slopes * still).sum(axis=0)[:, None]
+            both = np.linalg.solve(inductance, np.stack([driving, g], axis=2))
+            free, share = np.einsum("pa,pak->kp", g, both)  # u' without what the states take, and by a volt on u
+            sign = np.where(free + drift < 0.0, -1.0, 1.0)
+            slope = sign * (self._rates(memory, u, sign, at) - still)
+            taken = np.maximum((slopes * slope).sum(axis=0), (_LEAKAGE - 1.0) / share)
+            driving = driving - g * (taken * drift)[:, None]
+            inductance = inductance + taken[:, None, None] * g[:, :, None] * g[:, None, :]
+        rate: FloatArray = np.asarray(np.linalg.solve(inductance, driving[..., None])[..., 0], dtype=np.float64)
+        if mean_over:
+            rate, lever = decay_of(inductance, resistances, mean_over).parts(rate)
+            pull = (magnetic.motional_constant * lever).sum(axis=1)
+            acceleration = acceleration - mean_over / mechanics.mass_kg * pull
+        if current_rate is not None:  # the voltage is whatever holds it
+            by_volt = np.linalg.inv(inductance)[:, :, 0]
+            rate = rate + by_volt / by_volt[:, :1] * (current_rate - rate[:, :1])
+        if self.names:
+            followed = (w[:, 0], rate[:, 0])
+            rates = self._rates(memory, u, (g * rate).sum(axis=1) + drift, at, followed)
+        return np.concatenate([np.column_stack([v, acceleration, rate]), rates.T], axis=1)
+
+    def _rates(
+        self,
+        memory: Mapping[str, FloatArray],
+        i: FloatArray,
+        current_rate: FloatArray,
+        at: Conditions,
+        of_circuit: tuple[FloatArray, FloatArray] | None = None,
+    ) -> FloatArray:
+        """Rates z' of shape (len(names), n).
+
+        Parameters
+        ----------
+        of_circuit : (array, array) or None
+            The circuit's current and its rate, which a sensor's states follow, where the core's are others.
+        """
         rates: dict[str, FloatArray] = {}
-        at = replace(at, current_rate_A_s=current_rate)
         for added, own in self.memories:
-            rates.update(own.rate(memory, i, at, added.parameters))
+            now, rate = (i, current_rate) if of_circuit is None or added in self.later else of_circuit
+            rates.update(own.rate(memory, now, replace(at, current_rate_A_s=rate), added.parameters))
         return np.stack([rates[name] for name in self.names])
 
     def _magnetics(
         self, memory: Mapping[str, FloatArray], d: FloatArray, i: FloatArray
-    ) -> tuple[MagneticState, FloatArray]:
-        """Force, motional constant and inductance, and the flux linkage's derivative in each state, (len(names), n)."""
+    ) -> tuple[MagneticState, FloatArray, FloatArray]:
+        """Force, motional constant and inductance; the flux linkage's derivatives in the states, (names, n); and it."""
         if not self.names:
-            return _state(self.motion_coenergy(d, i, 1, 2)), np.zeros((0, len(i)))
+            series = self.motion_coenergy(d, i, 1, 2)
+            return _state(series), np.zeros((0, len(i))), series.derivative(0, 1)
         states = np.stack(list(memory.values()))
         if self.lags is None:
-            changed = changed_coenergy(self.motion_coenergy, self.later, replace(self.at, memory=memory))
-            return _state(changed(d, i, 1, 2)), self._flux_differences(states, d, i)
+            series = changed_coenergy(self.motion_coenergy, self.later, replace(self.at, memory=memory))(d, i, 1, 2)
+            return _state(series), self._flux_differences(states, d, i), series.derivative(0, 1)
         lag, taper = self.lags
         if not np.any(taper):
-            seen = _state(self.motion_coenergy(d, i - lag @ states, 1, 2))
-            return seen, -lag[:, None] * seen.inductance
+            series = self.motion_coenergy(d, i - lag @ states, 1, 2)
+            seen = _state(series)
+            return seen, -lag[:, None] * seen.inductance, series.derivative(0, 1)
         series = self.motion_coenergy(d, i - lag @ states, 1, 3)
         seen, linkage = _state(series), series.derivative(0, 1)
         # W' = V - g(lambda): its derivatives by the chain rule
@@ -176,7 +260,7 @@ class EffectDynamics:
         motional = seen.motional_constant * kept + first * series.derivative(1, 2)
         inductance = seen.inductance * kept - first * series.derivative(0, 3)
         own = taper[:, None] * linkage * seen.inductance
-        return MagneticState(force, motional, inductance), -lag[:, None] * inductance - own
+        return MagneticState(force, motional, inductance), -lag[:, None] * inductance - own, kept * linkage
 
     def _flux_differences(self, states: FloatArray, d: FloatArray, i: FloatArray) -> FloatArray:
         """The flux linkage's derivative in each state by central differences, all of them at once."""
@@ -194,11 +278,17 @@ class EffectDynamics:
         """Output of the Hall element before clipping and rounding, from the quiescent voltage and V/T of the base's."""
         flat = state.reshape(-1, state.shape[-1])
         d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
-        memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
+        eddies = 0 if self.eddy is None else self.eddy.count
+        memory = dict(zip(self.names, flat[:, 3 + eddies :].T, strict=True))
         at = replace(self.at, velocity_m_s=v, memory=memory, time_s=time, elapsed=time)
         then_d, then_i = hall_point(self.effects, d, i, at)
+        further: FloatArray | float = 0.0
+        if self.eddy is not None:
+            e = flat[:, 3 : 3 + eddies]
+            coupling, field = self.eddy.seen(then_d)[0]
+            then_i, further = acting(then_i[:, None], coupling, e)[:, 0], (field * e).sum(axis=1)
         series = changed_coenergy(self.hall_coenergy, self.later, at)(then_d, then_i, 0, 0)
-        volts = quiescent + sensitivity * series.derivative(0, 0, 1)
+        volts = quiescent + sensitivity * (series.derivative(0, 0, 1) + further)
         return self.read(volts, d, i, at).reshape(state.shape[:-1])
 
     def read(self, volts: FloatArray, distance: FloatArray, current: FloatArray, at: Conditions) -> FloatArray:

@@ -44,16 +44,17 @@ def half_way(state: FloatArray, step: float) -> FloatArray:
 
 def _mean_rates(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
     """Rates of velocity and currents, meant over a step at a held distance."""
-    motion, end = model.require_motion(), 2 + len(model.circuits)
+    motion, windings = model.require_motion(), model.windings
+    end = windings.end
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    at = model.magnetics.state_of_circuits(distance, currents)
+    at = windings.magnetics.state_of_circuits(distance, currents)
     rates = np.zeros(state.shape[::-1]).T  # a component's values together
     acceleration = motion.acceleration(distance, velocity, at.force, model.sample_time_s)
     rates[..., 1] = acceleration
     if end == 2:
         return rates
     rate = current_rates(model, at, velocity + 0.5 * step * acceleration, currents, voltage)
-    decay = decay_of(at.inductance + model.series_inductances_H, model.resistances_ohm, step)
+    decay = decay_of(at.inductance + windings.series_H, windings.resistances_ohm, step)
     rates[..., 2:end], lever = decay.parts(rate)
     rates[..., 1] -= step / motion.mass_kg * (at.motional_constant * lever).sum(axis=-1)
     return rates
@@ -63,23 +64,24 @@ def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
     """Jacobian of :func:`exponential_step`; by central differences where effects change the equations."""
     if model.dynamics is not None and model.dynamics.drives:
         return by_differences(lambda x, u: exponential_step(model, x, u, step), model, state, voltage)
-    motion, end = model.require_motion(), 2 + len(model.circuits)
+    motion, windings = model.require_motion(), model.windings
+    end = windings.end
     middle, order = half_way(state, step), state.shape[-1]
     distance, velocity, currents = middle[..., 0], middle[..., 1], middle[..., 2:end]
-    slopes = model.magnetics.slopes_of_circuits(distance, currents)
+    slopes = windings.magnetics.slopes_of_circuits(distance, currents)
     row = acceleration_slopes(model, middle, slopes)
     kick = np.zeros((*state.shape, order))  # d(v+, i+) by the state half way
     kick[..., range(order), range(order)] = 1.0
     kick[..., 1, :end] += step * row
     if end > 2:
-        force = model.magnetics.state_of_circuits(distance, currents).force
+        force = windings.magnetics.state_of_circuits(distance, currents).force
         acceleration = motion.acceleration(distance, velocity, force, model.sample_time_s)
         seen = velocity + 0.5 * step * acceleration
         rate = current_rates(model, slopes, seen, currents, voltage)
         rows = current_slopes(model, slopes, seen, rate)
         rows = rows + 0.5 * step * rows[..., 1:2] * row[..., None, :]
-        inductance = slopes.inductance + model.series_inductances_H
-        decay = decay_of(inductance, model.resistances_ohm, step)
+        inductance = slopes.inductance + windings.series_H
+        decay = decay_of(inductance, windings.resistances_ohm, step)
         _, lever = decay.parts(rate)
         changed = np.zeros((*inductance.shape, end))
         changed[..., 0], changed[..., 2:] = slopes.inductance_gradient, slopes.inductance_slope

@@ -86,7 +86,7 @@ class FloatStep:
 
 def float_step(model: ActuatorModel) -> FloatStep | None:
     """The step of a model; None where this module does not cover it."""
-    covered = model.dynamics is None and type(model.magnetics) is CoenergySpline
+    covered = model.dynamics is None and model.eddy is None and type(model.magnetics) is CoenergySpline
     covered = covered and len(model.circuits) == 1 and model.require_motion().linear_terms is not None
     return FloatStep(model) if covered else None
 
@@ -140,7 +140,7 @@ def float_reading(
 ) -> FloatHallVoltage | FloatLinear | None:
     """The readings of a sensor whose bias is a state of a number; None where this module does not cover it."""
     if isinstance(sensor, HallSensor):
-        covered = model.dynamics is None and type(sensor.field) is HallSpline
+        covered = model.dynamics is None and model.eddy is None and type(sensor.field) is HallSpline
         return FloatHallVoltage(sensor, bias) if covered else None
     if not records_as_it_is(model):
         return None

@@ -6,6 +6,8 @@ currents the induced part is j w h L.
 """
 
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +16,10 @@ from femfit.core.errors import DomainError
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.hall import HallField
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
 
 
 def following_share(effects: Iterable[AddedEffect], frequency: FloatArray, conditions: Conditions) -> ComplexArray:
@@ -37,8 +43,7 @@ def induced_impedance(
 ) -> ComplexArray:
     """Voltages in V that flux induces in n circuits, for each ampere: Z without resistances and what is in series.
 
-    Eddy currents, as patterns (C, Q, R_e), have s C^T L + (R_e + s (C^T L C + Q)) e = 0 for each ampere. With s = j w
-    and L_e = L C that leaves s L - s^2 L_e (R_e + s (C^T L_e + Q))^-1 L_e^T.
+    With eddy currents E for each ampere that is s L (1 + C E) with s = j w.
 
     Parameters
     ----------
@@ -49,18 +54,81 @@ def induced_impedance(
     """
     s = (2j * np.pi * frequency)[..., None, None]
     following = share[..., None, None] * inductance
-    result = s * following
     if eddy is None:
-        return np.asarray(result)
+        return np.asarray(s * following)
     (at,) = eddy.forms(distance)
-    mutual = following @ at.coupling
-    own = np.diag(eddy.resistances_ohm) + s * (np.swapaxes(at.coupling, -1, -2) @ mutual + at.inductance)
-    back = np.swapaxes(mutual, -1, -2)
-    shape = np.broadcast_shapes(own.shape[:-2], back.shape[:-2])
-    solved = np.linalg.solve(
-        np.broadcast_to(own, (*shape, *own.shape[-2:])), np.broadcast_to(back, (*shape, *back.shape[-2:]))
+    carried = carried_by_eddies(following, frequency, eddy, distance)
+    return np.asarray(s * (following + following @ at.coupling @ carried))
+
+
+def carried_by_eddies(
+    following: ComplexArray, frequency: FloatArray, eddy: EddyCurrents, distance: FloatArray
+) -> ComplexArray:
+    """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h(w) L, (..., n, n).
+
+    (R_e + s (C^T h L C + Q)) E = -s C^T h L.
+    """
+    s, (at,) = (2j * np.pi * frequency)[..., None, None], eddy.forms(distance)
+    linked = s * (np.swapaxes(at.coupling, -1, -2) @ following)
+    own = np.diag(eddy.resistances_ohm) + linked @ at.coupling + s * at.inductance
+    shape = np.broadcast_shapes(own.shape[:-2], linked.shape[:-2])
+    found = np.linalg.solve(
+        np.broadcast_to(own, (*shape, *own.shape[-2:])), np.broadcast_to(linked, (*shape, *linked.shape[-2:]))
     )
-    return np.asarray(result - s**2 * (mutual @ solved))
+    return np.asarray(-found, dtype=np.complex128)
+
+
+@dataclass(frozen=True, eq=False)
+class SmallSignal:
+    """Small sinusoidal currents of a model's n circuits about a bias, the body held."""
+
+    model: "ActuatorModel"
+    distance: FloatArray
+    current: FloatArray  # The bias, (..., n) of several circuits
+    inductance: FloatArray  # L there, (..., n, n)
+    frequency: FloatArray  # In Hz
+    share: ComplexArray  # h(w)
+
+    def impedance(self) -> ComplexArray:
+        """Z in ohm, (..., n, n) of several circuits."""
+        model, s = self.model, (2j * np.pi * self.frequency)[..., None, None]
+        at = np.broadcast_to(self.distance, self.inductance.shape[:-2])
+        induced = induced_impedance(self.inductance, self.frequency, self.share, model.eddy, at)
+        z = np.diag(model.resistances_ohm) + s * model.series_inductances_H + induced
+        return np.asarray(z if self._several else z[..., 0, 0])
+
+    def force(self) -> ComplexArray:
+        """Force in N/A, (..., n) of several circuits."""
+        magnetics, eddy = self.model.magnetics, self.model.eddy
+        along = magnetics.motional_constant(self.distance, self.current)
+        if eddy is None:
+            return self._transfer(along)
+        (rising,), flux = eddy.forms(self.distance, 1), magnetics.flux_linkage(self.distance, self.current)
+        pulled = (flux if self._several else flux[..., None])[..., None, :] @ rising.coupling
+        return self._transfer(along, -pulled[..., 0, :] - rising.flux_linkage)
+
+    def field(self, static: HallField) -> ComplexArray:
+        """Field in T/A at a Hall element whose static one is given, (..., n) of several circuits."""
+        _, _, along = static.derivatives(self.distance, self.current)
+        eddy = self.model.eddy
+        return self._transfer(along) if eddy is None else self._transfer(along, eddy.seen(self.distance)[0][1])
+
+    @property
+    def _several(self) -> bool:
+        return len(self.model.circuits) > 1
+
+    def _transfer(self, along: FloatArray, by_pattern: FloatArray | None = None) -> ComplexArray:
+        """What follows the static field, by circuit, and the patterns' own part beside that, (..., r)."""
+        rows = self.share[..., None, None] * (along if self._several else along[..., None])[..., None, :]
+        eddy = self.model.eddy
+        if eddy is not None and by_pattern is not None:
+            at = np.broadcast_to(self.distance, self.inductance.shape[:-2])
+            following = self.share[..., None, None] * self.inductance
+            carried = carried_by_eddies(following, self.frequency, eddy, at)
+            rows = rows + (rows @ eddy.forms(at)[0].coupling + by_pattern[..., None, :]) @ carried
+        shape = np.broadcast_shapes(rows.shape[:-2], self.frequency.shape)
+        rows = np.broadcast_to(rows, (*shape, *rows.shape[-2:]))[..., 0, :]
+        return np.asarray(rows if self._several else rows[..., 0])
 
 
 def checked_frequency(frequency: FloatArray, points: tuple[int, ...]) -> FloatArray:

@@ -2,12 +2,15 @@
 
 from typing import TYPE_CHECKING
 
-from femfit.core.amount import amount, counted
+import numpy as np
+
+from femfit.core.amount import amount, amount_range, counted
 from femfit.model.magnetics import LawMagnetics
 from femfit.model.network_magnetics import FORMULA, NETWORK, NetworkMagnetics
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
+    from femfit.model.eddy_currents import EddyCurrents
     from femfit.model.misfit import Misfit
 
 
@@ -28,7 +31,23 @@ def model_lines(model: "ActuatorModel") -> list[str]:
         "sensor": sensor and f"Hall element of {amount(sensor.sensitivity_V_per_T, 'V/T', 3)}",
     }
     lines += [f"{name}: {text or 'none'}" for name, text in parts.items()]
+    if model.eddy is not None:
+        lines.append(_eddy_line(model, model.eddy))
     return [*lines, f"sample time {amount(model.sample_time_s, 's')}"]
+
+
+def _eddy_line(model: "ActuatorModel", eddy: "EddyCurrents") -> str:
+    """How many states, their time constants while nothing changes the circuits' currents, and how true they are."""
+    windings, n = model.windings, len(eddy.circuits)
+    d = np.linspace(model.validity.distance_min_m, model.validity.distance_max_m, 9)
+    own = windings.magnetics.inductance(d, np.zeros((9, n + eddy.count)))[:, n:, n:]
+    root = np.sqrt(eddy.resistances_ohm)
+    times = np.linalg.eigvalsh(own / (root[:, None] * root))
+    text = f"eddy currents: {counted(eddy.count, 'state')}, {amount_range(times.min(), times.max(), 's', 2)}"
+    if eddy.error is None:
+        return text
+    low, high = amount(eddy.error.frequency_min_Hz, "Hz"), amount(eddy.error.frequency_max_Hz, "Hz")
+    return f"{text}; within {amount(eddy.error.largest, '')} of the field from {low} to {high}"
 
 
 def fit_lines(model: "ActuatorModel") -> list[str]:

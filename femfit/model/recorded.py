@@ -40,7 +40,7 @@ def true_setting_of(model: ActuatorModel, distance: FloatArray, current: FloatAr
 def recorded_force(model: ActuatorModel, state: FloatArray, time: FloatArray | float = 0.0) -> FloatArray:
     """The force in N that a sensor records in states of shape (..., order)."""
     distance, currents = state[..., 0], model.currents_of(state)
-    force = model.magnetics.force(distance, currents)
+    force = model.force_in(state)
     if model.conditions is None:
         return force
     at = replace(model.conditions, velocity_m_s=state[..., 1], time_s=time, elapsed=time)

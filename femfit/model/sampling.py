@@ -11,7 +11,7 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.pickup import PickupSensor
-from femfit.model.sensors import AnySensor, predict_sensor
+from femfit.model.sensors import AnySensor, predict_sensor, require_no_eddies
 
 WHOLE = 1e-6
 """Numerical: a delay this near to a whole number of samples is one."""
@@ -37,6 +37,7 @@ def sampled_value(
 ) -> FloatArray:
     """The g of the module's head, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
     if isinstance(sensor, PickupSensor):
+        require_no_eddies(model, f"what pickup coil {sensor.name!r} reads")
         return sensor.flux.field(state[..., 0], model.currents_of(state))
     return predict_sensor(model, sensor, state, time)
 

@@ -179,6 +179,8 @@ def predict_sensor(
         return characteristic(sensor, recorded_state(model, state, time)[..., 0])
     if isinstance(sensor, ForceSensor):
         return recorded_force(model, state, time)
+    if isinstance(sensor, PickupSensor):
+        require_no_eddies(model, f"what pickup coil {sensor.name!r} reads")
     currents, n = model.currents_of(state), len(model.circuits)
     ohms = model.resistances_ohm if n > 1 else model.resistances_ohm.sum()
     rates = state_derivative(model, state, ohms * currents if voltage is None else voltage)
@@ -191,6 +193,15 @@ def predict_sensor(
         found = np.where(state[..., 0] >= motion.far_stop.distance_m, np.minimum(found, 0.0), found)
     weighed = isinstance(sensor, AccelerationSensor) and sensor.reads_gravity
     return np.asarray(found - motion.gravity_m_s2 if weighed else found)
+
+
+def require_no_eddies(model: ActuatorModel, what: str) -> None:
+    """Refuse what is not known of a model with eddy currents."""
+    if model.eddy is not None:
+        raise MissingPartError(
+            f"The eddy currents of model {model.name!r} do not say {what}, which they change. Leave that out, or fit "
+            "the model without eddy currents: take frequency_Hz out of [solver]."
+        )
 
 
 def characteristic(sensor: PositionSensor, distance: FloatArray) -> FloatArray:

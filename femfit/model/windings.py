@@ -25,11 +25,15 @@ class Windings:
         """How many there are, n + r."""
         return len(self.resistances_ohm)
 
+    @property
+    def end(self) -> int:
+        """Place behind the currents in a state (distance, velocity, currents, ..)."""
+        return 2 + len(self.resistances_ohm)
+
     def voltages(self, voltage: FloatArray) -> FloatArray:
-        """Voltages (..., n + r) of all windings from those of the circuits, (..., n), or (...) of one circuit."""
-        volts = np.asarray(voltage)[..., None] if self.circuits == 1 else np.asarray(voltage)
+        """Voltages (..., n + r) of all windings from those of the circuits, (..., n)."""
         if self.count == self.circuits:
-            return volts
-        result = np.zeros((*volts.shape[:-1], self.count))
-        result[..., : self.circuits] = volts
+            return voltage
+        result = np.zeros((*voltage.shape[:-1], self.count))
+        result[..., : self.circuits] = voltage
         return result

@@ -161,7 +161,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     acting = tuple(added for added in effects if added.effect.coenergy is not None)
     static = tuple(added for added in acting if added.memory is None)
     read = acting or any(added.effect.readings for added in effects)
-    hall_coenergy = changed_coenergy(base_coenergy(base), static, at)
+    hall_coenergy, eddy = changed_coenergy(base_coenergy(base), static, at), eddy_with_sources(base, effects)
     dynamics = EffectDynamics(
         motion_coenergy=CoenergyTable(
             changed_coenergy(ModelCoenergy(base.magnetics, None), static, at), at.nominal, hall=False
@@ -172,6 +172,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         at=at,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else float("nan"),
         series_H=base.circuit.inductance_H if base.circuit else 0.0,
+        eddy=eddy,
     )
     changed = bool(acting) or dynamics.drives  # quicker from the table, even where the effects leave it alone
     circuit, sensor = base.circuit, base.sensor
@@ -187,7 +188,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         motion=_moved_by(base.motion, effects, at.nominal),
         sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,
         other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
-        eddy=eddy_with_sources(base, effects),
+        eddy=eddy,
         effects=effects,
         base=base,
         dynamics=dynamics,

@@ -1,6 +1,6 @@
 """Where the energy went: what the source gave, what was stored and what was lost.
 
-    source = copper + diode + friction + impact + growth of (magnetic + kinetic + springs + weight and load)
+    source = copper + eddy + diode + friction + impact + growth of (magnetic + kinetic + springs + weight and load)
 
 The magnetic energy is i . flux linkage - W'(d, i); its growth is i . d(flux linkage) less the work on the body.
 """
@@ -23,8 +23,8 @@ class EnergyBalance:
     ----------
     source_J : float
         From the driver; what a bridge takes back counts against it.
-    copper_J, diode_J, friction_J, impact_J : float
-        Lost in the winding, the freewheel diode, viscous and dry friction, and given to the stops.
+    copper_J, eddy_J, diode_J, friction_J, impact_J : float
+        Lost in the winding, to eddy currents, in the freewheel diode, viscous and dry friction, and given to the stops.
     magnetic_J, kinetic_J, springs_J, potential_J : float
         Growth of what is stored in field, motion, springs, and weight with load.
     remainder_J : float
@@ -33,6 +33,7 @@ class EnergyBalance:
 
     source_J: float
     copper_J: float
+    eddy_J: float
     diode_J: float
     friction_J: float
     impact_J: float
@@ -56,17 +57,17 @@ class EnergyBalance:
 def balance(
     model: ActuatorModel, mechanics: Mechanics, first: FloatArray, last: FloatArray, gone: FloatArray
 ) -> EnergyBalance:
-    """The balance between two states (distance, velocity, currents); ``gone`` is what the integration summed up.
+    """The balance between two states (distance, velocity, all currents); ``gone`` is what the integration summed up.
 
     The magnetic energy has that of the inductances in series, 1/2 L_s i^2.
     """
-    source, copper, diode, friction, impact = (float(one) for one in gone)
-    ends = np.array([first, last])
-    d, v, i = ends[:, 0], ends[:, 1], model.currents_of(ends)
-    each = ends[:, 2 : 2 + len(model.circuits)]
-    coenergy, flux = model.magnetics.coenergy(d, i), model.magnetics.flux_linkage(d, i)
+    source, copper, eddy, diode, friction, impact = (float(one) for one in gone)
+    ends, windings = np.array([first, last]), model.windings
+    d, v, each = ends[:, 0], ends[:, 1], ends[:, 2 : windings.end]
+    i = each if model.eddy is not None else model.currents_of(ends)
+    coenergy, flux = windings.magnetics.coenergy(d, i), windings.magnetics.flux_linkage(d, i)
     linked = (each * flux.reshape(each.shape)).sum(axis=1) if each.shape[1] else np.zeros(2)
-    in_series = 0.5 * np.einsum("pk,kl,pl->p", each, model.series_inductances_H, each)
+    in_series = 0.5 * np.einsum("pk,kl,pl->p", each, windings.series_H, each)
     stored = [
         linked - coenergy + in_series,
         0.5 * mechanics.mass_kg * v**2,
@@ -74,5 +75,5 @@ def balance(
         -(mechanics.mass_kg * mechanics.gravity_m_s2 + mechanics.load_N) * d,
     ]
     magnetic, kinetic, strain, potential = (float(one[1] - one[0]) for one in stored)
-    gone_to = (copper, diode, friction, impact, magnetic, kinetic, strain, potential)
+    gone_to = (copper, eddy, diode, friction, impact, magnetic, kinetic, strain, potential)
     return EnergyBalance(source, *gone_to, source - sum(gone_to))

@@ -1,8 +1,9 @@
 """The actuator's equations at one point in time, before stops, dry friction and what feeds it have their say.
 
-    m v' = net force,    L i' = U - R i + k_m v,    L of shape (n, n), all else of shape (n,) for n circuits.
+    m v' = net force,    L i' = U - R i + k_m v,    L of shape (n, n), all else of shape (n,) for n windings:
 
-Effects of the model join in; their own states follow the currents.
+the circuits, and after them the eddy currents, whose U is 0. Effects of the model join in; their own states follow the
+currents.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ class Point:
     """Forces and what the circuits do at one state."""
 
     net_N: float  # On the body along growing distance, without stops and dry friction
-    motional_V: FloatArray  # k_m v of each circuit: what the motion adds to its voltage
+    motional_V: FloatArray  # k_m v of each winding: what the motion adds to its voltage
     inductance_H: FloatArray  # Shape (n, n)
 
 
@@ -37,14 +38,14 @@ class Equations:
     sample_time_s: float
 
     @property
-    def circuits(self) -> int:
-        """Number of circuits n."""
+    def windings(self) -> int:
+        """Number of windings n."""
         return len(self.resistance_ohm)
 
     def point(self, state: FloatArray) -> Point:
         """Forces and circuits at (distance, velocity, currents, states of effects)."""
         d, v = float(state[0]), float(state[1])
-        force, motional, inductance = self.magnetics(d, state[2 : 2 + self.circuits])
+        force, motional, inductance = self.magnetics(d, state[2 : 2 + self.windings])
         return Point(self._force_beside(d, v) - force, motional * v, inductance + self.series_H)
 
     def _force_beside(self, distance: float, velocity: float) -> float:
@@ -55,8 +56,8 @@ class Equations:
     def current_rate(self, point: Point, currents: FloatArray, voltage: FloatArray) -> FloatArray:
         """The rate i' in A/s that voltages give."""
         driving = voltage - self.resistance_ohm * currents + point.motional_V
-        if self.circuits <= 1:
-            return np.asarray(driving / point.inductance_H[0] if self.circuits else driving)
+        if self.windings <= 1:
+            return np.asarray(driving / point.inductance_H[0] if self.windings else driving)
         return np.asarray(np.linalg.solve(point.inductance_H, driving), dtype=np.float64)
 
     def voltage(self, point: Point, currents: FloatArray, rate: FloatArray) -> FloatArray:
@@ -66,12 +67,13 @@ class Equations:
     def with_effects(
         self, state: FloatArray, voltage: FloatArray, rate: float | None
     ) -> tuple[float, FloatArray, FloatArray]:
-        """Under effects: net force, i', and the rates of their states; i' is given where ``rate`` is a number."""
+        """Under effects: net force, i', and the rates of their states; that of the circuit is ``rate`` if a number."""
         assert self.effects is not None  # noqa: S101  asked for by its callers
         found = self.effects.derivative(
             state[None, :], voltage[:1], 0.0, self.smooth, self.sample_time_s, current_rate=rate
         )[0]
-        return float(self.smooth.mass_kg * found[1]), found[2:3], found[3:]
+        end = 2 + self.windings
+        return float(self.smooth.mass_kg * found[1]), found[2:end], found[end:]
 
 
 def equations_of(model: ActuatorModel) -> Equations:
@@ -81,9 +83,9 @@ def equations_of(model: ActuatorModel) -> Equations:
     effects = model.dynamics if model.dynamics is not None and model.dynamics.drives else None
     return Equations(
         smooth=replace(motion, coulomb_N=0.0),
-        resistance_ohm=model.resistances_ohm,
-        series_H=model.series_inductances_H,
-        magnetics=point_magnetics(model.magnetics),
+        resistance_ohm=model.windings.resistances_ohm,
+        series_H=model.windings.series_H,
+        magnetics=point_magnetics(model.windings.magnetics),
         effects=effects,
         sample_time_s=model.sample_time_s,
     )

@@ -10,7 +10,8 @@ at_min       it is ahead of the command, at its smallest voltage
 ===========  ==========================================================================================
 
 Each circuit has a mode of its own. With the voltages of some (V) and the rates of the others (I) given,
-L_VV i'_V = U_V - R i_V + k_m v - L_VI i'_I, and the voltages of the others follow.
+L_VV i'_V = U_V - R i_V + k_m v - L_VI i'_I, and the voltages of the others follow. Eddy currents stand behind the
+circuits with a voltage of 0.
 """
 
 from collections.abc import Sequence
@@ -48,7 +49,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Flow:
-    """What the circuits and the body's net force are at one moment."""
+    """What circuits, eddy currents and the body's net force are at one moment."""
 
     net_N: float
     voltage_V: FloatArray
@@ -118,9 +119,9 @@ class Feed:
     def flow(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Flow:
         """Currents and net force in a mode; ``state`` is (distance, velocity, currents, states of effects)."""
         point = self.equations.point(state)
-        currents = state[2 : 2 + len(self.windings)]
+        currents = state[2 : 2 + self.equations.windings]
         values, rated, drops = np.zeros(len(currents)), np.zeros(len(currents), dtype=np.bool_), self._no_diode
-        for k, (winding, mode, line) in enumerate(zip(self.windings, modes, lines, strict=True)):
+        for k, (winding, mode, line) in enumerate(zip(self.windings, modes, lines, strict=True)):  # no eddy currents
             values[k], rated[k], drop = winding.given(mode, line, time, float(currents[k]))
             if drop:
                 drops = drops.copy()
@@ -138,7 +139,7 @@ class Feed:
 
     @cached_property
     def _no_diode(self) -> FloatArray:
-        return np.zeros(len(self.windings))
+        return np.zeros(self.equations.windings)
 
     @cached_property
     def _ends(self) -> FloatArray:
@@ -147,7 +148,7 @@ class Feed:
 
     def _solved(self, point: Point, state: FloatArray, values: FloatArray, rated: BoolArray, drops: FloatArray) -> Flow:
         """The flow where each circuit's voltage is given, or its current's rate where ``rated``."""
-        equations, currents = self.equations, state[2 : 2 + len(self.windings)]
+        equations, currents = self.equations, state[2 : 2 + self.equations.windings]
         if not rated.any():
             if equations.effects is not None:
                 return Flow(*_net_voltage_rates(equations, state, values, None), drops)
@@ -166,7 +167,7 @@ class Feed:
             return Flow(point.net_N, voltage, rate, rate[:0], drops)
         # Effects change the voltage that the rate needs; one secant finds it, for the rate is linear in it
         ends = [equations.with_effects(state, voltage + step, None)[1] for step in (0.0, 1.0)]
-        voltage = voltage + (rate - ends[0]) / (ends[1] - ends[0])
+        voltage[0] += (rate[0] - ends[0][0]) / (ends[1][0] - ends[0][0])
         return Flow(*_net_voltage_rates(equations, state, voltage, float(rate[0])), drops)
 
     def settled(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Modes:

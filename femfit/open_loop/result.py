@@ -180,6 +180,7 @@ class OpenLoop(Printed):
             return []
         shares = {
             "copper": energy.copper_J,
+            "eddy currents": energy.eddy_J,
             "diode": energy.diode_J,
             "friction": energy.friction_J,
             "stops": energy.impact_J,

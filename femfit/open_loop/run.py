@@ -178,11 +178,13 @@ class _Walk:
         """What is large for each state: the domain's ranges, and what the largest force does over them."""
         box, system = self.system.domain, self.system
         travel = box.distance_max_m - box.distance_min_m
-        currents = np.abs(box.current_limits_A).max(axis=1)[: system.feed.equations.circuits]
+        currents = np.abs(box.current_limits_A).max(axis=1)[: len(system.feed.windings)]
         work = system.force_scale_N * travel
         speed = np.sqrt(work / system.mechanics.mass_kg)
         result = np.ones(system.size + len(ENERGIES))
-        result[0], result[1], result[2 : 2 + len(currents)] = travel, speed, currents
+        end = 2 + len(currents)
+        result[0], result[1], result[2:end] = travel, speed, currents
+        result[end : end + len(system.eddies_A)] = system.eddies_A
         result[system.size :] = work
         return result
 
@@ -190,7 +192,7 @@ class _Walk:
         system = self.system
         point = system.feed.equations.point(self.state[: system.size])
         rate = system.feed.bandwidth
-        if system.feed.windings:
+        if system.feed.equations.windings:
             stored = np.linalg.inv(point.inductance_H)
             rate = max(rate, float(np.abs(stored @ np.diag(system.feed.equations.resistance_ohm)).sum(axis=1).max()))
         stop = None if self.mode.touching is None else system.stop(self.mode.touching)

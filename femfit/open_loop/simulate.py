@@ -12,6 +12,7 @@ from femfit.core.errors import DomainError, UsageError
 from femfit.core.sweep_columns import circuit_currents, flux_columns, voltage_columns
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.dynamics import state_scale
 from femfit.model.json_file import read_model
 from femfit.open_loop.command import Command, Constant, beyond_limits, commanded
 from femfit.open_loop.energy import balance
@@ -147,6 +148,7 @@ def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
         domain=box,
         size=model.order,
         force_scale_N=force or 1.0,
+        eddies_A=state_scale(model)[2 + len(model.circuits) : model.windings.end],
     )
 
 
@@ -188,15 +190,16 @@ def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dic
         stretch = found.stretches[k]
         states[:, rows] = stretch.solution(time[rows])
         volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
-    d, i, names = states[0], model.currents_of(states.T), model.circuit_names
-    flux = model.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, :circuits]
+    d, names, windings = states[0], model.circuit_names, model.windings
+    i = model.currents_of(states.T) if model.eddy is None else states[2 : windings.end].T
+    flux = windings.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, :circuits]
     motion = {
         "time_s": time,
         "distance_m": d,
         "velocity_m_s": states[1],
         **dict(zip(circuit_currents(names), states[2 : 2 + circuits], strict=True)),
         **dict(zip(voltage_columns(names), volts, strict=True)),
-        "force_N": model.magnetics.force(d, i),
+        "force_N": windings.magnetics.force(d, i),
         "static_force_N": system.mechanics.static_force(d),
         **dict(zip(flux_columns(names), flux.T, strict=True)),
     }
@@ -215,7 +218,7 @@ def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatA
         return np.array(rows).reshape(len(rows), len(time))
     return np.array(
         [
-            feed.flow(modes, stretch.lines, t, state[: system.size]).voltage_V
+            feed.flow(modes, stretch.lines, t, state[: system.size]).voltage_V[: len(feed.windings)]
             for t, state in zip(time, states.T, strict=True)
         ]
     ).T

@@ -1,7 +1,7 @@
 """Body, stops, friction and circuits between two events: smooth equations in one mode.
 
-State: distance, velocity, currents, states of effects; after them the energies in J of :data:`ENERGIES` that have gone
-so far, which the integrator sums up with the same care as the motion.
+State: distance, velocity, currents of circuits and eddies, states of effects; after them the energies in J of
+:data:`ENERGIES` that have gone so far, which the integrator sums up with the same care as the motion.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ Lines = tuple[Line, ...]
 Reading = Callable[[float, FloatArray], float]
 """A number at a time and a state."""
 
-ENERGIES = ("source", "copper", "diode", "friction", "impact")
+ENERGIES = ("source", "copper", "eddy", "diode", "friction", "impact")
 
 LEAST_REBOUND = 1e-7
 """Conventional: height of a rebound over the travel below which a body stays on its stop."""
@@ -66,6 +66,7 @@ class System:
     domain: ValidityBox
     size: int  # Number of states without the energies
     force_scale_N: float
+    eddies_A: FloatArray  # What is large for each pattern of the eddy currents
 
     @property
     def least_rebound_m(self) -> float:
@@ -92,24 +93,26 @@ class System:
 
     def rates(self, mode: Mode, lines: Lines) -> Callable[[float, FloatArray], FloatArray]:
         """The derivative of the state in a mode."""
-        size, circuits, mechanics = self.size, self.feed.equations.circuits, self.mechanics
+        size, mechanics, n = self.size, self.mechanics, len(self.feed.windings)
+        end = 2 + self.feed.equations.windings
         resistance, friction = self.feed.equations.resistance_ohm, mode.sliding * mechanics.coulomb_N
 
         def derivative(time: float, state: FloatArray) -> FloatArray:
             flow = self.feed.flow(mode.feed, lines, time, state[:size])
             contact = self.contact(mode, state)
-            velocity, currents = 0.0 if mode.held else float(state[1]), state[2 : 2 + circuits]
+            velocity, currents = 0.0 if mode.held else float(state[1]), state[2:end]
             result = np.zeros_like(state)
             if not mode.held:
                 result[0] = velocity
                 result[1] = (flow.net_N + contact - friction) / mechanics.mass_kg
-            result[2 : 2 + circuits] = flow.current_rate_A_s
-            result[2 + circuits : size] = flow.effect_rates
+            result[2:end] = flow.current_rate_A_s
+            result[end:size] = flow.effect_rates
+            lost = resistance * currents**2
             result[size] = float(np.where(flow.diode_V == 0.0, flow.voltage_V, 0.0) @ currents)
-            result[size + 1] = float(resistance @ currents**2)
-            result[size + 2] = float(flow.diode_V @ currents)
-            result[size + 3] = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity
-            result[size + 4] = -contact * velocity
+            result[size + 1], result[size + 2] = float(lost[:n].sum()), float(lost[n:].sum())
+            result[size + 3] = float(flow.diode_V @ currents)
+            result[size + 4] = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity
+            result[size + 5] = -contact * velocity
             return result
 
         return derivative

@@ -255,7 +255,7 @@ def _seat(
     rivals.likelihood[now] += np.where(moves, density + np.log(speed * model.sample_time_s), -np.inf)
     passed = outward * np.maximum(-outward * gap, 0.0)
     d = np.full(int(now.sum()), stop.distance_m)
-    end = 2 + len(model.circuits)
+    end = model.windings.end
     mean[now, 2:end] = currents_of_same_flux(model, mean[now, 2:end], d + passed, d)
     mean[now, 0], mean[now, 1] = stop.distance_m, -stop.restitution * mean[now, 1]
     # What is left of the distance is nothing beside a step; the speed's deviation is returned with it

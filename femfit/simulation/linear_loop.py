@@ -21,6 +21,7 @@ import numpy as np
 from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.filters.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.dynamics import state_scale
 from femfit.model.sampling import sample_weights, sampled_value
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import DirectObserver
@@ -153,15 +154,6 @@ def closed_loop_matrix(plant: LinearPlant, controller: LinearController) -> Floa
     F[own] += controller.B @ y
     F[own, own] += controller.A
     return F
-
-
-def state_scale(model: ActuatorModel) -> FloatArray:
-    """What is large for each state."""
-    box = model.validity
-    stroke = box.distance_max_m - box.distance_min_m
-    widths = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
-    memory = model.dynamics.spreads if model.dynamics is not None else np.zeros(0)
-    return np.array([stroke, 0.01 * stroke / model.sample_time_s, *widths, *memory])
 
 
 def _command_scale(model: ActuatorModel, point: OperatingPoint) -> FloatArray:

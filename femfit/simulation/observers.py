@@ -87,7 +87,8 @@ def _first(measurement: FloatArray) -> FloatArray:
 
 
 def coil_currents(model: ActuatorModel, mean: FloatArray, command: FloatArray) -> FloatArray:
-    """Currents one sample later, of shape (runs, n), with distance and velocity held."""
+    """Currents one sample later, of shape (runs, n), with distance and velocity held, as if nothing else conducted."""
+    model = model.without_eddies
     n, step = len(model.circuits), model.sample_time_s
     distance, velocity, currents = mean[:, 0], mean[:, 1], mean[:, 2 : 2 + n]
     _, motional, inductance = circuit_terms(model, distance, currents)

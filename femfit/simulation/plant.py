@@ -17,9 +17,10 @@ from femfit.filters.levitation import fastest_time_constant, kept_between_stops
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.drive import (
-    circuit_terms,
+    blocked_by_diodes,
     commands_currents,
     current_targets,
+    currents_by_voltages,
     is_plain,
     voltage_limits,
     winding_voltage,
@@ -52,6 +53,13 @@ class ScaledForce(Magnetics):
             for (a, _), value in zip(orders, values, strict=True)
         ]
 
+    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """The same of any number of circuits."""
+        there, scale = self.base.flux_linkage(distance, current), np.asarray(self.scale)
+        at_reference = self.base.flux_linkage(np.full_like(distance, self.reference_distance_m), current)
+        scale = scale[..., None] if np.ndim(there) > np.ndim(distance) else scale
+        return scale * there + (1.0 - scale) * at_reference
+
     def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """The same of any number of circuits."""
         there = self.base.state_of_circuits(distance, currents)
@@ -72,7 +80,7 @@ class Plant:
 
     @cached_property
     def substeps(self) -> int:
-        """Steps of the integration in a sample, so that none is longer than the time constant of a coil."""
+        """Steps of the integration in a sample; none is longer than the time constant of a coil or eddy current."""
         model, box = self.model, self.model.validity
         if isinstance(model.magnetics, ScaledForce):  # whose scales are those of a batch
             model = replace(model, magnetics=model.magnetics.base)
@@ -81,8 +89,8 @@ class Plant:
         return max(1, int(np.ceil(self.model.sample_time_s / shortest / LONGEST_STEP)))
 
     def start(self, state: FloatArray) -> FloatArray:
-        """The first state from (distance, velocity, currents), shape (runs, 2 + n); those of effects at rest."""
-        added = len(self.model.memory_names)
+        """The first state from (distance, velocity, currents), shape (runs, 2 + n); all others are at rest."""
+        added = self.model.order - state.shape[1]
         return np.concatenate([np.array(state, dtype=np.float64), np.zeros((len(state), added))], axis=1)
 
     def step(self, state: FloatArray, command: FloatArray) -> FloatArray:
@@ -91,7 +99,7 @@ class Plant:
         Parameters
         ----------
         state : array, shape (runs, 2 + n or more)
-            Distance in m, velocity in m/s, currents in A; after them ``model.memory_names``.
+            Distance in m, velocity in m/s, currents in A; after them the other ``model.state_names``.
         command : array, shape (runs, n), or (runs,) with one circuit
             Held over the period, in V, or in A for a current amplifier.
         """
@@ -111,14 +119,18 @@ class Plant:
         amplified = commands_currents(model)
         if amplified.any():  # what the filters' step missed, taken back by one secant
             left = current_targets(model, state[:, 2 : 2 + n], command, step) - moved[:, 2 : 2 + n]
-            _, _, inductance = circuit_terms(model, moved[:, 0], moved[:, 2 : 2 + n])
-            more = np.einsum("rjk,rk->rj", inductance, np.where(amplified, left, 0.0)) / step
+            more = np.einsum("rjk,rk->rj", self._needed(moved, step), np.where(amplified, left, 0.0))
             corrected = np.clip(volts + more, *voltage_limits(model.circuits))
             moved = self._integrated(state, np.where(amplified, corrected, volts), step)
-        for k, circuit in enumerate(model.circuits):  # no diode lets a current turn round
-            if circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None:
-                moved[:, 2 + k] = np.maximum(moved[:, 2 + k], 0.0)
-        return moved
+        return blocked_by_diodes(model, moved)
+
+    def _needed(self, state: FloatArray, step: float) -> FloatArray:
+        """Voltages held over a step for a change of the currents, in V/A, shape (runs, n, n)."""
+        model, n = self.model, len(self.model.circuits)
+        at = model.windings.magnetics.state_of_circuits(state[:, 0], state[:, 2 : model.windings.end])
+        if model.eddy is None:
+            return (at.inductance + model.series_inductances_H) / step
+        return np.asarray(np.linalg.inv(currents_by_voltages(model, at, step)[:, :n, :n]))
 
     def _integrated(self, state: FloatArray, volts: FloatArray, step: float) -> FloatArray:
         voltage = volts[:, 0] if len(self.model.circuits) == 1 else volts

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.eddy_currents import EddyCurrents, EddyError
@@ -54,7 +55,7 @@ def hall_fields(u, n, r):
 def eddies(circuits, time_constants, low_m=0.015, high_m=0.045, hall=True):
     """Patterns of 1 ohm whose inductances beside the circuits' are the time constants in s, at 30 mm."""
     n, r, degree = len(circuits), len(time_constants), 3
-    knots = knots_over(low_m, high_m, degree, (0.025,))
+    knots = knots_over(low_m, high_m, degree, (0.5 * (low_m + high_m),))
     return EddyCurrents(
         names=tuple(f"eddy_{k + 1}" for k in range(r)),
         resistances_ohm=np.ones(r),
@@ -68,6 +69,12 @@ def eddies(circuits, time_constants, low_m=0.015, high_m=0.045, hall=True):
         hall_T_per_A=spline_of(lambda u: hall_fields(u, n, r), knots, degree) if hall else None,
         error=EddyError(1.0, 1e4, 0.004, 0.009, 0.006),
     )
+
+
+def magnets_alone(model):
+    """A model's magnet and iron without its winding."""
+    kind = ActuatorKind(True, True, False, False, coil=False, saturates=False)
+    return replace(model, circuits=(), sensor=None, kind=kind, validity=replace(model.validity, current_max_A=0.0))
 
 
 def with_eddies(model, time_constants=(10e-3, 3e-3, 0.5e-3)):

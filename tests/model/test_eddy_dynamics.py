@@ -1,0 +1,338 @@
+"""Eddy currents in the equations of motion: closed forms, passivity, Jacobians, and effects beside them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from femfit.core.differences import central_differences
+from femfit.device.mechanics import Mechanics
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.effects.stages import changed_coenergy, circuit_of
+from femfit.model.dynamics import (
+    currents_of_same_flux,
+    hall_voltage,
+    runge_kutta_step,
+    state_derivative,
+    state_jacobian,
+    state_scale,
+)
+from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.exponential_step import exponential_jacobian, exponential_step
+from femfit.model.with_effects import with_effects
+from support.eddies import REFERENCE_M, knots_over, magnets_alone, spline_of, with_eddies
+from support.halves import cut_in_two
+
+DISTANCE_M = 0.025
+
+
+@pytest.fixture(scope="module", params=["one", "two", "none"])
+def model(request, levitation_model):
+    none, two = magnets_alone(levitation_model), cut_in_two(levitation_model)
+    known = {"one": levitation_model, "two": two, "none": none}
+    return with_eddies(known[request.param])
+
+
+def states_of(model, count=30):
+    generator, n = np.random.default_rng(5), len(model.circuits)
+    d, v = generator.uniform(0.018, 0.04, count), generator.normal(0.0, 0.1, count)
+    i = generator.uniform(0.0, 1.4, (count, n))
+    e = generator.normal(0.0, 0.3, (count, model.order - 2 - n))
+    volts = generator.uniform(-3.0, 3.0, (count, n))
+    return np.column_stack([d, v, i, e]), volts[:, 0] if n == 1 else volts
+
+
+@pytest.mark.parametrize("function", ["derivative", "step"])
+def test_the_jacobians_are_those_of_differences(model, function):
+    states, volts = states_of(model)
+    step = model.sample_time_s
+
+    def value(x, u):
+        return state_derivative(model, x, u) if function == "derivative" else exponential_step(model, x, u, step)
+
+    slopes = central_differences(
+        lambda x: value(x, np.concatenate([volts] * (2 * model.order))), states, state_scale(model)
+    )
+    found = (
+        state_jacobian(model, states, volts)
+        if function == "derivative"
+        else exponential_jacobian(model, states, volts, step)
+    )
+    size = np.abs(slopes).max(axis=0) + 1e-12
+    size[0] += 1e-4  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
+    assert (np.abs(found - slopes) / size).max() < 1e-6
+
+
+def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
+    """U i = R i^2 + R_e e^2 + dW/dt + F v, at any state."""
+    states, volts = states_of(model)
+    windings, h = model.windings, 1e-6
+    rates = state_derivative(model, states, volts)
+    w = states[:, 2:]
+
+    def stored(x):
+        at = x[:, 2:]
+        linked = (at * windings.magnetics.flux_linkage(x[:, 0], at)).sum(axis=1)
+        return linked - windings.magnetics.coenergy(x[:, 0], at)
+
+    growth = (stored(states + h * rates) - stored(states - h * rates)) / (2.0 * h)
+    given = (windings.voltages(volts[:, None] if volts.ndim == 1 else volts) * w).sum(axis=1)
+    heat = (windings.resistances_ohm * w**2).sum(axis=1)
+    work = windings.magnetics.force(states[:, 0], w) * -states[:, 1]  # F acts towards smaller distance
+    np.testing.assert_allclose(growth + heat + work, given, rtol=0.0, atol=1e-6 * np.abs(given + heat).max())
+
+
+def held(model):
+    """The same with a body that nothing moves."""
+    return replace(model, motion=Mechanics(1e12, 0.0))
+
+
+def one_ring(model, coupling=0.4, inductance=2e-3, linkage=0.0):
+    """One pattern of 1 ohm whose C, Q and lambda are constant, but for a straight lambda."""
+    knots = knots_over(0.015, 0.045, 2)
+    n = len(model.circuits)
+    ring = EddyCurrents(
+        ("eddy_1",),
+        np.ones(1),
+        model.circuit_names,
+        replace(model.magnetics.coordinate, reference_distance_m=REFERENCE_M, inverse=False, distance_shift_m=0.0),
+        knots,
+        2,
+        np.full((3, n, 1), coupling),
+        spline_of(lambda u: linkage * u[:, None], knots, 2),
+        np.full((3, 1), inductance),
+    )
+    return replace(model, eddy=ring)
+
+
+def test_a_step_of_voltage_on_a_winding_with_one_ring_is_the_closed_form(levitation_model):
+    """Two linked circuits: sums of two exponentials, from the eigenvalues of L^-1 R."""
+    model = held(one_ring(levitation_model))
+    ohms, static = model.circuit.resistance_ohm, float(model.inductance(DISTANCE_M, 0.0))
+    whole = np.array([[static, 0.4 * static], [0.4 * static, 0.16 * static + 2e-3]])
+    decay = np.linalg.solve(whole, np.diag([ohms, 1.0]))
+    rates, modes = np.linalg.eig(decay)
+    final = np.array([1.0, 0.0])
+    start, volts, step = np.array([[DISTANCE_M, 0.0, 0.0, 0.0]]), np.array([ohms]), 0.7e-3
+    state = coarse = start
+    for k in range(1, 30):
+        state = runge_kutta_step(model, state, volts, step, 20)
+        coarse = exponential_step(model, coarse, volts, step)
+        wanted = final - modes @ (np.exp(-rates * k * step) * np.linalg.solve(modes, final))
+        np.testing.assert_allclose(state[0, 2:], wanted, atol=1e-7)
+        np.testing.assert_allclose(coarse[0, 2:], wanted, atol=1e-10)  # exact, whatever the step
+
+
+def test_a_ring_takes_inductance_away_as_in_a_transformer(levitation_model):
+    """Z = R + j w L (1 - k^2 j w T / (1 + j w T)): L falls to L (1 - k^2), R grows."""
+    model = one_ring(levitation_model)
+    static, f = float(model.inductance(DISTANCE_M, 0.5)), np.array([0.0, 1.0, 30.0, 300.0, 1e4])
+    own = 0.16 * static + 2e-3
+    k_squared, s = 0.16 * static / own, 2j * np.pi * f
+    wanted = model.circuit.resistance_ohm + s * static * (1.0 - k_squared * s * own / (1.0 + s * own))
+    np.testing.assert_allclose(model.impedance(DISTANCE_M, 0.5, f), wanted, rtol=1e-12)
+    still = replace(model, eddy=None)
+    for name in ("impedance", "force_transfer", "hall_transfer"):
+        plain = getattr(still, name)(DISTANCE_M, 0.5, f)
+        assert getattr(model, name)(DISTANCE_M, 0.5, f)[0] == pytest.approx(plain[0])
+        assert plain.shape == f.shape
+    slope = still.force_transfer(DISTANCE_M, 0.5, 1e4)
+    assert slope == pytest.approx(float(model.magnetics.motional_constant(DISTANCE_M, 0.5)))
+
+
+@pytest.mark.parametrize("circuits", [1, 2])
+def test_transfers_are_those_of_the_simulated_sine(levitation_model, circuits):
+    """The equations of motion linearised about the bias give the same impedance, force and field."""
+    base = levitation_model if circuits == 1 else cut_in_two(levitation_model)
+    model = held(with_eddies(base))
+    bias, f = np.full(circuits, 0.6), 40.0
+    state = np.zeros(model.order)
+    state[0], state[2 : 2 + circuits] = DISTANCE_M, bias
+    volts = model.resistances_ohm * bias
+    volts = volts if circuits > 1 else volts[0]
+    A = state_jacobian(model, state[None], volts[None] if circuits > 1 else np.array([volts]))[0, 2:, 2:]
+    windings = model.windings
+    there = windings.magnetics.state(np.asarray(DISTANCE_M), state[2:])
+    B = np.linalg.inv(there.inductance + windings.series_H)[:, :circuits]
+    by_volt = np.linalg.solve(2j * np.pi * f * np.eye(windings.count) - A, B)
+    currents = by_volt[:circuits]
+    flat = bias if circuits > 1 else bias[0]
+    z = model.impedance(DISTANCE_M, flat, f)
+    np.testing.assert_allclose(np.linalg.inv(currents), z if circuits > 1 else [[z]], rtol=1e-9)
+    per_ampere = by_volt @ np.linalg.inv(currents)
+    force = there.motional_constant @ per_ampere
+    np.testing.assert_allclose(
+        model.force_transfer(DISTANCE_M, flat, f), force if circuits > 1 else force[0], rtol=1e-9
+    )
+    if circuits == 1:
+        scale = state_scale(model)
+        seen = central_differences(lambda x: hall_voltage(model, x)[:, None], state[None], scale)[0, 0, 2:]
+        field = seen @ per_ampere[:, 0] / model.sensor.sensitivity_V_per_T
+        np.testing.assert_allclose(model.hall_transfer(DISTANCE_M, flat, f), field, rtol=1e-7)
+
+
+def test_transfers_broadcast(levitation_model):
+    model = with_eddies(levitation_model)
+    d, f = np.linspace(0.02, 0.04, 3)[:, None], np.array([10.0, 100.0])
+    for name in ("impedance", "force_transfer", "hall_transfer"):
+        found = getattr(model, name)(d, 0.5, f)
+        assert found.shape == (3, 2)
+        assert found[1, 1] == pytest.approx(getattr(model, name)(d[1, 0], 0.5, 100.0))
+
+
+def falling(levitation_model, slope=0.02):
+    """A magnet without a winding beside a ring whose flux linkage grows steadily with the distance, in Wb/m."""
+    return one_ring(magnets_alone(levitation_model), linkage=slope * REFERENCE_M), slope
+
+
+def test_a_magnet_that_passes_a_ring_slowly_is_braked_by_the_linkage_squared_over_the_resistance(levitation_model):
+    model, slope = falling(levitation_model)
+    velocity = 0.01
+    current = -slope * velocity / 1.0  # steady: 0 = R e + lambda' v
+    states = np.array([[DISTANCE_M, velocity, current], [DISTANCE_M, 0.0, 0.0]])
+    moving, resting = state_derivative(model, states, np.zeros((2, 0)))
+    assert moving[2] == pytest.approx(0.0, abs=1e-12)
+    brake = (resting[1] - moving[1]) * model.motion.mass_kg
+    assert brake == pytest.approx(slope**2 / 1.0 * velocity, rel=1e-9)
+
+
+def test_a_fall_past_a_ring_keeps_the_energy(levitation_model):
+    model, _ = falling(levitation_model, 2.0)
+    model = replace(model, motion=Mechanics(0.05))
+
+    def rate(_, x):
+        heat = float((x[2] ** 2) * 1.0)
+        return [*state_derivative(model, x[None, :3], np.zeros((1, 0)))[0], heat]
+
+    found = solve_ivp(rate, (0.0, 0.04), [0.02, 0.0, 0.0, 0.0], rtol=1e-10, atol=1e-13, method="DOP853")
+
+    def energy(x):
+        d, w = np.array([x[0]]), x[None, 2:3]
+        magnetics, motion = model.windings.magnetics, model.motion
+        linked = float((w * magnetics.flux_linkage(d, w)).sum())
+        return (
+            linked
+            - float(magnetics.coenergy(d, w)[0])
+            + 0.5 * motion.mass_kg * x[1] ** 2
+            - motion.mass_kg * motion.gravity_m_s2 * x[0]
+        )
+
+    first, last = found.y[:, 0], found.y[:, -1]
+    heat = last[3] - first[3]
+    assert heat > 1e-4  # a good part of the fall's 8 mJ
+    assert energy(first) - energy(last) == pytest.approx(heat, rel=1e-8)
+
+
+def test_fast_eddy_currents_decay_exactly_within_a_step(levitation_model):
+    """Patterns of 10 us under steps of half a millisecond follow what drives them."""
+    model = held(with_eddies(levitation_model, (1e-5, 2e-5, 0.1)))
+    state, volts = np.array([[DISTANCE_M, 0.0, 0.0, 0.0, 0.0, 0.0]]), np.array([2.0])
+    fine = runge_kutta_step(model, state, volts, 5e-3, 5000)
+    for _ in range(10):
+        state = exponential_step(model, state, volts, 0.5e-3)
+    np.testing.assert_allclose(state, fine, atol=1e-8)
+
+
+def test_all_flux_linkages_are_kept_at_an_impact(model):
+    states, _ = states_of(model)
+    before, after = states[:, 0], states[:, 0] - 1e-4
+    found = currents_of_same_flux(model, states[:, 2:], before, after)
+    linked = model.windings.magnetics.flux_linkage
+    np.testing.assert_allclose(linked(after, found), linked(before, states[:, 2:]), rtol=1e-9, atol=1e-12)
+
+
+def under_effects(model, *chosen):
+    """A model with effects, each with its parameters in place of what they are without."""
+    known = [(effect_by_name(name), values) for name, values in chosen]
+    return with_effects(model, [AddedEffect(effect, effect.null() | values) for effect, values in known])
+
+
+LAG = ("eddy_current_lag", {"ring_share": 0.1, "diffusion_share": 0.1, "time_s": 2e-3})
+HYSTERESIS = ("hysteresis", {"width_medium": 0.005, "width_large": 0.02, "taper": 0.02})
+FRICTION, SAG = ("coulomb_friction", {"level": 0.1}), ("supply_sag", {"inner_resistance": 0.2})
+DELAY = ("sensor_delay", {"delay_s": 1e-3})
+TURNS, SATURATION = ("turns", {"turns_error": 0.1}), ("core_saturation", {"mmf_loss_3": 0.1})
+
+
+def test_effects_that_do_nothing_leave_the_equations_as_they_are(levitation_model):
+    plain = with_eddies(levitation_model)
+    model = under_effects(plain, ("supply_sag", {}))
+    assert model.dynamics.drives
+    states, volts = states_of(plain)
+    wanted = state_derivative(plain, states, volts)
+    assert_alike(state_derivative(model, states, volts), wanted)
+    step = plain.sample_time_s
+    assert_alike(exponential_step(model, states, volts, step), exponential_step(plain, states, volts, step))
+    assert_alike(hall_voltage(model, states), hall_voltage(plain, states))
+
+
+def assert_alike(found, wanted):
+    """To what the table of the co-energy under effects is off, 1e-5 of its range."""
+    size = np.abs(wanted).max(axis=0) if wanted.ndim > 1 else np.abs(wanted).max()
+    assert (np.abs(found - wanted) / (size + 1e-12)).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    "chosen",
+    [(SAG,), (LAG,), (HYSTERESIS,), (LAG, HYSTERESIS, FRICTION), (TURNS, SATURATION, LAG)],
+    ids=lambda chosen: "-".join(name for name, _ in chosen),
+)
+def test_under_effects_every_winding_obeys_faraday(levitation_model, chosen):
+    """U - R w is the rate of the flux linkages, differenced along the rates that the equations give."""
+    model = under_effects(with_eddies(levitation_model), *chosen)
+    plain, volts = states_of(model.without_effects)
+    memory = 0.05 * np.random.default_rng(2).normal(size=(len(plain), len(model.memory_names)))
+    states, end, h = np.column_stack([plain, memory]), model.windings.end, 1e-6
+    rates = state_derivative(model, states, volts)
+    dynamics = model.dynamics
+
+    def flux(x):
+        forms = model.eddy.forms(x[:, 0])[0]
+        u = x[:, 2] + (forms.coupling[:, 0] * x[:, 3:end]).sum(axis=1)
+        at = replace(dynamics.at, memory=dict(zip(dynamics.names, x[:, end:].T, strict=True)))
+        phi = changed_coenergy(dynamics.motion_coenergy, dynamics.later, at)(x[:, 0], u, 0, 1).derivative(0, 1)
+        q = (forms.inductance @ x[:, 3:end, None])[..., 0]
+        return np.column_stack([phi, forms.coupling[:, 0] * phi[:, None] + forms.flux_linkage + q])
+
+    growth = (flux(states + h * rates) - flux(states - h * rates)) / (2.0 * h)
+    ohms = np.full(len(states), dynamics.resistance_ohm)
+    at = replace(dynamics.at, velocity_m_s=states[:, 1])
+    ohms, given = circuit_of(dynamics.effects, ohms, volts, states[:, 2], at)
+    wanted = -model.windings.resistances_ohm * states[:, 2:end]
+    wanted[:, 0] = given - ohms * states[:, 2]
+    np.testing.assert_allclose(growth, wanted, rtol=0.0, atol=1e-4 * np.abs(wanted).max())  # the table's kinks
+
+
+def test_a_filter_step_under_effects_follows_fine_steps(levitation_model):
+    model = held(under_effects(with_eddies(levitation_model), LAG))
+    state = np.zeros((1, model.order))
+    state[0, 0], volts = DISTANCE_M, np.array([2.0])
+    fine = runge_kutta_step(model, state, volts, 4e-3, 2000)
+    for _ in range(64):
+        state = exponential_step(model, state, volts, 4e-3 / 64)
+    np.testing.assert_allclose(state[0, 2:6], fine[0, 2:6], atol=2e-3 * fine[0, 2])
+
+
+def test_a_prescribed_current_leaves_the_eddy_currents_to_themselves(levitation_model):
+    """With i' given, R_e e + d(flux)/dt = 0 holds for the patterns; the voltage is what it takes."""
+    plain = with_eddies(levitation_model)
+    model = under_effects(plain, ("supply_sag", {}))
+    states, volts = states_of(plain)
+    motion = model.motion
+    found = model.dynamics.derivative(states, volts, 0.0, motion, model.sample_time_s, current_rate=25.0)
+    np.testing.assert_allclose(found[:, 2], 25.0)
+    magnetic = plain.windings.magnetics.state(states[:, 0], states[:, 2:])
+    wanted = -states[:, 3:] + magnetic.motional_constant[:, 1:] * states[:, 1:2]
+    linked = np.einsum("pjk,pk->pj", magnetic.inductance, found[:, 2:])[:, 1:]
+    np.testing.assert_allclose(linked, wanted, atol=1e-5 * np.abs(wanted).max())
+
+
+def test_a_late_sensor_follows_the_circuit_not_the_core(levitation_model):
+    model = under_effects(with_eddies(levitation_model), DELAY)
+    states, volts = states_of(model.without_effects)
+    states = np.column_stack([states, np.zeros(len(states))])
+    rates = state_derivative(model, states, volts)
+    peak = model.conditions.nominal.peak_current_A
+    np.testing.assert_allclose(rates[:, -1], rates[:, 2] / peak, rtol=1e-12)
