@@ -20,7 +20,7 @@ CORE_REMANENCE = Effect(
             scale="peak_current_A",
         ),
     ),
-    needs=("force_N|flux_linkage_Wb", "iron"),
+    needs=("force_N|flux_linkage_Wb|inductance_H", "iron"),
     experiment="Demagnetise the core by a slowly falling alternating current, and measure again.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (remanence of a circuit with a gap)",
     coenergy=lambda base, d, i, n_d, n_i, conditions, p: base(

@@ -136,7 +136,7 @@ CORE_SATURATION = Effect(
             nonlinear=True,
         ),
     ),
-    needs=("~current_A", "force_N|flux_linkage_Wb|hall_V"),
+    needs=("~current_A", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
     experiment="Measure at the largest current and smallest distance, at both current signs: saturation is even in "
     "the total flux, a gain error of the current is not.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",

@@ -90,7 +90,7 @@ EDDY_CURRENT_LAG = Effect(
     ),
     needs=("time_s|frequency_Hz", "current_A|voltage_V", "force_N|hall_V|distance_m"),
     experiment="Hold the body and step the voltage; record current and Hall voltage faster than ten times a time "
-    "constant.",
+    "constant. Or read its impedance from 10 Hz to 10 kHz.",
     reference="Stoll, The Analysis of Eddy Currents (1974), chapter 2",
     coenergy=_coenergy,
     memory=Memory(

@@ -12,6 +12,7 @@ An effect acts at the stages that it gives a function for, in this order:
 ``ends``       the distances of the stops
 ``hall_point`` the Hall element's delay: distance and current now -> those that its reading belongs to
 ``memory``     states with their own equation (lag, hysteresis): in plant and filters; on a bench, their value at rest
+``impedance``  distance, current and frequency -> what an impedance shows beside W' and the resistance, in ohm
 ``readings``   the sensors: true channels -> what is recorded
 =============  =====================================================================================================
 """
@@ -122,6 +123,7 @@ Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[Float
 Coenergy = Callable[[CoenergySeries, FloatArray, FloatArray, int, int, Conditions, Parameters], TaylorSeries]
 Force = Callable[[FloatArray, FloatArray, Conditions, Parameters], FloatArray]
 CircuitChange = Callable[[FloatArray, FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
+FurtherImpedance = Callable[[FloatArray, FloatArray, FloatArray, Conditions, Parameters], ComplexArray]
 Readings = Callable[
     [Mapping[str, FloatArray], FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]
 ]
@@ -147,7 +149,7 @@ class Effect:
         The measurement that isolates it, as an instruction.
     words : callable or None
         (p, nominal) -> clauses that say what all parameters together mean, in place of each parameter's own.
-    setting, coenergy, force, circuit, readings : callable or None
+    setting, coenergy, force, circuit, impedance, readings : callable or None
         The stages where it acts; see the module's table. ``coenergy`` depends on distance and current, and of the
         conditions on temperatures and the effect's own states alone. ``circuit`` maps (resistance in ohm, voltage in
         V) at a current in A.
@@ -174,6 +176,7 @@ class Effect:
     circuit: CircuitChange | None = None
     mass: Callable[[float, Parameters], float] | None = None
     ends: Callable[[tuple[float, float], Nominal, Parameters], tuple[float, float]] | None = None
+    impedance: FurtherImpedance | None = None
     readings: Readings | None = None
     memory: Memory | None = None
     hall_point: Setting | None = None

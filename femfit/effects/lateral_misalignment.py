@@ -102,7 +102,7 @@ LATERAL_MISALIGNMENT = Effect(
             nonlinear=True,
         ),
     ),
-    needs=("~distance_m", "force_N|flux_linkage_Wb|hall_V"),
+    needs=("~distance_m", "force_N|flux_linkage_Wb|inductance_H|hall_V"),
     experiment="Move the moving part sideways in steps of half a millimetre at the smallest distance: on the axis the "
     "Hall voltage has its extremum.",
     reference="Jackson, Classical Electrodynamics (1999), section 3.7",

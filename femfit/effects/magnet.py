@@ -69,7 +69,7 @@ MAGNET_TEMPERATURE = Effect(
             words="the magnet follows {size} of the winding's warming",
         ),
     ),
-    needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
+    needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
     experiment="Measure the same settings with the magnet cold and after warming it by 20 K, its temperature recorded.",
     reference="IEC 60404-8-1; Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=_warm,
@@ -120,7 +120,7 @@ MAGNET_DEMAGNETISATION = Effect(
             nonlinear=True,
         ),
     ),
-    needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
+    needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
     experiment="Compare the magnet's field on its axis, out of the bench, with that of a fresh one; or measure at both "
     "signs of the current, where the coil's own share is the same.",
     reference="Campbell, Permanent Magnet Materials and their Application (1994), chapter 3",

@@ -69,7 +69,7 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
             nonlinear=True,
         ),
     ),
-    needs=("~distance_m", "~current_A", "force_N|flux_linkage_Wb"),
+    needs=("~distance_m", "~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H"),
     experiment="Measure the inductance with a small alternating current at several distances, or the force at both "
     "signs of the current: the further part is even in it.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",

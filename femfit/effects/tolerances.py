@@ -39,7 +39,7 @@ REMANENCE = Effect(
             words="the magnet is {size} {stronger|weaker} than drawn",
         ),
     ),
-    needs=("force_N|flux_linkage_Wb|hall_V", "magnet"),
+    needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
     experiment="Compare the magnet's field on its axis, out of the bench and at a known temperature, with that of its "
     "data sheet.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1; IEC 60404-8-1 (grades)",
@@ -100,7 +100,7 @@ TURNS = Effect(
             words="the winding has {size} {more|fewer} turns than drawn",
         ),
     ),
-    needs=("~current_A", "force_N|flux_linkage_Wb|hall_V|voltage_V"),
+    needs=("~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Count the turns by the voltage that a coil of known turns around the same core induces in the winding.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=_coenergy,

@@ -70,6 +70,9 @@ ROUNDING = 1e-3
 COLUMN_STEP = 1e-3
 """Numerical: step of a difference over the width of a parameter's plausible range."""
 
+ROUNDED = 1e-9
+"""Numerical: what an effect changes over its plausible range, in parts of a reading, up to which it is rounding."""
+
 NEXT_TO_BOUND, AS_GOOD = 1e-2, 1e-2
 """Numerical: a parameter within this of its bound, over its plausible range, stands at it where the weighted sum of
 squares, whose standard deviation is 1 and more, rises by no more than this."""

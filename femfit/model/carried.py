@@ -21,6 +21,7 @@ from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.coenergy_series import taylor
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.impedance_change import ImpedanceChange
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,6 +174,7 @@ class Carried:
     readings: ReadingChange | None = None
     brake: Brake | None = None
     resistance: FurtherResistance | None = None
+    impedance: ImpedanceChange | None = None
     notes: Mapping[str, str] | None = None  # Texts that go with it, as a law that it follows
 
 
@@ -187,7 +189,7 @@ def carried_effect(
 ) -> Effect:
     """The effect that acts as its data say."""
     acts = {
-        "magnetics": carried.magnetics,
+        "magnetics": carried.magnetics or carried.impedance,
         "bench": carried.setting,
         "sensors": carried.readings,
         "force": carried.brake,
@@ -205,6 +207,7 @@ def carried_effect(
         readings=carried.readings,
         force=carried.brake,
         circuit=carried.resistance,
+        impedance=carried.impedance,
         carried=carried,
     )
 

@@ -6,6 +6,7 @@ from functools import cached_property
 
 from femfit.effects.effect import Calibration, Effect, EffectParameter
 from femfit.model.carried import Carried, FieldChange, FieldTerm, carried_effect
+from femfit.model.impedance_change import ImpedanceChange
 
 PLAUSIBLE, POSSIBLE = 3.0, 10.0
 """Conventional: standard deviations within which a number is expected, and beyond which a slope says nothing of it."""
@@ -13,7 +14,10 @@ PLAUSIBLE, POSSIBLE = 3.0, 10.0
 LEAST = -0.9
 """Of a share: a tenth of the drawn number is left, whatever a fit tries."""
 
-NEEDS = ("force_N|flux_linkage_Wb|hall_V",)
+NEEDS = ("force_N|flux_linkage_Wb|inductance_H|hall_V",)
+
+HARMONIC_NEEDS = "frequency_Hz", "inductance_H|resistance_ohm"
+"""Of a number without a part in the static field, as a conductivity."""
 
 CHANGE = "change"
 
@@ -36,6 +40,7 @@ class DrawnEffect:
     unit: str  # As the drawing has it; empty where changes are shares of the number
     tolerance: float  # Standard deviation, in the unit or as a share
     terms: tuple[FieldTerm, ...]  # In proportion to :attr:`parameter`
+    impedance: ImpedanceChange | None = None  # Beside what the terms make of it
 
     @property
     def parameter(self) -> str:
@@ -58,15 +63,21 @@ class DrawnEffect:
             description=f"True less drawn value of {self.key}{'' if self.unit else ', over the drawn one'}.{also}",
             words=words,
         )
+        shown = "Impedances" if self._harmonic else "Force, flux linkage and Hall voltage"
         made = carried_effect(
             self.key,
-            f"Force, flux linkage and Hall voltage are those of a device in which {self.key} is another number.",
+            f"{shown} are those of a device in which {self.key} is another number.",
             (change,),
-            Carried(magnetics=FieldChange(self.terms)),
+            Carried(FieldChange(self.terms) if self.terms else None, impedance=self.impedance),
             experiment=f"Measure {self.subject} on the device itself.",
             reference="Signature computed from the drawing's own field",
         )
-        return replace(made, needs=NEEDS, calibrations=self._calibrations)
+        return replace(made, needs=HARMONIC_NEEDS if self._harmonic else NEEDS, calibrations=self._calibrations)
+
+    @property
+    def _harmonic(self) -> bool:
+        """Whether impedances alone show it."""
+        return self.impedance is not None and not self.terms
 
     @property
     def _calibrations(self) -> tuple[Calibration, ...]:

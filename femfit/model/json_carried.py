@@ -16,11 +16,13 @@ from femfit.model.carried import (
     carried_effect,
 )
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.json_magnetics import knots_from, spline_from, spline_to
+from femfit.model.impedance_change import ImpedanceChange
+from femfit.model.json_magnetics import coordinate_from, coordinate_to, knots_from, spline_from, spline_to
 from femfit.model.json_section import Section
 
 _TEXTS = ("symptom", "experiment", "reference")
-_MAGNETICS, _BRAKE, _RESISTANCE = "magnetics", "brake", "resistance"
+_MAGNETICS, _BRAKE, _RESISTANCE, _IMPEDANCE = "magnetics", "brake", "resistance", "impedance"
+_AXES = "u", "current", "log_frequency"
 _CURVES = "setting", "readings", "branches"
 
 
@@ -42,17 +44,20 @@ def carried_to(effect: Effect) -> dict[str, Any]:
         data[_BRAKE] = {"rounded_m_s": carried.brake.rounded_m_s, "against": _curve_to(carried.brake.against)}
     if carried.resistance is not None:
         data[_RESISTANCE] = _curve_to(carried.resistance.over)
+    if carried.impedance is not None:
+        data[_IMPEDANCE] = impedance_to(carried.impedance)
     return data | ({"notes": dict(carried.notes)} if carried.notes else {})
 
 
 def carried_from(name: str, section: Section) -> Effect:
     """The effect of a name with what it carries."""
-    section.refuse_others((*_TEXTS, "parameters", _MAGNETICS, *_CURVES, _BRAKE, _RESISTANCE, "notes"))
+    section.refuse_others((*_TEXTS, "parameters", _MAGNETICS, *_CURVES, _BRAKE, _RESISTANCE, _IMPEDANCE, "notes"))
     parameters = tuple(_parameter_from(one) for one in section.sections("parameters"))
     known = {p.name for p in parameters}
     terms = section.sections(_MAGNETICS) if section.data.get(_MAGNETICS) else ()
     curves = {key: _curves_from(section.optional_section(key), known) for key in _CURVES}
     brake, resistance, notes = (section.optional_section(key) for key in (_BRAKE, _RESISTANCE, "notes"))
+    impedance = section.optional_section(_IMPEDANCE)
     if (setting := section.optional_section("setting")) is not None:
         setting.refuse_others(("distance_m", "current_A"))
     carried = Carried(
@@ -63,6 +68,7 @@ def carried_from(name: str, section: Section) -> Effect:
         else None,
         brake=_brake_from(brake, known) if brake else None,
         resistance=FurtherResistance(_curve_from(resistance, known)) if resistance else None,
+        impedance=impedance_from(impedance, known) if impedance else None,
         notes={key: notes.text(key) for key in notes.data} if notes else None,
     )
     texts = {key: section.text(key) for key in _TEXTS}
@@ -107,6 +113,39 @@ def term_from(section: Section, parameters: set[str]) -> FieldTerm:
         hall=splines.get("hall_T"),
         power=section.integer("power", 1, 9),
         reciprocal="reciprocal" in section.data and section.truth("reciprocal"),
+    )
+
+
+def impedance_to(change: ImpedanceChange) -> dict[str, Any]:
+    """What a parameter changes of an impedance, as JSON-ready data."""
+    axes = zip(_AXES, change.knots, change.degrees, strict=True)
+    return {
+        "parameter": change.parameter,
+        **coordinate_to(change.coordinate),
+        **{name: {"knots": knots.tolist(), "degree": degree} for name, knots, degree in axes},
+        "real_H": change.coefficients.real.tolist(),
+        "imaginary_H": change.coefficients.imag.tolist(),
+    }
+
+
+def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
+    """The change of :func:`impedance_to`."""
+    place = ("coordinate", "reference_distance_m", "distance_shift_m")
+    section.refuse_others(("parameter", *place, *_AXES, "real_H", "imaginary_H"))
+    axes = [section.section(name) for name in _AXES]
+    found = [knots_from(one, "knots", one.integer("degree", 0, 9)) for one in axes]
+    shape = tuple(len(knots) - degree - 1 for knots, degree in found)
+    parts = [section.array(key, 3) for key in ("real_H", "imaginary_H")]
+    for key, part in zip(("real_H", "imaginary_H"), parts, strict=True):
+        if part.shape != shape:
+            raise section.refusal(key, f"nested lists of {shape} numbers, as the knots ask for")
+    (u, m), (i, n), (f, k) = found
+    return ImpedanceChange(
+        parameter=_parameter_of(section, parameters),
+        coordinate=coordinate_from(section),
+        knots=(u, i, f),
+        degrees=(m, n, k),
+        coefficients=parts[0] + 1j * parts[1],
     )
 
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
-from femfit.model.json_carried import term_from, term_to
+from femfit.model.json_carried import impedance_from, impedance_to, term_from, term_to
 from femfit.model.json_section import Section
 
 _TEXTS = ("key", "subject", "unit")
@@ -17,21 +17,23 @@ def drawn_to(drawn: DrawnEffect) -> dict[str, Any]:
         "value": drawn.value,
         "tolerance": drawn.tolerance,
         "magnetics": [term_to(term) for term in drawn.terms],
-    }
+    } | ({} if drawn.impedance is None else {"impedance": impedance_to(drawn.impedance)})
 
 
 def drawn_from(section: Section) -> DrawnEffect:
     """The number of :func:`drawn_to`."""
-    section.refuse_others((*_TEXTS, "also", "value", "tolerance", "magnetics"))
+    section.refuse_others((*_TEXTS, "also", "value", "tolerance", "magnetics", "impedance"))
     also = section.data.get("also", [])
     if not isinstance(also, list) or not all(isinstance(one, str) for one in also):
         raise section.refusal("also", "a list of key paths")
     texts = {key: section.text(key) for key in _TEXTS}
-    known = {parameter_name(texts["unit"])}
+    known, impedance = {parameter_name(texts["unit"])}, section.optional_section("impedance")
+    terms = () if impedance and section.data.get("magnetics") == [] else section.sections("magnetics")
     return DrawnEffect(
         **texts,
         also=tuple(also),
         value=section.number("value"),
         tolerance=section.number("tolerance", positive=True),
-        terms=tuple(term_from(one, known) for one in section.sections("magnetics")),
+        terms=tuple(term_from(one, known) for one in terms),
+        impedance=impedance_from(impedance, known) if impedance else None,
     )

@@ -79,6 +79,9 @@ def predict_readings(
         w, low = 2.0 * np.pi * np.nan_to_num(like(conditions.frequency_Hz, i)), series.derivative(0, 2)
         share, eddy = following_share(added, w / (2.0 * np.pi), conditions), eddy_with_sources(base, added)
         induced = induced_impedance(low[:, None, None], w / (2.0 * np.pi), share, eddy, d)[:, 0, 0]
+        for one in added:
+            if one.effect.impedance is not None:
+                induced = induced + one.effect.impedance(d, i, w / (2.0 * np.pi), conditions, one.parameters)
         seen = np.where(w > 0.0, induced.imag / np.where(w > 0.0, w, 1.0), low)
         in_series = base.circuit.inductance_H if base.circuit else 0.0
         shown = {"inductance_H": in_series + seen, "resistance_ohm": ohms + induced.real}

@@ -158,6 +158,7 @@ COVARIATE_LABELS = {
     "current_rate_A_s": "rate of the current (A/s)",
     "distance_m": "distance (m)",
     "current_A": "current (A)",
+    "frequency_Hz": "frequency (Hz)",
 }
 """What axes call the columns of a campaign."""
 
@@ -181,8 +182,8 @@ def _binned(ax: "Axes", x: FloatArray, y: FloatArray) -> None:
     )  # fmt: skip
 
 
-_SETTING = {"distance_m": 1e3, "current_A": 1.0}
-"""Factor of a setting's axis, in mm or A."""
+_SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1e-3}
+"""Factor of a setting's axis, in mm, A or kHz."""
 
 
 @styled
@@ -221,6 +222,8 @@ def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArra
         above.plot(factor * curves.x[here], size * curves.measured[here], "o", **look)
         below.plot(factor * curves.x[here], small * misfit[here], "o", color=colour, markersize=2.2)
     below.axhline(0.0, color=INK, linewidth=0.8)
+    if curves.along == "frequency_Hz":
+        below.set_xscale("log")
     if curves.noise is not None:
         below.axhspan(-small * curves.noise, small * curves.noise, color=MUTED, alpha=0.18, linewidth=0.0)
 

@@ -42,6 +42,7 @@ class Extreme:
     distance_m: float
     current_A: float
     currents_A: tuple[float, ...] = ()  # Of several circuits
+    frequency_Hz: float | None = None  # Of an impedance
 
 
 @dataclass(frozen=True)
@@ -60,23 +61,29 @@ class ChannelMisfit:
     # Root mean square of the model's misfit to the table that it was fitted to, in the channel's unit
     model_misfit: float
     lack_of_fit: LackOfFit | None
+    magnitude: float | None = None  # Of impedances: |Z| in the channel's unit at which all of them are given
+
+    def _amount(self, value: float) -> str:
+        """In the channel's unit, of an impedance as a share of its magnitude."""
+        return amount(value / self.magnitude, "") + " of |Z|" if self.magnitude else amount(value, self.channel)
 
     def __str__(self) -> str:
         text = (
-            f"{CHANNEL_WORDS[self.channel]}: error {amount(self.rms, self.channel)} rms in "
-            f"{counted(self.readings, 'reading')}"
+            f"{CHANNEL_WORDS[self.channel]}: error {self._amount(self.rms)} rms in {counted(self.readings, 'reading')}"
         )
         if self.noise_floor is not None:
             source = {"guess": "a guess"}.get(self.noise_source, self.noise_source)
             if self.noise_readings is not None:
                 source = f"from {counted(round(self.noise_readings), 'repeat')}"
-            floor = amount(self.noise_floor, self.channel)
+            floor = self._amount(self.noise_floor)
             text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
         worst = self.largest
         text += (
-            f"; largest {amount(worst.value, self.channel)} at {amount(worst.distance_m, 'distance_m', 3)} and "
+            f"; largest {self._amount(worst.value)} at {amount(worst.distance_m, 'distance_m', 3)} and "
             f"{' and '.join(amount(one, 'current_A') for one in worst.currents_A or (worst.current_A,))}"
         )
+        if worst.frequency_Hz is not None:
+            text += f" at {amount(worst.frequency_Hz, 'frequency_Hz', 3)}"
         against = {"repeats": "the repeats", "declared": "the declared noise", "guess": "the guessed noise"}.get(
             self.noise_source, "that noise"
         )
@@ -283,16 +290,18 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
             float(observations.column("distance_m")[here[worst]]),
             float(observations.column("current_A")[here[worst]]),
             _all_currents(observations, int(here[worst])),
+            float(observations.column("frequency_Hz")[here[worst]]) if observations.of_impedances else None,
         ),
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
         noise_readings=float(noise.repeats[c]) if noise and source == "repeats" else None,
         model_misfit=float(np.sqrt(np.mean(observations.tolerance[here] ** 2))),
         lack_of_fit=pure_error_test(observations, noise, name) if noise and source else None,
+        magnitude=observations.magnitude.get(name),
     )
 
 
 def _all_currents(observations: Observations, at: int) -> tuple[float, ...]:
     """Of several circuits at a reading; none of one."""
-    names = observations.settings[1:]
+    names = observations.currents
     return tuple(float(observations.column(name)[at]) for name in names) if len(names) > 1 else ()

@@ -24,7 +24,8 @@ class MeasuredCurves:
     """Readings of one channel on the model's curves."""
 
     channel: str
-    # Setting along the horizontal axis, ``distance_m`` or ``current_A``: the one that was set to more levels
+    # Setting along the horizontal axis, ``distance_m`` or ``current_A``: the one that was set to more levels; of
+    # impedances ``frequency_Hz``
     along: str
     over: str  # The other setting; each of its levels has a curve
     levels: FloatArray  # Settings ``over`` of the curves; shape (L,)
@@ -54,12 +55,17 @@ def measured_curves(
     result = []
     for name in observations.channels:
         here = np.flatnonzero(observations.of(name))
-        settings = {key: observations.column(key)[here] for key in ("distance_m", "current_A")}
-        along, over = sorted(settings, key=lambda key: -len(_levels(settings[key], 400)))
+        keys = ("frequency_Hz", "distance_m") if observations.of_impedances else ("distance_m", "current_A")
+        settings = {key: observations.column(key)[here] for key in keys}
+        along, over = keys
+        if not observations.of_impedances:
+            along, over = sorted(settings, key=lambda key: -len(_levels(settings[key], 400)))
+        scale = 1.0 if observations.weight is None else 1.0 / observations.weight[here]
         levels = _levels(settings[over], 40)
         if len(levels) > _MOST_CURVES:
             levels = np.quantile(settings[over], np.linspace(0.0, 1.0, _MOST_CURVES))
-        axis = np.linspace(settings[along].min(), settings[along].max(), _POINTS)
+        spaced = np.geomspace if along == "frequency_Hz" else np.linspace
+        axis = spaced(settings[along].min(), settings[along].max(), _POINTS)
         curves = [_curves(model, observations, name, (over, levels), (along, axis), e) for e in (before, after)]
         result.append(
             MeasuredCurves(
@@ -72,10 +78,10 @@ def measured_curves(
                 after=curves[1],
                 x=settings[along],
                 level=np.argmin(np.abs(settings[over][:, None] - levels), axis=1),
-                measured=observations.value[here],
-                misfit_before=misfits[0][here],
-                misfit_after=misfits[1][here],
-                noise=(noise or {}).get(name),
+                measured=scale * observations.value[here],
+                misfit_before=scale * misfits[0][here],
+                misfit_after=scale * misfits[1][here],
+                noise=None if name in observations.magnitude else (noise or {}).get(name),
             )
         )
     return tuple(result)
@@ -98,15 +104,17 @@ def _curves(
 ) -> FloatArray:
     """The channel over both settings at the mean of the recorded temperatures, between the branches."""
     grid = dict(zip((over[0], along[0]), np.meshgrid(over[1], along[1], indexing="ij"), strict=True))
-    d, i = grid["distance_m"].ravel(), grid["current_A"].ravel()
-    if len(observations.settings) > 2:  # the others at their middle
-        names, leading = observations.settings[1:], observations.leading_current
+    d = grid["distance_m"].ravel()
+    i = grid.get("current_A", np.full(d.shape, observations.covariates["current_A"].median())).ravel()
+    if len(observations.currents) > 1:  # the others at their middle
+        names, leading = observations.currents, observations.leading_current
         middle = {name: float(np.median(observations.covariates[name])) for name in names}
         i = np.stack([i if name == leading else np.full(i.shape, middle[name]) for name in names], axis=1)
     conditions = Conditions(
         nominal_of(model),
         coil_temperature_C=_mean(observations, "coil_temperature_C"),
         magnet_temperature_C=_mean(observations, "magnet_temperature_C"),
+        frequency_Hz=grid["frequency_Hz"].ravel() if "frequency_Hz" in grid else np.nan,
     )
     readings = predict_readings(model, d, i, conditions, (*model.effects, *effects), observations.channels)
     if channel not in readings:

@@ -10,7 +10,7 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.identify.readings.observations import Observations
 
 PLANE = ("distance_m", "current_A")
-LINES = ("coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "mount")
+LINES = ("frequency_Hz", "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "mount")
 
 _LEVELS = 24
 """Most levels that are kept apart; more are put into bins of equal counts."""
@@ -53,7 +53,7 @@ def misfit_maps(observations: Observations) -> tuple[MisfitMap, ...]:
     for channel in observations.channels:
         here = np.flatnonzero(observations.of(channel))
         result.append(_map(observations, channel, here, PLANE))
-        for name in LINES:
+        for name in (name for name in LINES if name in observations.covariates):
             values = observations.column(name)[here]
             if np.isfinite(values).all() and len(here) and np.ptp(values) > 0.0:
                 result.append(_map(observations, channel, here, (name,)))

@@ -111,18 +111,33 @@ def _surface(observations: Observations, here: IntArray) -> Labelled:
         finest = min(FINE_DEGREE, len(np.unique(np.round(z, 6))) - 1)
         columns = legvander(z, max(finest, 0))
         result += [(np.asarray(columns[:, k]), k, frozenset({name})) for k in range(DEGREE + 1, finest + 1)]
-    for name in observations.settings[1:]:  # further circuits: their square and what they do with the others
+    for name in observations.currents:  # further circuits: their square and what they do with the others
         z = observations.column(name)[here]
         if name != observations.leading_current and np.ptp(z) > 0.0:
             z, alone = scaled_to_one(z), frozenset({name})
             result += [(z, 1, alone), (z * z, 2, alone), (z * x, 2, alone | {"distance_m"})]
             result += [(z * y, 2, alone | {"current_A"}), (z * z * x, 3, alone | {"distance_m"})]
+    result += _over_frequency(observations, here, x, y)
     branch = observations.column("branch")[here]
     if np.ptp(branch) > 0.0:
         result += [
             (branch * column, 1 + degree, names | {"branch"}) for column, degree, names in _tensor(x, y, BRANCH_DEGREE)
         ]
     return result
+
+
+def _over_frequency(observations: Observations, here: IntArray, x: FloatArray, y: FloatArray) -> Labelled:
+    """Of impedances: patterns of the frequency, alone and times those of distance and current."""
+    if not observations.of_impedances:
+        return []
+    z, alone = scaled_to_one(observations.setting("frequency_Hz")[here]), frozenset({"frequency_Hz"})
+    finest = min(FINE_DEGREE, len(np.unique(np.round(z, 6))) - 1)
+    columns = legvander(z, max(finest, 0))
+    return [
+        (columns[:, k] * pattern, k + degree, names | alone)
+        for k in range(1, finest + 1)
+        for pattern, degree, names in _tensor(x, y, max(DEGREE - k, 0))
+    ]
 
 
 def _place(observations: Observations, here: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -33,6 +33,7 @@ from femfit.tables.measurement import CHANNEL_WORDS
 _PLACES = {
     "distance_m": ("above {}", "below {}"),
     "current_A": ("above {}", "below {}"),
+    "frequency_Hz": ("above {}", "below {}"),
     "coil_temperature_C": ("with the coil above {}", "with the coil below {}"),
     "magnet_temperature_C": ("with the magnet above {}", "with the magnet below {}"),
     "order": ("after {} of a run", "before {} of a run"),

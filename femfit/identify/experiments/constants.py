@@ -29,6 +29,9 @@ SMALL = 3.0
 NEAR_SHARE, DISTANCES, CURRENTS = 0.25, 24, 6
 """Assumed: a usual sweep has so many distances and currents; most effects are largest in its nearest quarter."""
 
+A_DECADE, IMPEDANCE_DISTANCES = 10, 6
+"""Assumed: frequencies of a decade, and distances of the travel, at which an LCR meter or analyser is read."""
+
 HEATED_K = 30.0
 """Assumed: what a heat gun does to a small part in a minute."""
 

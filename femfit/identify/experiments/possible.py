@@ -13,11 +13,13 @@ from femfit.core.amount import amount, amount_range, counted
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.identify.experiments.constants import (
+    A_DECADE,
     CHANNEL_COST,
     CURRENTS,
     DISTANCES,
     HEAT_COST,
     HEATED_K,
+    IMPEDANCE_DISTANCES,
     NEAR_SHARE,
 )
 from femfit.identify.experiments.noise import assumed_noise
@@ -45,6 +47,8 @@ def possible_experiments(
 ) -> list[Experiment]:
     """Measurements that would add something to a campaign, the cheapest first; equally dear ones as they stand here."""
     nominal, measured = observations.nominal, observations.channels
+    if observations.of_impedances:
+        return sorted([*_impedances(observations), *_direct(effects)], key=lambda experiment: experiment.cost)
     current, branch = observations.covariates["current_A"], observations.covariates["branch"]
     low, high = np.clip([current.min(), current.max()], nominal.current_min_A, nominal.current_max_A).tolist()
     held = low > current.min() or high < current.max()
@@ -88,12 +92,47 @@ def possible_experiments(
         for name, part in parts.items()
         if part != "magnet" or nominal.has_magnet
     ]
-    result += [
+    result += _direct(effects)
+    return sorted(result, key=lambda experiment: experiment.cost)
+
+
+def _direct(effects: Sequence[Effect]) -> list[Experiment]:
+    return [
         Experiment(one.instruction, one.cost, effect=effect.name, calibration=one)
         for effect in effects
         for one in effect.calibrations
     ]
-    return sorted(result, key=lambda experiment: experiment.cost)
+
+
+def _impedances(observations: Observations) -> list[Experiment]:
+    """Further impedances: the same again, a decade of frequencies on either side, other distances, a warm winding."""
+    nominal, measured = observations.nominal, observations.channels
+    usual = observations.covariates[["distance_m", "current_A", "frequency_Hz"]].drop_duplicates()
+    places, f = usual[["distance_m", "current_A"]].drop_duplicates(), usual["frequency_Hz"]
+    decades = {"Go down": (0.1 * f.min(), f.min()), "Go up": (f.max(), 10.0 * f.max())}
+    result = [_run("Measure the same range once more, on a new mount", _complete(usual), measured)]
+    for words, ends in decades.items():
+        rows = places.merge(pd.DataFrame({"frequency_Hz": np.geomspace(*ends, A_DECADE)}), how="cross")
+        far = amount(ends[words == "Go up"], "Hz")
+        result.append(
+            _run(f"{words} to {far}, at {A_DECADE} frequencies and the same settings", _complete(rows), measured)
+        )
+    everywhere = np.linspace(nominal.distance_min_m, nominal.distance_max_m, IMPEDANCE_DISTANCES)
+    at_one = usual[usual["distance_m"] == usual["distance_m"].iloc[0]].drop(columns="distance_m")
+    rows = pd.DataFrame({"distance_m": everywhere}).merge(at_one, how="cross")
+    result.append(
+        _run(f"Read impedances at {IMPEDANCE_DISTANCES} distances of the whole range", _complete(rows), measured)
+    )
+    warm = _complete(usual).assign(coil_temperature_C=REFERENCE_TEMPERATURE_C + HEATED_K)
+    text = (
+        f"Heat the winding by {HEATED_K:.0f} K, record its temperature (coil_temperature_C) and measure the same range"
+    )
+    return [*result, _run(text, warm, measured, HEAT_COST)]
+
+
+def _complete(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows with every column of a setting."""
+    return rows.assign(**{name: missing for name, missing in SETTINGS.items() if name not in rows})
 
 
 def _other_currents(nominal: Nominal, near: pd.DataFrame, low: float, high: float) -> list[tuple[str, pd.DataFrame]]:
@@ -119,11 +158,7 @@ def _grid(nominal: Nominal, low: float, high: float) -> pd.DataFrame:
     """Rising currents at every distance of a usual sweep."""
     distances = np.linspace(nominal.distance_min_m, nominal.distance_max_m, DISTANCES)
     points = [(d, i, 1.0) for d in distances for i in np.linspace(low, high, CURRENTS if high > low else 1)]
-    rows = pd.DataFrame(points, columns=["distance_m", "current_A", "branch"])
-    for name, missing in SETTINGS.items():
-        if name not in rows:
-            rows[name] = missing
-    return rows
+    return _complete(pd.DataFrame(points, columns=["distance_m", "current_A", "branch"]))
 
 
 def _range(rows: pd.DataFrame) -> str:

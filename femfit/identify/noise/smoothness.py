@@ -24,7 +24,7 @@ def guessed_noise(observations: Observations, channel: str) -> tuple[float, floa
     """A standard deviation of one reading, on the wide side, and its degrees of freedom; 0 where there is no guess."""
     here = observations.of(channel)
     residual = observations.residual[here]
-    at = {name: observations.column(name)[here] for name in observations.settings}
+    at = {name: observations.setting(name)[here] for name in observations.settings}
     beside = (observations.column("run")[here], observations.column("branch")[here])
     guesses = []
     for along, values in at.items():

@@ -22,6 +22,7 @@ from femfit.identify.readings.currents import (
     hall_not_compared,
     with_leading_current,
 )
+from femfit.identify.readings.impedance import weighed_by_magnitude
 from femfit.identify.readings.observations import InTheirRuns, Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
@@ -40,9 +41,12 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     findings: list[Finding] = []
     d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
     known = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
+    if "frequency_Hz" in table.given:
+        known &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
     inside = known & within_domain(model, d, i)
     if not known.all():
-        findings.append(Finding("no-setting", "info", f"{_rows(~known, 'without distance or current')} left out."))
+        text = f"{_rows(~known, 'without distance, current or frequency')} left out."
+        findings.append(Finding("no-setting", "info", text))
     if (known & ~inside).any():
         text = f"{_rows(known & ~inside, 'outside of the validity domain of the model')} left out."
         if model.validity.distance_min_m > 0.0 and (d[known] <= 0.0).any():
@@ -75,7 +79,9 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             "model's range."
         )
     channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
-    predict = _BenchPrediction(model, d, i, conditions, dict(zip(channels, pieces, strict=True)))
+    rows = dict(zip(channels, pieces, strict=True))
+    weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
+    predict = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
     moved, stacked = predict.moved, predict.stacked
     steps = (
         1e-3 * (nominal.distance_max_m - nominal.distance_min_m),
@@ -83,7 +89,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     )
     ahead, behind = moved(steps[0], 0.0), moved(-steps[0], 0.0)
     slope = (ahead - behind) / (2.0 * steps[0])
-    tolerance, declared = model_tolerance(model), table.declared_noise
+    tolerance, declared = model_tolerance(model) | dict(weighing.tolerance), dict(table.declared_noise)
     uncertain = [slope * declared.get("distance_m", 0.0)]
     for direction, name in zip(current_directions(model), current_names(model) or ("current_A",), strict=True):
         step = steps[1] * direction
@@ -100,12 +106,13 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         distance_slope=slope,
         distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / steps[0] ** 2,
         nominal=nominal,
-        declared_noise={name: sd for name, sd in declared.items() if name in channels},
+        declared_noise={name: sd for name, sd in (declared | dict(weighing.noise)).items() if name in channels},
         tolerance=np.array([tolerance.get(parts_of(name)[0], 0.0) for name in channels])[channel],
         setting_columns=np.stack(uncertain, axis=1),
         findings=(
             *table.findings,
             *findings,
+            *weighing.findings,
             *hall_not_compared(model, table.given),
             *_declared_settings(declared),
             *_drawn_spring(nominal, channels),
@@ -113,6 +120,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         present=tuple(added.effect.name for added in model.effects),
         declared_distance_m=declared.get("distance_m"),
         declared_run={name: declared[OF_RUNS + name] for name in channels if OF_RUNS + name in declared},
+        magnitude=weighing.magnitude,
+        weight=stacked(dict.fromkeys(channels, np.ones(len(d)))) if weighing.weight else None,
     )
 
 
@@ -126,6 +135,7 @@ class _BenchPrediction:
     current_A: FloatArray  # (N, n) of several circuits
     conditions: Conditions
     rows: Mapping[str, IntArray]  # Of each channel
+    weight: Mapping[str, FloatArray]  # Of impedances, of every row
 
     def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
         return self._predicted(self.distance_m, self.current_A, (*self.model.effects, *effects))
@@ -140,7 +150,8 @@ class _BenchPrediction:
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the rows as one vector, channel after channel."""
-        return np.concatenate([values[name][piece] for name, piece in self.rows.items()])
+        weighed = {name: values[name] * self.weight[name] for name in self.weight}
+        return np.concatenate([weighed.get(name, values[name])[piece] for name, piece in self.rows.items()])
 
 
 @remembered
@@ -215,7 +226,9 @@ def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.Dat
     restarts = len(np.unique(run)) > 1 and bool(np.any(np.diff(pd.Series(order).groupby(run).min().to_numpy()) <= 0.0))
     start = np.concatenate([[0.0], np.cumsum(longest + 1.0)[:-1]])
     elapsed = start[run] + within if restarts else order - order.min()
-    names = ("distance_m", "current_A", *of_circuits, "branch", "coil_temperature_C", "magnet_temperature_C")
+    names = ["distance_m", "current_A", *of_circuits, "branch", "coil_temperature_C", "magnet_temperature_C"]
+    if "frequency_Hz" in rows and rows["frequency_Hz"].notna().any():
+        names.append("frequency_Hz")
     return pd.DataFrame(
         {
             "run": run,
@@ -252,6 +265,7 @@ def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
         elapsed=covariates["elapsed"].to_numpy(),
         current_turn_A=(cycle.transform("min").to_numpy(), cycle.transform("max").to_numpy()),
         recalled=_recalled(covariates, nominal),
+        frequency_Hz=covariates["frequency_Hz"].to_numpy() if "frequency_Hz" in covariates else np.nan,
     )
 
 

@@ -32,7 +32,8 @@ class Observations:
     value: FloatArray  # Readings as recorded, in the channel's unit; shape (M,)
     # N rows: ``run``, ``mount`` (numbered from 0), ``distance_m``, ``current_A``, ``branch``, ``coil_temperature_C``,
     # ``magnet_temperature_C``, ``order`` (within its run), ``elapsed`` (within the campaign); of several circuits each
-    # ``current_NAME_A``, and ``current_A`` is that of the circuit whose current was varied most
+    # ``current_NAME_A``, and ``current_A`` is that of the circuit whose current was varied most; of impedances
+    # ``frequency_Hz``
     covariates: pd.DataFrame
     given: tuple[str, ...]  # Columns of the file that hold numbers
     predict: Predict  # Further effects -> what the model with them predicts, shape (M,)
@@ -53,6 +54,9 @@ class Observations:
     declared_distance_m: float | None = None  # Standard deviation to which stage and body are said to come back
     # Standard deviation by which all readings of a channel are said to differ from run to run
     declared_run: Mapping[str, float] = field(default_factory=dict)
+    # Of impedances: magnitude, in the channel's unit, at which readings and predictions are given; see ``Weighing``
+    magnitude: Mapping[str, float] = field(default_factory=dict)
+    weight: FloatArray | None = None  # What they were multiplied by for that, shape (M,); None where that is 1
     # What follows from the settings alone, by the function that works it out
     of_settings: dict[Callable[..., Any], Any] = field(default_factory=dict, init=False, repr=False)
 
@@ -72,17 +76,27 @@ class Observations:
         return bool(told) or any(one.code == "branch-assumed" for one in self.findings)
 
     @property
-    def settings(self) -> tuple[str, ...]:
-        """The covariates that somebody sets: the distance and the current, or each of several."""
+    def currents(self) -> tuple[str, ...]:
+        """The covariates of the current, or of each of several."""
         of_circuits = tuple(name for name in self.covariates.columns if is_current(name) and name != "current_A")
-        return ("distance_m", *(of_circuits or ("current_A",)))
+        return of_circuits or ("current_A",)
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The covariates that somebody sets: distance and currents, and of impedances the frequency."""
+        return ("distance_m", *self.currents, *(("frequency_Hz",) * self.of_impedances))
+
+    @property
+    def of_impedances(self) -> bool:
+        """Whether the readings were taken at frequencies."""
+        return "frequency_Hz" in self.covariates
 
     @property
     def leading_current(self) -> str:
         """The setting that ``current_A`` is: of several circuits, the current that was varied most."""
         leading = self.covariates["current_A"].to_numpy()
         return next(
-            (name for name in self.settings[1:] if np.array_equal(self.covariates[name].to_numpy(), leading)),
+            (name for name in self.currents if np.array_equal(self.covariates[name].to_numpy(), leading)),
             "current_A",
         )
 
@@ -94,6 +108,11 @@ class Observations:
     def column(self, name: str) -> FloatArray:
         """A covariate at every reading, shape (M,)."""
         return self.covariates[name].to_numpy()[self.row]
+
+    def setting(self, name: str) -> FloatArray:
+        """A setting at every reading, on a scale along which equal steps count alike: a frequency's logarithm."""
+        values = self.column(name)
+        return np.log(np.maximum(values, 1e-3)) if name == "frequency_Hz" else values  # below a millihertz all is still
 
     def of(self, name: str) -> BoolArray:
         """Which readings belong to a channel."""
@@ -115,6 +134,7 @@ class Observations:
             distance_curvature=self.distance_curvature[keep],
             tolerance=self.tolerance[keep],
             setting_columns=self.setting_columns[keep],
+            weight=None if self.weight is None else self.weight[keep],
             predict=_Kept(self.predict, keep),
         )
 

@@ -47,7 +47,7 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
     if suspected or known:
         return table
-    if current_names(model):  # neighbours are sought over distance and one current
+    if current_names(model) or "frequency_Hz" in table.given:  # neighbours are sought over distance and one current
         return table
     placed = (rows["distance_m"].notna() & rows["current_A"].notna()).to_numpy()
     predicted = _predictor(model, table.channels)(
@@ -73,7 +73,8 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     settings = suspect_settings(model, d, i, current_names(model) or ("current_A",))
     if settings:
         return settings
-    predict = _predictor(model, table.channels)
+    frequency = rows["frequency_Hz"].to_numpy() if "frequency_Hz" in table.given else np.nan
+    predict = _predictor(model, table.channels, frequency)
     usual, turned = predict(d, i), predict(d, -i)
     names = [name for name in table.channels if name in usual]
     turning = [name for name in names if _changes(rows[name].to_numpy(), usual[name], turned[name])]
@@ -81,7 +82,7 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
         return [other_sign(f"{', '.join(turning)} would then fit the model")]
     reads = {name: rows[name].to_numpy() for name in names}
     findings = [one for name in names if (one := _suspected_channel(model, name, reads[name], usual[name])) is not None]
-    if findings:
+    if findings or "frequency_Hz" in table.given:
         return findings
     zero = suspected_zero(model, d, i, reads, predict)
     return [] if zero is None else [zero]
@@ -108,8 +109,8 @@ def _suspected(name: str, words: str, why: str) -> Finding:
     return Finding("suspected-unit", "warning", text, remedy, column=name)
 
 
-def _predictor(model: ActuatorModel, channels: tuple[str, ...]) -> Predict:
-    at = Conditions(nominal_of(model))
+def _predictor(model: ActuatorModel, channels: tuple[str, ...], frequency: FloatArray | float = np.nan) -> Predict:
+    at = Conditions(nominal_of(model), frequency_Hz=frequency)
     return lambda d, i: predict_readings(model, d, i, at, channels=channels)
 
 

@@ -25,8 +25,8 @@ def repeat_cells(observations: Observations) -> IntArray:
 
 @once_for_settings
 def setting_cells(observations: Observations) -> IntArray:
-    """A number for each setting: one level of distance and current, one branch."""
-    keys = {name: levels(observations.column(name), SAME_SETTING) for name in observations.settings}
+    """A number for each setting: one level of distance, current and frequency, one branch."""
+    keys = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
     keys["branch"] = observations.column("branch")
     return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
 

@@ -11,7 +11,7 @@ from femfit.core.arrays import FloatArray, IntArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.stop_position import REST
-from femfit.identify.constants import COLUMN_STEP
+from femfit.identify.constants import COLUMN_STEP, ROUNDED
 from femfit.identify.readings.observations import Observations
 
 _NO_MAGNET = "the drawing has no magnet"
@@ -135,7 +135,8 @@ def columns_at(added: AddedEffect, observations: Observations) -> list[EffectCol
 
 def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Observations) -> list[EffectColumns]:
     pairs = [(p, _column(effect, p, nonlinear, observations)) for p in effect.amplitudes]
-    seen = [(p, column) for p, column in pairs if np.any(column != 0.0)]
+    least = ROUNDED * np.abs(observations.base)
+    seen = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
     if not seen:
         return []
     amplitudes, columns = zip(*seen, strict=True)

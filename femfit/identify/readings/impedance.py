@@ -1,0 +1,64 @@
+"""Impedances of a bench table: an instrument's errors of resistance and reactance go with the magnitude |Z|.
+
+Readings, predictions and slopes are multiplied by a magnitude that is usual over |Z| of each reading, so that a channel
+has one noise: by the winding's resistance, and for an inductance by its own over |Z| / w.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from femfit.core.amount import amount
+from femfit.core.arrays import FloatArray
+from femfit.core.finding import Finding
+from femfit.effects.conditions import Conditions
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.readings import predict_readings
+from femfit.tables.impedance import SERIES
+from femfit.tables.measurement import CHANNEL_WORDS, IMPEDANCE_SHARE
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """How readings of each channel are weighed; empty where they are no impedances."""
+
+    weight: Mapping[str, FloatArray] = field(default_factory=dict)  # Of every row, shape (N,), by channel
+    magnitude: Mapping[str, float] = field(default_factory=dict)  # At which a channel's readings are given, in its unit
+    noise: Mapping[str, float] = field(default_factory=dict)  # Declared as a share of |Z|
+    tolerance: Mapping[str, float] = field(default_factory=dict)  # Of the model's eddy currents
+    findings: tuple[Finding, ...] = ()
+
+
+def weighed_by_magnitude(
+    model: ActuatorModel,
+    distance: FloatArray,
+    current: FloatArray,
+    conditions: Conditions,
+    channels: Collection[str],
+    declared: Mapping[str, float],
+) -> Weighing:
+    """The weights of impedances, by the model's own magnitude; of a channel with a noise in its unit they are 1."""
+    names = [name for name in SERIES if name in channels and name not in declared]
+    nominal, w = conditions.nominal, 2.0 * np.pi * np.asarray(conditions.frequency_Hz)
+    if not names or not np.isfinite(w).all():
+        return Weighing()
+    read = predict_readings(model, distance, current, conditions, channels=SERIES)
+    magnitude = np.hypot(read.get("resistance_ohm", 0.0), w * read["inductance_H"])
+    size = {"resistance_ohm": magnitude, "inductance_H": magnitude / w}
+    usual = {name: float(getattr(nominal, name)) for name in names}
+    shares = {"noise": declared.get(IMPEDANCE_SHARE), "tolerance": _own_share(model)}
+    said = " and ".join(f"{amount(usual[name], name)} for the {CHANNEL_WORDS[name]}" for name in names)
+    text = f"An instrument's errors of an impedance go with its magnitude |Z|. Errors in ohm and henry hold for {said}."
+    return Weighing(
+        {name: usual[name] / size[name] for name in names},
+        usual,
+        **{key: {name: share * usual[name] for name in names if share} for key, share in shares.items()},
+        findings=(Finding("weighed", "info", text),),
+    )
+
+
+def _own_share(model: ActuatorModel) -> float:
+    """Standard misfit of the model's eddy currents to their field, over |Z|: of errors that are evenly spread."""
+    error = model.eddy.error if model.eddy is not None else None
+    return (error.impedance or 0.0) / np.sqrt(3.0) if error is not None else 0.0

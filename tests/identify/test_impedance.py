@@ -1,0 +1,155 @@
+"""Impedances beside a model: how far it is off, at which frequencies, and what would explain it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.effects.catalogue import all_effects
+from femfit.effects.effect import AddedEffect
+from femfit.identify.comparison.compare import compare
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.experiments.plan import examine_plan
+from femfit.identify.experiments.suggest import suggest
+from femfit.identify.readings.place import placed
+from femfit.identify.refit.add_effects import add_effects
+from femfit.tables.measurement_file import read_measurement
+from support.campaign import campaign
+from support.conductivities import KEY, with_conductivity, with_drawn_conductivity
+from support.eddies import with_eddies
+from support.impedances import FREQUENCIES, impedance_file, impedance_table
+
+LAG = {"ring_share": 0.2, "diffusion_share": 0.05, "time_s": 2e-3}
+
+
+def wrong(name, **parameters):
+    return [AddedEffect(all_effects()[name], all_effects()[name].null() | parameters)]
+
+
+def test_a_model_agrees_with_its_own_impedance_and_the_noise_is_found_as_a_share(levitation_model, tmp_path):
+    comparison = compare(levitation_model, impedance_table(levitation_model, tmp_path / "z.csv"))
+    assert comparison.verdict == "agrees"
+    # 150 differences of repeats of a share of 1e-3 tell it to 6 %; mounts that are assumed take a little of them
+    assert [one.noise_floor / one.magnitude for one in comparison.channels] == pytest.approx([1e-3, 1e-3], rel=0.2)
+    assert "% of |Z|" in str(comparison)
+
+
+def test_a_wide_range_of_impedances_has_one_noise(levitation_model, tmp_path):
+    observations = placed(levitation_model, impedance_table(levitation_model, tmp_path / "z.csv"))
+    low = observations.column("frequency_Hz") < 100.0
+    for name in observations.channels:
+        here = observations.of(name)
+        sizes = [np.std(observations.residual[here & part]) for part in (low, ~low)]
+        assert sizes[0] == pytest.approx(sizes[1], rel=0.25)  # of 90 readings and more
+
+
+def test_where_and_how_much_is_said_with_the_frequency(levitation_model, tmp_path):
+    path = impedance_table(levitation_model, tmp_path / "z.csv", wrong("eddy_current_lag", **LAG))
+    comparison = compare(levitation_model, path)
+    assert comparison.verdict == "fails"
+    assert comparison.where.channel == "inductance_H"
+    assert comparison.where.covariates[0] == "frequency_Hz"
+    assert "Measured inductance is 23 % low above 200 Hz." in str(comparison)
+    worst = {one.channel: one.largest for one in comparison.channels}["inductance_H"]
+    assert worst.frequency_Hz == pytest.approx(FREQUENCIES[-1])
+    assert any(one.along == ("frequency_Hz",) for one in comparison.maps)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [
+        ("eddy_current_lag", LAG),
+        ("turns", {"turns_error": 0.02}),
+        ("resistance", {"resistance_error": 0.03}),
+        ("core_saturation", {"mmf_loss_6": 0.02}),
+    ],
+)
+def test_what_explains_an_impedance_is_named(levitation_model, tmp_path, name, parameters):
+    found = diagnose(
+        levitation_model, impedance_table(levitation_model, tmp_path / "z.csv", wrong(name, **parameters)), bootstrap=0
+    )
+    assert found.verdict == "named"
+    assert name in found.missing[0].members
+
+
+def test_an_effect_is_added_from_impedances(levitation_model, tmp_path):
+    table = impedance_table(levitation_model, tmp_path / "z.csv", wrong("eddy_current_lag", **LAG))
+    added = add_effects(levitation_model, table, ["eddy_current_lag"]).model
+    assert added.effects[0].parameters["ring_share"] == pytest.approx(LAG["ring_share"], rel=0.02)
+    assert added.effects[0].parameters["time_s"] == pytest.approx(LAG["time_s"], rel=0.02)
+    assert compare(added, table).verdict == "agrees"
+
+
+def test_what_the_drawing_s_eddy_currents_explain_is_not_a_lag(levitation_model, tmp_path):
+    model = with_eddies(levitation_model)
+    table = impedance_table(model, tmp_path / "z.csv")
+    assert compare(model, table).verdict == "agrees"
+    without = diagnose(levitation_model, table, bootstrap=0)
+    assert without.verdict != "nothing_missing"
+    assert without.where.covariates[0] == "frequency_Hz"
+
+
+def test_the_eddy_currents_own_error_is_not_missing_physics(levitation_model, tmp_path):
+    model = with_eddies(levitation_model)
+    rougher = replace(model.eddy, resistances_ohm=1.003 * model.eddy.resistances_ohm)
+    table = impedance_table(replace(model, eddy=rougher), tmp_path / "z.csv", share=1e-4)
+    exact = replace(model, eddy=replace(model.eddy, error=None))
+    assert compare(exact, table).verdict == "fails"
+    assert compare(model, table).verdict == "wrong_shape"
+
+
+def test_a_declared_share_is_the_noise_of_both_channels(levitation_model, tmp_path):
+    path = impedance_file(levitation_model, tmp_path / "z.csv", runs=1)
+    comparison = compare(levitation_model, read_measurement(path, noise={"impedance_percent": 0.1}))
+    assert comparison.verdict == "agrees"
+    assert [one.noise_floor / one.magnitude for one in comparison.channels] == pytest.approx([1e-3, 1e-3], rel=0.1)
+    assert {one.noise_source for one in comparison.channels} == {"declared"}
+
+
+def test_a_noise_in_ohm_is_the_same_at_every_frequency(levitation_model, tmp_path):
+    table = read_measurement(
+        impedance_file(levitation_model, tmp_path / "z.csv", runs=1), noise={"resistance_ohm": 0.05}
+    )
+    observations = placed(levitation_model, table)
+    assert observations.declared_noise == {"resistance_ohm": 0.05}
+    assert set(observations.magnitude) == {"inductance_H"}
+    here = observations.of("resistance_ohm")
+    np.testing.assert_allclose(observations.value[here], table.rows["resistance_ohm"], rtol=1e-12)
+
+
+def test_a_wrong_conductivity_is_named_and_found(levitation_model, tmp_path):
+    model = with_drawn_conductivity(levitation_model)
+    table = impedance_table(with_conductivity(levitation_model, 0.08), tmp_path / "z.csv")
+    found = diagnose(model, table, bootstrap=0)
+    assert found.verdict == "named"
+    assert [one.name for one in found.missing] == [KEY]
+    assert found.missing[0].parameters["change"] == pytest.approx(0.08, rel=0.1)  # its square is not in the slopes
+
+
+def test_readings_at_rest_do_not_show_a_conductivity(levitation_model, tmp_path):
+    model = with_drawn_conductivity(levitation_model)
+    found = diagnose(model, campaign(model, 1), bootstrap=0)
+    notes = {one.name: one.note for one in found.ranking}
+    assert "frequency" in notes[KEY]
+
+
+def test_advice_names_the_frequencies_that_decide(levitation_model, tmp_path):
+    """Far above a lag's frequency it lowers the inductance alone, as a wrong inductance of the drawing does."""
+    lag, few = wrong("eddy_current_lag", ring_share=0.03, time_s=2e-4), {"frequencies": [4e3, 8e3], "biases": 2}
+    table = impedance_table(levitation_model, tmp_path / "z.csv", lag, share=5e-3, **few)
+    advice = suggest(levitation_model, table)
+    assert "eddy_current_lag" in " ".join(advice.explanations)
+    assert len(advice.explanations) > 1
+    down = next(one for one in advice.suggestions if one.text.startswith("Go down to 400 Hz"))
+    assert any("eddy_current_lag" in pair[:2] for pair in down.separates)
+
+
+def test_a_plan_of_impedances_is_examined(levitation_model, tmp_path):
+    path = impedance_file(levitation_model, tmp_path / "plan.csv")
+    frame = pd.read_csv(path)
+    frame.assign(**{"|Z|": "", "theta [deg]": ""}).to_csv(path, index=False)
+    report = examine_plan(levitation_model, path)
+    assert set(report.noise) == {"inductance_H", "resistance_ohm"}
+    assert "eddy_current_lag" in report.detectable
+    assert ("resistance", "coil_temperature") in report.together

@@ -1,0 +1,35 @@
+"""Impedance campaigns of a model, as an LCR meter reads them at distances, bias currents and frequencies."""
+
+import numpy as np
+import pandas as pd
+
+from femfit.effects.conditions import Conditions
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement_file import read_measurement
+
+FREQUENCIES = np.geomspace(20.0, 10e3, 10)
+
+
+def impedance_file(
+    model, path, effects=(), *, seed=1, share=1e-3, runs=2, distances=5, biases=3, frequencies=FREQUENCIES
+):
+    """A table of magnitude and phase; both errors are a share of the magnitude, of a run and of each reading."""
+    generator = np.random.default_rng(seed)
+    box = model.validity
+    distance = np.linspace(1.02 * box.distance_min_m, 0.98 * box.distance_max_m, distances)
+    bias = np.linspace(box.current_min_A, box.current_max_A, biases)
+    grid = np.meshgrid(np.arange(runs), distance, bias, frequencies, indexing="ij")
+    run, d, i, f = (one.ravel() for one in grid)
+    at = Conditions(nominal_of(model), frequency_Hz=f)
+    read = predict_readings(model, d, i, at, effects, ("inductance_H", "resistance_ohm"))
+    z = read["resistance_ohm"] + 2j * np.pi * f * read["inductance_H"]
+    z = z * (1.0 + share * (generator.standard_normal(len(z)) + 1j * generator.standard_normal(len(z))))
+    columns = {"run": run + 1, "gap [mm]": 1e3 * d, "Bias [A]": i, "f [kHz]": f / 1e3, "|Z|": np.abs(z)}
+    pd.DataFrame(columns | {"theta [deg]": np.degrees(np.angle(z))}).to_csv(path, index=False)
+    return path
+
+
+def impedance_table(model, path, effects=(), **options):
+    """The same, read."""
+    return read_measurement(impedance_file(model, path, effects, **options))
