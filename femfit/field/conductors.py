@@ -29,10 +29,12 @@ from femfit.field.outline import polygon
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, flux_density, materials
 
 LAYER_DEPTHS = 2.0
-"""Numerical: of the outermost layer of elements over the skin depth; a pot's impedance at 10 kHz is 0.05 % off."""
+"""Numerical: of the outermost layer of elements over the skin depth, at most."""
 
-LAYER_FACTOR = 0.15
-"""Numerical: of one layer's thickness over the next one's; the solution is a polynomial of order 4 or more in each."""
+LAYER_FACTOR = 0.25
+"""Numerical: of one layer's thickness over the next one's. At order 4 the impedances beside a plate, a rod and a ball
+of steel are met to 0.08 % at any frequency; with 0.15 to 0.6 %, for a tenth fewer unknowns, since what lies below the
+outermost layer is then one element of up to six skin depths."""
 
 MOST_LAYERS = 6
 

@@ -1,0 +1,145 @@
+"""The field at a complex frequency against closed forms: plate, rod, core, ball and sheets; energy and reciprocity."""
+
+import math
+from functools import partial
+
+import numpy as np
+import pytest
+
+from femfit.core.constants import MU_0
+from femfit.device.parts import Region
+from support import eddy_cases as cases
+from support import eddy_exact as exact
+from support.actuators import rectangle
+from support.eddy_cases import COPPER, STEEL
+
+LAYERS = 1e-3
+"""Relative error of the impedance with order 4 and skin layers; the elements along a surface take part in it."""
+
+BODIES = pytest.mark.parametrize("body", [COPPER, STEEL], ids=["copper", "steel"])
+FREQUENCIES = pytest.mark.parametrize("frequency", [1e3, 1e4, 1e5])
+
+
+def omega(frequency):
+    return 2j * math.pi * frequency
+
+
+def difference(ours, reference):
+    return abs(ours / reference - 1.0)
+
+
+@BODIES
+@FREQUENCIES
+def test_coil_above_a_plate_is_that_of_dodd_and_deeds(body, frequency):
+    s = omega(frequency)
+    reference = exact.above_plate(s, body, cases.PLATE_COIL, 100.0, 0.03)
+    assert difference(cases.added(cases.plate, body, s, order=4), reference) < LAYERS
+
+
+@BODIES
+@pytest.mark.parametrize("frequency", [1e3, 1e4])
+def test_coil_around_a_rod_is_that_of_dodd_and_deeds(body, frequency):
+    s = omega(frequency)
+    reference = exact.around_rod(s, body, cases.ROD, cases.ROD_COIL, 100.0)
+    assert difference(cases.added(cases.rod, body, s, order=4), reference) < LAYERS
+
+
+def test_rod_of_steel_is_met_as_it_gets_longer():
+    # At 100 Hz the flux comes back along a tenth of a metre: what is left is the rod's ends.
+    s = omega(100.0)
+    reference = exact.around_rod(s, STEEL, cases.ROD, cases.ROD_COIL, 100.0)
+    lengths = (0.1, 0.2, 0.4, 0.8)
+    found = [difference(cases.added(partial(cases.rod, length=one), STEEL, s, order=4), reference) for one in lengths]
+    assert found == sorted(found, reverse=True)
+    assert found[-1] < 2e-4
+
+
+@BODIES
+@FREQUENCIES
+def test_round_core_carries_the_flux_of_the_bessel_functions(body, frequency):
+    s = omega(frequency)
+    reference = cases.core_exact(s, body, exact.core_ratio(s, body, cases.CORE))
+    assert difference(cases.inductance(cases.core(body), s, order=4), reference) < LAYERS
+
+
+@pytest.mark.parametrize("body", [(0.0, 1.0), (0.0, 100.0)])
+def test_core_in_ideal_iron_is_exact_at_rest(body):
+    # The iron of mu_r 1e8 keeps its share of the magnetomotive force below 1e-6.
+    assert difference(cases.inductance(cases.core(body), 1.0, order=4), cases.core_exact(1.0, body, 1.0)) < 2e-6
+
+
+@BODIES
+@FREQUENCIES
+def test_ball_in_a_coil_is_that_of_the_spherical_bessel_functions(body, frequency):
+    s = omega(frequency)
+    reference = exact.around_sphere(s, body, cases.BALL, cases.BALL_COIL, 100.0)
+    assert difference(cases.added(cases.ball, body, s, order=4), reference) < LAYERS
+
+
+@BODIES
+@pytest.mark.parametrize("s", [1e2, 1e4, 1e6])
+def test_fields_at_real_frequencies_are_exact_too(body, s):
+    reference = exact.around_sphere(s, body, cases.BALL, cases.BALL_COIL, 100.0)
+    assert difference(cases.added(cases.ball, body, s, order=4), reference) < LAYERS
+    reference = cases.core_exact(s, body, exact.core_ratio(s, body, cases.CORE))
+    assert difference(cases.inductance(cases.core(body), s, order=4), reference) < LAYERS
+
+
+@pytest.mark.long
+@BODIES
+def test_no_frequency_falls_between_two_layers(body):
+    for s in omega(np.geomspace(1e3, 1e5, 17)):
+        reference = exact.around_sphere(s, body, cases.BALL, cases.BALL_COIL, 100.0)
+        assert difference(cases.added(cases.ball, body, s, order=4), reference) < LAYERS
+        reference = exact.above_plate(s, body, cases.PLATE_COIL, 100.0, 0.03)
+        assert difference(cases.added(cases.plate, body, s, order=4), reference) < LAYERS
+
+
+SHEETS, THICKNESS = (2e6, 1000.0), 0.35e-3
+
+
+@pytest.mark.parametrize("frequency", [50.0, 500.0, 5000.0])
+def test_sheets_are_those_of_the_first_term(frequency):
+    # nu (1 + x^2 / 12): the magnetomotive force of the ideal iron, 1e-5 beside a core of mu_r 1000, is what is left.
+    s = omega(frequency)
+    term = s * MU_0 * SHEETS[0] * SHEETS[1] * THICKNESS**2 / 12.0
+    found = cases.inductance(cases.core(SHEETS, THICKNESS), s, order=4)
+    assert difference(found, cases.core_exact(s, SHEETS, 1.0 / (1.0 + term))) < 2e-5
+
+
+def homogenisation_error(thickness_over_depth):
+    """Of the impedance of a coil around a stack of sheets."""
+    s = omega(thickness_over_depth**2 / (math.pi * MU_0 * SHEETS[0] * SHEETS[1] * THICKNESS**2))
+    reference = cases.core_exact(s, SHEETS, exact.sheet_ratio(s, SHEETS, THICKNESS))
+    return difference(cases.inductance(cases.core(SHEETS, THICKNESS), s, order=4), reference)
+
+
+def test_first_term_of_sheets_leaves_1_percent_where_they_are_thicker_than_the_skin_depth():
+    # (x / 2) coth(x / 2) = 1 + x^2 / 12 - x^4 / 720, |x| = sqrt(2) b / depth: an error of (b / depth)^4 / 180.
+    assert homogenisation_error(0.5) == pytest.approx(0.5**4 / 180.0, rel=0.1)
+    assert homogenisation_error(1.0) == pytest.approx(1.0 / 180.0, rel=0.1)
+    assert homogenisation_error(1.1) < 0.01 < homogenisation_error(1.25)
+
+
+def two_circuits():
+    plate = Region("plate", rectangle(0.0, 0.03, -0.01, 0.0), cases.material(COPPER))
+    ring = Region("ring", rectangle(0.012, 0.02, 0.008, 0.012), cases.material(STEEL))
+    stack = Region("stack", rectangle(0.0, 0.006, 0.001, 0.02), cases.material(SHEETS, THICKNESS, "sheets"))
+    return cases.drawing([plate, ring, stack], [(0.008, 0.011, 0.002, 0.01), (0.022, 0.026, 0.002, 0.02)])
+
+
+@pytest.mark.parametrize("frequency", [50.0, 1e3, 2e4])
+def test_resistance_is_the_loss_and_two_circuits_are_reciprocal(frequency):
+    s = omega(frequency)
+    harmonic = cases.Harmonic(two_circuits(), frequency, order=4)
+    found, fields = harmonic.solve(s)
+    assert found[0, 1] == pytest.approx(found[1, 0], rel=1e-11)
+    for k in range(2):
+        assert (s * found[k, k]).real == pytest.approx(cases.loss(harmonic, s, fields[k]), rel=1e-7)
+    both = (s * found).real
+    assert np.all(np.linalg.eigvalsh(0.5 * (both + both.T)) > 0.0)
+
+
+def test_nothing_conducts_where_nothing_is_said_to():
+    (inductances, _) = cases.Harmonic(cases.plate(cases.VACUUM), 1e4, order=4).solve(omega(1e4))
+    assert inductances.imag == pytest.approx(0.0, abs=1e-18)
