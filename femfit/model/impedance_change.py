@@ -1,8 +1,8 @@
 """What a number of the drawing changes of an impedance beside W'(d, i): of its eddy currents, at frequencies.
 
-Per unit of the number it is Z' = j w S(u(d), i, ln f), with a complex spline S in H over the unit: for a conductivity S
-goes to zero with the frequency, and from the drawn number on Z' is taken for constant. Outside of the grid that S was
-computed on, the values at its border hold.
+Per unit of the number it is j w S(u(d), i, ln f), with a complex spline S in H over the unit. Outside of the grid that
+S was computed on, the values at its border hold. Z / w of one conducting part is a function of ln(f sigma), so that it
+goes with ln(1 + a) where a is a share of the number.
 """
 
 from collections.abc import Sequence
@@ -28,6 +28,7 @@ class ImpedanceChange:
     knots: tuple[FloatArray, FloatArray, FloatArray]  # Clamped, of u, i in A and ln(f / Hz)
     degrees: tuple[int, int, int]
     coefficients: ComplexArray  # Of S, in H over the parameter's unit
+    share: bool = False  # Whether the parameter is a share of the number
 
     def __call__(
         self,
@@ -45,7 +46,9 @@ class ImpedanceChange:
             for x, knots, degree in zip(at, self.knots, self.degrees, strict=True)
         ]
         spline = np.einsum("na,nb,nc,abc->n", *bases, self.coefficients)
-        return np.asarray(p[self.parameter] * 2j * np.pi * frequency * spline)
+        size = p[self.parameter]
+        size = float(np.log1p(size)) if self.share else size
+        return np.asarray(size * 2j * np.pi * frequency * spline)
 
 
 def impedance_change(
@@ -55,6 +58,8 @@ def impedance_change(
     current: FloatArray,
     frequency: FloatArray,
     slope: ComplexArray,
+    *,
+    share: bool = False,
 ) -> ImpedanceChange:
     """The change through slopes d(Z)/d(number) on a grid.
 
@@ -64,6 +69,8 @@ def impedance_change(
         Ascending levels in m, A and Hz; one level stands for all.
     slope : array, shape (distances, currents, frequencies)
         In ohm over the parameter's unit, without what the number's W' makes of it.
+    share : bool
+        Whether the parameter is a share of the number.
     """
     u = coordinate.of(distance)
     values = slope / (2j * np.pi * frequency)
@@ -78,7 +85,7 @@ def impedance_change(
         values = np.moveaxis(np.tensordot(np.linalg.inv(matrix), values, axes=(1, axis)), 0, axis)
         knots.append(found)
         degrees.append(degree)
-    return ImpedanceChange(parameter, coordinate, tuple(knots), tuple(degrees), np.asarray(values))  # type: ignore[arg-type]
+    return ImpedanceChange(parameter, coordinate, tuple(knots), tuple(degrees), np.asarray(values), share)  # type: ignore[arg-type]
 
 
 def interpolation_knots(levels: FloatArray, degree: int) -> FloatArray:

@@ -121,6 +121,7 @@ def impedance_to(change: ImpedanceChange) -> dict[str, Any]:
     axes = zip(_AXES, change.knots, change.degrees, strict=True)
     return {
         "parameter": change.parameter,
+        "share": change.share,
         **coordinate_to(change.coordinate),
         **{name: {"knots": knots.tolist(), "degree": degree} for name, knots, degree in axes},
         "real_H": change.coefficients.real.tolist(),
@@ -131,7 +132,7 @@ def impedance_to(change: ImpedanceChange) -> dict[str, Any]:
 def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
     """The change of :func:`impedance_to`."""
     place = ("coordinate", "reference_distance_m", "distance_shift_m")
-    section.refuse_others(("parameter", *place, *_AXES, "real_H", "imaginary_H"))
+    section.refuse_others(("parameter", "share", *place, *_AXES, "real_H", "imaginary_H"))
     axes = [section.section(name) for name in _AXES]
     found = [knots_from(one, "knots", one.integer("degree", 0, 9)) for one in axes]
     shape = tuple(len(knots) - degree - 1 for knots, degree in found)
@@ -146,6 +147,7 @@ def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
         knots=(u, i, f),
         degrees=(m, n, k),
         coefficients=parts[0] + 1j * parts[1],
+        share=section.truth("share"),
     )
 
 

@@ -27,6 +27,7 @@ def with_drawn_conductivity(model, tolerance=0.1):
     i = np.array([box.current_min_A, box.current_max_A])
     grid = np.meshgrid(d, i, f, indexing="ij")
     larger, smaller = (with_conductivity(model, s).impedance(*grid) for s in (STEP, -STEP))
-    change = impedance_change("change", DistanceCoordinate(0.03), d, i, f, (larger - smaller) / (2.0 * STEP))
+    slope = (larger - smaller) / (2.0 * STEP)
+    change = impedance_change("change", DistanceCoordinate(0.03), d, i, f, slope, share=True)
     drawn = DrawnEffect(KEY, (), "the conductivity of core", 6.0, "", tolerance, (), change)
     return replace(with_eddies(model), drawn=(drawn,))
