@@ -174,8 +174,8 @@ class Carried:
     readings: ReadingChange | None = None
     brake: Brake | None = None
     resistance: FurtherResistance | None = None
-    impedance: ImpedanceChange | None = None
     notes: Mapping[str, str] | None = None  # Texts that go with it, as a law that it follows
+    impedance: ImpedanceChange | None = None
 
 
 def carried_effect(
