@@ -73,7 +73,7 @@ class EddyMagnetics(SeveralMagnetics):
         i, e = self._apart(current)
         at, rising = self.eddy.forms(distance, 0, 1)
         u = acting(i, at.coupling, e)
-        if isinstance(self.static, SeveralMagnetics) or not self.eddy.circuits:
+        if len(self.eddy.circuits) != 1:
             found = self.static.state_of_circuits(distance, u)
             return with_eddies(at, rising, e, found, self._static_flux(distance, u))
         slope, phi, mixed, curved = self.static.coenergy_derivatives(

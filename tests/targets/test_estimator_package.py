@@ -24,6 +24,7 @@ from femfit.targets.estimator import NEW, OLD, RUNTIME, export_estimator
 from femfit.targets.import_graph import imported_modules, renamed_imports
 from femfit.targets.targets import TARGETS, export
 from support.bearing import ENTRY, table_of
+from support.eddies import with_eddies
 
 STEPS = 500
 
@@ -154,6 +155,22 @@ def test_500_steps_of_a_model_with_effects_equal_femfits(levitation_model, bare_
     exec(compile(CLOSED_LOOP.format(package="femfit"), "closed_loop", "exec"), here)  # noqa: S102  # the same text
     write_model(model, tmp_path / "model.json")
     ours = here["closed_loop"](tmp_path / "model.json", STEPS, 1)
+    assert np.isfinite(ours).all()
+    np.testing.assert_allclose(np.load(file), ours, rtol=0.0, atol=1e-12)
+
+
+def test_steps_of_a_model_with_eddy_currents_equal_femfits(levitation_model, bare_paths, tmp_path):
+    model = with_eddies(levitation_model, (2e-4, 5e-5))
+    export_estimator(model, tmp_path / "out")
+    file = tmp_path / "bare.npy"
+    result = run_bare(
+        tmp_path / "out", bare_paths, IN_THE_BARE_ENVIRONMENT, str(tmp_path / "out" / "model.json"), str(file), "100"
+    )
+    assert result.returncode == 0, result.stderr
+    here: dict[str, object] = {}
+    exec(compile(CLOSED_LOOP.format(package="femfit"), "closed_loop", "exec"), here)  # noqa: S102  # the same text
+    write_model(model, tmp_path / "model.json")
+    ours = here["closed_loop"](tmp_path / "model.json", 100)
     assert np.isfinite(ours).all()
     np.testing.assert_allclose(np.load(file), ours, rtol=0.0, atol=1e-12)
 

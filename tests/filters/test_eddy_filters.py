@@ -1,0 +1,153 @@
+"""Filters with eddy currents among their states."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.differences import central_differences
+from femfit.device.circuit import Drive
+from femfit.device.sensors import CurrentSensor
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.filters.fine_steps import in_fine_steps
+from femfit.filters.holding import holding_currents
+from femfit.filters.kalman_filter import kalman_filter
+from femfit.filters.levitation import fastest_time_constant, levitation_process
+from femfit.model.dynamics import runge_kutta_step, state_scale
+from femfit.model.sensors import predict_sensor, sensor_named
+from femfit.model.with_effects import with_effects
+from support.eddies import with_eddies
+from support.halves import cut_in_two
+
+DISTANCE_M = 0.022
+PATTERNS = [(10e-3, 3e-3, 0.5e-3), (1e-5, 2e-5, 0.1)]
+
+
+def resting(model, order=None):
+    state = np.zeros(model.order if order is None else order)
+    currents = holding_currents(model, DISTANCE_M)
+    state[0], state[2 : 2 + len(currents)] = DISTANCE_M, currents
+    return state
+
+
+def with_two_sensors(model):
+    return replace(model, other_sensors=(CurrentSensor(name="shunt", noise=2e-3, circuit=model.circuit_names[0]),))
+
+
+@pytest.mark.parametrize("times", PATTERNS)
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_a_filter_at_rest_stays_there_however_fast_the_patterns_are(levitation_model, kind, times):
+    model = with_two_sensors(with_eddies(levitation_model, times))
+    built = kalman_filter(model, kind, sensors=("hall", "shunt"))
+    assert built.process.names[3:6] == ("eddy_1_A", "eddy_2_A", "eddy_3_A")
+    for name in ("process_covariance", "start_covariance"):
+        np.linalg.cholesky(getattr(built.process, name))
+    at = resting(model)
+    readings = [float(predict_sensor(model, sensor_named(model, one), at)) for one in ("hall", "shunt")]
+    state, volts = built.start(at), model.circuit.resistance_ohm * at[2]
+    for _ in range(400):
+        state = built.step(state, volts, readings)
+    assert not state.outcome.any()
+    deviations = np.sqrt(np.diagonal(state.covariance[0]))
+    assert (np.abs(state.mean[0, :6] - at) < deviations[:6]).all()
+    assert (deviations[3:6] < np.sqrt(np.diag(built.process.start_covariance))[3:6]).all()
+
+
+@pytest.mark.parametrize("circuits", [1, 2])
+def test_the_jacobians_of_a_process_are_those_of_differences(levitation_model, circuits):
+    base = with_two_sensors(levitation_model)
+    model = with_eddies(base if circuits == 1 else with_two_sensors(cut_in_two(base)))
+    process = levitation_process(model, sensors=("hall", "shunt") if circuits == 1 else ("shunt",))
+    generator = np.random.default_rng(4)
+    states = resting(model) + generator.normal(size=(20, model.order)) * state_scale(model) * 0.02
+    volts = generator.uniform(0.0, 2.0, (20, circuits))
+    volts = volts[:, 0] if circuits == 1 else volts
+    repeated = np.concatenate([volts] * (2 * model.order))
+    slopes = central_differences(lambda x: process.transition(x, repeated), states, state_scale(model))
+    found = process.state_jacobian(states, volts)
+    size = np.abs(slopes).max(axis=0) + 1e-12
+    size[0] += 1e-4  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
+    assert (np.abs(found - slopes) / size).max() < 1e-6
+    for output in process.outputs:
+        slope = central_differences(lambda x, o=output: o.measure(x)[:, None], states, state_scale(model))[:, 0]
+        np.testing.assert_allclose(process.output_jacobian(states, output), slope, atol=1e-6 * np.abs(slope).max())
+
+
+def tracked(model, filter_model, kind, steps=150):
+    """Normalised innovations squared of a filter on a body that nothing moves, while the voltage jumps."""
+    held = replace(model, motion=replace(model.motion, mass_kg=1e9, gravity_m_s2=0.0))
+    believed = replace(filter_model, motion=held.motion)
+    built = kalman_filter(believed, kind, sensors=("hall", "shunt"))
+    generator = np.random.default_rng(7)
+    noises = [output.variance**0.5 for output in built.process.outputs]
+    truth, seen = resting(model), []
+    truth[2:] = 0.0
+    state = built.start(resting(filter_model) * [1.0, 1.0, *[0.0] * (filter_model.order - 2)])
+    for k in range(steps):
+        volts = 2.0 if (k // 50) % 2 else 0.5
+        truth = runge_kutta_step(held, truth[None], np.array([volts]), held.sample_time_s, 4)[0]
+        exact = [float(predict_sensor(held, sensor_named(held, one), truth)) for one in ("hall", "shunt")]
+        state = built.step(state, volts, np.array(exact) + generator.standard_normal(2) * noises)
+        seen.append((state.innovation**2 / state.innovation_variance).ravel())
+    return float(np.mean(seen)), state, truth
+
+
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_a_filter_that_knows_the_eddy_currents_is_consistent_and_one_that_does_not_is_not(levitation_model, kind):
+    model = with_two_sensors(with_eddies(levitation_model))
+    model = replace(model, eddy=replace(model.eddy, error=None))
+    knowing, state, truth = tracked(model, model, kind)
+    # Less than one: the process noise allows for patterns that are off by 1 % of the whole swing, and these are not
+    assert 0.3 < knowing < 1.1
+    deviations = np.sqrt(np.diagonal(state.covariance[0]))
+    assert (np.abs(state.mean[0, :6] - truth) < 4.0 * deviations[:6]).all()
+    ignorant, *_ = tracked(model, replace(model, eddy=None), kind)
+    assert ignorant > 5.0
+
+
+def test_fine_steps_are_as_short_as_the_fastest_pattern_asks(levitation_model):
+    model = with_eddies(levitation_model, (10e-3, 1e-4))
+    fastest = fastest_time_constant(model, DISTANCE_M)
+    there = model.windings.magnetics.inductance(np.array(DISTANCE_M), np.zeros(3)) + model.windings.series_H
+    rates = np.linalg.eigvals(np.linalg.solve(there, np.diag(model.windings.resistances_ohm)))
+    assert fastest == pytest.approx(1.0 / rates.real.max(), rel=1e-6)
+    process = levitation_process(model)
+    states, volts = np.tile(resting(model), (3, 1)), np.array([0.5, 1.0, 2.0])
+    found = in_fine_steps(model, process).transition(states, volts)
+    wanted = runge_kutta_step(model, states, volts, model.sample_time_s, 500)
+    np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("drive", [Drive(diode_V=0.7), Drive("current"), Drive("current", bandwidth_Hz=300.0)])
+def test_filters_that_are_told_commands_follow_the_driver(levitation_model, drive):
+    """The step's current is the amplifier's target, and none flows backwards through a diode."""
+    low = 0.0 if drive.kind == "voltage" else -3.0
+    circuit = replace(levitation_model.circuit, voltage_min_V=low, voltage_max_V=30.0, drive=drive)
+    model = with_eddies(replace(levitation_model, circuits=(circuit,)))
+    process = levitation_process(model, commanded=True)
+    states = np.tile(resting(model), (2, 1))
+    states[1, 2:] = [0.0, 0.4, -0.2, 0.1]
+    moved = process.transition(states, np.array([0.0, 0.0]) if drive.kind == "voltage" else np.array([0.5, 0.05]))
+    if drive.kind == "voltage":
+        assert 0.0 < moved[0, 2] < states[0, 2]
+        assert moved[1, 2] >= 0.0
+    else:
+        kept = 0.0 if drive.bandwidth_Hz is None else np.exp(-2.0 * np.pi * 300.0 * model.sample_time_s)
+        wanted = np.array([0.5, 0.05]) + kept * (states[:, 2] - [0.5, 0.05])
+        np.testing.assert_allclose(moved[:, 2], wanted, rtol=2e-2)  # its voltage is that of a body that has half moved
+
+
+def test_effects_and_eddy_currents_run_in_one_filter(levitation_model):
+    lag = effect_by_name("eddy_current_lag")
+    chosen = AddedEffect(lag, lag.null() | {"ring_share": 0.1, "time_s": 2e-3})
+    model = with_effects(with_two_sensors(with_eddies(levitation_model)), [chosen])
+    built = kalman_filter(model, "ukf", sensors=("hall", "shunt"))
+    np.linalg.cholesky(built.process.process_covariance)
+    at = resting(model)
+    readings = [float(predict_sensor(model, sensor_named(model, one), at)) for one in ("hall", "shunt")]
+    state, volts = built.start(at), model.circuit.resistance_ohm * at[2]
+    for _ in range(100):
+        state = built.step(state, volts, readings)
+    assert not state.outcome.any()
+    assert state.mean[0, 0] == pytest.approx(DISTANCE_M, abs=2e-5)

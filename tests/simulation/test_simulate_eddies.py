@@ -1,0 +1,74 @@
+"""Closed loops about a device with eddy currents."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.device.circuit import Drive
+from femfit.model.dynamics import runge_kutta_step
+from femfit.simulation.linear_loop import linear_plant
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.plant import Plant, with_force_scale
+from femfit.simulation.sensor import loop_sensors
+from support.eddies import with_eddies
+from support.halves import cut_in_two
+
+DISTANCE_M = 0.024
+
+
+def a_start(model, runs=3):
+    point = operating_point(model, DISTANCE_M)
+    return np.tile(point.state, (runs, 1)), point
+
+
+@pytest.mark.parametrize("circuits", [1, 2])
+def test_the_plant_steps_with_its_eddy_currents(levitation_model, circuits):
+    model = with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model), (10e-3, 2e-4))
+    start, point = a_start(model)
+    plant = Plant(model)
+    state = plant.start(start)
+    assert state.shape == (3, 2 + circuits + 2)
+    command = point.commands + np.array([[-0.3], [0.0], [0.4]])
+    found = plant.step(state, command)
+    wanted = runge_kutta_step(model, state, command[:, 0] if circuits == 1 else command, model.sample_time_s, 400)
+    np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-6)
+    assert (found[[0, 2], 2 + circuits :] != 0.0).all()
+
+
+@pytest.mark.parametrize("bandwidth", [None, 300.0])
+def test_an_amplifier_brings_the_current_to_its_target_against_eddy_currents(levitation_model, bandwidth):
+    circuit = replace(levitation_model.circuit, voltage_min_V=-60.0, voltage_max_V=60.0)
+    circuit = replace(circuit, drive=Drive("current", bandwidth_Hz=bandwidth))
+    model = with_eddies(replace(levitation_model, circuits=(circuit,)))
+    plant, start = Plant(model), np.array([[DISTANCE_M, 0.0, 0.3]])
+    moved = plant.step(plant.start(start), np.array([0.5]))
+    kept = 0.0 if bandwidth is None else np.exp(-2.0 * np.pi * bandwidth * model.sample_time_s)
+    assert moved[0, 2] == pytest.approx(0.5 - 0.2 * kept, rel=1e-3)
+
+
+@pytest.mark.parametrize("circuits", [1, 2])
+def test_a_wrong_force_leaves_eddy_currents_what_they_are(levitation_model, circuits):
+    model = with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model))
+    scaled = with_force_scale(model, np.full(3, 1.0))
+    state, generator = np.zeros((3, model.order)), np.random.default_rng(1)
+    state[:, 0], state[:, 2:] = DISTANCE_M, generator.normal(0.4, 0.1, (3, model.order - 2))
+    volts = np.ones((3, circuits))
+    one, two = (Plant(each).step(state, volts) for each in (model, scaled))
+    np.testing.assert_allclose(two, one, rtol=1e-9, atol=1e-12)
+    stronger = Plant(with_force_scale(model, np.full(3, 1.1))).step(state, volts)
+    assert (stronger[:, 1] < one[:, 1]).all()
+
+
+def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):
+    model = with_eddies(levitation_model, (50e-3, 10e-3))
+    _, point = a_start(model)
+    sensors = loop_sensors(model, ("hall",), {"hall": 1e-3}, model.sample_time_s)
+    plant = linear_plant(model, point, sensors)
+    assert plant.A.shape == (5, 5)
+    poles = np.log(np.abs(np.linalg.eigvals(plant.A))) / model.sample_time_s
+    assert (poles > 0.0).sum() == 1  # one is unstable, as without
+    still = linear_plant(levitation_model, operating_point(levitation_model, DISTANCE_M), sensors)
+    grows = np.log(np.abs(np.linalg.eigvals(still.A))).max() / model.sample_time_s
+    # Conducting parts brake what runs away
+    assert 0.0 < poles.max() < grows
