@@ -85,12 +85,15 @@ class CoenergyMatrix(SeveralMagnetics):
     def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """Slopes along the distance; nothing saturates, so that those of the inductances along the currents are 0."""
         v = _with_one(currents)
-        rising = self.matrix(distance, 1)
-        curved = np.einsum("...ab,...b->...a", self.matrix(distance, 2), v)
-        inductance = self.inductance(distance, currents)
+        whole, rising, bent = self._matrices(distance, 0, 1, 2)
+        curved = np.einsum("...ab,...b->...a", bent, v)
+        force, motional_constant = _force_and_motional_constant(rising, currents)
+        shape = (*motional_constant.shape, len(self.names))
+        inductance = np.broadcast_to(whole[..., 1:, 1:], shape).copy()
         return MagneticSlopes(
-            motional_constant=-np.einsum("...ab,...b->...a", rising[..., 1:, :], v),
+            motional_constant=motional_constant,
             inductance=inductance,
+            force=force,
             force_gradient=-0.5 * np.einsum("...a,...a->...", v, curved),
             motional_gradient=-curved[..., 1:],
             inductance_gradient=np.broadcast_to(rising[..., 1:, 1:], inductance.shape),

@@ -81,6 +81,7 @@ class CoenergyTensor(SeveralMagnetics):
         return MagneticSlopes(
             motional_constant=-np.stack([at.partial(1, k) for k in range(n)], axis=-1),
             inductance=at.inductance(0),
+            force=-at.partial(1),
             force_gradient=-at.partial(2),
             motional_gradient=-np.stack([at.partial(2, k) for k in range(n)], axis=-1),
             inductance_gradient=at.inductance(1),

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import perm
 
 import numpy as np
 
@@ -23,24 +22,28 @@ class DistanceSplines:
     def derivatives(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
         """Derivatives in d of zeroth to second order of all entries at distances (...), each (..., entries)."""
         distance = np.asarray(distance, dtype=np.float64)
-        u, first, second = (part.ravel()[:, None] for part in self.coordinate.with_slopes(distance))
-        inner = self._breaks[1:-1].searchsorted(u[:, 0], "right")
-        step = u - self._breaks[inner, None]
-        cells = self._cells[inner]  # (points, powers, entries)
-
-        def along(k: int) -> FloatArray:
-            value = np.zeros((len(u), cells.shape[2]))
-            for power in range(self.degree, k - 1, -1):
-                value = value * step + cells[:, power] * perm(power, k)
-            return value
-
-        def entries(order: int) -> FloatArray:
+        u, first, second = self.coordinate.with_slopes(distance.ravel())
+        inner = self._breaks[1:-1].searchsorted(u, "right")
+        powers = (u - self._breaks[inner])[:, None] ** np.arange(self.degree + 1)
+        weights = np.empty((len(u), len(orders), self.degree + 1))
+        for row, order in enumerate(orders):
             if order == 0:
-                return along(0)
-            return first * along(1) if order == 1 else first**2 * along(2) + second * along(1)
+                weights[:, row] = powers
+                continue
+            weights[:, row] = powers @ self._slope
+            if order == 1:
+                weights[:, row] *= first[:, None]
+            else:
+                weights[:, row] *= second[:, None]
+                weights[:, row] += (first**2)[:, None] * (powers @ self._slope @ self._slope)
+        found = weights @ self._cells[inner]  # one product a point, of orders, powers and entries
+        shape = (*distance.shape, found.shape[2])
+        return [found[:, row].reshape(shape) for row in range(len(orders))]
 
-        shape = (*distance.shape, cells.shape[2])
-        return [entries(order).reshape(shape) for order in orders]
+    @cached_property
+    def _slope(self) -> FloatArray:
+        """The matrix D of (1, s, s^2, ..)' = (1, s, s^2, ..) D."""
+        return np.diag(np.arange(1.0, self.degree + 1), 1)
 
     @cached_property
     def _breaks(self) -> FloatArray:

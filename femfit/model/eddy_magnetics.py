@@ -113,11 +113,11 @@ class EddyMagnetics(SeveralMagnetics):
         gradient = half + np.swapaxes(half, -1, -2) + np.swapaxes(g, -1, -2) @ (part.inductance_gradient + along) @ g
         n = u.shape[-1]
         gradient[..., n:, n:] += rising.inductance
-        unasked = np.zeros(phi.shape[:-1])  # the force
-        state = with_eddies(at, rising, e, MagneticState(unasked, part.motional_constant, inductance), phi)
+        state = with_eddies(at, rising, e, MagneticState(part.force, part.motional_constant, inductance), phi)
         return MagneticSlopes(
             motional_constant=state.motional_constant,
             inductance=state.inductance,
+            force=state.force,
             force_gradient=-second,
             motional_gradient=-_joined(bending, of_eddies),
             inductance_gradient=gradient,

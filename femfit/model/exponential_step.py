@@ -74,8 +74,7 @@ def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
     kick[..., range(order), range(order)] = 1.0
     kick[..., 1, :end] += step * row
     if end > 2:
-        force = windings.magnetics.state_of_circuits(distance, currents).force
-        acceleration = motion.acceleration(distance, velocity, force, model.sample_time_s)
+        acceleration = motion.acceleration(distance, velocity, slopes.force, model.sample_time_s)
         seen = velocity + 0.5 * step * acceleration
         rate = current_rates(model, slopes, seen, currents, voltage)
         rows = current_slopes(model, slopes, seen, rate)

@@ -46,6 +46,7 @@ class MagneticSlopes:
 
     motional_constant: FloatArray  # k_m, shape (..., n)
     inductance: FloatArray  # L, shape (..., n, n)
+    force: FloatArray  # F in N, shape (...)
     force_gradient: FloatArray  # dF/dd in N/m, shape (...)
     motional_gradient: FloatArray  # dk_m/dd in N/(A m), shape (..., n)
     inductance_gradient: FloatArray  # dL/dd in H/m, shape (..., n, n)
@@ -138,13 +139,14 @@ class Magnetics(ABC):
     def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """The same with their slopes; arguments as of :meth:`state_of_circuits`."""
         circuits = currents.shape[-1]
-        orders = ((1, 1), (0, 2), (2, 0), (2, 1), (1, 2), (0, 3))
+        orders = ((1, 0), (1, 1), (0, 2), (2, 0), (2, 1), (1, 2), (0, 3))
         current = currents[..., 0] if circuits else np.zeros_like(distance)
-        di_w, ii_w, dd_w, ddi_w, dii_w, iii_w = self.coenergy_derivatives(distance, current, orders)
+        d_w, di_w, ii_w, dd_w, ddi_w, dii_w, iii_w = self.coenergy_derivatives(distance, current, orders)
         each = slice(None, circuits)
         return MagneticSlopes(
             -di_w[..., None][..., each],
             ii_w[..., None, None][..., each, each],
+            -d_w,
             -dd_w,
             -ddi_w[..., None][..., each],
             dii_w[..., None, None][..., each, each],

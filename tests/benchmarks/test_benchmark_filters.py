@@ -14,6 +14,7 @@ from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.with_effects import with_effects
+from support.eddies import with_eddies
 
 RUNS, STEPS = 1000, 200
 
@@ -32,10 +33,10 @@ def a_filterpy_step(order):
     return step
 
 
-def a_femfit_step(model, order, runs):
-    """One step of our UKF with the model's co-energy and Hall field."""
+def a_femfit_step(model, order, runs, kind=UnscentedFilter):
+    """One step of our filter with the model's co-energy and Hall field."""
     current = holding_current(model, 0.022)
-    filter_ = UnscentedFilter(levitation_process(model, hall_bias=order == 4))
+    filter_ = kind(levitation_process(model, hall_bias=order == 4))
     states = [filter_.start(np.array([0.022, 0.0, current]), runs=runs)]
     reading = np.full(runs, float(model.sensor.voltage(np.asarray(0.022), np.asarray(current))))
     voltage = model.circuit.resistance_ohm * current
@@ -117,3 +118,24 @@ def test_one_filter_of_a_model_with_effects(levitation_model, filter_class, name
         state = filter_.step(state, voltage, reading)
     microseconds = (time.process_time() - start) / STEPS * 1e6
     print(f"\n{filter_class.__name__}, {', '.join(names) or 'no effects'}: {microseconds:.0f} us of CPU a step")
+
+
+@pytest.mark.benchmark
+@pytest.mark.parametrize("filter_class", [UnscentedFilter, ExtendedFilter])
+@pytest.mark.parametrize("runs", [1, 1000])
+def test_three_eddy_currents_beside_none(levitation_model, filter_class, runs):
+    """CPU times of turns that alternate."""
+    models = {"without": levitation_model, "with": with_eddies(levitation_model)}
+    steps = {name: a_femfit_step(model, 3, runs, filter_class) for name, model in models.items()}
+    times = {name: [] for name in steps}
+    for _ in range(20):
+        for name, step in steps.items():
+            start = time.process_time()
+            for _ in range(5):
+                step()
+            times[name].append((time.process_time() - start) / 5)
+    without, with_them = (1e6 * float(np.median(values)) for values in times.values())
+    print(
+        f"\n{filter_class.__name__}, {runs} at once: {without:.0f} us a step without, {with_them:.0f} us with three "
+        f"eddy currents ({with_them / without:.1f} times)"
+    )
