@@ -1,7 +1,9 @@
 """Coils beside conductors whose impedance is known, as inductances from the field at a complex frequency."""
 
 import math
-from functools import cache
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
 
 import ngsolve as ng
 
@@ -14,6 +16,7 @@ from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.settings import SolverSettings
 from femfit.field.weak_form import flux_density, source_loads
+from support import eddy_exact
 from support.actuators import rectangle
 from support.devices import device
 
@@ -128,6 +131,60 @@ def ball(body):
     """A ball of 10 mm within a larger coil, off its middle."""
     corners, bulges = circle((0.0, 0.0), BALL)
     return drawing([Region("ball", tuple(corners), material(body), tuple(bulges))], [BALL_COIL], size=0.02)
+
+
+def alone(case, body, s, **settings):
+    """The whole inductance in H of the coil of a case with a body."""
+    return inductance(case(body), s, **settings)
+
+
+@dataclass(frozen=True)
+class Known:
+    """A case with its closed form, an inductance in H of (s, body), and how the field solver's is counted."""
+
+    name: str
+    source: str
+    case: Callable
+    exact: Callable
+    counted: Callable = added
+
+
+def _around(form, radius, section):
+    return lambda s, body: form(s, body, radius, section, 100.0)
+
+
+KNOWN = (
+    Known(
+        "coil above a {} plate",
+        "Dodd and Deeds",
+        plate,
+        partial(eddy_exact.above_plate, section=PLATE_COIL, turns=100.0, thickness=0.03),
+    ),
+    Known("coil around a {} rod", "Dodd and Deeds", rod, _around(eddy_exact.around_rod, ROD, ROD_COIL)),
+    Known(
+        "round {} core",
+        "Bessel functions",
+        core,
+        lambda s, body: core_exact(s, body, eddy_exact.core_ratio(s, body, CORE)),
+        alone,
+    ),
+    Known("{} ball in a coil", "spherical Bessel functions", ball, _around(eddy_exact.around_sphere, BALL, BALL_COIL)),
+)
+
+
+def exact(case, body, frequency):
+    """R in ohm and L in H of a known case."""
+    s = 2j * math.pi * frequency
+    found = case.exact(s, body)
+    return (s * found).real, found.real
+
+
+@cache
+def solved(case, body, frequency):
+    """The same from the field, with the default settings."""
+    s = 2j * math.pi * frequency
+    found = case.counted(case.case, body, s)
+    return (s * found).real, found.real
 
 
 def loss(harmonic, s, field):
