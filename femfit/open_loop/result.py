@@ -48,8 +48,9 @@ class OpenLoop(Printed):
     table : mapping of str to array
         Columns at equal steps: time_s, distance_m, velocity_m_s, current_A, voltage_V (across the circuit), force_N
         (magnetic, towards smaller distance), static_force_N (weight, springs and load, towards larger distance) and
-        flux_linkage_Wb. Of several circuits current_NAME_A, voltage_NAME_V and flux_linkage_NAME_Wb. Of the drawn
-        sensors hall_V, position_V, pickup_V and acceleration_m_s2, without noise and rounding.
+        flux_linkage_Wb. Of several circuits current_NAME_A, voltage_NAME_V and flux_linkage_NAME_Wb. Of eddy currents
+        eddy_1_A and on. Of the drawn sensors hall_V, position_V, pickup_V and acceleration_m_s2, without noise and
+        rounding.
     profiles : tuple of Profile
         What was commanded, one a circuit.
     events : tuple of Event

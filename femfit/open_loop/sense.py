@@ -169,6 +169,8 @@ def sense(
     built = replace(built, process=in_fine_steps(model, built.process))
     states = np.zeros((len(table["time_s"]), built.process.order))
     states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]
+    for k, name in enumerate(model.eddy_names, start=3):
+        states[:, k] = table[name]
     volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
     rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
     free = in_fine_steps(without_stops(model), built.process)

@@ -199,6 +199,7 @@ def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dic
         "velocity_m_s": states[1],
         **dict(zip(circuit_currents(names), states[2 : 2 + circuits], strict=True)),
         **dict(zip(voltage_columns(names), volts, strict=True)),
+        **dict(zip(model.eddy_names, states[2 + circuits : windings.end], strict=True)),
         "force_N": windings.magnetics.force(d, i),
         "static_force_N": system.mechanics.static_force(d),
         **dict(zip(flux_columns(names), flux.T, strict=True)),

@@ -22,6 +22,7 @@ from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import motion_rate, operating_distance
 from femfit.filters.process import FilterProcess
+from femfit.model.drive import currents_by_voltages
 from femfit.replay.autocovariance import Stretches, variance_factors
 from femfit.replay.constants import (
     COVARIANCE_BLOCK,
@@ -165,10 +166,14 @@ def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
     """Noises as the filter was given them: sqrt of the acceleration's density, the voltage, the sensors."""
     t, whole, model = process.step_s, process.process_covariance, prepared.model
     circuits = len(model.circuits)
-    middle = model.validity.current_limits_A.mean(axis=1)[:circuits]
-    at = model.magnetics.state_of_circuits(np.asarray(operating_distance(model)), middle)
-    inductance, end = at.inductance + model.series_inductances_H, 2 + circuits
-    squares = np.diag(inductance @ whole[2:end, 2:end] @ inductance) / t**2
+    middle = np.zeros(model.windings.count)
+    middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
+    at, end = model.windings.magnetics.state_of_circuits(np.asarray(operating_distance(model)), middle), 2 + circuits
+    if model.eddy is None:
+        by_current = (at.inductance + model.series_inductances_H) / t
+    else:
+        by_current = np.linalg.inv(currents_by_voltages(model, at, t)[:circuits, :circuits])
+    squares = np.diag(by_current @ whole[2:end, 2:end] @ by_current.T)
     volts = float(np.sqrt(squares.mean())) if circuits else 0.0  # rms over several drivers
     return np.array([np.sqrt(whole[1, 1] / t), volts, *(output.variance**0.5 for output in process.outputs)])
 

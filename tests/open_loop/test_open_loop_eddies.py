@@ -35,6 +35,8 @@ def test_a_solid_solenoid_switches_later_and_the_energy_is_all_there():
     for before, after in zip(fast.switchings, slow.switchings, strict=True):
         assert after.switching_time_s > before.switching_time_s
     assert closes(slow)
+    heat = sum(slow.table[name] ** 2 for name in ("eddy_1_A", "eddy_2_A"))  # of 1 ohm each
+    assert np.trapezoid(heat, slow.table["time_s"]) == pytest.approx(slow.energy.eddy_J, rel=2e-2)
     assert slow.energy.eddy_J > 0.001 * slow.energy.supplied_J
     assert fast.energy.eddy_J == 0.0
     assert "eddy currents" in str(slow)
