@@ -20,7 +20,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.eddy_magnetics import EddyMagnetics, acting
+from femfit.model.eddy_magnetics import EddyMagnetics
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.impedance import SmallSignal, checked_frequency, following_share
@@ -363,7 +363,8 @@ class ActuatorModel(Printed):
             return self.currents_of(state)
         n = len(self.circuits)
         coupling, _ = self.eddy.seen(state[..., 0])[0]
-        at = acting(state[..., 2 : 2 + n], coupling, state[..., 2 + n : self.windings.end])
+        e = state[..., 2 + n : self.windings.end]
+        at = state[..., 2 : 2 + n] + (coupling @ e[..., None])[..., 0]
         return (at if n > 1 else at[..., 0]) if n else np.zeros(state.shape[:-1])
 
     def eddy_field(self, state: FloatArray) -> FloatArray:

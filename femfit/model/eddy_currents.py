@@ -57,6 +57,15 @@ class EddyForms:
 
 
 @dataclass(frozen=True, eq=False)
+class EddyShift:
+    """The same for all currents w = (i, e): u = G w with G = (1, C), lambda and Q with zeros for the circuits."""
+
+    shift: FloatArray  # G, or its derivative, whose part of the circuits is 0; shape (..., n, n + r)
+    flux_linkage: FloatArray  # Shape (..., n + r)
+    inductance: FloatArray  # Shape (..., n + r, n + r)
+
+
+@dataclass(frozen=True, eq=False)
 class EddyCurrents:
     """The patterns of a model; what depends on the distance are splines with N functions of u(d).
 
@@ -104,6 +113,17 @@ class EddyCurrents:
             for one in found
         ]
 
+    def shifts(self, distance: FloatArray, *orders: int) -> list[EddyShift]:
+        """As :meth:`forms`, for all currents."""
+        orders, (at_shift, at_linkage, at_inductance) = orders or (0,), self._whole_places
+        found = []
+        for order, entries in zip(orders, self._motion.derivatives(distance, *orders), strict=True):
+            whole = np.zeros((*entries.shape[:-1], entries.shape[-1] + 2))  # the last two are G's ones, and zeros
+            whole[..., :-2] = entries
+            whole[..., -2] = order == 0
+            found.append(EddyShift(whole[..., at_shift], whole[..., at_linkage], whole[..., at_inductance]))
+        return found
+
     def seen(self, distance: FloatArray, *orders: int) -> list[tuple[FloatArray, FloatArray]]:
         """C (..., n, r) and h (..., r), or their derivatives, as :meth:`forms`."""
         found = self._sensed.derivatives(distance, *(orders or (0,)))
@@ -125,6 +145,17 @@ class EddyCurrents:
         rows, columns = np.triu_indices(self.count)
         places[rows, columns] = places[columns, rows] = np.arange(len(rows))
         return places
+
+    @cached_property
+    def _whole_places(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Which entry stands where in G, lambda and Q of all currents; -2 is a one, -1 a zero."""
+        n, r = len(self.circuits), self.count
+        shift, linkage, inductance = (np.full(size, -1) for size in ((n, n + r), n + r, (n + r, n + r)))
+        shift[range(n), range(n)] = -2
+        shift[:, n:] = np.arange(n * r).reshape(n, r)
+        linkage[n:] = n * r + np.arange(r)
+        inductance[n:, n:] = (n + 1) * r + self._places
+        return shift, linkage, inductance
 
     @cached_property
     def _motion(self) -> DistanceSplines:

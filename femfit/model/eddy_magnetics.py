@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.model.eddy_currents import EddyCurrents, EddyForms
+from femfit.model.eddy_currents import EddyCurrents, EddyShift
 from femfit.model.magnetics import Magnetics, MagneticSlopes, MagneticState
 from femfit.model.several_magnetics import SeveralMagnetics
 
@@ -32,25 +32,19 @@ class EddyMagnetics(SeveralMagnetics):
 
     def acting(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """The circuits' currents u = i + C e (..., n) that act on the static field like all currents together."""
-        i, e = self._apart(currents)
-        return acting(i, self.eddy.seen(distance)[0][0], e)
+        return _times(self.eddy.shifts(distance)[0].shift, currents)
 
     def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        i, e = self._apart(current)
-        (at,) = self.eddy.forms(distance)
-        return np.asarray(
-            self.static.coenergy(distance, self._of_static(acting(i, at.coupling, e)))
-            + (at.flux_linkage * e).sum(axis=-1)
-            + 0.5 * (e * _times(at.inductance, e)).sum(axis=-1)
-        )
+        (at,), w = self.eddy.shifts(distance), np.asarray(current, dtype=np.float64)
+        static = self.static.coenergy(distance, self._of_static(_times(at.shift, w)))
+        return np.asarray(static + ((at.flux_linkage + 0.5 * _times(at.inductance, w)) * w).sum(axis=-1))
 
     def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """dW'/dw in Wb, of shape (..., n + r)."""
-        i, e = self._apart(current)
-        (at,) = self.eddy.forms(distance)
-        phi = self._static_flux(distance, acting(i, at.coupling, e))
-        return _joined(phi, _transposed(at.coupling, phi) + at.flux_linkage + _times(at.inductance, e))
+        (at,), w = self.eddy.shifts(distance), np.asarray(current, dtype=np.float64)
+        phi = self._static_flux(distance, _times(at.shift, w))
+        return _transposed(at.shift, phi) + at.flux_linkage + _times(at.inductance, w)
 
     def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, of shape (...)."""
@@ -70,63 +64,60 @@ class EddyMagnetics(SeveralMagnetics):
 
     def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n + r) and inductances (..., n + r, n + r) together."""
-        i, e = self._apart(current)
-        at, rising = self.eddy.forms(distance, 0, 1)
-        u = acting(i, at.coupling, e)
+        (at, rising), w = self.eddy.shifts(distance, 0, 1), np.asarray(current, dtype=np.float64)
+        u = _times(at.shift, w)
         if len(self.eddy.circuits) != 1:
             found = self.static.state_of_circuits(distance, u)
-            return with_eddies(at, rising, e, found, self._static_flux(distance, u))
+            return with_eddies(at, rising, w, found, self._static_flux(distance, u))
         slope, phi, mixed, curved = self.static.coenergy_derivatives(
             distance, u[..., 0], ((1, 0), (0, 1), (1, 1), (0, 2))
         )
         found = MagneticState(-slope, -mixed[..., None], curved[..., None, None])
-        return with_eddies(at, rising, e, found, phi[..., None])
+        return with_eddies(at, rising, w, found, phi[..., None])
 
     def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """The slopes of all currents."""
-        i, e = self._apart(currents)
-        at, rising, bent = self.eddy.forms(distance, 0, 1, 2)
-        u = acting(i, at.coupling, e)
+        (at, rising, bent), w = self.eddy.shifts(distance, 0, 1, 2), np.asarray(currents, dtype=np.float64)
+        u, u_1, u_2 = (_times(one.shift, w) for one in (at, rising, bent))
         part, phi = self.static.slopes_of_circuits(distance, u), self._static_flux(distance, u)
-        u_1, u_2 = _times(rising.coupling, e), _times(bent.coupling, e)
         inductance, along = part.inductance, np.einsum("...jkl,...l->...jk", part.inductance_slope, u_1)
-        # The derivatives in d of phi at held w, and of its part beside L u_1
+        # The first and second derivatives of phi in d at held w
         risen = _times(inductance, u_1) - part.motional_constant
-        bending = -part.motional_gradient + _times(2.0 * part.inductance_gradient + along, u_1)
+        bending = _times(2.0 * part.inductance_gradient + along, u_1) - part.motional_gradient
         bending = bending + _times(inductance, u_2)
+        further = _times(bent.inductance, w)
         second = (
-            -part.force_gradient
-            + (u_1 * (risen - part.motional_constant)).sum(axis=-1)
-            + (phi * u_2).sum(axis=-1)
-            + (bent.flux_linkage * e).sum(axis=-1)
-            + 0.5 * (e * _times(bent.inductance, e)).sum(axis=-1)
+            ((risen - part.motional_constant) * u_1 + phi * u_2).sum(axis=-1)
+            + ((bent.flux_linkage + 0.5 * further) * w).sum(axis=-1)
+            - part.force_gradient
         )
-        of_eddies = (
-            _transposed(bent.coupling, phi)
-            + 2.0 * _transposed(rising.coupling, risen)
-            + _transposed(at.coupling, bending)
+        motional_gradient = -(
+            _transposed(bent.shift, phi)
+            + 2.0 * _transposed(rising.shift, risen)
+            + _transposed(at.shift, bending)
             + bent.flux_linkage
-            + _times(bent.inductance, e)
+            + further
         )
-        g, g_1 = _shift(at.coupling, u.shape), _shift(rising.coupling, u.shape, 0.0)
-        half = np.swapaxes(g_1, -1, -2) @ inductance @ g
+        g = at.shift
+        half = np.swapaxes(rising.shift, -1, -2) @ inductance @ g
         gradient = half + np.swapaxes(half, -1, -2) + np.swapaxes(g, -1, -2) @ (part.inductance_gradient + along) @ g
-        n = u.shape[-1]
-        gradient[..., n:, n:] += rising.inductance
-        state = with_eddies(at, rising, e, MagneticState(part.force, part.motional_constant, inductance), phi)
+        state = with_eddies(at, rising, w, MagneticState(part.force, part.motional_constant, inductance), phi)
         return MagneticSlopes(
             motional_constant=state.motional_constant,
             inductance=state.inductance,
             force=state.force,
             force_gradient=-second,
-            motional_gradient=-_joined(bending, of_eddies),
-            inductance_gradient=gradient,
-            inductance_slope=np.einsum("...ja,...kb,...lc,...jkl->...abc", g, g, g, part.inductance_slope),
+            motional_gradient=motional_gradient,
+            inductance_gradient=gradient + rising.inductance,
+            inductance_slope=self._turned(g, part.inductance_slope),
         )
 
-    def _apart(self, currents: FloatArray) -> tuple[FloatArray, FloatArray]:
-        currents, n = np.asarray(currents, dtype=np.float64), len(self.eddy.circuits)
-        return currents[..., :n], currents[..., n:]
+    @staticmethod
+    def _turned(g: FloatArray, slope: FloatArray) -> FloatArray:
+        """dL_jk/du_l of the static co-energy, for all currents; of iron that does not saturate it is 0."""
+        if not slope.any():
+            return np.zeros((*slope.shape[:-3], *[g.shape[-1]] * 3))
+        return np.asarray(np.einsum("...ja,...kb,...lc,...jkl->...abc", g, g, g, slope))
 
     def _of_static(self, u: FloatArray) -> FloatArray:
         """Currents in the shape that the static co-energy takes."""
@@ -147,31 +138,25 @@ def acting(i: FloatArray, coupling: FloatArray, e: FloatArray) -> FloatArray:
 
 
 def with_eddies(
-    at: EddyForms, rising: EddyForms, e: FloatArray, static: MagneticState, flux_linkage: FloatArray
+    at: EddyShift, rising: EddyShift, w: FloatArray, static: MagneticState, flux_linkage: FloatArray
 ) -> MagneticState:
-    """Force (...), motional constants and inductances of all currents from the static ones at u.
+    """Force (...), motional constants and inductances of all currents w from the static ones at u.
 
     Parameters
     ----------
-    at, rising : EddyForms
-        C, lambda and Q, and their derivatives in d.
+    at, rising : EddyShift
+        G, lambda and Q, and their derivatives in d.
     static : MagneticState
         Of the shapes (...), (..., n) and (..., n, n).
     flux_linkage : array, shape (..., n)
         The static one.
     """
-    u_1, n = _times(rising.coupling, e), flux_linkage.shape[-1]
-    further = _times(rising.inductance, e)
-    pull = (flux_linkage * u_1).sum(axis=-1) + ((rising.flux_linkage + 0.5 * further) * e).sum(axis=-1)
+    u_1, further = _times(rising.shift, w), _times(rising.inductance, w)
+    pull = (flux_linkage * u_1).sum(axis=-1) + ((rising.flux_linkage + 0.5 * further) * w).sum(axis=-1)
     risen = _times(static.inductance, u_1) - static.motional_constant
-    of_eddies = _transposed(rising.coupling, flux_linkage) + _transposed(at.coupling, risen)
-    motional = -_joined(risen, of_eddies + rising.flux_linkage + further)
-    inductance = np.empty((*motional.shape, motional.shape[-1]))
-    mixed = static.inductance @ at.coupling
-    inductance[..., :n, :n], inductance[..., :n, n:] = static.inductance, mixed
-    inductance[..., n:, :n] = np.swapaxes(mixed, -1, -2)
-    inductance[..., n:, n:] = np.swapaxes(at.coupling, -1, -2) @ mixed + at.inductance
-    return MagneticState(np.asarray(static.force - pull), motional, inductance)
+    motional = _transposed(rising.shift, flux_linkage) + _transposed(at.shift, risen) + rising.flux_linkage + further
+    inductance = np.swapaxes(at.shift, -1, -2) @ (static.inductance @ at.shift) + at.inductance
+    return MagneticState(np.asarray(static.force - pull), -motional, inductance)
 
 
 def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
@@ -180,18 +165,3 @@ def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
 
 def _transposed(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray((vector[..., None, :] @ matrix)[..., 0, :])
-
-
-def _joined(of_circuits: FloatArray, of_eddies: FloatArray) -> FloatArray:
-    shape = np.broadcast_shapes(of_circuits.shape[:-1], of_eddies.shape[:-1])
-    parts = (np.broadcast_to(one, (*shape, one.shape[-1])) for one in (of_circuits, of_eddies))
-    return np.concatenate(list(parts), axis=-1)
-
-
-def _shift(coupling: FloatArray, shape: tuple[int, ...], unit: float = 1.0) -> FloatArray:
-    """G = (unit 1, C), of shape (..., n, n + r)."""
-    n = shape[-1]
-    result = np.zeros((*shape, n + coupling.shape[-1]))
-    result[..., range(n), range(n)] = unit
-    result[..., n:] = coupling
-    return result

@@ -31,7 +31,7 @@ from femfit.effects.stages import changed_coenergy, circuit_of, hall_point, reco
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.decay import decay_of, decay_shares
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.eddy_magnetics import acting, with_eddies
+from femfit.model.eddy_magnetics import with_eddies
 from femfit.model.magnetics import MagneticState
 
 _PROBE = 1e-3
@@ -167,12 +167,13 @@ class EffectDynamics:
         assert self.eddy is not None  # noqa: S101  its caller asks
         end = 3 + self.eddy.count
         d, v, w = flat[:, 0], flat[:, 1], flat[:, 2:end]
-        forms, rising = self.eddy.forms(d, 0, 1)
-        u = acting(w[:, :1], forms.coupling, w[:, 1:])[:, 0]
+        shifted, rising = self.eddy.shifts(d, 0, 1)
+        g = shifted.shift[:, 0]
+        u = (g * w).sum(axis=1)
         memory = dict(zip(self.names, flat[:, end:].T, strict=True))
         static, slopes, flux = self._magnetics(memory, d, u)
         static = MagneticState(static.force, static.motional_constant[:, None], static.inductance[:, None, None])
-        magnetic = with_eddies(forms, rising, w[:, 1:], static, flux[:, None])
+        magnetic = with_eddies(shifted, rising, w, static, flux[:, None])
         motional = magnetic.motional_constant * v[:, None]
         at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional[:, 0])
         force = with_further_force(self.effects, magnetic.force, d, w[:, 0], at)
@@ -187,8 +188,7 @@ class EffectDynamics:
         driving += motional - resistances * w
         inductance = magnetic.inductance.copy()
         inductance[:, 0, 0] += self.series_H
-        g = np.concatenate([np.ones((len(flat), 1)), forms.coupling[:, 0]], axis=1)
-        drift = (rising.coupling[:, 0] * w[:, 1:]).sum(axis=1) * v  # of u at held currents
+        drift = (rising.shift[:, 0] * w).sum(axis=1) * v  # of u at held currents
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, u, np.zeros_like(u), at)
@@ -286,7 +286,7 @@ class EffectDynamics:
         if self.eddy is not None:
             e = flat[:, 3 : 3 + eddies]
             coupling, field = self.eddy.seen(then_d)[0]
-            then_i, further = acting(then_i[:, None], coupling, e)[:, 0], (field * e).sum(axis=1)
+            then_i, further = then_i + (coupling[:, 0] * e).sum(axis=1), (field * e).sum(axis=1)
         series = changed_coenergy(self.hall_coenergy, self.later, at)(then_d, then_i, 0, 0)
         volts = quiescent + sensitivity * (series.derivative(0, 0, 1) + further)
         return self.read(volts, d, i, at).reshape(state.shape[:-1])

@@ -172,7 +172,7 @@ def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
     if model.eddy is None:
         by_current = (at.inductance + model.series_inductances_H) / t
     else:
-        by_current = np.linalg.inv(currents_by_voltages(model, at, t)[:circuits, :circuits])
+        by_current = np.asarray(np.linalg.inv(currents_by_voltages(model, at, t)[:circuits, :circuits]), np.float64)
     squares = np.diag(by_current @ whole[2:end, 2:end] @ by_current.T)
     volts = float(np.sqrt(squares.mean())) if circuits else 0.0  # rms over several drivers
     return np.array([np.sqrt(whole[1, 1] / t), volts, *(output.variance**0.5 for output in process.outputs)])
