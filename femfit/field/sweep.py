@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FieldSolverError, RunDirectoryError, UsageError
 from femfit.core.journal import Journal, JournalHeader
@@ -13,14 +13,20 @@ from femfit.core.paths import path_of
 from femfit.device.drawn_numbers import DrawnNumber, read_numbers
 from femfit.device.parts import Actuator
 from femfit.device.variants import VariantSweep, only, read_variants
-from femfit.field.currents import swept_currents
+from femfit.field.currents import current_points, swept_currents
+from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
 from femfit.field.sweep_task import DistanceTask, LevelTask, MeshGroup, SweepTask, solve_task
 from femfit.field.sweep_workers import AGAIN, Done, Result, solve_here, solve_in_processes, solve_on_cluster, versions
 from femfit.field.tolerance import shares_checks
+from femfit.tables.eddy_table import EddyTable
+from femfit.tables.impedance_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ def run_sweep(
     UsageError
         If signatures are asked for of what is no actuator file.
     FieldSolverError
-        If not even a plan of the meshes can be made for any variant.
+        If not even a plan of the meshes can be made for any variant, or frequencies are asked for where parts saturate.
     ClusterError
         If the scheduler cannot be used or is lost.
 
@@ -92,6 +98,7 @@ def run_sweep(
     sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
     if not isinstance(sweep, VariantSweep):
         sweep = read_variants(path_of(sweep, "The actuator file of a sweep"))
+    harmonic = not sweep.columns and induces(sweep.actuator)
     directory = path_of(directory, "The run directory")
     settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
@@ -116,13 +123,36 @@ def run_sweep(
         first, done = _in_order(left, journal.finished, record)
         _solve_all(first, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
+        eddy = None
+        if harmonic:
+            eddy = _eddy(sweep.actuator, journal, directory, configuration["hash"], workers, scheduler)
         table = SweepTable(
             sweep_rows(sweep, solved | failed),
             sweep_manifest(sweep, configuration) | _beyond_curve(solved),
             signatures_of(sweep, solved, numbers) if numbers else None,
+            eddy,
         )
-        _write(table, directory, journal)
+        _write(table, sweep.actuator, directory, journal)
     return table
+
+
+def _eddy(
+    actuator: Actuator, journal: Journal, directory: Path, key: str, workers: int, scheduler: str | None
+) -> EddyTable:
+    def solve(tasks: Sequence[Any], done: Callable[[Any, Result], list[Any]]) -> None:
+        _solve_all(tasks, workers, scheduler, done)
+
+    return eddy_sweep(actuator, journal, directory / PATTERNS_NAME, key, solve)
+
+
+def _impedance(eddy: EddyTable, actuator: Actuator) -> "pd.DataFrame":
+    circuits = actuator.circuits
+    return impedance_rows(
+        eddy,
+        current_points(swept_currents(actuator.sweep), len(circuits)),
+        [one.resistance_ohm for one in circuits],
+        [one.inductance_H for one in circuits],
+    )
 
 
 def plan_sweep(actuator: Actuator, settings: SolverSettings, variant: int = 1) -> list[DistanceTask]:
@@ -194,10 +224,11 @@ def _solve_all(tasks: Sequence[SweepTask], workers: int, scheduler: str | None, 
         solve_in_processes(tasks, solve_task, done, workers)
 
 
-def _write(table: SweepTable, directory: Path, journal: Journal) -> None:
-    """Write the table; on a full disk say what is kept."""
+def _write(table: SweepTable, actuator: Actuator, directory: Path, journal: Journal) -> None:
+    """Write the tables; on a full disk say what is kept."""
     try:
         write_sweep_table(table, directory)
+        write_impedance(None if table.eddy is None else _impedance(table.eddy, actuator), directory)
     except OSError as error:
         raise RunDirectoryError(
             f"The table could not be written to {directory}: {error.strerror or error}. {journal.on_disk} of "

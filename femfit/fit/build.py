@@ -16,6 +16,7 @@ from femfit.fit.circuits_build import fit_several
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.drawing import drawn_effects
+from femfit.fit.eddy import fit_eddy
 from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
@@ -152,6 +153,7 @@ def fit_model(
         other_sensors=others,
         drawn=drawn,
     )
+    model = replace(model, eddy=fit_eddy(table.eddy, model.magnetics))
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))

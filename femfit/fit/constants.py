@@ -165,3 +165,17 @@ error."""
 
 DRAWN_MISFIT = 0.05
 """Conventional: part of what a drawing's number changes of the force that its splines may miss, in rms."""
+
+EDDY_FREQUENCIES, EDDY_DISTANCES, EDDY_LOWEST_HZ = 13, 6, 1e-3
+"""Numerical: frequencies over the drawing's range, from the lowest on, at which a model's eddy currents are held
+against the field's, and distances at which their combinations are found; they are held against all."""
+
+EDDY_STEPS = 25
+"""Numerical: of least squares for combinations of patterns, of the departures and then of their third powers."""
+
+EDDY_FEWER = 0.55
+"""Numerical: of the principal patterns that meet an error, how many combinations may do; the search begins there."""
+
+EDDY_DEGREE, EDDY_BETWEEN = 3, 8
+"""Numerical: of eddy currents' splines through values and slopes, and places between two distances at which they are
+checked to be passive."""

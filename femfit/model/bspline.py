@@ -158,7 +158,7 @@ def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int 
     if derivative:
         lower = basis_matrix(x, knots[1:-1], degree - 1, derivative - 1)
         span = knots[degree + 1 : degree + count] - knots[1:count]
-        scaled = degree * lower / span
+        scaled = np.divide(degree * lower, span, out=np.zeros_like(lower), where=span > 0.0)  # zero at double knots
         result = np.zeros((len(x), count))
         result[:, 1:] += scaled
         result[:, :-1] -= scaled

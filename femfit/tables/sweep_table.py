@@ -18,6 +18,7 @@ from femfit.core.paths import path_of
 from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import is_current
+from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
 from femfit.tables.settings_file import read_settings
 from femfit.tables.signatures import Signatures, read_signatures, write_signatures
 
@@ -58,6 +59,7 @@ class SweepTable(Printed):
     rows: "pd.DataFrame"
     manifest: Mapping[str, Any] = field(default_factory=dict)
     signatures: Signatures | None = None
+    eddy: EddyTable | None = None
 
     def valid_rows(self) -> "pd.DataFrame":
         """The rows whose status is ``ok``."""
@@ -97,6 +99,7 @@ def write_sweep_table(table: SweepTable, directory: Path) -> Path:
         table.rows.to_csv(partial, index=False)
     write_json(directory / MANIFEST_NAME, table.manifest)
     write_signatures(table.signatures, directory)
+    write_eddy(table.eddy, directory)
     return parquet
 
 
@@ -144,7 +147,7 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(rows[["distance_m"]])
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
-    return SweepTable(rows, manifest, read_signatures(file.parent))
+    return SweepTable(rows, manifest, read_signatures(file.parent), read_eddy(file.parent))
 
 
 def _table_file(path: Path) -> Path:

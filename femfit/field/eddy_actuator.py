@@ -1,0 +1,40 @@
+r"""Patterns of induced currents as further, short-circuited windings, at every distance.
+
+A pattern is a distribution of current that is fixed to the conducting parts; e_k times the k-th one flows. Each is
+scaled to a resistance of 1 ohm and is orthogonal to the others in power, so that 0 = e_k + d(flux linkage_k)/dt. The
+co-energy is a quadratic form in (1, i_1 .. i_n, e_1 .. e_q) and gives force, flux linkages and Hall field as for wound
+circuits: Galerkin's method for the induced currents.
+"""
+
+from ngsolve import H1
+
+from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator
+from femfit.field.conductor_points import ConductorPoints
+from femfit.field.eddy_task import Patterns
+from femfit.field.force import weight
+from femfit.field.linear_system import Coefficients, LinearSystem
+from femfit.field.moving_mesh import MovingMesh
+
+
+class EddyActuator:
+    """An actuator without saturating parts on a mesh, with the patterns of another mesh or of the same one."""
+
+    def __init__(
+        self, actuator: Actuator, moving: MovingMesh, reference: MovingMesh, patterns: Patterns, order: int
+    ) -> None:
+        self._moving = moving
+
+        def loads(space: H1) -> tuple[FloatArray, FloatArray]:
+            points, rows = ConductorPoints(space, actuator, moving.reference), patterns.rows
+            if reference is not moving:
+                made_on = ConductorPoints(H1(reference.mesh, order=order), actuator, reference.reference)
+                rows = points.rows_of(made_on.fields(rows), made_on.space, reference.reference)
+            return points.loads(rows), points.loads(rows, moving=True)
+
+        self._system = LinearSystem(moving.mesh, actuator, moving.layout, weight(moving.mesh), order, loads)
+
+    def forms(self, distance: float) -> Coefficients:
+        """Forms in the sources 1, i_1 .. i_n, e_1 .. e_q at a distance of the mesh's group."""
+        with self._moving.at(distance):
+            return self._system.evaluate()

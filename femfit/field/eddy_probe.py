@@ -1,0 +1,129 @@
+"""What the field does at a distance when currents or the moving part change: the material of reduced models.
+
+Induced currents that are worth keeping are those of harmonic fields, of fields at real shifts s (a current that decays
+or rises at its own rate), and those that the motion induces, dw/dd at held currents, at rest and at real shifts. The
+direct harmonic solutions are also what a reduced model is held against.
+
+References
+----------
+A. Ruhe, Linear Algebra Appl. 58 (1984) 391: rational Krylov spaces, whose real shifts keep the projection symmetric.
+"""
+
+from typing import Any
+
+import numpy as np
+from ngsolve import GridFunction, InnerProduct
+from numpy.typing import NDArray
+
+from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator
+from femfit.field.conductor_points import ConductorPoints
+from femfit.field.force import weight
+from femfit.field.harmonic import FieldArray, HarmonicSystem
+from femfit.field.linear_system import LinearSystem
+from femfit.field.moving_mesh import MovingMesh
+from femfit.field.principal import principal
+from femfit.field.weak_form import hall_field
+from femfit.tables.eddy_table import Transfers
+
+MOTION_STEP = 0.02
+"""Numerical: of the clearance; the moving part's step to either side for the currents that its motion induces."""
+
+
+class EddyProbe:
+    """An actuator without saturating parts on a mesh, with the moving part at a distance in m."""
+
+    def __init__(self, actuator: Actuator, moving: MovingMesh, distance: float, order: int) -> None:
+        self._hall, self._moving, self.distance = actuator.hall, moving, distance
+        self._step = MOTION_STEP * moving.layout.clearance if moving.layout.stretchable else 0.0
+        self._static = LinearSystem(moving.mesh, actuator, moving.layout, weight(moving.mesh), order)
+        self._real = HarmonicSystem(moving.mesh, actuator, moving.layout, order, real=True)
+        self._harmonic = HarmonicSystem(moving.mesh, actuator, moving.layout, order)
+        self.points = ConductorPoints(self._static.space, actuator, moving.reference)
+
+    def transfers(self, frequencies: FloatArray) -> tuple[Transfers, FieldArray]:
+        """The direct harmonic solutions at frequencies in Hz, and the fields themselves, (f, circuits, unknowns)."""
+        system, found, fields = self._static, [], []
+        with self._moving.at(self.distance):
+            system.solve()
+            self._harmonic.move()
+            for frequency in frequencies:
+                fields.append(self._harmonic.solve(2j * np.pi * frequency, system.loads[1:]))
+                found.append(self._responses(2j * np.pi * frequency, fields[-1]))
+        flux, force, hall = (np.array(one) for one in zip(*found, strict=True))
+        return Transfers(frequencies, flux, force, None if self._hall is None else hall), np.array(fields)
+
+    def patterns(self, fields: FieldArray, shifts: FloatArray, at: ConductorPoints, tolerance: float) -> FloatArray:
+        """Rows (k, n) of induced currents at the points of another mesh.
+
+        Principal components of those of harmonic fields, of each source at shifts in 1/s, and of motion, each taken at
+        the same power.
+        """
+        system, motion = self._static, self._motion()
+        states = [*fields.real.reshape(-1, system.space.ndof), *fields.imag.reshape(-1, system.space.ndof)]
+        braked = self.points.loads(self.points.rows(motion))
+        with self._moving.at(self.distance):
+            self._real.move()
+            for shift in (0.0, *shifts):
+                solved = self._real.solve(float(shift), [*system.loads, *braked])
+                states += [*solved[: len(system.loads)], *(motion - shift * solved[len(system.loads) :])]
+        rows = self.points.rows(np.array(states))
+        power = (self.points.weight * rows**2).sum(axis=1)
+        alike = np.array(states)[power > 0.0] / np.sqrt(power[power > 0.0])[:, None]
+        kept = principal(self.points.products(self.points.rows(alike)), tolerance) @ alike
+        if at.space.mesh is system.mesh:
+            return self.points.rows(kept)
+        return at.rows_of(kept, system.space, self._moving.reference)
+
+    def braking(self) -> FloatArray | None:
+        """Power of the currents that the motion induces over speed squared, of each pair of sources, in N s/m; (m, m).
+
+        None where the mesh does not move with the part.
+        """
+        return self.points.products(self.points.rows(self._motion())) if self._step else None
+
+    def _motion(self) -> FloatArray:
+        """dw/dd of each source at rest; shape (m, unknowns), of zeros where the mesh does not move with the part."""
+        system, states = self._static, []
+        if not self._step:
+            return np.zeros_like(system.loads)
+        for distance in (self.distance - self._step, self.distance + self._step):
+            with self._moving.at(distance):
+                self._real.move()
+                states.append(self._real.solve(0.0, system.loads))
+        return np.asarray((states[1] - states[0]) / (2.0 * self._step))
+
+    def _responses(self, s: complex, fields: FieldArray) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
+        system, hall = self._static, self._hall
+        own = [self._function(np.zeros(system.space.ndof)) for _ in fields]
+        forces, halls = [], []
+        for part in (np.real, np.imag):
+            totals = [self._function(part(field)) for field in fields]
+            loads = [part(-s * self._mass(field)) for field in fields]
+            if part is np.real:
+                loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
+            system.find_own(totals, loads, own)
+            forces.append([self._force_beside(source, totals, own) for source in range(len(system.total))])
+            halls.append([0.0 if hall is None else hall_field(hall, system.mesh, one) for one in totals])
+        force, field_at_hall = (np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls))
+        return system.loads[1:] @ fields.T, force, field_at_hall
+
+    def _force_beside(self, source: int, totals: list[GridFunction], own: list[GridFunction]) -> list[float]:
+        """What fields add to the force beside a source at rest."""
+        system = self._static
+        total, alone = (system.layer_force.image(one[source]) for one in (system.total, system.own))
+        return [
+            2.0 * float(InnerProduct(total, a.vec) - InnerProduct(alone, b.vec))
+            for a, b in zip(totals, own, strict=True)
+        ]
+
+    def _mass(self, field: FieldArray) -> FieldArray:
+        """M w of the moving part."""
+        real, imaginary = self.points.loads(self.points.rows(np.array([field.real, field.imag])), moving=True)
+        return np.asarray(real + 1j * imaginary)
+
+    def _function(self, state: FloatArray) -> GridFunction:
+        function = GridFunction(self._static.space)
+        function.vec.FV().NumPy()[:] = state
+        return function

@@ -1,0 +1,248 @@
+"""The harmonic part of a sweep: patterns of induced currents, and what they do at every distance.
+
+Some distances are probed first; the patterns that they have in common serve the whole stroke. Direct harmonic solutions
+there, and at distances between, say how far the patterns are off.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FieldSolverError
+from femfit.core.journal import Journal
+from femfit.device.parts import Actuator, NonlinearMaterial
+from femfit.field.eddy_task import EddyMesh, FormsTask, Patterns, ProbeTask
+from femfit.field.layout import layout_of, stretch_groups
+from femfit.field.principal import principal
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep_workers import AGAIN
+from femfit.tables.eddy_table import DAMAGED, EddyTable, Transfers, load_arrays, save_arrays
+
+ORDER = 4
+"""Numerical: polynomial order; the elements' layers resolve the skin with it (:mod:`femfit.field.conductors`)."""
+
+PROBES, CHECKS = 5, 2
+"""Numerical: distances whose induced currents the patterns are made of, and such between them where these are held
+against the direct solution; on a pot over a tenfold gap the patterns of five are 0.05 % off at all others."""
+
+PER_DECADE, MOST_FREQUENCIES, MOST_SHIFTS = 2, 9, 4
+"""Numerical: of direct solutions over the range of frequencies, at most so many; and of real shifts beside them."""
+
+SHIFTS_BEYOND = 3.0  # of the lowest and the highest frequency, to either side
+
+LOWEST_HZ = 1e-3  # of frequencies that are solved for
+
+PATTERNS_NAME = "eddy_patterns.npz"
+
+Done = Callable[[Any, dict[str, Any]], list[Any]]
+Solve = Callable[[Sequence[Any], Done], None]
+"""Solves tasks, and hands each and its result over."""
+
+
+def eddy_sweep(actuator: Actuator, journal: Journal, file: Path, key: str, solve: Solve) -> EddyTable:
+    """Solve what the journal does not have of the induced currents of an actuator that has any.
+
+    A distance that cannot be meshed or solved is left out.
+
+    Parameters
+    ----------
+    file : Path
+        Where the patterns are kept for a sweep that goes on later, with a key that is theirs.
+
+    Raises
+    ------
+    FieldSolverError
+        If no distance can be solved.
+    """
+    plan = _Plan.of(actuator)
+    probed = _read(file, key)
+    if probed is None:
+        probed = _probe(plan, solve)
+        _write(probed, file, key)
+    tasks = [
+        FormsTask(plan.meshes[d], plan.reference, d, Patterns(plan.reference.distances, probed.rows))
+        for d in actuator.sweep.distances_m
+    ]
+
+    def record(task: FormsTask, result: dict[str, Any]) -> list[Any]:
+        journal.record(task.key, result)
+        return []
+
+    solve([one for one in tasks if journal.finished.get(one.key, {AGAIN: True}).get(AGAIN)], record)
+    results = {task.distance: journal.finished[task.key] for task in tasks}
+    found = {distance: one for distance, one in results.items() if one["status"] == "ok"}
+    if not found:
+        raise FieldSolverError(_reason(next(iter(results.values()))))
+    force, flux = (np.array([one[name] for one in found.values()]) for name in ("force", "flux_linkage"))
+    hall = None if actuator.hall is None else np.array([one["hall"] for one in found.values()])
+    table = EddyTable(
+        circuits=tuple(one.name for one in actuator.circuits),
+        distances_m=np.array(list(found)),
+        frequencies_Hz=np.array(actuator.frequencies_Hz),
+        force=force,
+        flux_linkage=flux,
+        hall=hall,
+        checked_Hz=np.array(plan.frequencies),
+        errors=np.zeros((len(plan.frequencies), 3)),
+        braking_error=np.nan,
+        asked_error=actuator.eddy_error,
+    )
+    errors, braking_error = probed.errors(table)
+    return replace(table, errors=errors, braking_error=braking_error)
+
+
+def induces(actuator: Actuator) -> bool:
+    """Whether frequencies are asked for, and a part conducts; :class:`FieldSolverError` where a part saturates, too."""
+    parts = (*actuator.fixed, *actuator.moving.regions)
+    if not actuator.frequencies_Hz or not any(one.material.conductivity_S_per_m for one in parts):
+        return False
+    saturating = [one for one in parts if isinstance(one.material, NonlinearMaterial)]
+    if saturating:
+        raise FieldSolverError(
+            f"solver.frequency_Hz needs materials that do not saturate; {saturating[0].name} is of "
+            f"{saturating[0].material.name}. Give it a relative_permeability of its own, or leave frequency_Hz out."
+        )
+    return True
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Which distances are probed, on which meshes and at which frequencies."""
+
+    meshes: dict[float, EddyMesh]  # By distance
+    reference: EddyMesh
+    probes: tuple[float, ...]
+    checks: tuple[float, ...]
+    frequencies: tuple[float, ...]
+    shifts: tuple[float, ...]
+    tolerance: float
+
+    @classmethod
+    def of(cls, actuator: Actuator) -> "_Plan":
+        """The plan of an actuator that conducts."""
+        low, high = max(actuator.frequencies_Hz[0], LOWEST_HZ), max(actuator.frequencies_Hz[-1], LOWEST_HZ)
+        settings = SolverSettings(order=ORDER, skin_frequency_Hz=high)
+        layout, distances = layout_of(actuator, settings), actuator.sweep.distances_m
+        groups = stretch_groups(distances, layout, settings)
+        meshes = {d: EddyMesh(actuator, layout, settings, group) for group in groups for d in group}
+        probes = _spread(distances, PROBES)
+        between = [d for d in distances if d not in probes]
+        return cls(
+            meshes,
+            meshes[probes[len(probes) // 2]],
+            probes,
+            _spread(between, CHECKS),
+            _decades(low, high, MOST_FREQUENCIES),
+            tuple(2.0 * math.pi * one for one in _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)),
+            actuator.eddy_error,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Probed:
+    """The patterns, and P direct solutions to hold them against."""
+
+    rows: FloatArray  # Of :class:`Patterns`
+    distances: FloatArray  # Shape (P,)
+    transfers: tuple[Transfers, ...]
+    discretisation: FloatArray  # Relative change from one order lower, shape (f, 3): the largest of all
+    braking: FloatArray  # Shape (P, m, m); NaN where the mesh does not move with the part
+
+    def errors(self, table: EddyTable) -> tuple[FloatArray, float]:
+        """The table's ``errors`` and ``braking_error``."""
+        departures, braked = [np.zeros_like(self.discretisation)], [np.nan]
+        n = 1 + len(table.circuits)
+        for distance, exact, braking in zip(self.distances, self.transfers, self.braking, strict=True):
+            (at,) = np.flatnonzero(table.distances_m == distance)[:1] or (None,)
+            if at is not None:
+                departures.append(table.transfers(int(at), exact.frequencies_Hz).departures(exact))
+                pull = table.force[at, :n, n:]
+                braked.append(np.abs(4.0 * pull @ pull.T - braking).max() / np.abs(braking).max())
+        return self.discretisation + np.max(departures, axis=0), float(np.fmax.reduce(braked))
+
+
+def _probe(plan: _Plan, solve: Solve) -> _Probed:
+    """Solve the probes, and find the patterns that they have in common."""
+    tasks = []
+    for d in (*plan.probes, *plan.checks):
+        shifts = plan.shifts if d in plan.probes else ()
+        coarse = d == plan.probes[0] or d in plan.checks
+        tasks.append(ProbeTask(plan.meshes[d], plan.reference, d, plan.frequencies, shifts, plan.tolerance, coarse))
+    results: dict[float, dict[str, Any]] = {}
+
+    def record(task: ProbeTask, result: dict[str, Any]) -> list[Any]:
+        results[task.distance] = result
+        return []
+
+    solve(tasks, record)
+    found = {task.distance: results[task.distance] for task in tasks if results[task.distance]["status"] == "ok"}
+    made = [one for one in found.values() if "rows" in one]
+    if not made:
+        raise FieldSolverError(_reason(results[plan.probes[0]]))
+    weight, rows = made[0]["weight"], np.concatenate([one["rows"] for one in made])
+    kept = principal((weight * rows) @ rows.T, plan.tolerance) @ rows
+    both = [one for one in found.values() if "coarse" in one]
+    discretisation = [np.zeros((len(plan.frequencies), 3))]
+    discretisation += [one["coarse"].departures(one["transfers"]) for one in both]
+    sources = found[next(iter(found))]["transfers"].force.shape[1]
+    unknown = np.full((sources, sources), np.nan)
+    return _Probed(
+        kept / np.sqrt((weight * kept**2).sum(axis=1))[:, None],
+        np.array(list(found)),
+        tuple(one["transfers"] for one in found.values()),
+        np.max(discretisation, axis=0),
+        np.array([unknown if one["braking"] is None else one["braking"] for one in found.values()]),
+    )
+
+
+def _spread(distances: Sequence[float], count: int) -> tuple[float, ...]:
+    """At most so many of ascending distances, the first and the last among them."""
+    if not distances:
+        return ()
+    places = np.unique(np.linspace(0, len(distances) - 1, min(count, len(distances))).round().astype(int))
+    return tuple(distances[k] for k in places)
+
+
+def _decades(low: float, high: float, most: int) -> tuple[float, ...]:
+    """Frequencies from low to high, equally spaced in their logarithm."""
+    count = min(most, 1 + math.ceil(PER_DECADE * math.log10(high / low)))
+    return tuple(np.geomspace(low, high, count).tolist())
+
+
+def _reason(result: dict[str, Any]) -> str:
+    return f"The field of induced currents could not be solved: {result['status'].removeprefix('failed: ')}"
+
+
+def _write(probed: _Probed, file: Path, key: str) -> None:
+    """Keep the probes' results."""
+    one = probed.transfers[0]
+    held = {
+        "key": key,
+        "rows": probed.rows,
+        "distances": probed.distances,
+        "discretisation": probed.discretisation,
+        "braking": probed.braking,
+        "frequencies": one.frequencies_Hz,
+        "flux_linkage": [one.flux_linkage for one in probed.transfers],
+        "force": [one.force for one in probed.transfers],
+    } | ({} if one.hall is None else {"hall": [one.hall for one in probed.transfers]})
+    save_arrays(file, held)
+
+
+def _read(file: Path, key: str) -> _Probed | None:
+    """What :func:`_write` kept under this key; None where there is nothing that is whole."""
+    try:
+        held = load_arrays(file)
+        if str(held["key"]) != key:
+            return None
+        halls = held.get("hall", [None] * len(held["distances"]))
+        parts = zip(held["flux_linkage"], held["force"], halls, strict=True)
+        transfers = tuple(Transfers(held["frequencies"], *one) for one in parts)
+        return _Probed(held["rows"], held["distances"], transfers, held["discretisation"], held["braking"])
+    except DAMAGED:
+        return None

@@ -1,0 +1,143 @@
+"""The tasks of the harmonic part of a sweep, as workers solve them: probes of some distances, and forms of each."""
+
+import zlib
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.device.parts import Actuator
+from femfit.field.layout import Layout
+from femfit.field.settings import SolverSettings
+
+if TYPE_CHECKING:
+    from femfit.field.eddy_actuator import EddyActuator
+    from femfit.field.moving_mesh import MovingMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Patterns:
+    """Rows (q, points) of :class:`femfit.field.conductor_points.ConductorPoints` of a group's mesh."""
+
+    group: tuple[float, ...]  # Distances in m that share the mesh
+    rows: FloatArray
+
+
+@dataclass(frozen=True)
+class EddyMesh:
+    """What a mesh with skin layers is made from; picklable."""
+
+    actuator: Actuator
+    layout: Layout
+    settings: SolverSettings
+    distances: tuple[float, ...]  # Distances that share the mesh, m, ascending
+
+    def moving(self) -> "MovingMesh":
+        """The mesh, kept while this process's tasks stay in it."""
+        return _moving(self)
+
+
+@dataclass(frozen=True)
+class ProbeTask:
+    """Direct solutions at a distance; its result has ``transfers`` and ``braking``.
+
+    Where asked for, ``coarse`` are the transfers one order lower; where it has ``shifts``, ``rows`` are induced
+    currents at the reference mesh's points, with their ``weight``.
+    """
+
+    mesh: EddyMesh
+    reference: EddyMesh
+    distance: float
+    frequencies: tuple[float, ...]
+    shifts: tuple[float, ...]
+    tolerance: float
+    coarse: bool
+
+    @property
+    def key(self) -> str:
+        """Name among the tasks."""
+        return f"probe {self.distance!r}"
+
+    def result(self) -> dict[str, Any]:
+        """Solve; nothing of it is written to the journal."""
+        from femfit.field.eddy_probe import EddyProbe  # noqa: PLC0415  the field solver loads in the workers only
+
+        moving, order = self.mesh.moving(), self.mesh.settings.order
+        actuator, frequencies = self.mesh.actuator, np.array(self.frequencies)
+        probe = EddyProbe(actuator, moving, self.distance, order)
+        transfers, fields = probe.transfers(frequencies)
+        result: dict[str, Any] = {"transfers": transfers, "braking": probe.braking()}
+        if self.coarse:
+            result["coarse"] = EddyProbe(actuator, moving, self.distance, order - 1).transfers(frequencies)[0]
+        if not self.shifts:
+            return result
+        at = probe.points if self.reference == self.mesh else _points(self.reference)
+        rows = probe.patterns(fields, np.array(self.shifts), at, self.tolerance)
+        return result | {"rows": rows, "weight": at.weight}
+
+
+@dataclass(frozen=True)
+class FormsTask:
+    """The forms of all sources at a distance; its result has ``force``, ``flux_linkage`` and ``hall`` as lists."""
+
+    mesh: EddyMesh
+    reference: EddyMesh
+    distance: float
+    patterns: Patterns = field(compare=False)
+
+    @property
+    def key(self) -> str:
+        """Name in the journal."""
+        return f"eddy currents {zlib.crc32(self.patterns.rows.tobytes()):08x} {self.distance!r}"
+
+    def result(self) -> dict[str, Any]:
+        """Solve on the group's mesh."""
+        forms = _actuator(_Patterned(self.mesh, self.reference, self.patterns)).forms(self.distance)
+        return {
+            "force": forms.force.tolist(),
+            "flux_linkage": forms.flux_linkage.tolist(),
+            "hall": None if forms.hall is None else forms.hall.tolist(),
+        }
+
+
+@dataclass(frozen=True)
+class _Patterned:
+    """A mesh with patterns, of which a process knows one set only."""
+
+    mesh: EddyMesh
+    reference: EddyMesh
+    patterns: Patterns = field(compare=False)
+    power: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "power", float(np.abs(self.patterns.rows).sum()))
+
+
+@lru_cache(maxsize=2)
+def _moving(mesh: EddyMesh) -> "MovingMesh":
+    from ngsolve import SetNumThreads  # noqa: PLC0415
+
+    from femfit.field.moving_mesh import MovingMesh  # noqa: PLC0415
+
+    SetNumThreads(1)
+    return MovingMesh(mesh.actuator, mesh.distances, mesh.layout, mesh.settings)
+
+
+@lru_cache(maxsize=1)
+def _points(mesh: EddyMesh) -> Any:
+    from ngsolve import H1  # noqa: PLC0415
+
+    from femfit.field.conductor_points import ConductorPoints  # noqa: PLC0415
+
+    moving = mesh.moving()
+    return ConductorPoints(H1(moving.mesh, order=mesh.settings.order), mesh.actuator, moving.reference)
+
+
+@lru_cache(maxsize=1)
+def _actuator(one: _Patterned) -> "EddyActuator":
+    from femfit.field.eddy_actuator import EddyActuator  # noqa: PLC0415
+
+    mesh = one.mesh
+    return EddyActuator(mesh.actuator, mesh.moving(), one.reference.moving(), one.patterns, mesh.settings.order)

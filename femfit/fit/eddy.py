@@ -1,0 +1,158 @@
+r"""A model's eddy currents from those of a sweep: fewer combinations of its patterns, and splines over the distance.
+
+With the inductances L of the circuits, m of circuits with patterns and N among patterns, the flux linkages phi and
+lambda of both without any current, the model's co-energy (:mod:`femfit.model.eddy_currents`) has
+
+    C = L^-1 m,    lambda - C^T phi,    Q = N - m^T L^-1 m.
+
+The field gives all of them with their slopes over the distance, M' = -2 force, and the splines follow both.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import FitError
+from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
+from femfit.fit.eddy_states import StateChoice
+from femfit.model.bspline import basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.eddy_currents import EddyCurrents, EddyError
+from femfit.model.magnetics import Magnetics
+from femfit.tables.eddy_table import EddyTable
+
+
+def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None = None) -> EddyCurrents | None:
+    """The eddy currents to an error, the drawing's own where none is given; None where nothing conducts.
+
+    Raises
+    ------
+    FitError
+        If the splines are not passive between two distances.
+    """
+    if table is None:
+        return None
+    low, high = table.frequencies_Hz[[0, -1]]
+    frequencies = np.geomspace(max(low, EDDY_LOWEST_HZ), high, EDDY_FREQUENCIES)
+    combined = table.combined(StateChoice(table, frequencies).combinations(error or table.asked_error))
+    middle = len(table.distances_m) // 2
+    n = len(table.circuits)
+    _, modes = np.linalg.eigh(-combined.flux_linkage[middle, n:, 1 + n :])  # the slowest first
+    combined = combined.combined(modes)
+    values, slopes = _entries(combined)
+    coordinate = getattr(magnetics, "coordinate", None) or DistanceCoordinate(
+        float(np.ptp(table.distances_m)), inverse=False
+    )
+    knots, coefficients = _splines(coordinate, table.distances_m, values, slopes)
+    r = combined.patterns
+    parts = np.split(coefficients, np.cumsum([n * r, r, r * (r + 1) // 2]), axis=1)
+    eddy = EddyCurrents(
+        names=tuple(f"eddy_{k + 1}" for k in range(r)),
+        resistances_ohm=np.ones(r),
+        circuits=table.circuits,
+        coordinate=coordinate,
+        u_knots=knots,
+        u_degree=EDDY_DEGREE,
+        couplings=parts[0].reshape(len(coefficients), n, r),
+        flux_linkages_Wb=parts[1],
+        inductances_H=parts[2],
+        hall_T_per_A=None if table.hall is None else parts[3],
+    )
+    _require_passive(eddy, table.distances_m)
+    return replace(eddy, error=_error(eddy, table, frequencies))
+
+
+def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
+    """C, lambda, Q and h of each distance in a row, and their slopes in 1/m; those of h are not known (NaN)."""
+    values, slopes, c = [], [], len(table.circuits)
+    upper = np.triu_indices(table.patterns)
+    for k in range(len(table.distances_m)):
+        one, slope = table.flux_linkage[k], -2.0 * table.force[k, 1:]
+        between, alone = one[:c, 1 + c :], one[:, 0]
+        coupling = np.linalg.solve(one[:c, 1 : 1 + c], between)
+        bend = np.linalg.solve(one[:c, 1 : 1 + c], slope[:c, 1 + c :] - slope[:c, 1 : 1 + c] @ coupling)
+        linked = alone[c:] - coupling.T @ alone[:c]
+        linking = slope[c:, 0] - bend.T @ alone[:c] - coupling.T @ slope[:c, 0]
+        inductance = one[c:, 1 + c :] - between.T @ coupling
+        rising = slope[c:, 1 + c :] - slope[:c, 1 + c :].T @ coupling - between.T @ bend
+        hall = np.zeros(0)
+        if table.hall is not None:
+            hall = table.hall[k, 1 + c :] - coupling.T @ table.hall[k, 1 : 1 + c]
+        values.append([*coupling.ravel(), *linked, *inductance[upper], *hall])
+        slopes.append([*bend.ravel(), *linking, *rising[upper], *np.full_like(hall, np.nan)])
+    return np.array(values), np.array(slopes)
+
+
+def _splines(
+    coordinate: DistanceCoordinate, distances: FloatArray, values: FloatArray, slopes: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Knots and coefficients (N, entries) of splines through values (D, entries) with these slopes.
+
+    Cubic between two distances (Hermite); a slope that is not known is that of the cubic spline through the values.
+    """
+    u, du, _ = coordinate.with_slopes(distances)
+    order = np.argsort(u)
+    u, values, slopes = u[order], values[order], slopes[order] / du[order, None]
+    unknown = ~np.isfinite(slopes).all(axis=0)
+    slopes[:, unknown] = make_interp_spline(u, values[:, unknown], k=min(3, len(u) - 1)).derivative()(u)
+    knots = np.sort(np.concatenate([u, u, u[[0, 0, -1, -1]]]))
+    step = np.gradient(u)[:, None]
+    rows = np.concatenate([basis_matrix(u, knots, EDDY_DEGREE), step * basis_matrix(u, knots, EDDY_DEGREE, 1)])
+    return knots, np.linalg.solve(rows, np.concatenate([values, step * slopes]))
+
+
+def _require_passive(eddy: EddyCurrents, distances: FloatArray) -> None:
+    share = np.linspace(0.0, 1.0, EDDY_BETWEEN, endpoint=False)[:, None]
+    fine = np.append(distances[:-1] + share * np.diff(distances), distances[-1])
+    smallest = np.linalg.eigvalsh(eddy.forms(fine)[0].inductance)[:, 0]
+    if smallest.min() <= 0.0:
+        at = 1e3 * fine[np.argmin(smallest)]
+        raise FitError(
+            f"The eddy currents' inductances are not positive at {at:.3g} mm, between the sweep's distances. Sweep "
+            "more distances there."
+        )
+
+
+def _error(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> EddyError:
+    """Largest departures of the splines from the field, with the field's own error."""
+    worst, model = np.zeros(3), as_table(eddy, table)
+    of_field = table.error_at(frequencies)
+    for k in range(len(table.distances_m)):
+        departures = model.transfers(k, frequencies).departures(table.transfers(k, frequencies))
+        worst = np.maximum(worst, (departures + of_field).max(axis=0))
+    return EddyError(
+        float(frequencies[0]),
+        float(frequencies[-1]),
+        impedance=float(worst[0]) if table.circuits else None,
+        force=float(worst[1]) if table.circuits else float(np.nan_to_num(table.braking_error)),
+        hall=float(worst[2]) if table.circuits and table.hall is not None else None,
+    )
+
+
+def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
+    """What a sweep's table would be if the field were as the splines say, with the circuits' part as it is there."""
+    here, rising = eddy.forms(table.distances_m, 0, 1)
+    c, force, flux = len(table.circuits), [], []
+    for k in range(len(table.distances_m)):
+        turn, bend = (np.eye(1 + c + eddy.count) for _ in range(2))
+        # s = turn (1, i, e) are the sources in which W' has no term between i and e
+        turn[1 : 1 + c, 1 + c :], bend[:] = here.coupling[k], 0.0
+        bend[1 : 1 + c, 1 + c :] = rising.coupling[k]
+        whole, slope = (np.zeros_like(turn) for _ in range(2))
+        whole[1 : 1 + c, : 1 + c] = table.flux_linkage[k, :c, : 1 + c]
+        whole[0, 1 : 1 + c] = whole[1 : 1 + c, 0]
+        slope[: 1 + c, : 1 + c] = -2.0 * table.force[k, : 1 + c, : 1 + c]
+        for into, of in ((whole, here), (slope, rising)):
+            into[1 + c :, 1 + c :] = of.inductance[k]
+            into[0, 1 + c :] = into[1 + c :, 0] = of.flux_linkage[k]
+        flux.append((turn.T @ whole @ turn)[1:])
+        force.append(-0.5 * (turn.T @ slope @ turn + bend.T @ whole @ turn + turn.T @ whole @ bend))
+    hall = None
+    if table.hall is not None:
+        coupling, own = eddy.seen(table.distances_m)[0]
+        of_coils = table.hall[:, 1 : 1 + c]
+        seen = np.einsum("kc,kcr->kr", of_coils, coupling) + own
+        hall = np.concatenate([table.hall[:, : 1 + c], seen], axis=1)
+    return replace(table, force=np.array(force), flux_linkage=np.array(flux), hall=hall)

@@ -1,0 +1,153 @@
+r"""Which combinations of a sweep's patterns of induced currents a model keeps.
+
+The patterns of a sweep are many, so as to hold the field to a fraction of the error that is asked for. A model keeps r
+orthonormal combinations of them, T, the same at all distances: N -> T^T N T stays symmetric positive definite, and the
+resistances stay one, so that the model stays passive. T is found by least squares of what the model is for: impedance,
+force and Hall field of an ampere over the frequencies, and the force of motion, each at some distances. The
+number r is the smallest that meets the error at all of them.
+
+References
+----------
+S. Gugercin, A. C. Antoulas and C. Beattie, SIAM J. Matrix Anal. Appl. 30 (2008) 609: optimal reduced models as
+projections.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from femfit.core.arrays import FloatArray
+from femfit.fit.constants import EDDY_DISTANCES, EDDY_FEWER, EDDY_STEPS
+from femfit.tables.eddy_table import ComplexArray, EddyTable
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """One distance: what the patterns do there, and what all of them together do at the frequencies."""
+
+    among: FloatArray  # N, shape (q, q)
+    seen: FloatArray  # What each pattern gives to flux linkages, forces and Hall field, shape (q, k)
+    driven: FloatArray  # What drives each pattern: flux linkages with the circuits and, by motion, the pull; (q, l)
+    size: FloatArray  # Of each response at each frequency, shape (f, k, l)
+    target: ComplexArray  # The responses; shape (f, k, l)
+
+
+class StateChoice:
+    """The problem of the module's head."""
+
+    def __init__(self, table: EddyTable, frequencies: FloatArray) -> None:
+        self._table, self._s = table, 2j * np.pi * np.concatenate([[0.0], frequencies])
+        self._places = [self._place(k) for k in range(len(table.distances_m))]
+
+    def combinations(self, error: float) -> FloatArray:
+        """T, shape (q, r), with the fewest columns that meet a relative error; all patterns where none does."""
+        unit = np.eye(self._table.patterns)
+        plain = (count for count in range(1, len(unit)) if self.error(unit[:, :count]) <= error)
+        most = next(plain, len(unit))
+        count = max(1, round(EDDY_FEWER * most))
+        found = self._optimal(count)
+        if self.error(found) <= error:
+            while count > 1 and self.error(fewer := self._optimal(count - 1)) <= error:
+                count, found = count - 1, fewer
+            return found
+        for more in range(count + 1, most):
+            found = self._optimal(more)
+            if self.error(found) <= error:
+                return found
+        return unit[:, :most]
+
+    def error(self, combinations: FloatArray) -> float:
+        """The largest relative departure at any distance and frequency."""
+        return float(max(np.abs(self._departures(one, combinations)).max(initial=0.0) for one in self._places))
+
+    def _optimal(self, count: int) -> FloatArray:
+        """So many combinations with the least squares of the departures, then of their third powers."""
+        chosen = [self._places[k] for k in spread(len(self._places), EDDY_DISTANCES)]
+        q = self._table.patterns
+
+        def both(values: Sequence[ComplexArray]) -> FloatArray:
+            flat = np.concatenate([one.reshape(-1, *one.shape[3:]) for one in values])
+            return np.concatenate([flat.real, flat.imag])
+
+        def residuals(x: FloatArray, power: int) -> FloatArray:
+            found = both([self._departures(one, x.reshape(q, count)) for one in chosen])
+            return np.asarray(found * (np.abs(found) / scale) ** (power - 1))
+
+        def jacobian(x: FloatArray, power: int) -> FloatArray:
+            combinations = x.reshape(q, count)
+            found = both([self._departures(one, combinations) for one in chosen])
+            slopes = both([self._slopes(one, combinations) for one in chosen])
+            return np.asarray(power * (np.abs(found) / scale)[:, None] ** (power - 1) * slopes)
+
+        x, scale = np.eye(q)[:, :count].ravel(), 1.0
+        for power in (1, 3):
+            scale = float(np.abs(residuals(x, 1)).max())
+            x = np.asarray(least_squares(residuals, x, jacobian, max_nfev=EDDY_STEPS, args=(power,)).x)
+        return orthonormal(x.reshape(q, count))
+
+    def _slopes(self, place: _Place, combinations: FloatArray) -> ComplexArray:
+        """Of the departures along each entry of combinations T, shape (f, k, l, q r).
+
+        With the response S^T T A^-1 T^T D, A = T^T B T and B = 1 + s N, the change by dT is
+        (S - B T Y)^T dT X + Y^T dT^T (D - B T X) with X = A^-1 T^T D and Y = A^-1 T^T S.
+        """
+        bent = combinations + self._s[:, None, None] * (place.among @ combinations)  # B T, (f, q, r)
+        inner = combinations.T @ bent
+        x, y = (np.linalg.solve(inner, (combinations.T @ one)[None]) for one in (place.driven, place.seen))
+        left, right = place.seen - bent @ y, place.driven - bent @ x
+        slopes = np.einsum("fqk,frl->fklqr", left, x) + np.einsum("frk,fql->fklqr", y, right)
+        return np.asarray(slopes.reshape(*slopes.shape[:3], -1) / place.size[..., None])
+
+    def _departures(self, place: _Place, combinations: FloatArray) -> ComplexArray:
+        turned = orthonormal(combinations)
+        rates, vectors = np.linalg.eigh(turned.T @ place.among @ turned)
+        turned = turned @ vectors
+        gain = 1.0 / (1.0 + self._s[:, None] * rates)
+        got = np.einsum("rk,fr,rl->fkl", turned.T @ place.seen, gain, turned.T @ place.driven)
+        return np.asarray((got - place.target) / place.size)
+
+    def _place(self, k: int) -> _Place:
+        table, n = self._table, 1 + len(self._table.circuits)
+        flux, pull = table.flux_linkage[k], 2.0 * table.force[k, :n, n:].T
+        hall = np.zeros((table.patterns, 0)) if table.hall is None else table.hall[k, n:, None]
+        linked = flux[: n - 1, n:].T
+        seen, driven = np.concatenate([linked, pull, hall], axis=1), np.concatenate([linked, pull], axis=1)
+        among = flux[n - 1 :, n:]
+        rates, vectors = np.linalg.eigh(0.5 * (among + among.T))
+        gain = 1.0 / (1.0 + self._s[:, None] * rates)
+        target = np.einsum("rk,fr,rl->fkl", vectors.T @ seen, gain, vectors.T @ driven)
+        return _Place(among, seen, driven, self._sizes(k, target), target)
+
+    def _sizes(self, k: int, target: FloatArray) -> FloatArray:
+        """What departures are relative to: the whole response to a current, and that to motion when it is slow."""
+        table, n = self._table, 1 + len(self._table.circuits)
+        size = np.full(target.shape, np.inf)
+        kinds = [slice(0, n - 1), slice(n - 1, 2 * n - 1), slice(2 * n - 1, None)]
+        at_rest = [
+            table.flux_linkage[k, : n - 1, 1:n],
+            2.0 * table.force[k, :n, 1:n],
+            np.zeros((0, n - 1)) if table.hall is None else table.hall[k, None, 1:n],
+        ]
+        for kind, rest in zip(kinds, at_rest, strict=True):
+            whole = rest - self._s[:, None, None] * target[:, kind, : n - 1]
+            if whole.size:
+                largest = np.abs(whole).max(axis=(1, 2), keepdims=True)
+                part = np.abs(self._s)[:, None, None]
+                size[:, kind, : n - 1] = np.divide(largest, part, out=np.full_like(largest, np.inf), where=part > 0.0)
+        slow = np.abs(target[0, n - 1 : 2 * n - 1, n - 1 :]).max(initial=0.0)
+        if slow > 0.0:
+            size[:, n - 1 : 2 * n - 1, n - 1 :] = slow
+        size[size == 0.0] = np.inf
+        return size
+
+
+def orthonormal(columns: FloatArray) -> FloatArray:
+    """Orthonormal columns with the same span."""
+    return np.asarray(np.linalg.qr(columns)[0])
+
+
+def spread(length: int, count: int) -> Sequence[int]:
+    """At most so many places of a sequence, its ends among them."""
+    return list(np.unique(np.linspace(0, length - 1, min(length, count)).round().astype(int)))

@@ -1,0 +1,196 @@
+"""What the field says of induced currents: their patterns as windings at each distance, as ``eddy.npz``.
+
+Every pattern is a short-circuited winding of 1 ohm, orthogonal to the others in power. At each distance force, flux
+linkages and Hall field are forms in the sources s = (1, i_1 .. i_n, e_1 .. e_q), F = s . force s among them.
+At rest and j omega, 0 = (1 + j omega N) e + j omega m i with the inductances N among the patterns and m with circuits.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femfit.core.arrays import FloatArray
+from femfit.core.atomic import replacing
+from femfit.core.errors import TableError
+from femfit.core.quoted import quoted
+
+NAME = "eddy.npz"
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Transfers:
+    """What 1 A at each frequency does at a held distance; m = 1 + n sources, the magnets and the circuits.
+
+    Parameters
+    ----------
+    frequencies_Hz : array, shape (f,)
+    flux_linkage : array, shape (f, n, n)
+        In H: of circuit j by 1 A in circuit k.
+    force : array, shape (f, m, n)
+        In N/A: what 1 A in circuit k adds to the force beside the magnets, or 1 A, of each source at rest.
+    hall : array, shape (f, n), or None
+        In T/A.
+    """
+
+    frequencies_Hz: FloatArray
+    flux_linkage: ComplexArray
+    force: ComplexArray
+    hall: ComplexArray | None
+
+    def departures(self, exact: "Transfers") -> FloatArray:
+        """Of impedance, force and Hall field (0 without one) at each frequency, relative to exact ones; (f, 3).
+
+        Each relative to the largest of all pairs of circuits, and to what the force by each source alone would be.
+        """
+        pairs = [(self.flux_linkage, exact.flux_linkage), (self.force, exact.force)]
+        if self.hall is not None and exact.hall is not None:
+            pairs.append((self.hall, exact.hall))
+        result = np.zeros((len(self.frequencies_Hz), 3))
+        for k, (one, other) in enumerate(pairs):
+            size = np.abs(other).reshape(len(other), -1).max(axis=1, initial=0.0)
+            off = np.abs(one - other).reshape(len(other), -1).max(axis=1, initial=0.0)
+            result[:, k] = np.divide(off, size, out=np.zeros_like(off), where=size > 0.0)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class EddyTable:
+    """The patterns over a sweep; M = 1 + n + q.
+
+    Parameters
+    ----------
+    circuits : tuple of str
+    distances_m : array, shape (D,)
+    frequencies_Hz : array
+        That the drawing asks for.
+    force : array, shape (D, M, M)
+        In N.
+    flux_linkage : array, shape (D, M - 1, M)
+        In Wb.
+    hall : array, shape (D, M), or None
+        In T.
+    checked_Hz : array, shape (c,)
+        Where the direct harmonic solutions were found at some distances.
+    errors : array, shape (c, 3)
+        Largest relative departures from them of impedance, force and Hall field, with the discretisation's.
+    braking_error : float
+        The same of the power that slow motion loses; NaN where each distance has a mesh of its own.
+    asked_error : float
+        Of the model that is to be made of it.
+    """
+
+    circuits: tuple[str, ...]
+    distances_m: FloatArray
+    frequencies_Hz: FloatArray
+    force: FloatArray
+    flux_linkage: FloatArray
+    hall: FloatArray | None
+    checked_Hz: FloatArray
+    errors: FloatArray
+    braking_error: float
+    asked_error: float
+
+    @property
+    def patterns(self) -> int:
+        """Number of patterns q."""
+        return int(self.force.shape[1]) - 1 - len(self.circuits)
+
+    def transfers(self, k: int, frequencies: FloatArray) -> Transfers:
+        """What 1 A does at the k-th distance, with all patterns."""
+        return eliminated(
+            self.force[k], self.flux_linkage[k], None if self.hall is None else self.hall[k], frequencies, self.circuits
+        )
+
+    def combined(self, combinations: FloatArray) -> "EddyTable":
+        """The table of orthonormal combinations (q, r) of the patterns."""
+        n = 1 + len(self.circuits)
+        turn = np.zeros((n + len(combinations), n + combinations.shape[1]))
+        turn[:n, :n], turn[n:, n:] = np.eye(n), combinations
+        return replace(
+            self,
+            force=turn.T @ self.force @ turn,
+            flux_linkage=turn[1:, 1:].T @ self.flux_linkage @ turn,
+            hall=None if self.hall is None else self.hall @ turn,
+        )
+
+    def error_at(self, frequencies: FloatArray) -> FloatArray:
+        """Relative errors of impedance, force and Hall field at frequencies, shape (f, 3)."""
+        at = np.log(np.maximum(frequencies, self.checked_Hz[0]))
+        return np.column_stack([np.interp(at, np.log(self.checked_Hz), one) for one in self.errors.T])
+
+
+def eliminated(
+    force: FloatArray,
+    flux_linkage: FloatArray,
+    hall: FloatArray | None,
+    frequencies: FloatArray,
+    circuits: Sequence[str],
+) -> Transfers:
+    """Transfers of the forms of one distance, of shapes (M, M), (M - 1, M) and (M,)."""
+    n = 1 + len(circuits)
+    among, between = flux_linkage[n - 1 :, n:], flux_linkage[n - 1 :, 1:n]
+    s = 2j * np.pi * np.asarray(frequencies)[:, None, None]
+    induced = np.asarray(-np.linalg.solve(np.eye(len(among)) + s * among, s * between))  # (f, q, n)
+    return Transfers(
+        np.asarray(frequencies),
+        np.asarray(flux_linkage[: n - 1, 1:n] + between.T @ induced),
+        np.asarray(2.0 * (force[:n, 1:n] + force[:n, n:] @ induced)),
+        None if hall is None else np.asarray(hall[1:n] + hall[n:] @ induced),
+    )
+
+
+def save_arrays(file: Path, arrays: Mapping[str, Any]) -> None:
+    """Write arrays to an ``.npz`` file, completely or not at all."""
+    held: dict[str, Any] = {name: np.asarray(value) for name, value in arrays.items()}
+    with replacing(file) as partial, partial.open("wb") as out:
+        np.savez_compressed(out, **held)
+
+
+DAMAGED = (OSError, ValueError, KeyError, BadZipFile)
+"""What :func:`load_arrays`, and looking for an array by its name, raise where a file is not whole."""
+
+
+def load_arrays(file: Path) -> dict[str, Any]:
+    """Arrays of an ``.npz`` file by their names."""
+    with file.open("rb") as source, np.load(source, allow_pickle=False) as held:
+        return {name: held[name] for name in held.files}
+
+
+def write_eddy(table: EddyTable | None, directory: Path) -> None:
+    """Write ``eddy.npz``, or remove that of an earlier sweep where there is none."""
+    file = directory / NAME
+    if table is None:
+        file.unlink(missing_ok=True)
+        return
+    save_arrays(file, {name: value for name, value in vars(table).items() if value is not None})
+
+
+def read_eddy(directory: Path) -> EddyTable | None:
+    """Read what :func:`write_eddy` wrote; None where there is nothing.
+
+    Raises
+    ------
+    TableError
+        If the file is damaged.
+    """
+    file = directory / NAME
+    if not file.is_file():
+        return None
+    try:
+        arrays = load_arrays(file)
+        return EddyTable(
+            **{
+                "hall": None,
+                **arrays,
+                "circuits": tuple(map(str, arrays["circuits"])),
+                **{name: float(arrays[name]) for name in ("braking_error", "asked_error")},
+            }
+        )
+    except (*DAMAGED, TypeError) as error:
+        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. Sweep again.") from error

@@ -1,0 +1,113 @@
+"""Eddy currents of a sweep in its model: how many states, how far off, and passive everywhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import FitError
+from femfit.fit.eddy import as_table, fit_eddy
+from femfit.fit.eddy_states import StateChoice
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.tables.eddy_table import EddyTable
+
+CIRCUITS = ("coil",)
+DISTANCES = np.linspace(1e-3, 4e-3, 7)
+FREQUENCIES = np.geomspace(1.0, 1e4, 9)
+
+
+def made_up(patterns=12, hall=True, circuits=1, seed=1):
+    """Windings whose co-energy is a positive form at each distance, with its exact slopes."""
+    rng = np.random.default_rng(seed)
+    count = circuits + patterns
+    size = np.concatenate([np.full(circuits, 0.3), 0.1 * 0.45 ** np.arange(patterns)])
+    base = np.diag(size**2) + 0.8 * np.outer(size, size) * 0.5
+    drift = 0.2 * rng.normal(size=(count, count)) * np.outer(size, size) * 0.1
+    magnet = 0.05 * size
+    flux, force = [], []
+    for d in DISTANCES:
+        x, slope = 1e-3 / (d + 1e-3), -1e-3 / (d + 1e-3) ** 2
+        form, rise = base * (1.0 + x) + x * (drift + drift.T), slope * (base + drift + drift.T)
+        whole = np.block([[np.zeros((1, 1)), x * magnet[None]], [x * magnet[:, None], form]])
+        change = np.block([[np.zeros((1, 1)), slope * magnet[None]], [slope * magnet[:, None], rise]])
+        flux.append(whole[1:])
+        force.append(-0.5 * change)
+    seen = np.tile(np.concatenate([[0.01], size]), (len(DISTANCES), 1)) if hall else None
+    return EddyTable(
+        circuits=CIRCUITS[:circuits],
+        distances_m=DISTANCES,
+        frequencies_Hz=FREQUENCIES,
+        force=np.array(force),
+        flux_linkage=np.array(flux),
+        hall=seen,
+        checked_Hz=FREQUENCIES,
+        errors=np.zeros((len(FREQUENCIES), 3)),
+        braking_error=0.0,
+        asked_error=0.01,
+    )
+
+
+class Plain:
+    """Magnetics whose splines follow the distance itself."""
+
+    coordinate = DistanceCoordinate(1e-3, 1e-3)
+
+
+@pytest.mark.parametrize("error", [0.1, 0.01, 0.001])
+def test_the_error_that_is_asked_for_is_met_with_fewer_states_where_it_is_larger(error):
+    table = made_up()
+    eddy = fit_eddy(table, Plain(), error)
+    assert eddy.error.largest <= 1.01 * error
+    assert eddy.count <= {0.1: 4, 0.01: 6, 0.001: 9}[error]
+
+
+def test_as_many_states_are_kept_as_there_are_patterns_where_the_error_needs_them():
+    assert fit_eddy(made_up(patterns=3), Plain(), 1e-9).count == 3
+
+
+def test_splines_meet_the_field_at_the_distances_of_the_sweep():
+    table = made_up(patterns=3)
+    eddy = fit_eddy(table, Plain(), 1e-9)
+    model = as_table(eddy, table)
+    for k in range(len(DISTANCES)):
+        departures = model.transfers(k, FREQUENCIES).departures(table.transfers(k, FREQUENCIES))
+        assert departures.max() < 1e-9
+
+
+def test_between_the_distances_splines_keep_their_own_slopes_and_stay_positive():
+    eddy = fit_eddy(made_up(), Plain())
+    fine = np.linspace(DISTANCES[0], DISTANCES[-1], 101)
+    here, slope = eddy.forms(fine, 0, 1)
+    assert np.linalg.eigvalsh(here.inductance).min() > 0.0
+    step = 1e-8
+    above, below = (eddy.forms(fine + side * step)[0] for side in (1.0, -1.0))
+    assert (above.inductance - below.inductance) / (2 * step) == pytest.approx(slope.inductance, rel=1e-4, abs=1e-9)
+
+
+def test_without_circuits_the_motion_decides():
+    table = made_up(circuits=0, hall=False)
+    eddy = fit_eddy(table, Plain(), 0.02)
+    assert eddy.couplings.shape[1] == 0
+    assert 1 <= eddy.count < 12
+
+
+def test_inductances_that_are_not_positive_are_refused():
+    table = made_up(patterns=2)
+    broken = table.flux_linkage.copy()
+    broken[3, 1:, 2:] *= -1.0
+    with pytest.raises(FitError, match="Sweep more distances"):
+        fit_eddy(replace(table, flux_linkage=broken), Plain(), 1e-9)
+
+
+def test_slopes_of_the_departures_are_their_derivatives():
+    choice = StateChoice(made_up(), FREQUENCIES)
+    rng = np.random.default_rng(2)
+    place, combinations = choice._places[2], np.eye(12)[:, :4] + 0.1 * rng.normal(size=(12, 4))
+    change = 1e-6 * rng.normal(size=(12, 4))
+    above, below = (choice._departures(place, combinations + side * change) for side in (1.0, -1.0))
+    along = choice._slopes(place, combinations) @ change.ravel()
+    assert along == pytest.approx((above - below) / 2.0, rel=1e-6, abs=1e-12)
+
+
+def test_a_table_without_eddy_currents_makes_a_model_without():
+    assert fit_eddy(None, Plain()) is None
