@@ -32,14 +32,17 @@ voice coil and axial bearing; measured with the force of each on finer meshes)."
 HALL_SIZE = 0.15  # of the clearance
 
 THIN = 0.02
-"""Of the actuator's radius: elements of a thin layer are no longer than this, or than the layer is thick."""
+"""Of the actuator's radius: elements of a thin layer or conductor are no longer than this, or than it is thick."""
+
+NOT_MAGNETIC = 0.01
+"""Of mu_r above 1: copper, aluminium, brass and bronze; without a step of mu no corner is singular."""
 
 
 def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings) -> Mesh:
     """Mesh the actuator with its moving part at a distance."""
     try:
         shape = _draw(actuator, distance, layout, settings)
-        layers = _mark_skins(shape, actuator, settings)
+        layers = _mark_skins(shape, actuator, layout, settings)
         raw = OCCGeometry(shape, dim=2).GenerateMesh(maxh=layout.outer_radius / 3.0, grading=settings.grading)
     except (NgException, RuntimeError) as error:
         raise FieldSolverError(
@@ -54,9 +57,12 @@ def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: So
 
 
 def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings) -> Any:
-    still = [*_regions("fixed", actuator.fixed, 0.0, settings), *_coils(actuator, distance, settings, moves=False)]
+    still = [
+        *_regions("fixed", actuator.fixed, 0.0, layout, settings),
+        *_coils(actuator, distance, settings, moves=False),
+    ]
     mover = [
-        *_regions("moving", actuator.moving.regions, distance, settings),
+        *_regions("moving", actuator.moving.regions, distance, layout, settings),
         *_coils(actuator, distance, settings, moves=True),
     ]
     outlines = [shapely.affinity.translate(one, 0.0, distance) for one in layer_outlines(actuator, layout)]
@@ -80,13 +86,13 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     return shape
 
 
-def _mark_skins(shape: Any, actuator: Actuator, settings: SolverSettings) -> int:
+def _mark_skins(shape: Any, actuator: Actuator, layout: Layout, settings: SolverSettings) -> int:
     """Mark the surfaces of what conducts; into how many layers the elements at them are to be split."""
     parts = [(f"fixed:{one.name}", one) for one in actuator.fixed]
     parts += [(f"moving:{one.name}", one) for one in actuator.moving.regions]
     frequency = settings.skin_frequency_Hz
     layers = {
-        name: skin_layers(part, settings.region_fraction * _extent(part), frequency) if frequency else 0
+        name: skin_layers(part, _largest_element(part, layout, settings), frequency) if frequency else 0
         for name, part in parts
     }
     for face in shape.faces:
@@ -126,13 +132,15 @@ def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon], longest
     halo.faces.maxh = layer.faces.maxh = max(sizes)
 
 
-def _regions(prefix: str, regions: Sequence[Region], shift: float, settings: SolverSettings) -> list[Face]:
+def _regions(
+    prefix: str, regions: Sequence[Region], shift: float, layout: Layout, settings: SolverSettings
+) -> list[Face]:
     faces = []
     for region, singular in zip(regions, singular_corners(regions), strict=True):
         extent = _extent(region)
         face = _face(region.vertices_m, region.bulges, shift)
         face.faces.name = f"{prefix}:{region.name}"
-        face.faces.maxh = settings.region_fraction * extent
+        face.faces.maxh = _largest_element(region, layout, settings)
         corners = np.array(region.vertices_m)[singular] + np.array([0.0, shift])
         for vertex in face.vertices:
             if np.any(np.hypot(*(corners - np.array([vertex.p.x, vertex.p.y])).T) < COINCIDENT):
@@ -149,6 +157,16 @@ def _coils(actuator: Actuator, distance: float, settings: SolverSettings, *, mov
             face.faces.name, face.faces.maxh = coil_region(coil), settings.region_fraction * _extent(coil)
             faces.append(face)
     return faces
+
+
+def _largest_element(region: Region, layout: Layout, settings: SolverSettings) -> float:
+    """In m; a thin straight conductor without magnetism has long elements, since its field is smooth along it."""
+    size, material = settings.region_fraction * _extent(region), region.material
+    magnetic = material.remanence_T or abs(material.relative_permeability - 1.0) > NOT_MAGNETIC
+    if magnetic or region.bulges or not material.conductivity_S_per_m:
+        return size
+    r0, z0, r1, z1 = polygon(region).bounds
+    return max(size, min(THIN * layout.radius, settings.region_fraction * float(max(r1 - r0, z1 - z0))))
 
 
 def _extent(part: Region | Coil) -> float:

@@ -36,6 +36,18 @@ def test_coil_above_a_plate_is_that_of_dodd_and_deeds(body, frequency):
     assert difference(cases.added(cases.plate, body, s, order=4), reference) < LAYERS
 
 
+@pytest.mark.parametrize("thickness", [1e-3, 1e-4, 2e-5])
+def test_coil_above_a_thin_sheet_is_exact_with_few_unknowns(thickness):
+    # At lower frequencies the field goes through them, and the edge at five times the coil's radius takes part.
+    s = omega(1e5)
+    harmonic = cases.Harmonic(cases.plate(COPPER, thickness=thickness), 1e5, order=4)
+    found, fields = harmonic.solve(s)
+    alone = cases.inductance(cases.plate(cases.VACUUM), 1.0, order=4)
+    reference = exact.above_plate(s, COPPER, cases.PLATE_COIL, 100.0, thickness)
+    assert difference(found[0, 0] - alone, reference) < LAYERS
+    assert fields[0].space.ndof < 20_000
+
+
 @BODIES
 @pytest.mark.parametrize("frequency", [1e3, 1e4])
 def test_coil_around_a_rod_is_that_of_dodd_and_deeds(body, frequency):

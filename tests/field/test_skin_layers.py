@@ -121,6 +121,7 @@ NEIGHBOURS = {
     "a needle": [part("needle", STEEL, (0, -5), (1, -5), (0, 20))],
     "a wedge of 5 degrees": [part("wedge", COPPER, (2, 0), (9, -0.4), (9, 0.4))],
     "a tube of 0.1 mm on the coil": [part("tube", COPPER, 9.9, 10, -5, 5)],
+    "a coating of 0.05 mm": [part("core", STEEL, 0, 8, -25, 5), part("coating", COPPER, 8, 8.05, -25, 5)],
     "a slit of 0.01 mm": [part("low", STEEL, 0, 8, -5, -0.01), part("high", STEEL, 0, 8, 0, 5)],
     "a small one beside a large one": [part("large", STEEL, 0, 100, -60, -6), part("small", COPPER, 0, 0.5, -5, -4.5)],
 }
