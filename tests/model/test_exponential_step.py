@@ -14,8 +14,10 @@ from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import FilterNoise
 from femfit.model.decay import decay_of, decay_shares
 from femfit.model.dynamics import runge_kutta_step
-from femfit.model.exponential_step import exponential_jacobian, exponential_step
+from femfit.model.exponential_step import exponential_jacobian, exponential_step, extrapolated_step
+from support.eddies import with_eddies
 from support.halves import cut_in_two
+from support.solenoids import solenoid
 
 NOISE = FilterNoise(acceleration_density=1e-4, voltage_V=0.01, hall_V=1e-3)
 
@@ -65,6 +67,24 @@ def test_the_step_converges_with_the_second_order(levitation_model, halves):
     coarse, fine = (np.sqrt(np.mean((moved(steps) - exact) ** 2, axis=0)) for steps in (32, 64))
     # Asymptotic ratio 2^2; a tenth of an order for the pre-asymptotic part
     np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.1)
+
+
+def test_the_extrapolated_step_converges_with_the_third_order():
+    """Where inductance and motional constant change with the distance."""
+    model, random = with_eddies(solenoid(), (8e-3, 2e-3)), np.random.default_rng(1)
+    start = random.uniform([1e-3, -0.3, 0.1, -0.1, -0.1], [3e-3, 0.1, 0.5, 0.1, 0.1], (30, 5))
+    volts = random.uniform(0.0, 12.0, 30)
+
+    def moved(steps):
+        state = start
+        for _ in range(steps):
+            state = extrapolated_step(model, state, volts, 1.6e-3 / steps)
+        return state
+
+    exact = runge_kutta_step(model, start, volts, 1.6e-3, substeps=256)
+    coarse, fine = (np.sqrt(np.mean((moved(steps) - exact) ** 2, axis=0)) for steps in (32, 64))
+    # Asymptotic ratio 2^3; a fifth of an order for the pre-asymptotic part
+    np.testing.assert_allclose(np.log2(coarse / fine), 3.0, atol=0.2)
 
 
 @pytest.mark.parametrize("step", [5e-4, 5e-3])

@@ -13,6 +13,7 @@ from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.sensor import loop_sensors
 from support.eddies import with_eddies
 from support.halves import cut_in_two
+from support.solenoids import solenoid
 
 DISTANCE_M = 0.024
 
@@ -34,6 +35,21 @@ def test_the_plant_steps_with_its_eddy_currents(levitation_model, circuits):
     wanted = runge_kutta_step(model, state, command[:, 0] if circuits == 1 else command, model.sample_time_s, 400)
     np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-6)
     assert (found[[0, 2], 2 + circuits :] != 0.0).all()
+
+
+def test_the_fastest_pattern_does_not_shorten_the_steps():
+    """0.1 ms against a pattern of 5 us, of which a Runge-Kutta method takes 20 steps at least."""
+    model = with_eddies(replace(solenoid(), sample_time_s=1e-4), (8e-3, 5e-6))
+    plant, state = Plant(model), np.array([[1e-3, -0.3, 0.4, 0.0, 0.0], [3e-3, 0.1, 0.2, 0.0, 0.0]])
+    assert plant.substeps == 1
+    assert Plant(with_force_scale(model, np.array([1.0, 1.1]))).substeps == 1
+    assert Plant(replace(model, sample_time_s=4e-4)).substeps == 3
+    start, exact, volts = state, state, np.array([12.0, 0.0])
+    for _ in range(20):
+        state = plant.step(state, volts)
+        exact = runge_kutta_step(model, exact, volts, model.sample_time_s, 100)
+    moved = np.abs(exact - start).max(axis=0)
+    assert (np.abs(state - exact).max(axis=0) < 2e-5 * moved).all()
 
 
 @pytest.mark.parametrize("bandwidth", [None, 300.0])
