@@ -50,6 +50,7 @@ def sweep(
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, summarise, variants_without_a_point
+    from femfit.tables.impedance_table import NAME as IMPEDANCE
 
     require_outputs([actuator], (json, RESULT))
     variants = read_variants(actuator)
@@ -72,6 +73,8 @@ def sweep(
     print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
     for remark in (*remarks(variants.actuator), *clipped_hall(variants, table)):
         print(f"  {remark}")
+    if table.eddy is not None:
+        print(f"  {table.eddy}; what an ampere does at each frequency: {directory / IMPEDANCE}")
     if table.signatures is not None:
         print("  By one standard deviation of each number of the drawing, root mean square over the sweep:")
         print("\n".join(f"    {line}" for line in str(table.signatures).splitlines()))

@@ -6,30 +6,45 @@ co-energy is a quadratic form in (1, i_1 .. i_n, e_1 .. e_q) and gives force, fl
 circuits: Galerkin's method for the induced currents.
 """
 
+from functools import cached_property
+
 from ngsolve import H1
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.conductor_points import ConductorPoints
-from femfit.field.eddy_task import Patterns
 from femfit.field.force import weight
 from femfit.field.linear_system import Coefficients, LinearSystem
 from femfit.field.moving_mesh import MovingMesh
 
 
-class EddyActuator:
-    """An actuator without saturating parts on a mesh, with the patterns of another mesh or of the same one."""
+class PatternFields:
+    """Patterns of the rows (q, points) of :class:`ConductorPoints` of a mesh."""
 
-    def __init__(
-        self, actuator: Actuator, moving: MovingMesh, reference: MovingMesh, patterns: Patterns, order: int
-    ) -> None:
+    def __init__(self, actuator: Actuator, moving: MovingMesh, order: int, rows: FloatArray) -> None:
+        self.moving, self.rows = moving, rows
+        self._points = ConductorPoints(H1(moving.mesh, order=order), actuator, moving.reference)
+
+    @cached_property
+    def _fields(self) -> FloatArray:
+        return self._points.fields(self.rows)
+
+    def at(self, points: ConductorPoints) -> FloatArray:
+        """The rows at the points of this mesh or of another one."""
+        if points.space.mesh is self.moving.mesh:
+            return self.rows
+        return points.rows_of(self._fields, self._points.space, self.moving.reference)
+
+
+class EddyActuator:
+    """An actuator without saturating parts on a mesh, with patterns."""
+
+    def __init__(self, actuator: Actuator, moving: MovingMesh, patterns: PatternFields, order: int) -> None:
         self._moving = moving
 
         def loads(space: H1) -> tuple[FloatArray, FloatArray]:
-            points, rows = ConductorPoints(space, actuator, moving.reference), patterns.rows
-            if reference is not moving:
-                made_on = ConductorPoints(H1(reference.mesh, order=order), actuator, reference.reference)
-                rows = points.rows_of(made_on.fields(rows), made_on.space, reference.reference)
+            points = ConductorPoints(space, actuator, moving.reference)
+            rows = patterns.at(points)
             return points.loads(rows), points.loads(rows, moving=True)
 
         self._system = LinearSystem(moving.mesh, actuator, moving.layout, weight(moving.mesh), order, loads)

@@ -5,6 +5,7 @@ there, and at distances between, say how far the patterns are off.
 """
 
 import math
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -64,10 +65,8 @@ def eddy_sweep(actuator: Actuator, journal: Journal, file: Path, key: str, solve
     if probed is None:
         probed = _probe(plan, solve)
         _write(probed, file, key)
-    tasks = [
-        FormsTask(plan.meshes[d], plan.reference, d, Patterns(plan.reference.distances, probed.rows))
-        for d in actuator.sweep.distances_m
-    ]
+    patterns = Patterns(plan.reference, probed.rows, zlib.crc32(probed.rows.tobytes()))
+    tasks = [FormsTask(plan.meshes[d], d, patterns) for d in actuator.sweep.distances_m]
 
     def record(task: FormsTask, result: dict[str, Any]) -> list[Any]:
         journal.record(task.key, result)

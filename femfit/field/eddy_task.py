@@ -1,6 +1,5 @@
 """The tasks of the harmonic part of a sweep, as workers solve them: probes of some distances, and forms of each."""
 
-import zlib
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -13,16 +12,8 @@ from femfit.field.layout import Layout
 from femfit.field.settings import SolverSettings
 
 if TYPE_CHECKING:
-    from femfit.field.eddy_actuator import EddyActuator
+    from femfit.field.eddy_actuator import EddyActuator, PatternFields
     from femfit.field.moving_mesh import MovingMesh
-
-
-@dataclass(frozen=True, eq=False)
-class Patterns:
-    """Rows (q, points) of :class:`femfit.field.conductor_points.ConductorPoints` of a group's mesh."""
-
-    group: tuple[float, ...]  # Distances in m that share the mesh
-    rows: FloatArray
 
 
 @dataclass(frozen=True)
@@ -37,6 +28,15 @@ class EddyMesh:
     def moving(self) -> "MovingMesh":
         """The mesh, kept while this process's tasks stay in it."""
         return _moving(self)
+
+
+@dataclass(frozen=True)
+class Patterns:
+    """Rows (q, points) of :class:`femfit.field.conductor_points.ConductorPoints` of a mesh."""
+
+    mesh: EddyMesh
+    rows: FloatArray = field(compare=False)
+    checksum: int  # Of the rows
 
 
 @dataclass(frozen=True)
@@ -83,36 +83,22 @@ class FormsTask:
     """The forms of all sources at a distance; its result has ``force``, ``flux_linkage`` and ``hall`` as lists."""
 
     mesh: EddyMesh
-    reference: EddyMesh
     distance: float
-    patterns: Patterns = field(compare=False)
+    patterns: Patterns
 
     @property
     def key(self) -> str:
         """Name in the journal."""
-        return f"eddy currents {zlib.crc32(self.patterns.rows.tobytes()):08x} {self.distance!r}"
+        return f"eddy currents {self.patterns.checksum:08x} {self.distance!r}"
 
     def result(self) -> dict[str, Any]:
         """Solve on the group's mesh."""
-        forms = _actuator(_Patterned(self.mesh, self.reference, self.patterns)).forms(self.distance)
+        forms = _actuator(self.mesh, self.patterns).forms(self.distance)
         return {
             "force": forms.force.tolist(),
             "flux_linkage": forms.flux_linkage.tolist(),
             "hall": None if forms.hall is None else forms.hall.tolist(),
         }
-
-
-@dataclass(frozen=True)
-class _Patterned:
-    """A mesh with patterns, of which a process knows one set only."""
-
-    mesh: EddyMesh
-    reference: EddyMesh
-    patterns: Patterns = field(compare=False)
-    power: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "power", float(np.abs(self.patterns.rows).sum()))
 
 
 @lru_cache(maxsize=2)
@@ -136,8 +122,15 @@ def _points(mesh: EddyMesh) -> Any:
 
 
 @lru_cache(maxsize=1)
-def _actuator(one: _Patterned) -> "EddyActuator":
+def _fields(patterns: Patterns) -> "PatternFields":
+    from femfit.field.eddy_actuator import PatternFields  # noqa: PLC0415
+
+    mesh = patterns.mesh
+    return PatternFields(mesh.actuator, mesh.moving(), mesh.settings.order, patterns.rows)
+
+
+@lru_cache(maxsize=1)
+def _actuator(mesh: EddyMesh, patterns: Patterns) -> "EddyActuator":
     from femfit.field.eddy_actuator import EddyActuator  # noqa: PLC0415
 
-    mesh = one.mesh
-    return EddyActuator(mesh.actuator, mesh.moving(), one.reference.moving(), one.patterns, mesh.settings.order)
+    return EddyActuator(mesh.actuator, mesh.moving(), _fields(patterns), mesh.settings.order)

@@ -17,7 +17,7 @@ from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.misfit import Misfit
-from femfit.model.model_text import fit_lines
+from femfit.model.model_text import eddy_line, fit_lines
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
 
 _LABELS_SHOWN = 4
@@ -99,6 +99,7 @@ class FitResult(Printed):
 def _lines(result: FitResult) -> list[str]:
     lines = [
         *fit_lines(result.model),
+        *([] if result.model.eddy is None else [eddy_line(result.model, result.model.eddy)]),
         *(f"note: {note}" for note in (*result.of_data, *result.notes)),
     ]
     if result.circuits is not None:

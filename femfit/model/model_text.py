@@ -32,11 +32,11 @@ def model_lines(model: "ActuatorModel") -> list[str]:
     }
     lines += [f"{name}: {text or 'none'}" for name, text in parts.items()]
     if model.eddy is not None:
-        lines.append(_eddy_line(model, model.eddy))
+        lines.append(eddy_line(model, model.eddy))
     return [*lines, f"sample time {amount(model.sample_time_s, 's')}"]
 
 
-def _eddy_line(model: "ActuatorModel", eddy: "EddyCurrents") -> str:
+def eddy_line(model: "ActuatorModel", eddy: "EddyCurrents") -> str:
     """How many states, their time constants while nothing changes the circuits' currents, and how true they are."""
     windings, n = model.windings, len(eddy.circuits)
     d = np.linspace(model.validity.distance_min_m, model.validity.distance_max_m, 9)

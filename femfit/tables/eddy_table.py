@@ -14,6 +14,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing
 from femfit.core.errors import TableError
@@ -100,6 +101,12 @@ class EddyTable:
     def patterns(self) -> int:
         """Number of patterns q."""
         return int(self.force.shape[1]) - 1 - len(self.circuits)
+
+    def __str__(self) -> str:
+        low, high = (amount(float(one), "Hz") for one in self.checked_Hz[[0, -1]])
+        within = amount(float(self.errors.max(initial=0.0)), "")
+        patterns = counted(self.patterns, "pattern")
+        return f"eddy currents: {patterns}, within {within} of direct solutions from {low} to {high}"
 
     def transfers(self, k: int, frequencies: FloatArray) -> Transfers:
         """What 1 A does at the k-th distance, with all patterns."""
