@@ -35,7 +35,7 @@ class EddyProbe:
 
     def __init__(self, actuator: Actuator, moving: MovingMesh, distance: float, order: int) -> None:
         self._hall, self._moving, self.distance = actuator.hall, moving, distance
-        self._step = MOTION_STEP * moving.layout.clearance if moving.layout.stretchable else 0.0
+        self._step = MOTION_STEP * moving.layout.clearance
         self._static = LinearSystem(moving.mesh, actuator, moving.layout, weight(moving.mesh), order)
         self._real = HarmonicSystem(moving.mesh, actuator, moving.layout, order, real=True)
         self._harmonic = HarmonicSystem(moving.mesh, actuator, moving.layout, order)
@@ -75,18 +75,16 @@ class EddyProbe:
             return self.points.rows(kept)
         return at.rows_of(kept, system.space, self._moving.reference)
 
-    def braking(self) -> FloatArray | None:
+    def braking(self) -> FloatArray:
         """Power of the currents that the motion induces over speed squared, of each pair of sources, in N s/m; (m, m).
 
-        None where the mesh does not move with the part.
+        Where a conducting part moves, of the field's change as that part sees it.
         """
-        return self.points.products(self.points.rows(self._motion())) if self._step else None
+        return self.points.products(self.points.rows(self._motion()))
 
     def _motion(self) -> FloatArray:
-        """dw/dd of each source at rest; shape (m, unknowns), of zeros where the mesh does not move with the part."""
+        """dw/dd of each source at rest, at places that move with their parts; shape (m, unknowns)."""
         system, states = self._static, []
-        if not self._step:
-            return np.zeros_like(system.loads)
         for distance in (self.distance - self._step, self.distance + self._step):
             with self._moving.at(distance):
                 self._real.move()

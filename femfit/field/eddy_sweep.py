@@ -150,7 +150,7 @@ class _Probed:
     distances: FloatArray  # Shape (P,)
     transfers: tuple[Transfers, ...]
     discretisation: FloatArray  # Relative change from one order lower, shape (f, 3): the largest of all
-    braking: FloatArray  # Shape (P, m, m); NaN where the mesh does not move with the part
+    braking: FloatArray  # Shape (P, m, m)
 
     def errors(self, table: EddyTable) -> tuple[FloatArray, float]:
         """The table's ``errors`` and ``braking_error``."""
@@ -188,14 +188,12 @@ def _probe(plan: _Plan, solve: Solve) -> _Probed:
     both = [one for one in found.values() if "coarse" in one]
     discretisation = [np.zeros((len(plan.frequencies), 3))]
     discretisation += [one["coarse"].departures(one["transfers"]) for one in both]
-    sources = found[next(iter(found))]["transfers"].force.shape[1]
-    unknown = np.full((sources, sources), np.nan)
     return _Probed(
         kept / np.sqrt((weight * kept**2).sum(axis=1))[:, None],
         np.array(list(found)),
         tuple(one["transfers"] for one in found.values()),
         np.max(discretisation, axis=0),
-        np.array([unknown if one["braking"] is None else one["braking"] for one in found.values()]),
+        np.array([one["braking"] for one in found.values()]),
     )
 
 

@@ -10,7 +10,7 @@ References
 C. V. Dodd and W. E. Deeds, J. Appl. Phys. 39 (1968) 2829: a coil above a conductor, in closed form.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 import ngsolve as ng
@@ -53,10 +53,10 @@ class HarmonicSystem:
         """Take the mesh as it is now stretched."""
         self._air.Assemble()
 
-    def solve(self, frequency: complex, loads: Iterable[FloatArray]) -> FieldArray:
+    def solve(self, frequency: complex, loads: Sequence[FloatArray] | FloatArray) -> FieldArray:
         """Solve at s in 1/s for loads (k, unknowns), on the mesh as last taken; the same shape."""
         self._frequency.Set(frequency)
         for form in self._conducting:
             form.Assemble()
         self._inverse.renew((self._air, *self._still, *self._conducting))
-        return np.array([self._inverse.solve(load) for load in loads])
+        return np.array([self._inverse.solve(load) for load in loads]).reshape(len(loads), self.space.ndof)

@@ -59,12 +59,15 @@ class MovingMesh:
         return np.array(share.vec.FV().NumPy()[: self.mesh.nv])
 
     def move_to(self, distance: float) -> None:
-        """Stretch to a distance; ``mesh.UnsetDeformation`` undoes it."""
+        """Stretch to a distance; ``mesh.UnsetDeformation`` undoes it.
+
+        Where the mesh serves one distance alone, that is for small steps, which the mover's layer takes up.
+        """
         shift = distance - self.reference
         if shift:
             self._displacement = ng.GridFunction(ng.VectorH1(self.mesh, order=1))  # kept alive while in use
             along_z = self._displacement.components[1].vec.FV().NumPy()
-            along_z[:] = shift * stretch_share(self.mesh, self.layout, self._layer_heights).vec.FV().NumPy()
+            along_z[:] = shift * self.vertex_share
             self.mesh.SetDeformation(self._displacement)
 
     def unstretched(self, points: FloatArray, distance: float) -> FloatArray:

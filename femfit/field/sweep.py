@@ -228,7 +228,8 @@ def _write(table: SweepTable, actuator: Actuator, directory: Path, journal: Jour
     """Write the tables; on a full disk say what is kept."""
     try:
         write_sweep_table(table, directory)
-        write_impedance(None if table.eddy is None else _impedance(table.eddy, actuator), directory)
+        induced = table.eddy if actuator.circuits else None
+        write_impedance(None if induced is None else _impedance(induced, actuator), directory)
     except OSError as error:
         raise RunDirectoryError(
             f"The table could not be written to {directory}: {error.strerror or error}. {journal.on_disk} of "

@@ -126,9 +126,18 @@ def _error(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> Edd
         float(frequencies[0]),
         float(frequencies[-1]),
         impedance=float(worst[0]) if table.circuits else None,
-        force=float(worst[1]) if table.circuits else float(np.nan_to_num(table.braking_error)),
+        force=float(worst[1])
+        if table.circuits
+        else float(np.nan_to_num(table.braking_error)) + _unbraked(model, table),
         hall=float(worst[2]) if table.circuits and table.hall is not None else None,
     )
+
+
+def _unbraked(model: EddyTable, table: EddyTable) -> float:
+    """Largest relative departure of the power that slow motion loses beside the magnets."""
+    power, exact = (((one.force[:, 0, 1 + len(one.circuits) :]) ** 2).sum(axis=1) for one in (model, table))
+    off = np.abs(power - exact)
+    return float(np.divide(off, exact, out=np.zeros_like(off), where=exact > 0.0).max())
 
 
 def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:

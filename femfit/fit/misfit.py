@@ -120,7 +120,10 @@ def _finer_sweep(missed: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]
     The largest error in newtons is asked for even where errors relative to each point's own force are what is poor:
     points added there also help between the points, where points added at the smallest forces do not.
     """
-    shares = ((rms(missed) / rows.rms_force, "its rms"), (misfit.force_rms_relative, "each point's own force (rms)"))
+    shares = (
+        (_share(rms(missed), rows.force) or 0.0, "its rms"),
+        (misfit.force_rms_relative, "each point's own force (rms)"),
+    )
     poor = next((pair for pair in shares if pair[0] >= COARSE), None)
     if poor is None:
         return []

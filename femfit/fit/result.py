@@ -129,11 +129,12 @@ def _derived_line(result: FitResult) -> str:
 
 
 def _coenergy_lines(fit: CoenergyFit, rows: FitRows) -> list[str]:
+    text = f"B-spline of {fit.basis.shape[0]} x {fit.basis.shape[1]} coefficients (distance x current)"
+    if rows.rms_force:
+        off = amount(rms(fit.left_out_N) / rows.rms_force, "")
+        text += f"; with each inner point left out in turn it misses the force by {off}"
     return [
-        (
-            f"B-spline of {fit.basis.shape[0]} x {fit.basis.shape[1]} coefficients (distance x current); with each "
-            f"inner point left out in turn it misses the force by {amount(rms(fit.left_out_N) / rows.rms_force, '')}"
-        ),
+        text,
         *(f"constraint: {SHAPES[name]}" for name in fit.constraints),
         f"active constraints: {_active(fit.active)}",
     ]

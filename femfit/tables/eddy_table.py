@@ -81,7 +81,7 @@ class EddyTable:
     errors : array, shape (c, 3)
         Largest relative departures from them of impedance, force and Hall field, with the discretisation's.
     braking_error : float
-        The same of the power that slow motion loses; NaN where each distance has a mesh of its own.
+        The same of the power that slow motion loses; NaN where none of these distances is in the table.
     asked_error : float
         Of the model that is to be made of it.
     """

@@ -6,8 +6,10 @@ from functools import partial
 from pathlib import Path
 
 from support import eddy_cases as eddies
+from support import falling_magnet as fall
 from support import published_fea as published
 from support import validation_cases as cases
+from support.eddy_transient import pot_step
 from support.exact import axis_field_of_cylinder
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation.md"
@@ -23,6 +25,7 @@ KINDS = "test_device_kinds.py"
 CONSISTENCY = "test_force_consistency.py"
 PUBLISHED = "test_published_fea.py"
 EDDIES = "test_eddy_closed_forms.py"
+TRANSIENTS = "test_eddy_transients.py"
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,17 @@ INDUCED = "Eddy currents"
 
 def rows() -> list[Row]:
     """Every line of the page."""
-    return [*_coils(), *_magnets(), *_fields(), *_eddies(), *_measured(), *_peers(), *_printed(), *_itself()]
+    return [
+        *_coils(),
+        *_magnets(),
+        *_fields(),
+        *_eddies(),
+        *_transients(),
+        *_measured(),
+        *_peers(),
+        *_printed(),
+        *_itself(),
+    ]
 
 
 def _part(k: int, case: Callable[..., tuple[float, ...]], *arguments: float) -> Callable[[], float]:
@@ -128,6 +141,20 @@ def _eddies() -> Iterator[Row]:
                 cheap = frequency > 1e3
                 yield Row(INDUCED, f"{name}: R", source, "ohm", exact()[0], _part(0, ours), 1e-3, EDDIES, cheap)
                 yield Row(INDUCED, f"{name}: L", source, "H", exact()[1], _part(1, ours), 1e-3, EDDIES, cheap)
+
+
+def _transients() -> Iterator[Row]:
+    for radius, source, exact, bound in (
+        (0.002, "dipole, 45 µ₀² p² σ w / (1024 a⁴)", fall.braking_of_dipole, 3e-3),
+        (0.004, "its rings in magpylib's field", fall.braking_of_cylinder, 5e-4),
+    ):
+        name, ours = f"magnet R{1e3 * radius:g} mm in a copper tube: braking", partial(fall.braking_of_field, radius)
+        yield Row(INDUCED, name, source, "N s/m", exact(radius), ours, bound, TRANSIENTS)
+    speed = fall.MASS * fall.GRAVITY / fall.braking_of_cylinder(fall.RADIUS)
+    name, source = "the larger one falls, simulated: velocity", "weight over that braking"
+    yield Row(INDUCED, name, source, "m/s", speed, fall.speed, 2e-3, TRANSIENTS, cheap=False)
+    name, source = "step of voltage on a solid pot: current, at any time", "time steps of the field"
+    yield Row(INDUCED, name, source, "of the final", None, lambda: pot_step()[1], 0.01, TRANSIENTS, cheap=False)
 
 
 def _measured() -> Iterator[Row]:

@@ -1,0 +1,60 @@
+"""Eddy currents in time: a step of voltage against time steps of the field, and a magnet that a tube brakes."""
+
+import numpy as np
+import pytest
+
+from femfit.device.load import actuator_from_toml
+from femfit.field.eddy_actuator import EddyActuator
+from femfit.field.eddy_probe import EddyProbe
+from femfit.field.eddy_sweep import ORDER
+from femfit.field.eddy_task import Patterns
+from support import falling_magnet as fall
+from support.eddy_pot import POT
+from support.eddy_transient import departures, mesh_for, pot_step, step_of_voltage, step_of_windings
+
+OHMS = 5.0  # of the pot's winding
+
+
+def test_patterns_of_one_distance_follow_a_step_of_voltage():
+    actuator, distance, shifts = actuator_from_toml(POT), 1.5e-3, 2.0 * np.pi * np.geomspace(3.0, 3e3, 4)
+    moving = mesh_for(actuator, distance, 1000.0)
+    probe = EddyProbe(actuator, moving, distance, ORDER)
+    _, fields = probe.transfers(np.geomspace(10.0, 1e3, 3))
+    rows = probe.patterns(fields, shifts, probe.points, 0.01)
+    rows = rows / np.sqrt(np.diag(probe.points.products(rows)))[:, None]  # of 1 ohm each
+    patterns = Patterns((distance,), rows)
+    linked = EddyActuator(actuator, moving, moving, patterns, ORDER).forms(distance).flux_linkage[:, 1:]
+    ohms = np.concatenate([[OHMS], np.ones(len(linked) - 1)])
+    times, *exact = step_of_voltage(actuator, moving, 1.0, 2e-5, 0.1, 3)
+    assert max(departures(step_of_windings(linked, ohms, 1.0, times), exact)) < 0.005  # its own time steps': 0.2 %
+    alone = step_of_windings(linked[:1, :1], ohms[:1], 1.0, times)
+    assert departures(alone, exact)[0] > 0.02  # the eddy currents matter
+
+
+def test_a_tube_brakes_a_small_magnet_like_a_dipole():
+    assert fall.braking_of_field(0.002) == pytest.approx(fall.braking_of_dipole(0.002), rel=3e-3)  # its size: 0.16 %
+
+
+def test_a_tube_brakes_a_magnet_by_the_losses_in_its_rings():
+    assert fall.braking_of_field(0.004) == pytest.approx(fall.braking_of_cylinder(0.004), rel=5e-4)
+
+
+@pytest.mark.long
+def test_a_step_of_voltage_on_a_solid_pot_is_that_of_the_field():
+    steps, current, flux = pot_step()
+    assert steps < 0.001  # what halving the time steps changes
+    assert max(current, flux) < 0.01  # as asked for
+
+
+@pytest.mark.long
+def test_a_magnet_falls_through_a_tube_as_fast_as_its_weight_is_braked():
+    model, late = fall.fallen()
+    distances = np.linspace(-8.9e-3, 8.9e-3, 200)
+    braking = (model.eddy.forms(distances, 1)[0].flux_linkage ** 2).sum(axis=-1)
+    exact = fall.braking_of_cylinder(fall.RADIUS)
+    assert np.abs(braking / exact - 1.0).max() < 0.005  # as asked for, between the sweep's distances too
+    weight = fall.MASS * fall.GRAVITY
+    assert fall.speed() == pytest.approx(weight / exact, rel=0.002)
+    heat = sum(late[name] ** 2 for name in model.eddy_names)  # each of 1 ohm
+    mean = np.trapezoid(heat, late["time_s"]) / np.ptp(late["time_s"])
+    assert mean == pytest.approx(weight * fall.speed(), rel=0.002)
