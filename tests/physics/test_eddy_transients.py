@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from femfit.device.load import actuator_from_toml
-from femfit.field.eddy_actuator import EddyActuator
+from femfit.field.eddy_actuator import EddyActuator, PatternFields
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
-from femfit.field.eddy_task import Patterns
 from support import falling_magnet as fall
 from support.eddy_pot import POT
 from support.eddy_transient import departures, mesh_for, pot_step, step_of_voltage, step_of_windings
@@ -22,8 +21,8 @@ def test_patterns_of_one_distance_follow_a_step_of_voltage():
     _, fields = probe.transfers(np.geomspace(10.0, 1e3, 3))
     rows = probe.patterns(fields, shifts, probe.points, 0.01)
     rows = rows / np.sqrt(np.diag(probe.points.products(rows)))[:, None]  # of 1 ohm each
-    patterns = Patterns((distance,), rows)
-    linked = EddyActuator(actuator, moving, moving, patterns, ORDER).forms(distance).flux_linkage[:, 1:]
+    patterns = PatternFields(actuator, moving, ORDER, rows)
+    linked = EddyActuator(actuator, moving, patterns, ORDER).forms(distance).flux_linkage[:, 1:]
     ohms = np.concatenate([[OHMS], np.ones(len(linked) - 1)])
     times, *exact = step_of_voltage(actuator, moving, 1.0, 2e-5, 0.1, 3)
     assert max(departures(step_of_windings(linked, ohms, 1.0, times), exact)) < 0.005  # its own time steps': 0.2 %
@@ -37,6 +36,13 @@ def test_a_tube_brakes_a_small_magnet_like_a_dipole():
 
 def test_a_tube_brakes_a_magnet_by_the_losses_in_its_rings():
     assert fall.braking_of_field(0.004) == pytest.approx(fall.braking_of_cylinder(0.004), rel=5e-4)
+
+
+def test_without_a_winding_there_is_braking_and_nothing_else():
+    actuator = fall.drawing()
+    found, _ = EddyProbe(actuator, mesh_for(actuator, 0.0, 10.0), 0.0, ORDER).transfers(np.array([10.0]))
+    assert found.flux_linkage.shape == (1, 0, 0)
+    assert found.force.shape == (1, 1, 0)
 
 
 @pytest.mark.long

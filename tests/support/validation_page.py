@@ -154,7 +154,7 @@ def _transients() -> Iterator[Row]:
     name, source = "the larger one falls, simulated: velocity", "weight over that braking"
     yield Row(INDUCED, name, source, "m/s", speed, fall.speed, 2e-3, TRANSIENTS, cheap=False)
     name, source = "step of voltage on a solid pot: current, at any time", "time steps of the field"
-    yield Row(INDUCED, name, source, "of the final", None, lambda: pot_step()[1], 0.01, TRANSIENTS, cheap=False)
+    yield Row(INDUCED, name, source, "", None, lambda: pot_step()[1], 0.01, TRANSIENTS, cheap=False)
 
 
 def _measured() -> Iterator[Row]:
@@ -229,6 +229,14 @@ beside steel at 1 kHz; the rod is 0.4 m long; the core stands in iron of µr 10�
 endless solenoid to 10⁻⁶. Sheets are not in the list: `lamination_mm` is the first term of homogenisation, which is met
 to 10⁻⁵ and differs from the sheet's own tanh by (b / δ)⁴ / 180 of the impedance: by 0.03 % where a sheet's thickness b
 is half of the skin depth δ, by 1 % where it is 1.17 of it.
+
+Eddy currents in time go from the drawing through sweep and model to the simulation. The tube is of copper, 8 to 10 mm
+in radius; its magnets are cylinders of 1.3 T, √3 times as high as their radius. The dipole's line shows what a
+magnet's size is worth. The model's braking coefficient lies within 0.25 % of the closed form everywhere between the
+sweep's distances, and at constant velocity the eddy currents' power is that of the weight to 0.1 %. The pot's winding
+gets its step between two distances of the sweep, from 1 µs to 0.1 s, in parts of the current's final value; half the
+time steps change the field's own answer by 0.07 %. At 1 mm on `geometry/pot-magnet.toml` the model of 9 states is
+0.17 % off in the current, and 0.06 % in the flux linkage; its time steps are good for 0.02 %.
 """
 
 
