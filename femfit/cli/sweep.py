@@ -73,6 +73,8 @@ def sweep(
     print(f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}")
     for remark in (*remarks(variants.actuator), *clipped_hall(variants, table)):
         print(f"  {remark}")
+    if variants.columns and variants.actuator.frequencies_Hz:
+        print("  Eddy currents were not solved: a sweep of parameters is at rest. Sweep one variant by itself for them.")
     if table.eddy is not None:
         print(f"  {table.eddy}; what an ampere does at each frequency: {directory / IMPEDANCE}")
     if table.signatures is not None:
