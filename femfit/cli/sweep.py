@@ -74,7 +74,7 @@ def sweep(
     for remark in (*remarks(variants.actuator), *clipped_hall(variants, table)):
         print(f"  {remark}")
     if variants.columns and variants.actuator.frequencies_Hz:
-        print("  Eddy currents were not solved: a sweep of parameters is at rest. Sweep one variant by itself for them.")
+        print("  Eddy currents were not solved: a sweep of parameters is at rest. Sweep one variant alone for them.")
     if table.eddy is not None:
         print(f"  {table.eddy}; what an ampere does at each frequency: {directory / IMPEDANCE}")
     if table.signatures is not None:
