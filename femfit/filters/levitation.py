@@ -100,6 +100,7 @@ def levitation_process(
         further=tuple(further),
         period=own.period,
         inputs=len(model.circuits),
+        eddies=0 if model.eddy is None else model.eddy.count,
     )
     return with_delayed_samples(process, delayed)
 

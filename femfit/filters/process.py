@@ -66,6 +66,7 @@ class FilterProcess:
     period: int = 1  # Samples from one reading of ``measure`` to the next
     delayed: DelayedSamples | None = None  # States after the others that are values of earlier samples
     inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
+    eddies: int = 0  # States that are eddy currents
 
     @cached_property
     def outputs(self) -> tuple[Output, ...]:

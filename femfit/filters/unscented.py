@@ -46,9 +46,14 @@ class UnscentedFilter(Filter):
 
     @cached_property
     def _scaling(self) -> tuple[float, float, float]:
-        """Spread sqrt(n + lambda) of the points, weight W_i of all but the centre, and weight of s s^T."""
-        spread = self.alpha * sqrt(self.process.order)
-        return spread, 0.5 / spread**2, 2.0 - self.alpha**2
+        """Spread sqrt(n + lambda) of the points, weight W_i of all but the centre, and weight of s s^T.
+
+        The points lie as far out as without eddy currents: with many they would leave the model's distances.
+        """
+        order = self.process.order
+        others = order - self.process.eddies
+        spread = self.alpha * sqrt(others)
+        return spread, 0.5 / spread**2, 2.0 - self.alpha**2 * (others / order)
 
     def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
         _, weight, shift_weight = self._scaling

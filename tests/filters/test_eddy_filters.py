@@ -14,6 +14,7 @@ from femfit.filters.fine_steps import in_fine_steps
 from femfit.filters.holding import holding_currents
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.levitation import fastest_time_constant, levitation_process
+from femfit.filters.unscented import UnscentedFilter
 from femfit.model.dynamics import runge_kutta_step, state_scale
 from femfit.model.sensors import predict_sensor, sensor_named
 from femfit.model.with_effects import with_effects
@@ -52,6 +53,27 @@ def test_a_filter_at_rest_stays_there_however_fast_the_patterns_are(levitation_m
     deviations = np.sqrt(np.diagonal(state.covariance[0]))
     assert (np.abs(state.mean[0, :6] - at) < deviations[:6]).all()
     assert (deviations[3:6] < np.sqrt(np.diag(built.process.start_covariance))[3:6]).all()
+
+
+@pytest.mark.parametrize("patterns", [1, 9])
+def test_sigma_points_lie_as_far_out_as_without_eddy_currents(levitation_model, patterns):
+    """Of nine patterns, points sqrt(12) deviations of 1 mm away would lie behind the face that a body is 2 mm off."""
+    model = with_two_sensors(levitation_model)
+    solid = with_eddies(model, tuple(np.geomspace(1e-5, 1e-2, patterns)))
+    reached = []
+    for one in (model, solid):
+        process = levitation_process(one, sensors=("hall", "shunt"))
+        asked = []
+
+        def transition(states, volts, move=process.transition, asked=asked):
+            asked.append(np.ptp(states[:, 0]))
+            return move(states, volts)
+
+        filter_ = UnscentedFilter(replace(process, transition=transition, transition_columns=None))
+        moved = filter_.predict(filter_.start(resting(one)), 1.0)
+        assert not moved.outcome.any()
+        reached += asked
+    assert reached[1] == pytest.approx(reached[0], rel=1e-9)
 
 
 @pytest.mark.parametrize("circuits", [1, 2])
