@@ -167,11 +167,13 @@ def _hold_off(model: ActuatorModel, state: FloatArray, volts: FloatArray, diodes
     """
     windings = model.windings
     currents = state[..., 2 : windings.end]
+    idle = [(currents[..., k] <= 0.0) & (volts[..., k] <= 0.0) for k in diodes]
+    if not np.any(idle):
+        return
     at = windings.magnetics.state_of_circuits(state[..., 0], currents)
     driving = at.motional_constant * state[..., 1:2] - windings.resistances_ohm * currents
     gain = currents_by_voltages(model, at, step)
-    for k in diodes:
-        off = (currents[..., k] <= 0.0) & (volts[..., k] <= 0.0)
+    for k, off in zip(diodes, idle, strict=True):
         others = windings.voltages(volts) + driving
         others[..., k] = driving[..., k]
         needed = -(gain[..., k, :] * others).sum(axis=-1) / gain[..., k, k]
