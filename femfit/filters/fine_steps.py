@@ -19,6 +19,9 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import blocked_by_diodes
 from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kutta_step
 
+ROUNDING = 1e-9
+"""Numerical: of a whole number of steps, which the last digit of an inductance must not make one more."""
+
 
 def in_fine_steps(model: ActuatorModel, process: FilterProcess) -> FilterProcess:
     """A process of this model whose prediction takes steps of Runge and Kutta."""
@@ -39,7 +42,8 @@ def substeps(model: ActuatorModel) -> int:
     if not model.windings.count:
         return 1
     fastest = fastest_time_constant(model, operating_distance(model))
-    return max(1, int(np.ceil(model.sample_time_s / fastest / LONGEST_STEP)))
+    steps = model.sample_time_s / fastest / LONGEST_STEP
+    return max(1, int(np.ceil(steps * (1.0 - ROUNDING))))
 
 
 def advance(
