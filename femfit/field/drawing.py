@@ -5,6 +5,7 @@ part. The force is evaluated in the layer between the two, which touches no corn
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Sequence
 from functools import reduce
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 import shapely
 from netgen.libngpy._meshing import NgException
 from netgen.occ import Face, Glue, MoveTo, OCCGeometry, WorkPlane, gp_Vec2d
-from ngsolve import Mesh
+from ngsolve import CF, Integrate, Mesh
 
 from femfit.core.errors import FieldSolverError
 from femfit.device.outlines import Corner, flattened, reversed_outline
@@ -34,6 +35,9 @@ HALL_SIZE = 0.15  # of the clearance
 THIN = 0.02
 """Of the actuator's radius: elements of a thin layer or conductor are no longer than this, or than it is thick."""
 
+AREA_TOLERANCE = 1e-3
+"""Numerical: between a region's area and that of its elements, whose edges are polynomials on arcs."""
+
 NOT_MAGNETIC = 0.01
 """Of mu_r above 1: copper, aluminium, brass and bronze; without a step of mu no corner is singular."""
 
@@ -53,7 +57,25 @@ def build_mesh(actuator: Actuator, distance: float, layout: Layout, settings: So
     if layers:
         mesh.RefineHP(layers, LAYER_FACTOR)
     mesh.Curve(settings.order)
+    _require_whole(mesh, shape, distance)
     return mesh
+
+
+def _require_whole(mesh: Mesh, shape: Any, distance: float) -> None:
+    """Refuse a mesh that covers a region twice or leaves a part of it out, of which Netgen only prints a line."""
+    drawn: defaultdict[str, float] = defaultdict(float)
+    meshed: defaultdict[str, float] = defaultdict(float)
+    for face in shape.faces:
+        drawn[face.name] += face.mass
+    for name, area in zip(mesh.GetMaterials(), Integrate(CF(1.0), mesh, region_wise=True), strict=True):
+        meshed[name] += area
+    for name, area in drawn.items():
+        if abs(meshed[name] - area) > AREA_TOLERANCE * area:
+            raise FieldSolverError(
+                f"The drawing could not be meshed at distance {1e3 * distance:g} mm: elements cover "
+                f"{meshed[name] / area:.3g} times the area of {name}. Look for slivers (parts nearly touching, or "
+                "edges that nearly line up) in the actuator file."
+            )
 
 
 def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings) -> Any:

@@ -17,6 +17,9 @@ LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer 
 LEVEL_RATIO = 4.0  # of the room from one step of the layer's width to the next
 MITRE_LIMIT = 1.5  # of the offset: a pointed part's layer is cut off before its tip meets another part
 ROUNDING = 0.1  # of the offset: chords of an arc that a layer needs no more of
+FLAT = 1e-9
+"""Numerical: sine of an angle that rounding makes of none."""
+
 SHORTEST_STEP = 0.02  # of the outer offset: a shorter edge where two steps nearly meet is no use, and may not be meshed
 
 
@@ -125,8 +128,23 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
         ]
         if free.is_empty or any(one.geom_type != "Polygon" or one.interiors for one in wider):
             break
-        outlines, room = [one.simplify(SHORTEST_STEP * layout.outer_offset) for one in wider], LEVEL_RATIO * room
+        outlines = [without_spikes(one.simplify(SHORTEST_STEP * layout.outer_offset)) for one in wider]
+        room *= LEVEL_RATIO
     return outlines[0], outlines[1]
+
+
+def without_spikes(outline: shapely.Polygon) -> shapely.Polygon:
+    """An outline without edges that are gone back over, of no width: a mesher counts what lies beside them twice."""
+    corners = np.asarray(outline.exterior.coords)[:-1]
+    while True:
+        before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
+        length = np.hypot(*before.T) * np.hypot(*after.T)
+        across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+        spikes = (np.abs(across) < FLAT * length) & ((before * after).sum(axis=1) > 0.0)
+        if not spikes.any():
+            return outline
+        corners = np.delete(corners, np.flatnonzero(spikes)[0], axis=0)
+        outline = shapely.Polygon(corners)
 
 
 def _grown(outline: Any, offset: float) -> Any:

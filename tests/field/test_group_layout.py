@@ -6,13 +6,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from ngsolve import CF, Integrate
 
-from femfit.device.load import read_actuator
+from femfit.core.errors import FieldSolverError
+from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.device.parts import LinearMaterial, Region
 from femfit.field.drawing import build_mesh
-from femfit.field.layout import layer_outlines, layout_of, layout_of_group, mover_outline, stretch_groups
-from femfit.field.settings import SolverSettings
+from femfit.field.layout import (
+    layer_outlines,
+    layout_of,
+    layout_of_group,
+    mover_outline,
+    stretch_groups,
+    without_spikes,
+)
+from femfit.field.moving_mesh import MovingMesh
+from femfit.field.settings import SolverSettings, settings_for
 from support.actuators import assembly, rectangle
+from support.eddy_pot import POT
 from support.field import prepared
 
 SETTINGS = SolverSettings(order=4)
@@ -97,3 +108,30 @@ def test_no_edge_of_the_layer_is_too_short_to_be_meshed():
         for outline in layer_outlines(actuator, own):
             edges = np.hypot(*np.diff(np.array(outline.exterior.coords), axis=0).T)
             assert edges.min() > 0.02 * own.inner_offset, distance
+
+
+def test_an_edge_that_is_gone_back_over_is_left_out():
+    # the outline of a stepped body's layer as the union of its steps leaves it, and a plain one
+    spiked = shapely.Polygon([(0.0, -0.3), (12.3, -0.3), (12.3, 3.3), (4.3, 3.3), (5.2, 3.3), (5.2, 6.2), (0.0, 6.2)])
+    assert without_spikes(spiked).equals_exact(
+        shapely.Polygon([(0.0, -0.3), (12.3, -0.3), (12.3, 3.3), (5.2, 3.3), (5.2, 6.2), (0.0, 6.2)]), 0.0
+    )
+    plain = shapely.box(0.0, 0.0, 1.0, 2.0)
+    assert without_spikes(plain) is plain
+
+
+def test_a_stepped_body_is_meshed_once_everywhere():
+    actuator = actuator_from_toml(POT)
+    settings = settings_for(actuator)
+    moving = MovingMesh(actuator, (0.0015,), layout_of(actuator, settings), settings)
+    layer = Integrate(CF(1.0), moving.mesh, definedon=moving.mesh.Materials("layer"))
+    outer, inner = layer_outlines(actuator, moving.layout)[::-1]
+    assert layer == pytest.approx(outer.area - inner.area, rel=1e-9)  # it was covered twice
+
+
+def test_a_mesh_that_covers_a_region_twice_is_refused(monkeypatch):
+    monkeypatch.setattr("femfit.field.layout.without_spikes", lambda outline: outline)
+    actuator = actuator_from_toml(POT)
+    settings = settings_for(actuator)
+    with pytest.raises(FieldSolverError, match=r"2\.0\d times the area of layer"):
+        MovingMesh(actuator, (0.0015,), layout_of(actuator, settings), settings)
