@@ -79,6 +79,11 @@ def eddy_sweep(actuator: Actuator, journal: Journal, file: Path, key: str, solve
         raise FieldSolverError(_reason(next(iter(results.values()))))
     force, flux = (np.array([one[name] for one in found.values()]) for name in ("force", "flux_linkage"))
     hall = None if actuator.hall is None else np.array([one["hall"] for one in found.values()])
+    conductivities = {  # in the order of the points' materials
+        one.material.name: one.material.conductivity_S_per_m
+        for one in (*actuator.fixed, *actuator.moving.regions)
+        if one.material.conductivity_S_per_m
+    }
     table = EddyTable(
         circuits=tuple(one.name for one in actuator.circuits),
         distances_m=np.array(list(found)),
@@ -89,6 +94,9 @@ def eddy_sweep(actuator: Actuator, journal: Journal, file: Path, key: str, solve
         checked_Hz=np.array(plan.frequencies),
         errors=np.zeros((len(plan.frequencies), 3)),
         braking_error=np.nan,
+        materials=tuple(conductivities),
+        conductivities_S_per_m=np.array([*conductivities.values()]),
+        resistances=probed.resistances,
         asked_error=actuator.eddy_error,
     )
     errors, braking_error = probed.errors(table)
@@ -147,6 +155,7 @@ class _Probed:
     """The patterns, and P direct solutions to hold them against."""
 
     rows: FloatArray  # Of :class:`Patterns`
+    resistances: FloatArray  # What each conducting material adds to the patterns' resistances, shape (materials, q, q)
     distances: FloatArray  # Shape (P,)
     transfers: tuple[Transfers, ...]
     discretisation: FloatArray  # Relative change from one order lower, shape (f, 3): the largest of all
@@ -188,8 +197,11 @@ def _probe(plan: _Plan, solve: Solve) -> _Probed:
     both = [one for one in found.values() if "coarse" in one]
     discretisation = [np.zeros((len(plan.frequencies), 3))]
     discretisation += [one["coarse"].departures(one["transfers"]) for one in both]
+    rows = kept / np.sqrt((weight * kept**2).sum(axis=1))[:, None]
+    inside = np.arange(made[0]["material"].max() + 1)[:, None] == made[0]["material"]
     return _Probed(
-        kept / np.sqrt((weight * kept**2).sum(axis=1))[:, None],
+        rows,
+        np.array([(one * weight * rows) @ rows.T for one in inside]),
         np.array(list(found)),
         tuple(one["transfers"] for one in found.values()),
         np.max(discretisation, axis=0),
@@ -221,6 +233,7 @@ def _write(probed: _Probed, file: Path, key: str) -> None:
     held = {
         "key": key,
         "rows": probed.rows,
+        "resistances": probed.resistances,
         "distances": probed.distances,
         "discretisation": probed.discretisation,
         "braking": probed.braking,
@@ -240,6 +253,8 @@ def _read(file: Path, key: str) -> _Probed | None:
         halls = held.get("hall", [None] * len(held["distances"]))
         parts = zip(held["flux_linkage"], held["force"], halls, strict=True)
         transfers = tuple(Transfers(held["frequencies"], *one) for one in parts)
-        return _Probed(held["rows"], held["distances"], transfers, held["discretisation"], held["braking"])
+        return _Probed(
+            held["rows"], held["resistances"], held["distances"], transfers, held["discretisation"], held["braking"]
+        )
     except DAMAGED:
         return None

@@ -44,7 +44,7 @@ class ProbeTask:
     """Direct solutions at a distance; its result has ``transfers`` and ``braking``.
 
     Where asked for, ``coarse`` are the transfers one order lower; where it has ``shifts``, ``rows`` are induced
-    currents at the reference mesh's points, with their ``weight``.
+    currents at the reference mesh's points, with their ``weight`` and which ``material`` they flow in.
     """
 
     mesh: EddyMesh
@@ -75,7 +75,7 @@ class ProbeTask:
             return result
         at = probe.points if self.reference == self.mesh else _points(self.reference)
         rows = probe.patterns(fields, np.array(self.shifts), at, self.tolerance)
-        return result | {"rows": rows, "weight": at.weight}
+        return result | {"rows": rows, "weight": at.weight, "material": at.material_rows}
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from femfit.fit.circuits_build import fit_several
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.drawing import drawn_effects
-from femfit.fit.eddy import fit_eddy
+from femfit.fit.eddy import conductivities, fit_eddy
 from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
@@ -153,7 +153,8 @@ def fit_model(
         other_sensors=others,
         drawn=drawn,
     )
-    model = replace(model, eddy=fit_eddy(table.eddy, model.magnetics))
+    eddy = fit_eddy(table.eddy, model.magnetics)
+    model = replace(model, eddy=eddy, drawn=(*model.drawn, *conductivities(table.eddy, eddy)))
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))

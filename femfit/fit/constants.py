@@ -179,3 +179,6 @@ EDDY_FEWER = 0.55
 EDDY_DEGREE, EDDY_BETWEEN = 3, 8
 """Numerical: of eddy currents' splines through values and slopes, and places between two distances at which they are
 checked to be passive."""
+
+EDDY_PER_DECADE = 10
+"""Numerical: frequencies at which the change of an impedance by a conductivity is kept."""

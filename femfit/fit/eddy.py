@@ -15,11 +15,14 @@ from scipy.interpolate import make_interp_spline
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
+from femfit.device.tolerance_defaults import KINDS
+from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ, EDDY_PER_DECADE
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyCurrents, EddyError
+from femfit.model.impedance_change import impedance_change
 from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
 
@@ -62,6 +65,39 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
     )
     _require_passive(eddy, table.distances_m)
     return replace(eddy, error=_error(eddy, table, frequencies))
+
+
+def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[DrawnEffect, ...]:
+    """The conductivities of the drawing's materials, with what they change of the impedance of a single circuit."""
+    if table is None or eddy is None or len(table.circuits) != 1:
+        return ()
+    low, high = table.checked_Hz[[0, -1]]
+    frequencies = np.geomspace(low, high, 1 + max(3, round(EDDY_PER_DECADE * np.log10(high / low))))
+    found = []
+    for j, (name, conductivity) in enumerate(zip(table.materials, table.conductivities_S_per_m, strict=True)):
+        slope = [table.conductivity_slope(j, k, frequencies)[:, 0, 0] for k in range(len(table.distances_m))]
+        change = impedance_change(
+            parameter_name(""),
+            eddy.coordinate,
+            table.distances_m,
+            np.zeros(1),
+            frequencies,
+            np.array(slope)[:, None],
+            share=True,
+        )
+        found.append(
+            DrawnEffect(
+                key=f"materials.{name}.conductivity_MS_per_m",
+                also=(),
+                subject=f"the conductivity of {name}",
+                value=1e-6 * float(conductivity),
+                unit="",
+                tolerance=KINDS["conductivity"].tolerance,
+                terms=(),
+                impedance=change,
+            )
+        )
+    return tuple(found)
 
 
 def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:

@@ -82,6 +82,11 @@ class EddyTable:
         Largest relative departures from them of impedance, force and Hall field, with the discretisation's.
     braking_error : float
         The same of the power that slow motion loses; NaN where none of these distances is in the table.
+    materials : tuple of str
+        That conduct.
+    conductivities_S_per_m : array, shape (materials,)
+    resistances : array, shape (materials, q, q)
+        What each material adds to the patterns' resistances in ohm; they sum to one.
     asked_error : float
         Of the model that is to be made of it.
     """
@@ -95,6 +100,9 @@ class EddyTable:
     checked_Hz: FloatArray
     errors: FloatArray
     braking_error: float
+    materials: tuple[str, ...]
+    conductivities_S_per_m: FloatArray
+    resistances: FloatArray
     asked_error: float
 
     @property
@@ -124,7 +132,19 @@ class EddyTable:
             force=turn.T @ self.force @ turn,
             flux_linkage=turn[1:, 1:].T @ self.flux_linkage @ turn,
             hall=None if self.hall is None else self.hall @ turn,
+            resistances=combinations.T @ self.resistances @ combinations,
         )
+
+    def conductivity_slope(self, material: int, k: int, frequencies: FloatArray) -> ComplexArray:
+        """dZ/d(ln sigma) of a material at the k-th distance in ohm, shape (f, n, n).
+
+        With (R + s N) e = -s m i, a larger sigma takes its share R_m off R: dZ = -s^2 m G R_m G m, G = (R + s N)^-1.
+        """
+        n = 1 + len(self.circuits)
+        flux, s = self.flux_linkage[k], 2j * np.pi * np.asarray(frequencies)[:, None, None]
+        among, between = flux[n - 1 :, n:], flux[n - 1 :, 1:n]
+        driven = np.linalg.solve(np.eye(len(among)) + s * among, between[None])
+        return np.asarray(-(s**2) * (driven.swapaxes(1, 2) @ self.resistances[material] @ driven))
 
     def error_at(self, frequencies: FloatArray) -> FloatArray:
         """Relative errors of impedance, force and Hall field at frequencies, shape (f, 3)."""
@@ -195,7 +215,7 @@ def read_eddy(directory: Path) -> EddyTable | None:
             **{
                 "hall": None,
                 **arrays,
-                "circuits": tuple(map(str, arrays["circuits"])),
+                **{name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")},
                 **{name: float(arrays[name]) for name in ("braking_error", "asked_error")},
             }
         )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
-from femfit.fit.eddy import as_table, fit_eddy
+from femfit.fit.eddy import as_table, conductivities, fit_eddy
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.tables.eddy_table import EddyTable
@@ -43,6 +43,9 @@ def made_up(patterns=12, hall=True, circuits=1, seed=1):
         checked_Hz=FREQUENCIES,
         errors=np.zeros((len(FREQUENCIES), 3)),
         braking_error=0.0,
+        materials=("iron", "copper"),
+        conductivities_S_per_m=np.array([5e6, 58e6]),
+        resistances=np.array([np.diag(np.linspace(0.1, 0.9, patterns)), np.diag(np.linspace(0.9, 0.1, patterns))]),
         asked_error=0.01,
     )
 
@@ -111,3 +114,25 @@ def test_slopes_of_the_departures_are_their_derivatives():
 
 def test_a_table_without_eddy_currents_makes_a_model_without():
     assert fit_eddy(None, Plain()) is None
+
+
+def test_a_larger_conductivity_changes_the_impedance_by_its_slope():
+    table = made_up(patterns=5)
+    step = 1e-5
+    changed = []
+    for side in (1.0, -1.0):  # a conductivity times exp(step) takes its part of the resistance down
+        resistance = np.eye(5) + (np.exp(-side * step) - 1.0) * table.resistances[0]
+        turn = np.zeros((7, 7))
+        turn[:2, :2] = np.eye(2)
+        turn[2:, 2:] = np.linalg.inv(np.linalg.cholesky(resistance)).T  # patterns of one ohm again
+        flux = turn[1:, 1:].T @ table.flux_linkage @ turn
+        changed.append(replace(table, flux_linkage=flux).transfers(2, FREQUENCIES).flux_linkage)
+    expected = 2j * np.pi * FREQUENCIES[:, None, None] * (changed[0] - changed[1]) / (2.0 * step)
+    assert table.conductivity_slope(0, 2, FREQUENCIES) == pytest.approx(expected, rel=1e-6)
+
+
+def test_conductivities_are_numbers_of_the_drawing():
+    table = made_up(patterns=5)
+    iron, copper = conductivities(table, fit_eddy(table, Plain(), 1e-9))
+    assert (iron.key, copper.value) == ("materials.iron.conductivity_MS_per_m", 58.0)
+    assert conductivities(made_up(circuits=0, hall=False), None) == ()
