@@ -6,7 +6,6 @@ innovations is here, once.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from itertools import chain
 from math import isnan
 from typing import ClassVar, NamedTuple, final
 
@@ -230,18 +229,17 @@ class Filter(Printed, ABC):
                 fraction += ((innovation**2 > BAND_99_9 * variance) - fraction) / self.divergence_steps
         if fraction > 0.5:
             return None
-        order, entries, sensors = len(step.mean), len(step.mean) ** 2, len(step.innovations)
-        flat = [*chain(*step.covariance, *step.factor), *step.mean, fraction, *step.innovations, *step.variances]
-        numbers = np.array(flat)
-        end = 2 * entries + order
-        seen = numbers[end + 1 :].reshape((2, 1) if sensors == 1 else (2, 1, sensors))
+        order, sensors = self.process.order, len(step.innovations)
+        entries, numbers = order**2, step.numbers
+        known = np.array([fraction, *step.innovations, *step.variances])
+        seen = known[1:].reshape((2, 1) if sensors == 1 else (2, 1, sensors))
         return FilterState(
-            mean=numbers[2 * entries : end].reshape(1, order),
+            mean=numbers[2 * entries :].reshape(1, order),
             covariance=numbers[:entries].reshape(1, order, order),
             factor=numbers[entries : 2 * entries].reshape(1, order, order),
             innovation=seen[0],
             innovation_variance=seen[1],
-            out_of_band=numbers[end : end + 1],
+            out_of_band=known[:1],
             outcome=state.outcome,
         )
 

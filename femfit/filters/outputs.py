@@ -109,7 +109,9 @@ def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial
 
 
 def _hall_slope(model: ActuatorModel, sensor: HallSensor, bias: int | None, states: FloatArray) -> FloatArray:
-    _, in_distance, in_currents = sensor.field.derivatives(states[:, 0], model.acting_currents(states))
+    hall, distance = model.eddy_hall, states[:, 0]
+    acting = model.currents_of(states) if hall is None else hall.acting(distance, states[:, 2 : model.windings.end])
+    _, in_distance, in_currents = sensor.field.derivatives(distance, acting)
     result, n = np.zeros_like(states), len(model.circuits)
     by_current = in_currents.reshape(len(states), -1)[:, :n]
     if model.eddy is not None:

@@ -1,4 +1,4 @@
-"""One step of one unscented filter in Python's floats.
+"""One step of one unscented filter, in Python's floats or, of models that move by arrays alone, in those.
 
 The equations are those of :class:`femfit.filters.unscented.UnscentedFilter`, with redrawn points, in the same order.
 For three or four states and one run, calls to numpy would cost several times the arithmetic; a target's control loop
@@ -6,9 +6,12 @@ runs one filter. A step in which anything must be named (a lost covariance, a nu
 of the model) is left to the general path, which names it.
 """
 
+from itertools import chain
 from math import isnan
 from operator import mul
 from typing import NamedTuple
+
+import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.filters.cholesky import cholesky_rows
@@ -16,11 +19,9 @@ from femfit.filters.process import Columns, FilterProcess
 
 
 class SingleStep(NamedTuple):
-    """What one step came to; rows of the matrices are lists."""
+    """What one step came to."""
 
-    mean: list[float]
-    covariance: list[list[float]]
-    factor: list[list[float]]
+    numbers: FloatArray  # Covariance and factor row by row, then the mean
     innovations: list[float]  # NaN for a sample that is missing
     variances: list[float]
 
@@ -91,7 +92,62 @@ def single_step(
     for i, row in enumerate(covariance):
         for below in covariance[i + 1 :]:
             row.append(below[i])
-    return SingleStep(mean, covariance, predicted, innovations, variances)
+    return SingleStep(np.array([*chain(*covariance, *predicted), *mean]), innovations, variances)
+
+
+def single_step_by_arrays(
+    process: FilterProcess,
+    mean: FloatArray,
+    factor: FloatArray,
+    voltage: float | FloatArray,
+    measurement: list[float],
+    scaling: tuple[float, float, float],
+) -> SingleStep | None:
+    """The same of more states; arguments as of :func:`single_step`, in arrays."""
+    spread, weight, shift_weight = scaling
+    order = len(mean)
+    points = _array_points(mean, factor, spread)
+    moved = process.transition(points.T, np.full((points.shape[1], *np.shape(voltage)), voltage)).T
+    delta = moved[:, 1:] - moved[:, :1]
+    shift = weight * delta.sum(axis=1)
+    mean = moved[:, 0] + shift
+    covariance = weight * (delta @ delta.T) + shift_weight * (shift[:, None] * shift) + process.process_covariance
+    innovations, variances = [], []
+    try:
+        factor = np.linalg.cholesky(covariance)
+        if not process.is_plausible(mean.tolist()):
+            return None
+        for output, reading in zip(process.outputs, measurement, strict=True):
+            if isnan(reading):
+                innovations.append(reading)
+                variances.append(reading)
+                continue
+            values = output.measure(_array_points(mean, factor, spread).T)
+            seen = values[1:] - values[0]
+            risen = weight * float(seen.sum())
+            variance = weight * float(seen @ seen) + shift_weight * risen * risen + output.variance
+            innovation = reading - (float(values[0]) + risen)
+            cross = factor @ (weight * spread * (seen[:order] - seen[order:]))
+            mean = mean + cross * (innovation / variance)
+            covariance = covariance - cross[:, None] * (cross / variance)
+            factor = np.linalg.cholesky(covariance)
+            if not process.is_plausible(mean.tolist()):
+                return None
+            innovations.append(innovation)
+            variances.append(variance)
+    except np.linalg.LinAlgError:
+        return None
+    return SingleStep(np.concatenate([covariance.ravel(), factor.ravel(), mean]), innovations, variances)
+
+
+def _array_points(mean: FloatArray, factor: FloatArray, spread: float) -> FloatArray:
+    """Sigma points about a mean, the centre first, shape (n, 2 n + 1)."""
+    order = len(mean)
+    points, offsets = np.empty((order, 2 * order + 1)), spread * factor
+    points[:, 0], column = mean, mean[:, None]
+    np.add(column, offsets, out=points[:, 1 : order + 1])
+    np.subtract(column, offsets, out=points[:, order + 1 :])
+    return points
 
 
 def _points(mean: list[float], factor: list[list[float]], spread: float) -> Columns:

@@ -26,7 +26,7 @@ from femfit.core.errors import FilterError
 from femfit.filters.filter import Correction, Filter, Moments
 from femfit.filters.filter_state import FilterState
 from femfit.filters.process import Output
-from femfit.filters.single_step import single_step
+from femfit.filters.single_step import single_step, single_step_by_arrays
 
 DOUBLE = np.dtype(np.float64)
 
@@ -101,9 +101,12 @@ class UnscentedFilter(Filter):
     ) -> FilterState | None:
         if state.mean.dtype != DOUBLE:
             return None
-        step = single_step(
-            self.process, state.mean[0].tolist(), state.factor[0].tolist(), voltage, measurement, self._scaling
-        )
+        mean, factor = state.mean[0], state.factor[0]
+        if self.process.transition_columns is None:
+            with np.errstate(all="ignore"):  # what is not finite is left to the general path
+                step = single_step_by_arrays(self.process, mean, factor, voltage, measurement, self._scaling)
+        else:
+            step = single_step(self.process, mean.tolist(), factor.tolist(), voltage, measurement, self._scaling)
         return None if step is None else self._next_alone(state, step)
 
 

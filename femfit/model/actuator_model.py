@@ -20,6 +20,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_hall import EddyHall
 from femfit.model.eddy_magnetics import EddyMagnetics
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall_sensor import HallSensor
@@ -324,6 +325,11 @@ class ActuatorModel(Printed):
         series[:n, :n] = self.series_inductances_H
         return Windings(EddyMagnetics(self.magnetics, eddy), resistances, series, n)
 
+    @cached_property
+    def eddy_hall(self) -> EddyHall | None:
+        """The field at the Hall element beside eddy currents; None without them."""
+        return EddyHall(self.windings, self.eddy, self.require_sensor().field) if self.eddy is not None else None
+
     @property
     def travel_m(self) -> tuple[float, float]:
         """Shortest and longest distance that the body can have: the validity domain between its stops, in m."""
@@ -356,23 +362,6 @@ class ActuatorModel(Printed):
         if not self.circuits:
             return np.zeros(state.shape[:-1])
         return state[..., 2 : 2 + len(self.circuits)] if len(self.circuits) > 1 else state[..., 2]
-
-    def acting_currents(self, state: FloatArray) -> FloatArray:
-        """The currents i + C e of states (..., order), whose static field is there, as :attr:`magnetics` takes them."""
-        if self.eddy is None:
-            return self.currents_of(state)
-        n = len(self.circuits)
-        coupling, _ = self.eddy.seen(state[..., 0])[0]
-        e = state[..., 2 + n : self.windings.end]
-        at = state[..., 2 : 2 + n] + (coupling @ e[..., None])[..., 0]
-        return (at if n > 1 else at[..., 0]) if n else np.zeros(state.shape[:-1])
-
-    def eddy_field(self, state: FloatArray) -> FloatArray:
-        """What eddy currents add to that field at the Hall element in T, of shape (...)."""
-        if self.eddy is None:
-            return np.zeros(state.shape[:-1])
-        _, field = self.eddy.seen(state[..., 0])[0]
-        return np.asarray((field * state[..., 2 + len(self.circuits) : self.windings.end]).sum(axis=-1))
 
     def force_in(self, state: FloatArray) -> FloatArray:
         """Magnetic force in N in states (..., order), with what eddy currents do to it."""

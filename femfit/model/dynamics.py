@@ -232,6 +232,9 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
     """Output of the Hall element in V before noise and rounding; the time since the start matters to drifts alone."""
     sensor = model.require_sensor()
     if model.dynamics is None:
-        volts = sensor.voltage(state[..., 0], model.acting_currents(state))
-        return volts if model.eddy is None else volts + sensor.sensitivity_V_per_T * model.eddy_field(state)
+        if model.eddy_hall is None:
+            return sensor.voltage(state[..., 0], model.currents_of(state))
+        flat = state.reshape(-1, state.shape[-1])
+        field = model.eddy_hall.field(flat[:, 0], flat[:, 2 : model.windings.end])
+        return sensor.quiescent_V + sensor.sensitivity_V_per_T * field.reshape(state.shape[:-1])
     return model.dynamics.hall_voltage(state, sensor.quiescent_V, sensor.sensitivity_V_per_T, time)

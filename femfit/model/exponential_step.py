@@ -22,10 +22,40 @@ from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.decay import decay_of
 from femfit.model.dynamics import acceleration_slopes, by_differences, current_rates, current_slopes
+from femfit.model.step_table import StepTable, step_table
+from femfit.model.tabulated_step import tabulated_kick, tabulated_step
 
 
 def exponential_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
     """States (..., order) one step later; arguments as in :mod:`femfit.model.dynamics`."""
+    table = _table(model, step)
+    if table is None:
+        return _exact_step(model, state, voltage, step)
+    flat, volts = _flat(model, state, voltage)
+    result = tabulated_step(model, table, flat, volts, step)
+    beyond = np.flatnonzero(np.isnan(result[:, 0]))
+    if len(beyond):
+        result[beyond] = _exact_step(model, flat[beyond], volts[beyond], step)
+    return result.reshape(state.shape)
+
+
+def _table(model: ActuatorModel, step: float) -> StepTable | None:
+    """What the step needs at any distance, where effects and currents have no say in it."""
+    if model.eddy is None or (model.dynamics is not None and model.dynamics.drives):
+        return None
+    return step_table(model.windings, step)
+
+
+def _flat(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """States (N, order) and the voltages at each, (N,) or (N, n)."""
+    if state.ndim == 2 and np.ndim(voltage) and len(voltage) == len(state):
+        return state, voltage
+    circuits = () if len(model.circuits) == 1 else (len(model.circuits),)
+    volts = np.broadcast_to(voltage, (*state.shape[:-1], *circuits))
+    return state.reshape(-1, state.shape[-1]), volts.reshape(-1, *circuits)
+
+
+def _exact_step(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
     middle = half_way(state, step)
     if model.dynamics is not None and model.dynamics.drives:
         motion = model.require_motion()
@@ -81,13 +111,32 @@ def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
     """Jacobian of :func:`exponential_step`; by central differences where effects change the equations."""
     if model.dynamics is not None and model.dynamics.drives:
         return by_differences(lambda x, u: exponential_step(model, x, u, step), model, state, voltage)
+    table = _table(model, step)
+    if table is not None:
+        flat, volts = _flat(model, state, voltage)
+        kick = tabulated_kick(model, table, flat, volts, step)
+        beyond = np.flatnonzero(np.isnan(kick[:, 1, 0]))
+        if len(beyond):
+            kick[beyond] = _exact_kick(model, flat[beyond], volts[beyond], step)
+        kick = kick.reshape(*state.shape, state.shape[-1])
+    else:
+        kick = _exact_kick(model, state, voltage, step)
+    kick[..., :, 1] += 0.5 * step * kick[..., :, 0]  # the middle's distance holds half a step of the velocity
+    kick[..., 0, :] = 0.5 * step * kick[..., 1, :]
+    kick[..., 0, 0] += 1.0
+    kick[..., 0, 1] += 0.5 * step
+    return kick
+
+
+def _exact_kick(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """Derivatives of velocity and currents after a step by the state half way, (..., order, order)."""
     motion, windings = model.require_motion(), model.windings
     end = windings.end
     middle, order = half_way(state, step), state.shape[-1]
     distance, velocity, currents = middle[..., 0], middle[..., 1], middle[..., 2:end]
     slopes = windings.magnetics.slopes_of_circuits(distance, currents)
     row = acceleration_slopes(model, middle, slopes)
-    kick = np.zeros((*state.shape, order))  # d(v+, i+) by the state half way
+    kick = np.zeros((*state.shape, order))
     kick[..., range(order), range(order)] = 1.0
     kick[..., 1, :end] += step * row
     if end > 2:
@@ -108,8 +157,4 @@ def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
         pull[..., 0], pull[..., 2:] = slopes.motional_gradient, -slopes.inductance_gradient
         along = (lever[..., None] * pull + slopes.motional_constant[..., None] * (second + mean)).sum(axis=-2)
         kick[..., 1, :end] -= step**2 / motion.mass_kg * along
-    kick[..., :, 1] += 0.5 * step * kick[..., :, 0]  # the middle's distance holds half a step of the velocity
-    kick[..., 0, :] = 0.5 * step * kick[..., 1, :]
-    kick[..., 0, 0] += 1.0
-    kick[..., 0, 1] += 0.5 * step
     return kick

@@ -3,12 +3,16 @@
 The equations of motion know no other: L w' = U - R w + k_m v for the currents w = (i, e), where U is 0 for a pattern.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.magnetics import Magnetics
+
+if TYPE_CHECKING:
+    from femfit.model.step_table import StepTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,6 +23,8 @@ class Windings:
     resistances_ohm: FloatArray  # Shape (n + r,)
     series_H: FloatArray  # In series outside of the field, on the diagonal of shape (n + r, n + r)
     circuits: int  # n
+    # By the length of a step, as :func:`femfit.model.step_table.step_table` makes them
+    step_tables: "dict[float, StepTable | None]" = field(default_factory=dict, init=False, repr=False)
 
     @property
     def count(self) -> int:

@@ -1,0 +1,86 @@
+"""The field at a Hall element beside eddy currents, B_s(d, u) + h(d) . e with u = i + C e.
+
+Where B_s is linear in the currents, the whole is B_0(d) + b(d) . (i, e), which a table holds.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.distance_splines import FEW
+from femfit.model.distance_table import DistanceTable, distance_table
+from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.hall import HallField, HallSpline
+from femfit.model.sensed_field import SensedField
+from femfit.model.step_table import current_scale
+from femfit.model.windings import Windings
+
+
+@dataclass(frozen=True, eq=False)
+class EddyHall:
+    """The field of the module's head; currents are (i, e) of shape (N, n + r), distances (N,)."""
+
+    windings: Windings
+    eddy: EddyCurrents
+    static: HallField
+
+    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """B in T, of shape (N,)."""
+        table = self._table
+        if table is None:
+            return self._exact(distance, currents)
+        cell = table.cell(distance)
+        if len(cell) <= FEW and cell.min(initial=0) >= 0:
+            at = table.values(distance, cell)
+            return np.asarray(at[0] + np.einsum("jn,nj->n", at[1:], currents))
+        order, result = np.argsort(cell.astype(np.int16), kind="stable"), np.empty(len(cell))
+        beyond, inside = np.split(order, [np.count_nonzero(cell < 0)])
+        if len(beyond):
+            result[beyond] = self._exact(distance[beyond], currents[beyond])
+        at = table.values(distance.take(inside), cell.take(inside))
+        result[inside] = at[0] + np.einsum("jn,jn->n", at[1:], currents.T.take(inside, axis=1))
+        return result
+
+    def acting(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """The circuits' currents u whose static field is there, in the shape that it takes."""
+        n = len(self.eddy.circuits)
+        ((coupling, _),) = self.eddy.seen(distance)
+        u = currents[:, :n] + (coupling @ currents[:, n:, None])[..., 0]
+        return (u if n > 1 else u[:, 0]) if n else np.zeros(len(distance))
+
+    def _exact(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        ((_, own),) = self.eddy.seen(distance)
+        added = (own * currents[:, len(self.eddy.circuits) :]).sum(axis=1)
+        return np.asarray(self.static.field(distance, self.acting(distance, currents)) + added)
+
+    @cached_property
+    def _table(self) -> DistanceTable | None:
+        """B_0 in T, and b in T/A."""
+        spline = _spline(self.static)
+        if spline is None:
+            return None
+        middle = 0.5 * float(np.sum(spline[0].distance(spline[1][[0, -1]])))
+        kinds = (np.ones(1), current_scale(self.windings, middle))
+        return distance_table(self._entries, ((self.eddy.coordinate, self.eddy.u_knots), spline), kinds)
+
+    def _entries(self, distance: FloatArray) -> FloatArray:
+        n, points = len(self.eddy.circuits), len(distance)
+        value, _, by_current = self.static.derivatives(distance, np.zeros((points, n) if n > 1 else points))
+        ((coupling, own),) = self.eddy.seen(distance)
+        by_circuit = by_current.reshape(points, -1)[:, :n]
+        return np.concatenate([value[:, None], by_circuit, (by_circuit[:, None] @ coupling)[:, 0] + own], axis=1)
+
+
+def _spline(field: HallField) -> tuple[DistanceCoordinate, FloatArray] | None:
+    """Coordinate and knots of a field that is linear in the currents; None of others."""
+    if isinstance(field, HallSpline):
+        axes, knots = [(field.spline.y_degree, field.spline.y_knots)], field.spline.x_knots
+    elif isinstance(field, SensedField):
+        axes, knots = list(zip(field.current_degrees, field.current_knots_A, strict=True)), field.u_knots
+    else:
+        return None
+    linear = all(degree <= 1 and len(np.unique(own)) == 2 for degree, own in axes)
+    return (field.coordinate, knots) if linear else None
