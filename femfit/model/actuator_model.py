@@ -328,7 +328,7 @@ class ActuatorModel(Printed):
     @cached_property
     def eddy_hall(self) -> EddyHall | None:
         """The field at the Hall element beside eddy currents; None without them."""
-        return EddyHall(self.windings, self.eddy, self.require_sensor().field) if self.eddy is not None else None
+        return None if self.eddy is None else EddyHall(self.eddy, self.require_sensor().field)
 
     @property
     def travel_m(self) -> tuple[float, float]:

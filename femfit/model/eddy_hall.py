@@ -15,15 +15,12 @@ from femfit.model.distance_table import DistanceTable, distance_table
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.hall import HallField, HallSpline
 from femfit.model.sensed_field import SensedField
-from femfit.model.step_table import current_scale
-from femfit.model.windings import Windings
 
 
 @dataclass(frozen=True, eq=False)
 class EddyHall:
     """The field of the module's head; currents are (i, e) of shape (N, n + r), distances (N,)."""
 
-    windings: Windings
     eddy: EddyCurrents
     static: HallField
 
@@ -62,8 +59,7 @@ class EddyHall:
         spline = _spline(self.static)
         if spline is None:
             return None
-        middle = 0.5 * float(np.sum(spline[0].distance(spline[1][[0, -1]])))
-        kinds = (np.ones(1), current_scale(self.windings, middle))
+        kinds = [np.ones(count) for count in (1, len(self.eddy.circuits), self.eddy.count) if count]
         return distance_table(self._entries, ((self.eddy.coordinate, self.eddy.u_knots), spline), kinds)
 
     def _entries(self, distance: FloatArray) -> FloatArray:

@@ -75,17 +75,13 @@ def _made(windings: Windings, step: float) -> StepTable | None:
     eddy, static = magnetics.eddy, _spline(magnetics.static)
     if static is None:
         return None
-    scale = current_scale(windings, 0.5 * float(np.sum(static[0].distance(static[1][[0, -1]]))))
+    middle = 0.5 * static[0].distance(static[1][[0, -1]]).sum()
+    inductance = magnetics.inductance(middle, np.zeros(m)) + windings.series_H
+    scale = 1.0 / np.sqrt(np.diag(inductance))  # currents of the same energy
     pairs = np.outer(scale, scale).ravel()
     kinds = (np.ones(1), scale, pairs, 1.0 / pairs, 1.0 / pairs)
     splines = (eddy.coordinate, eddy.u_knots), static
     return StepTable(distance_table(partial(_responses, windings, step), splines, kinds), m)
-
-
-def current_scale(windings: Windings, distance: float) -> FloatArray:
-    """Currents of the same energy in all windings, at a distance in m."""
-    inductance = windings.magnetics.inductance(np.array(distance), np.zeros(windings.count)) + windings.series_H
-    return np.asarray(1.0 / np.sqrt(np.diag(inductance)))
 
 
 def _spline(static: Magnetics) -> tuple[DistanceCoordinate, FloatArray] | None:

@@ -14,6 +14,7 @@ from femfit.model.eddy_hall import EddyHall
 from femfit.model.exponential_step import exponential_jacobian, exponential_step
 from femfit.model.sensed_field import SensedField
 from femfit.model.step_table import step_table
+from femfit.simulation.plant import with_force_scale
 from support.eddies import with_eddies
 from support.halves import cut_in_two
 from support.solenoids import solenoid
@@ -112,7 +113,7 @@ def test_the_field_from_its_table_is_that_of_the_splines(levitation_model, circu
         means = 0.5 * (spline.coefficients[:, :, None] + spline.coefficients[:, None])
         field = SensedField(field.coordinate, spline.x_knots, spline.x_degree, ends, (1, 1), means)
     states, _ = states_of(model, 0.005, 0.06)
-    hall, w = EddyHall(model.windings, model.eddy, field), states[:, 2:]
+    hall, w = EddyHall(model.eddy, field), states[:, 2:]
     u = hall.acting(states[:, 0], w).reshape(len(states), -1).mean(axis=1)
     own = model.eddy.seen(states[:, 0])[0][1] if circuits == 1 else np.zeros(3)
     wanted = levitation_model.sensor.field.field(states[:, 0], u) + (own * w[:, circuits:]).sum(axis=1)
@@ -122,6 +123,17 @@ def test_the_field_from_its_table_is_that_of_the_splines(levitation_model, circu
     if circuits == 1:
         seen = model.sensor.quiescent_V + model.sensor.sensitivity_V_per_T * wanted
         np.testing.assert_allclose(hall_voltage(model, states), seen, atol=1e-7)
+
+
+def test_a_plant_whose_runs_have_forces_of_their_own_steps_by_eigenvalues(levitation_model):
+    model = with_eddies(levitation_model)
+    states, volts = states_of(model, 0.02, 0.03, 3)
+    scaled = with_force_scale(model, np.array([1.0, 1.0, 1.01]))
+    assert step_table(scaled.windings, 1e-3) is None
+    found, plain = (exponential_step(one, states, volts, 1e-3) for one in (scaled, model))
+    np.testing.assert_allclose(found[:2], plain[:2], rtol=1e-8)
+    assert abs(found[2, 1] - plain[2, 1]) > 1e-6
+    np.testing.assert_array_equal(hall_voltage(scaled, states), hall_voltage(model, states))
 
 
 def test_the_slope_of_a_table_is_a_difference_quotient(levitation_model):
