@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.core.errors import FieldSolverError
 from femfit.core.journal import Journal
+from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator, NonlinearMaterial
 from femfit.field.eddy_task import EddyMesh, FormsTask, Patterns, ProbeTask
 from femfit.field.layout import layout_of, stretch_groups
@@ -23,6 +24,7 @@ from femfit.field.principal import principal
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep_workers import AGAIN
 from femfit.tables.eddy_table import DAMAGED, EddyTable, Transfers, load_arrays, save_arrays
+from femfit.tables.impedance_slopes import ImpedanceSlopes
 
 ORDER = 4
 """Numerical: polynomial order; the elements' layers resolve the skin with it (:mod:`femfit.field.conductors`)."""
@@ -45,8 +47,12 @@ Solve = Callable[[Sequence[Any], Done], None]
 """Solves tasks, and hands each and its result over."""
 
 
-def eddy_sweep(actuator: Actuator, journal: Journal, file: Path, key: str, solve: Solve) -> EddyTable:
+def eddy_sweep(
+    actuator: Actuator, journal: Journal, file: Path, key: str, solve: Solve, numbers: tuple[DrawnNumber, ...] = ()
+) -> tuple[EddyTable, ImpedanceSlopes | None]:
     """Solve what the journal does not have of the induced currents of an actuator that has any.
+
+    With numbers of the drawing, what they change of the inductances comes from the probes' fields.
 
     A distance that cannot be meshed or solved is left out.
 
@@ -63,7 +69,7 @@ def eddy_sweep(actuator: Actuator, journal: Journal, file: Path, key: str, solve
     plan = _Plan.of(actuator)
     probed = _read(file, key)
     if probed is None:
-        probed = _probe(plan, solve)
+        probed = _probe(plan, solve, numbers)
         _write(probed, file, key)
     patterns = Patterns(plan.reference, probed.rows, zlib.crc32(probed.rows.tobytes()))
     tasks = [FormsTask(plan.meshes[d], d, patterns) for d in actuator.sweep.distances_m]
@@ -100,7 +106,9 @@ def eddy_sweep(actuator: Actuator, journal: Journal, file: Path, key: str, solve
         asked_error=actuator.eddy_error,
     )
     errors, braking_error = probed.errors(table)
-    return replace(table, errors=errors, braking_error=braking_error)
+    facts = tuple(one.facts for one in numbers)
+    slopes = ImpedanceSlopes(facts, probed.distances, table.checked_Hz, probed.slopes) if facts else None
+    return replace(table, errors=errors, braking_error=braking_error), slopes
 
 
 def induces(actuator: Actuator) -> bool:
@@ -160,6 +168,7 @@ class _Probed:
     transfers: tuple[Transfers, ...]
     discretisation: FloatArray  # Relative change from one order lower, shape (f, 3): the largest of all
     braking: FloatArray  # Shape (P, m, m)
+    slopes: ComplexArray  # Of :class:`ImpedanceSlopes`, shape (numbers, P, f, n, n)
 
     def errors(self, table: EddyTable) -> tuple[FloatArray, float]:
         """The table's ``errors`` and ``braking_error``."""
@@ -174,13 +183,14 @@ class _Probed:
         return self.discretisation + np.max(departures, axis=0), float(np.fmax.reduce(braked))
 
 
-def _probe(plan: _Plan, solve: Solve) -> _Probed:
+def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Probed:
     """Solve the probes, and find the patterns that they have in common."""
     tasks = []
     for d in (*plan.probes, *plan.checks):
         shifts = plan.shifts if d in plan.probes else ()
         coarse = d == plan.probes[0] or d in plan.checks
-        tasks.append(ProbeTask(plan.meshes[d], plan.reference, d, plan.frequencies, shifts, plan.tolerance, coarse))
+        at = plan.meshes[d], plan.reference, d, plan.frequencies
+        tasks.append(ProbeTask(*at, shifts, plan.tolerance, coarse, numbers))
     results: dict[float, dict[str, Any]] = {}
 
     def record(task: ProbeTask, result: dict[str, Any]) -> list[Any]:
@@ -206,6 +216,7 @@ def _probe(plan: _Plan, solve: Solve) -> _Probed:
         tuple(one["transfers"] for one in found.values()),
         np.max(discretisation, axis=0),
         np.array([one["braking"] for one in found.values()]),
+        np.array([one.get("slopes", ()) for one in found.values()]).swapaxes(0, 1),
     )
 
 
@@ -237,6 +248,7 @@ def _write(probed: _Probed, file: Path, key: str) -> None:
         "distances": probed.distances,
         "discretisation": probed.discretisation,
         "braking": probed.braking,
+        "slopes": probed.slopes,
         "frequencies": one.frequencies_Hz,
         "flux_linkage": [one.flux_linkage for one in probed.transfers],
         "force": [one.force for one in probed.transfers],
@@ -253,8 +265,7 @@ def _read(file: Path, key: str) -> _Probed | None:
         halls = held.get("hall", [None] * len(held["distances"]))
         parts = zip(held["flux_linkage"], held["force"], halls, strict=True)
         transfers = tuple(Transfers(held["frequencies"], *one) for one in parts)
-        return _Probed(
-            held["rows"], held["resistances"], held["distances"], transfers, held["discretisation"], held["braking"]
-        )
+        names = "discretisation", "braking", "slopes"
+        return _Probed(held["rows"], held["resistances"], held["distances"], transfers, *(held[name] for name in names))
     except DAMAGED:
         return None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
 from femfit.field.settings import SolverSettings
@@ -44,7 +45,8 @@ class ProbeTask:
     """Direct solutions at a distance; its result has ``transfers`` and ``braking``.
 
     Where asked for, ``coarse`` are the transfers one order lower; where it has ``shifts``, ``rows`` are induced
-    currents at the reference mesh's points, with their ``weight`` and which ``material`` they flow in.
+    currents at the reference mesh's points, with their ``weight`` and which ``material`` they flow in; where it has
+    ``numbers``, ``slopes`` are what these change of the inductances.
     """
 
     mesh: EddyMesh
@@ -54,6 +56,7 @@ class ProbeTask:
     shifts: tuple[float, ...]
     tolerance: float
     coarse: bool
+    numbers: tuple[DrawnNumber, ...] = ()
 
     @property
     def key(self) -> str:
@@ -71,6 +74,11 @@ class ProbeTask:
         result: dict[str, Any] = {"transfers": transfers, "braking": probe.braking()}
         if self.coarse:
             result["coarse"] = EddyProbe(actuator, moving, self.distance, order - 1).transfers(frequencies)[0]
+        if self.numbers:
+            from femfit.field.impedance_signatures import ImpedanceSignatures  # noqa: PLC0415
+
+            slopes = ImpedanceSignatures(actuator, self.numbers, moving, probe.points.space)
+            result["slopes"] = slopes.at(self.distance, frequencies, fields)
         if not self.shifts:
             return result
         at = probe.points if self.reference == self.mesh else _points(self.reference)

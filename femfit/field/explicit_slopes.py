@@ -11,6 +11,9 @@ cost one integral. A winding's section C moves by itself, by V_c, while the mesh
 d(j w) = integral over C of j (div(r^2 w V_c) - r^2 V . grad w) 2 pi. Along edges of magnetic parts the motion that
 vertices leave (:mod:`femfit.field.outline_motion`) counts H_t [B_t] - [u], the jumps from outside to inside.
 
+Where eddy currents flow at a complex frequency s, G without magnets is a form in the complex fields, whose energy
+has s sigma r^2 w^2 / 2 in solid parts and s sigma b^2 B . B / 24 in stacks of sheets beside u.
+
 References
 ----------
 A. Kameari, IEEE Trans. Magn. 29 (1993) 1466: nodal forces; S. McFee, J. P. Webb and D. A. Lowther, IEEE Trans. Magn.
@@ -19,6 +22,8 @@ A. Kameari, IEEE Trans. Magn. 29 (1993) 1466: nodal forces; S. McFee, J. P. Webb
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -26,7 +31,7 @@ from ngsolve import H1, Grad, GridFunction, InnerProduct, LinearForm, VectorH1, 
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.parts import Actuator, Coil
+from femfit.device.parts import Actuator, Coil, Material
 from femfit.field.field_points import FieldPoints, Law, PlacedPoints, flux_density_of, in_air, law_of
 from femfit.field.outline_motion import OutlineMotion
 from femfit.field.regions import coil_region
@@ -34,6 +39,31 @@ from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, materials
 
 BESIDE = 1e-7
 """Numerical: how far beside an edge, in m, its two sides are looked at."""
+
+
+@dataclass(frozen=True)
+class _Medium:
+    """A material's law, with sigma where it is solid, and sigma b^2 / 12 where it is of sheets."""
+
+    law: Law
+    solid: float = 0.0
+    sheets: float = 0.0
+
+    @classmethod
+    def of(cls, material: Material) -> "_Medium":
+        """The medium of a material."""
+        sigma, sheet = material.conductivity_S_per_m, material.lamination_m
+        return cls(law_of(material), 0.0 if sheet else sigma, sigma * sheet**2 / 12.0)
+
+    def respond(self, b: FloatArray, rw: FloatArray, s: complex) -> tuple[Any, Any, Any]:
+        """H, u and what ring currents add to it, at s, where B is b and r w is rw."""
+        h, u = self.law(b)
+        if not s:
+            return h, u, 0.0
+        return h + s * self.sheets * b, u + 0.5 * s * self.sheets * (b * b).sum(axis=0), 0.5 * s * self.solid * rw**2
+
+
+_AIR = _Medium(in_air)
 
 
 class ExplicitSlopes:
@@ -62,23 +92,23 @@ class ExplicitSlopes:
         self._velocities = velocities.reshape(len(numbers), -1)
         self._loads = self._coil_slopes(motion, velocities)
         self._named = materials(actuator)
-        self._laws = [(self.points.of_region(name), law_of(one)) for name, one in self._named.items()]
-        self._law_changes = [self._changed_laws(number) for number in numbers]
+        self._media = [(self.points.of_region(name), _Medium.of(one)) for name, one in self._named.items()]
+        self._changes = [self._changed_media(number) for number in numbers]
         self._left = motion.remainder(velocities)
         self._sides = [
             PlacedPoints(space, self._left.points + sign * BESIDE * self._left.normals, share) for sign in (-1.0, 1.0)
         ]
-        self._side_laws, self._differs = self._laws_of_sides()
+        self._side_media, self._differs = self._media_of_sides()
 
     def sample(self, states: FloatArray) -> FloatArray:
         """All that :meth:`evaluate` needs of states (unknowns, k), linear in them; shape (.., k)."""
         linked = np.tensordot(self._loads, states, axes=1).reshape(-1, states.shape[1])
         return np.concatenate([self.points.fields(states), *(side.fields(states) for side in self._sides), linked])
 
-    def evaluate(self, samples: FloatArray, currents: FloatArray, stretch: float) -> FloatArray:
+    def evaluate(self, samples: Any, currents: FloatArray, stretch: float, s: complex = 0.0) -> Any:
         """dG/dp in J per unit for samples (.., k) with the mesh stretched by so much in m; shape (k, numbers).
 
-        ``currents`` are in A, of shape (k, circuits).
+        ``currents`` are in A, of shape (k, circuits); at a frequency s in 1/s samples are complex.
         """
         points, (count, edge) = self.points, (3 * len(self.points.weight), 3 * len(self._left.points))
         parts = np.split(samples, [count, count + edge, count + 2 * edge])
@@ -87,27 +117,29 @@ class ExplicitSlopes:
         r = points.radius[:, None]
         w_r, w_z = w_r - shear * w_z, w_z / b
         density = flux_density_of(r, w, w_r, w_z)
-        field, u = in_air(density)
-        for at, law in self._laws:
-            field[:, at], u[at] = law(density[:, at])
+        (field, u), rings = in_air(density), np.zeros_like(w)
+        for at, medium in self._media:
+            field[:, at], u[at], rings[at] = medium.respond(density[:, at], (r * w)[at], s)
         h_r, h_z = field * r
         weight = 2.0 * math.pi * points.weight[:, None] * b
-        values, u, slope_r, slope_z = h_z * w_r - h_r * w_z + u, r * u, weight * r * w_r, weight * r * w_z
+        values, u = h_z * w_r - h_r * w_z + u + 3.0 * rings, r * (u + rings)  # the rings' r^3 has the slope 3 r^2
+        slope_r, slope_z = weight * r * w_r, weight * r * w_z
         moved = [(weight * values, weight * u - slope_r * h_z, slope_r * h_r)]
         moved.append((np.zeros_like(u), -slope_z * h_z, weight * u + slope_z * h_r))
         nodal = [points.nodal(value, in_r, in_z / b - shear * in_r) for value, in_r, in_z in moved]
         result = -self._velocities @ np.concatenate(nodal)
         result += np.einsum("pck,kc->pk", parts[3].reshape(*self._loads.shape[:2], samples.shape[1]), currents)
-        for k, changes in enumerate(self._law_changes):
+        for k, changes in enumerate(self._changes):
             for at, larger, smaller in changes:
-                change = larger(density[:, at])[1] - smaller(density[:, at])[1]
+                ends = [one.respond(density[:, at], (r * w)[at], s) for one in (larger, smaller)]
+                change = ends[0][1] + ends[0][2] - ends[1][1] - ends[1][2]
                 result[k] -= (weight[at] * r[at] * change).sum(axis=0) / (2.0 * self._numbers[k].step)
-        return np.asarray((result + self._along_edges(parts[1], parts[2], stretch)).T)
+        return np.asarray((result + self._along_edges(parts[1], parts[2], stretch, s)).T)
 
     def largest_in_parts(self, samples: FloatArray) -> float:
         """The largest slope of w in a part with a material, or anywhere where there is none."""
         _, w_r, w_z = self.points.split(samples[: 3 * len(self.points.weight)])
-        at = np.concatenate([at for at, _ in self._laws]) if self._laws else slice(None)
+        at = np.concatenate([at for at, _ in self._media]) if self._media else slice(None)
         return float(max(np.abs(w_r[at]).max(), np.abs(w_z[at]).max()))
 
     def _coil_slopes(self, motion: OutlineMotion, velocities: FloatArray) -> FloatArray:
@@ -132,41 +164,42 @@ class ExplicitSlopes:
                 result[k, circuits.index(coil.circuit)] += change
         return result
 
-    def _changed_laws(self, number: DrawnNumber) -> list[tuple[IntArray, Law, Law]]:
-        """Points of the regions whose material is another one, and its two laws."""
+    def _changed_media(self, number: DrawnNumber) -> list[tuple[IntArray, _Medium, _Medium]]:
+        """Points of the regions whose material is another one, and its two media."""
         larger, smaller = materials(number.larger), materials(number.smaller)
         return [
-            (self.points.of_region(name), law_of(larger[name]), law_of(smaller[name]))
+            (self.points.of_region(name), _Medium.of(larger[name]), _Medium.of(smaller[name]))
             for name in self._named
             if larger[name] != smaller[name]
         ]
 
-    def _laws_of_sides(self) -> tuple[list[list[tuple[IntArray, Law]]], BoolArray]:
-        """The laws inside and outside of edges with a remainder, and where the two sides differ."""
+    def _media_of_sides(self) -> tuple[list[list[tuple[IntArray, _Medium]]], BoolArray]:
+        """The media inside and outside of edges with a remainder, and where the two sides differ."""
         names = list(self._named)
         number = self._space.mesh.MaterialCF({name: float(k) for k, name in enumerate(names)}, default=-1.0)
         inside = np.array([names.index(name) for name in self._left.inside], dtype=np.int64)
         outside = self._sides[1].numbers_of(number).round().astype(np.int64)
-        laws = [
-            [(np.flatnonzero(at == k), law_of(self._named[names[k]]) if k >= 0 else in_air) for k in np.unique(at)]
+        media = [
+            [(np.flatnonzero(at == k), _Medium.of(self._named[names[k]]) if k >= 0 else _AIR) for k in np.unique(at)]
             for at in (inside, outside)
         ]
         differs = [
             j < 0 or self._named[names[j]] != self._named[names[k]] for j, k in zip(outside, inside, strict=True)
         ]
-        return laws, np.array(differs, dtype=np.bool_)
+        return media, np.array(differs, dtype=np.bool_)
 
-    def _along_edges(self, inside: FloatArray, outside: FloatArray, stretch: float) -> FloatArray | float:
+    def _along_edges(self, inside: Any, outside: Any, stretch: float, s: complex) -> Any:
         if not self._differs.any():
             return 0.0
         left, found = self._left, []
-        for side, values, laws in zip(self._sides, (inside, outside), self._side_laws, strict=True):
-            b = side.flux_density(values, left.points[:, 0], stretch)
-            h, u = in_air(b)
-            for at, law in laws:
-                h[:, at], u[at] = law(b[:, at])
+        radius = left.points[:, :1]
+        for side, values, media in zip(self._sides, (inside, outside), self._side_media, strict=True):
+            b, rw = side.flux_density(values, left.points[:, 0], stretch), radius * values[: len(radius)]
+            (h, u), rings = in_air(b), np.zeros_like(rw)
+            for at, medium in media:
+                h[:, at], u[at], rings[at] = medium.respond(b[:, at], rw[at], s)
             r, z = left.normals.T[..., None]
-            found.append((r * b[1] - z * b[0], r * h[1] - z * h[0], u))
+            found.append((r * b[1] - z * b[0], r * h[1] - z * h[0], u + rings))
         (b_in, h_in, u_in), (b_out, h_out, u_out) = found
         jump = 0.5 * (h_in + h_out) * (b_in - b_out) - (u_in - u_out)
         return np.asarray(left.weights @ (jump * self._differs[:, None]))

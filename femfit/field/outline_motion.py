@@ -180,12 +180,14 @@ class OutlineMotion:
 
 
 def _magnetic(actuator: Actuator) -> list[tuple[str, int]]:
-    """The parts whose material differs from air's."""
+    """The parts whose material differs from air's; those that conduct, too."""
     return [
         (body, place)
         for body, regions in (("fixed", actuator.fixed), ("moving", actuator.moving.regions))
         for place, region in enumerate(regions)
-        if region.material.relative_permeability != 1.0 or region.material.remanence_T
+        if region.material.relative_permeability != 1.0
+        or region.material.remanence_T
+        or region.material.conductivity_S_per_m
     ]
 
 

@@ -123,7 +123,7 @@ class SignatureRows:
     ) -> FloatArray:
         """The slope of E along a change of samples and currents."""
         high, low = (self._slopes.evaluate(own + s * change, currents + s * fed, stretch) for s in (size, -size))
-        return (high - low) / (2.0 * size)
+        return np.asarray((high - low) / (2.0 * size))
 
     def _of_hall(
         self, stretch: float, currents: FloatArray, own: FloatArray, change: FloatArray, states: FloatArray

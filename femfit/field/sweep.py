@@ -12,6 +12,7 @@ from femfit.core.journal import Journal, JournalHeader
 from femfit.core.paths import path_of
 from femfit.device.drawn_numbers import DrawnNumber, read_numbers
 from femfit.device.parts import Actuator
+from femfit.device.tolerance_defaults import KINDS
 from femfit.device.variants import VariantSweep, only, read_variants
 from femfit.field.currents import current_points, swept_currents
 from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
@@ -102,7 +103,9 @@ def run_sweep(
     directory = path_of(directory, "The run directory")
     settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
-    tasks = [replace(task, numbers=numbers) for task in tasks]
+    at_rest = tuple(one for one in numbers if KINDS[one.facts.kind].at_rest)
+    tasks = [replace(task, numbers=at_rest) for task in tasks]
+    numbers = numbers if harmonic else at_rest
     configuration = _configuration(sweep, settings, numbers)
     currents = len(swept_currents(sweep.variants[0].sweep))
     names = {task.key for task in tasks}
@@ -123,26 +126,23 @@ def run_sweep(
         first, done = _in_order(left, journal.finished, record)
         _solve_all(first, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
-        eddy = None
+        eddy, slopes = None, None
         if harmonic:
-            eddy = _eddy(sweep.actuator, journal, directory, configuration["hash"], workers, scheduler)
+
+            def solve(tasks: Sequence[Any], done: Callable[[Any, Result], list[Any]]) -> None:
+                _solve_all(tasks, workers, scheduler, done)
+
+            patterns = directory / PATTERNS_NAME
+            eddy, slopes = eddy_sweep(sweep.actuator, journal, patterns, configuration["hash"], solve, numbers)
         table = SweepTable(
             sweep_rows(sweep, solved | failed),
             sweep_manifest(sweep, configuration) | _beyond_curve(solved),
-            signatures_of(sweep, solved, numbers) if numbers else None,
+            signatures_of(sweep, solved, at_rest) if at_rest else None,
             eddy,
+            slopes,
         )
         _write(table, sweep.actuator, directory, journal)
     return table
-
-
-def _eddy(
-    actuator: Actuator, journal: Journal, directory: Path, key: str, workers: int, scheduler: str | None
-) -> EddyTable:
-    def solve(tasks: Sequence[Any], done: Callable[[Any, Result], list[Any]]) -> None:
-        _solve_all(tasks, workers, scheduler, done)
-
-    return eddy_sweep(actuator, journal, directory / PATTERNS_NAME, key, solve)
 
 
 def _impedance(eddy: EddyTable, actuator: Actuator) -> "pd.DataFrame":
@@ -252,7 +252,7 @@ def _numbers(sweep: str | Path | Actuator | VariantSweep) -> tuple[DrawnNumber, 
             f"Signatures need the actuator file, whose numbers they are of; instead received {type(sweep).__name__}. "
             "Give its path."
         )
-    return read_numbers(sweep)
+    return read_numbers(sweep, harmonic=True)
 
 
 def _configuration(sweep: VariantSweep, settings: SolverSettings, numbers: Sequence[DrawnNumber]) -> dict[str, Any]:

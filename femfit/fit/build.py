@@ -18,6 +18,7 @@ from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.drawing import drawn_effects
 from femfit.fit.eddy import conductivities, fit_eddy
 from femfit.fit.hall import fit_hall
+from femfit.fit.impedance_numbers import with_impedances
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
@@ -154,7 +155,8 @@ def fit_model(
         drawn=drawn,
     )
     eddy = fit_eddy(table.eddy, model.magnetics)
-    model = replace(model, eddy=eddy, drawn=(*model.drawn, *conductivities(table.eddy, eddy)))
+    drawn = with_impedances(model.drawn, table.impedance_slopes, model.magnetics, eddy)
+    model = replace(model, eddy=eddy, drawn=(*drawn, *conductivities(table.eddy, eddy)))
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     model = replace(model, sample_time_s=period)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))

@@ -95,7 +95,14 @@ class SmallSignal:
         at = np.broadcast_to(self.distance, self.inductance.shape[:-2])
         induced = induced_impedance(self.inductance, self.frequency, self.share, model.eddy, at)
         z = np.diag(model.resistances_ohm) + s * model.series_inductances_H + induced
-        return np.asarray(z if self._several else z[..., 0, 0])
+        if self._several:
+            return np.asarray(z)
+        z = np.asarray(z[..., 0, 0])
+        d, i, f = (np.broadcast_to(one, z.shape).ravel() for one in (self.distance, self.current, self.frequency))
+        for one in model.effects:
+            if one.effect.impedance is not None and model.conditions is not None:
+                z = z + one.effect.impedance(d, i, f, model.conditions, one.parameters).reshape(z.shape)
+        return z
 
     def force(self) -> ComplexArray:
         """Force in N/A, (..., n) of several circuits."""

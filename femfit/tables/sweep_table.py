@@ -19,6 +19,7 @@ from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import is_current
 from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
+from femfit.tables.impedance_slopes import ImpedanceSlopes, read_slopes, write_slopes
 from femfit.tables.settings_file import read_settings
 from femfit.tables.signatures import Signatures, read_signatures, write_signatures
 
@@ -60,6 +61,7 @@ class SweepTable(Printed):
     manifest: Mapping[str, Any] = field(default_factory=dict)
     signatures: Signatures | None = None
     eddy: EddyTable | None = None
+    impedance_slopes: ImpedanceSlopes | None = None
 
     def valid_rows(self) -> "pd.DataFrame":
         """The rows whose status is ``ok``."""
@@ -100,6 +102,7 @@ def write_sweep_table(table: SweepTable, directory: Path) -> Path:
     write_json(directory / MANIFEST_NAME, table.manifest)
     write_signatures(table.signatures, directory)
     write_eddy(table.eddy, directory)
+    write_slopes(table.impedance_slopes, directory)
     return parquet
 
 
@@ -147,7 +150,8 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(rows[["distance_m"]])
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
-    return SweepTable(rows, manifest, read_signatures(file.parent), read_eddy(file.parent))
+    of_field = read_signatures(file.parent), read_eddy(file.parent), read_slopes(file.parent)
+    return SweepTable(rows, manifest, *of_field)
 
 
 def _table_file(path: Path) -> Path:

@@ -48,6 +48,9 @@ def test_a_model_file_keeps_it_as_a_number_and_as_an_added_effect(levitation_mod
     read, later = (predict_readings(one, d, i, at, channels=BOTH) for one in (added, again))
     for name in BOTH:
         np.testing.assert_allclose(later[name], read[name], rtol=1e-12)
+    z = again.impedance(d, i, f)
+    np.testing.assert_allclose(z.real, read["resistance_ohm"], rtol=1e-12)
+    np.testing.assert_allclose(z.imag, 2.0 * np.pi * f * read["inductance_H"], rtol=1e-12)
     (drawn,) = again.without_effects.drawn
     assert drawn.effect.needs == ("frequency_Hz", "inductance_H|resistance_ohm")
     change, kept = (predict_readings(model, d, i, at, [AddedEffect(e, {"change": 0.1})], BOTH)

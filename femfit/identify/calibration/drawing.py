@@ -36,7 +36,8 @@ class Drawing:
     @cached_property
     def numbers(self) -> tuple[DrawnNumber, ...]:
         """Those with signatures; ActuatorFileError if the file has any problem, or sweeps parameters."""
-        return numbers_from_toml(self.text, self.source, self.directory)
+        harmonic = "frequency_Hz" in table_at(parse(self.text, self.source), "solver")
+        return numbers_from_toml(self.text, self.source, self.directory, harmonic=harmonic)
 
     @cached_property
     def suspects(self) -> tuple[NumberFacts, ...]:

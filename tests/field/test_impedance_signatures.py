@@ -1,0 +1,195 @@
+"""What the numbers of a drawing change of its impedances, against other drawings on meshes of their own."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import femfit.device.drawn_numbers as drawn_numbers_module
+from femfit.device.drawn_numbers import numbers_from_toml
+from femfit.device.load import actuator_from_toml
+from femfit.effects.effect import AddedEffect
+from femfit.field.eddy_probe import EddyProbe
+from femfit.field.eddy_sweep import ORDER
+from femfit.field.impedance_signatures import ImpedanceSignatures
+from femfit.field.layout import layout_of
+from femfit.field.moving_mesh import MovingMesh
+from femfit.field.settings import SolverSettings
+from femfit.field.sweep import run_sweep
+from femfit.fit.build import fit_model
+from femfit.model.with_effects import with_effects
+from femfit.tables.impedance_slopes import NAME
+from femfit.tables.sweep_table import read_sweep_table
+from support.eddy_pot import POT
+
+POT_MAGNET = (Path(__file__).parents[2] / "geometry" / "pot-magnet.toml").read_text()
+
+RINGED = (
+    POT.replace(
+        "[fixed.regions.pot]",
+        """
+[materials.copper]
+relative_permeability = 1
+conductivity_MS_per_m = 58
+
+[materials.sheets]
+relative_permeability = 500
+conductivity_MS_per_m = 2
+lamination_mm = 0.5
+
+[fixed.regions.ring]
+material = "copper"
+r_mm = [5.2, 9.3]
+z_mm = [-1.8, -1.2]
+
+[fixed.regions.pot]""",
+    )
+    .replace('[moving.regions.disc]\nmaterial = "iron"', '[moving.regions.disc]\nmaterial = "sheets"')
+    .replace("remanence_T", "conductivity_MS_per_m = 0.7\nremanence_T")
+)
+"""A pot with a copper ring, a disc of sheets and a magnet that conducts: every kind of number."""
+
+MESH_NOISE = 8e-5  # of L: two meshes of the pot differ by 1e-5 to 6e-5 of it
+SECOND_ORDER = 0.02  # of a difference, by the steps below
+
+
+def solved(actuator, distance, frequencies):
+    settings = SolverSettings(order=ORDER, skin_frequency_Hz=frequencies[-1])
+    moving = MovingMesh(actuator, (distance,), layout_of(actuator, settings), settings)
+    probe = EddyProbe(actuator, moving, distance, ORDER)
+    transfers, fields = probe.transfers(frequencies)
+    return transfers.flux_linkage, fields, moving, probe.points.space
+
+
+LOW, HIGH = (10.0, 100.0, 1000.0), (10.0, 300.0, 5000.0)
+CASES = [
+    pytest.param(RINGED, None, LOW, id="ringed", marks=pytest.mark.long),
+    pytest.param(POT_MAGNET, None, HIGH, id="pot-magnet", marks=pytest.mark.long),
+    pytest.param(
+        RINGED, ("ring.r_mm[0]", "iron.relative_permeability", "sheets.lamination_mm"), LOW, id="ringed, three numbers"
+    ),
+    pytest.param(POT_MAGNET, ("polygon_mm[5][0]", "winding.z_mm[1]"), HIGH, id="pot-magnet, two numbers"),
+]
+
+
+@pytest.mark.parametrize(("text", "keys", "frequencies"), CASES)
+def test_slopes_are_those_between_drawings(monkeypatch, text, keys, frequencies):
+    actuator, f = actuator_from_toml(text), np.array(frequencies)
+    numbers = numbers_from_toml(text, harmonic=True)
+    monkeypatch.setitem(drawn_numbers_module.STEP, "mm", 0.05)
+    monkeypatch.setattr(drawn_numbers_module, "SHARE_STEP", 0.02)
+    farther = {one.facts.key: one for one in numbers_from_toml(text, harmonic=True)}
+    compared = 0
+    for distance in (actuator.sweep.distances_m[1], actuator.sweep.distances_m[-1]):
+        base, fields, moving, space = solved(actuator, distance, f)
+        slopes = ImpedanceSignatures(actuator, numbers, moving, space).at(distance, f, fields)
+        for number, slope in zip(numbers, slopes, strict=True):
+            far = farther[number.facts.key]
+            if keys and not number.facts.key.endswith(keys):
+                continue
+            larger, smaller = (solved(one, distance, f)[0] for one in (far.larger, far.smaller))
+            change, expected = slope * 2.0 * far.step, larger - smaller
+            # Another material is on the same mesh
+            noise = np.abs(base) * (1e-8 if number.facts.key.startswith("materials.") else MESH_NOISE)
+            assert np.all(np.abs(change - expected) < noise + SECOND_ORDER * np.abs(expected)), number.facts.key
+            compared += bool(np.any(np.abs(expected) > 10.0 * noise))
+    assert compared >= 2 * len(keys or range(8))  # most numbers change more than the meshes do
+
+
+def test_mutual_slopes_are_symmetric_and_add_up_to_those_of_the_windings_in_series():
+    currents = "current_A = { winding = [0, 1], further = [0, 1] }"
+    lower, upper = "r_mm = [5.5, 9]\nz_mm = [-8.5, -5.5]", "r_mm = [5.5, 9]\nz_mm = [-5, -2]"
+    further = f"[coils.further]\n{upper}\nturns = 110\nresistance_ohm = 2\n\n[moving.regions.disc]"
+    text = RINGED.replace("r_mm = [5.5, 9]\nz_mm = [-8.5, -2]", lower).replace("[moving.regions.disc]", further)
+    text = text.replace("current_A = [-1, 0, 1]", currents)
+    drawn, f, d = numbers_from_toml(text, harmonic=True), np.array([50.0, 500.0]), 0.0015
+    apart, numbers = _apart(actuator_from_toml(text)), _each(drawn, _apart)
+    series = _in_series(apart)
+    inductance, fields, moving, space = solved(apart, d, f)
+    slopes = ImpedanceSignatures(apart, numbers, moving, space).at(d, f, fields)
+    assert slopes.shape == (len(numbers), 2, 2, 2)
+    np.testing.assert_array_equal(slopes, slopes.swapaxes(2, 3))
+    whole = ImpedanceSignatures(series, _each(drawn, _in_series), moving, space)
+    together = whole.at(d, f, fields.sum(axis=1, keepdims=True))[:, :, 0, 0]
+    size = np.abs(inductance).max()
+    np.testing.assert_allclose(slopes.sum(axis=(2, 3)), together, atol=1e-10 * size)
+
+
+def _each(numbers, change):
+    return tuple(replace(one, larger=change(one.larger), smaller=change(one.smaller)) for one in numbers)
+
+
+def _apart(actuator):
+    """Each coil in a circuit of its own."""
+    coils = tuple(replace(one, circuit=one.name) for one in actuator.coils)
+    return replace(actuator, coils=coils, circuits=tuple(replace(actuator.circuits[0], name=c.name) for c in coils))
+
+
+def _in_series(actuator):
+    coils = tuple(replace(one, circuit="all") for one in actuator.coils)
+    return replace(actuator, coils=coils, circuits=(replace(actuator.circuits[0], name="all"),))
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("slopes")
+    more = "distance_mm = [1, 1.25, 1.5, 1.75, 2, 2.5]"  # as many as a co-energy needs
+    (directory / "pot.toml").write_text(POT.replace("distance_mm = [1, 1.5, 2, 2.5]", more))
+    return directory, run_sweep(directory / "pot.toml", directory / "run", workers=1, signatures=True)
+
+
+def test_a_sweep_with_frequencies_has_them_and_its_conductivity_is_that_of_the_patterns(swept):
+    directory, table = swept
+    slopes = read_sweep_table(directory / "run").impedance_slopes
+    assert slopes.numbers == table.impedance_slopes.numbers
+    np.testing.assert_array_equal(slopes.slopes, table.impedance_slopes.slopes)
+    at_rest = [one.key for one in table.signatures.numbers]
+    assert [one.key for one in slopes.numbers if one.key not in at_rest] == ["materials.iron.conductivity_MS_per_m"]
+    (place,) = [k for k, one in enumerate(slopes.numbers) if one.kind == "conductivity"]
+    s = 2j * np.pi * slopes.frequencies_Hz
+    for distance, exact in zip(slopes.distances_m, slopes.slopes[place, :, :, 0, 0], strict=True):
+        (k,) = np.flatnonzero(table.eddy.distances_m == distance)
+        by_patterns = table.eddy.conductivity_slope(0, int(k), slopes.frequencies_Hz)[:, 0, 0] / s
+        assert np.abs(by_patterns - exact).max() < 0.02 * np.abs(exact).max()
+
+
+def test_at_a_low_frequency_they_are_those_at_rest(swept):
+    signatures, distance = swept[1].signatures, 0.0015
+    numbers = [one for one in numbers_from_toml(POT) if one.facts in signatures.numbers]
+    actuator, f = actuator_from_toml(POT), np.array([0.01])
+    base, fields, moving, space = solved(actuator, distance, f)
+    slopes = ImpedanceSignatures(actuator, numbers, moving, space).at(distance, f, fields)[:, 0, 0, 0]
+    for number, slope in zip(numbers, slopes, strict=True):
+        rows = signatures.of(number.facts)
+        here = rows[rows["distance_m"] == distance].set_index("current_A")["flux_linkage_Wb"]
+        at_rest = 0.5 * (here[1.0] - here[-1.0])
+        # The sweep's mesh has no skin layers and another order
+        off = abs(slope - at_rest) * number.facts.tolerance
+        assert off < 0.01 * abs(at_rest) * number.facts.tolerance + 1e-4 * abs(base[0, 0, 0]), number.facts.key
+
+
+def test_a_model_changes_with_a_number_as_the_field_does(swept):
+    slopes, model = swept[1].impedance_slopes, fit_model(swept[1]).model
+    compared = [one for one in slopes.numbers if not one.effect and one.kind != "hall_place"]
+    assert {one.key for one in model.drawn if one.impedance} == {one.key for one in compared}
+    f = slopes.frequencies_Hz
+    for number, by_number in zip(slopes.numbers, slopes.slopes[..., 0, 0], strict=True):
+        if number not in compared:
+            continue
+        (drawn,) = [one for one in model.drawn if one.key == number.key]
+        size = 1e-4 * number.tolerance
+        changed = with_effects(model, [AddedEffect(drawn.effect, {drawn.parameter: size})])
+        for distance, slope in zip(slopes.distances_m, by_number, strict=True):
+            z, expected = model.impedance(distance, 0.0, f), 2j * np.pi * f * slope
+            change = (changed.impedance(distance, 0.0, f) - z) / size
+            # Conductivities by the patterns, which are 2 % off; some numbers are seen by rounding alone
+            limit = (0.02 if number.kind == "conductivity" else 1e-3) * np.abs(expected).max()
+            assert np.all(np.abs(change - expected) < limit + 1e-6 * np.abs(z) / number.tolerance), number.key
+
+
+def test_without_signatures_the_file_goes(swept):
+    directory, _ = swept
+    assert (directory / "run" / NAME).is_file()
+    run_sweep(directory / "pot.toml", directory / "run", workers=1)
+    assert not (directory / "run" / NAME).exists()
