@@ -30,6 +30,7 @@ _PLACES = {
     "Profile": "femfit.open_loop.profile:Profile",
     "Sensing": "femfit.open_loop.sense:Sensing",
     "SweepTable": "femfit.tables.sweep_table:SweepTable",
+    "Temperatures": "femfit.heat.result:Temperatures",
     "TimeSeries": "femfit.tables.measurement:TimeSeries",
     "ToleranceAnalysis": "femfit.audit.tolerance_analysis:ToleranceAnalysis",
     # From the drawing to a model
@@ -39,6 +40,7 @@ _PLACES = {
     "import_table": "femfit.tables.foreign.read:import_table",
     "fit_model": "femfit.fit.build:fit_model",
     "analyse_tolerances": "femfit.audit.tolerance_analysis:analyse_tolerances",
+    "find_temperatures": "femfit.heat.find_temperatures:find_temperatures",
     "list_laws": "femfit.laws.catalogue:all_laws",
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",

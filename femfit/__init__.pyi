@@ -15,6 +15,8 @@ from femfit.filters.filter import Filter as Filter
 from femfit.filters.kalman_filter import kalman_filter as kalman_filter
 from femfit.fit.build import fit_model as fit_model
 from femfit.fit.result import FitResult as FitResult
+from femfit.heat.find_temperatures import find_temperatures as find_temperatures
+from femfit.heat.result import Temperatures as Temperatures
 from femfit.identify.calibration.calibrate import calibrate as calibrate
 from femfit.identify.calibration.result import CalibrationResult as CalibrationResult
 from femfit.identify.comparison.compare import Comparison as Comparison
@@ -70,6 +72,7 @@ __all__ = [
     "Profile",
     "Sensing",
     "SweepTable",
+    "Temperatures",
     "TimeSeries",
     "add_effects",
     "bound_map",
@@ -79,6 +82,7 @@ __all__ = [
     "diagnose",
     "error_bound",
     "export",
+    "find_temperatures",
     "fit_model",
     "import_table",
     "integrate_coil",

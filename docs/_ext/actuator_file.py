@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
-from femfit.device import schema, schema_device, schema_materials, schema_solver
+from femfit.device import schema, schema_device, schema_materials, schema_solver, schema_thermal
 from femfit.device.materials import LIBRARY
 
 REFERENCE = Path(__file__).parents[1] / "reference"
@@ -56,6 +56,11 @@ TABLES = (
         "Frequencies equally spaced in their logarithm.",
         schema_solver.FrequencyRangeEntry,
     ),
+    (
+        "[thermal]",
+        "What temperatures depend on beside the drawing: [Find temperatures](../howto/find_temperatures.md).",
+        schema_thermal.ThermalEntry,
+    ),
     ("[reference]", "The closed loop's steps.", schema.ReferenceEntry),
     (
         "[tolerances]",
@@ -68,6 +73,7 @@ LONGEST_EXAMPLE = 50
 
 UNITS = (
     ("_N_per_mm", "N/mm"), ("_V_per_mm", "V/mm"), ("_N_s_per_m", "N s/m"), ("_m_per_s2", "m/s²"), ("_mH", "mH"),
+    ("_W_per_m_K", "W/(m K)"), ("_W_per_m2_K", "W/(m² K)"), ("_MJ_per_m3_K", "MJ/(m³ K)"), ("_W_per_K", "W/K"),
     ("_Hz", "Hz"), ("_deg", "°"), ("_N", "N"), ("_V_per_T", "V/T"),
     ("_A_per_m", "A/m"), ("_MS_per_m", "MS/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
     ("_T", "T"), ("_A", "A"), ("_V", "V"), ("_g", "g"), ("_C", "°C"),

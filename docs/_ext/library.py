@@ -6,7 +6,8 @@ import femfit
 
 GROUPS = {
     "From the drawing to a model": (
-        "read_actuator run_sweep analyse_tolerances read_sweep import_table fit_model list_laws read_model write_model"
+        "read_actuator find_temperatures run_sweep analyse_tolerances read_sweep import_table fit_model list_laws "
+        "read_model write_model"
     ),
     "Filters, the loop and the target": "error_bound bound_map sense kalman_filter close_loop simulate export",
     "Why the bench disagrees": (

@@ -28,6 +28,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
         "femfit.cli.audit:audit",
         "Check a model against its table, physics and supply; exits with 1 if wrong.",
     ),
+    ("heat", "femfit.cli.heat:heat", "How warm winding and magnet become, and which current may last."),
     ("tolerance", "femfit.cli.tolerance:tolerance", "How a series of devices scatters by the drawing's tolerances."),
     ("observe", "femfit.cli.observe:observe", "Run a recorded log through filters: estimate, innovations, noise."),
     ("compare", "femfit.cli.compare:compare", "How far a model is from measurements, against their noise, and where."),

@@ -16,6 +16,7 @@ from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
 from femfit.device.read_outline import outline
 from femfit.device.schema import NAME_PATTERN, OutlineEntry, RegionEntry
 from femfit.device.schema_materials import ConductorEntry, CurveEntry, MaterialEntry, has_curve
+from femfit.device.thermal import ThermalMaterial
 
 RESERVED = ("air", "coil")
 """Region names that the field solver gives to what is not a region."""
@@ -101,7 +102,10 @@ def _materials(tables: Mapping[str, Any], directory: Path, problems: list[str]) 
         if entry is None:
             materials[name] = None
             continue
-        linear = LinearMaterial(name, entry.relative_permeability, entry.remanence_T, entry.remanence_coefficient_per_K)
+        known = ThermalMaterial(working_temperature_C=entry.working_temperature_C)
+        linear = LinearMaterial(
+            name, entry.relative_permeability, entry.remanence_T, entry.remanence_coefficient_per_K, thermal=known
+        )
         materials[name] = _conducting(linear, entry, path, problems)
     return materials
 
@@ -112,10 +116,16 @@ def _conducting(material: Material, entry: ConductorEntry, path: str, problems: 
             f"{path}.lamination_mm must stand beside a conductivity_MS_per_m > 0; sheets that do not conduct are a "
             "solid part. Give the conductivity of the sheets (electrical steel 2 to 5), or leave lamination_mm out."
         )
+    capacity = entry.heat_capacity_MJ_per_m3_K
     return replace(
         material,
         conductivity_S_per_m=scaled(entry.conductivity_MS_per_m, MEGA_EXPONENT),
         lamination_m=scaled(entry.lamination_mm),
+        thermal=replace(
+            material.thermal,
+            conductivity_W_per_m_K=entry.thermal_conductivity_W_per_m_K,
+            heat_capacity_J_per_m3_K=capacity and scaled(capacity, MEGA_EXPONENT),
+        ),
     )
 
 

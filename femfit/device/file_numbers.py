@@ -30,6 +30,7 @@ from femfit.device.schema_device import (
     WindingEntry,
 )
 from femfit.device.schema_materials import CurveEntry, MaterialEntry, has_curve
+from femfit.device.thermal import ThermalMaterial
 
 _SECTIONS: dict[str, type[Entry]] = {
     "coil": CoilEntry, "moving": MovingEntry, "hall": HallEntry, "supply": SupplyEntry, "mechanics": MechanicsEntry,
@@ -159,8 +160,18 @@ def library_table(name: str) -> dict[str, Any]:
     conduction = {
         "conductivity_MS_per_m": scaled(material.conductivity_S_per_m, -MEGA_EXPONENT),
         "lamination_mm": scaled(material.lamination_m, -LENGTH_EXPONENT),
-    }
+    } | _thermal(material.thermal)
     if isinstance(material, NonlinearMaterial):
         return {"B_T": list(material.flux_density_T), "H_A_per_m": list(material.field_A_per_m), **conduction}
-    own = MaterialEntry.model_fields.keys() - conduction.keys()
-    return {key: getattr(material, key) for key in MaterialEntry.model_fields if key in own} | conduction
+    own = ("relative_permeability", "remanence_T", "remanence_coefficient_per_K")
+    return {key: getattr(material, key) for key in own} | conduction
+
+
+def _thermal(known: ThermalMaterial) -> dict[str, float]:
+    capacity = known.heat_capacity_J_per_m3_K
+    table = {
+        "thermal_conductivity_W_per_m_K": known.conductivity_W_per_m_K,
+        "heat_capacity_MJ_per_m3_K": capacity and scaled(capacity, -MEGA_EXPONENT),
+        "working_temperature_C": known.working_temperature_C,
+    }
+    return {key: value for key, value in table.items() if value is not None}

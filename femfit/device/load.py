@@ -35,6 +35,8 @@ from femfit.device.schema import (
     ReferenceEntry,
 )
 from femfit.device.schema_solver import SolverEntry
+from femfit.device.schema_thermal import ThermalEntry
+from femfit.device.thermal import STILL_AIR, Surroundings
 
 
 def read_text(path: Path) -> str:
@@ -105,6 +107,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     body = _section(MovingEntry, data, "moving", problems)
     solver = _section(SolverEntry, data, "solver", problems)
     frequencies_Hz = frequencies(solver, problems)
+    thermal = _section(ThermalEntry, data, "thermal", problems)
     reference = _section(ReferenceEntry, data, "reference", problems)
     drawing = read_drawing(data, directory or Path(), problems)
     coils = read_coils(data, drawing, problems)
@@ -136,6 +139,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         tolerance=solver.tolerance if solver else None,
         frequencies_Hz=frequencies_Hz,
         eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
+        thermal=_surroundings(thermal),
     )
 
 
@@ -169,6 +173,14 @@ def is_schema_1(data: dict[str, Any]) -> bool:
 def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: list[str]) -> AnyEntry | None:
     """A table of the top level; a missing one or one of the wrong type is reported by the top level."""
     return read_table(entry, data[key], key, problems) if isinstance(data.get(key), dict) else None
+
+
+def _surroundings(entry: ThermalEntry | None) -> Surroundings:
+    if entry is None:
+        return STILL_AIR
+    given = entry.model_dump()
+    lengths = {f"{name}_m": scaled(given.pop(f"{name}_mm")) for name in ("joint", "winding_joint")}
+    return Surroundings(**lengths, **given)
 
 
 def _check_reference(reference: ReferenceEntry | None, distances: Sequence[float], problems: list[str]) -> None:

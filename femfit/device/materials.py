@@ -6,6 +6,7 @@ from pathlib import Path
 from femfit.core.errors import ActuatorFileError
 from femfit.device.bh_table import read_bh_csv
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
+from femfit.device.thermal import ThermalMaterial
 
 NDFEB_COEFFICIENT = -1.2e-3
 """Relative change of B_r per kelvin, alpha(B_r) of the grades N30 to N55 in the list of grades of Arnold Magnetic
@@ -13,6 +14,10 @@ Technologies, "Neodymium Iron Boron Magnet Catalog"; FEMM's library has -0.109 %
 
 NDFEB_CONDUCTIVITY = 0.667e6
 """In S/m, of the entries N35 to N52 of FEMM: 150 uOhm cm; makers say 130 to 180."""
+
+NDFEB_WORKING_TEMPERATURE = 80.0
+"""In degC, of grades without a letter for a higher coercivity behind their number; e-magnets UK, Neodymium Temperature
+Ratings, for magnets at a high working point: a thin one in an opposing field is demagnetised below it."""
 
 _MATLIB = "FEMM material library matlib.dat (D. Meeker), entry {}"
 
@@ -27,11 +32,19 @@ class LibraryMaterial:
 
 def _magnet(grade: str, remanence_T: float) -> LibraryMaterial:
     return LibraryMaterial(
-        LinearMaterial(grade.lower(), 1.05, remanence_T, NDFEB_COEFFICIENT, conductivity_S_per_m=NDFEB_CONDUCTIVITY),
+        LinearMaterial(
+            grade.lower(),
+            1.05,
+            remanence_T,
+            NDFEB_COEFFICIENT,
+            conductivity_S_per_m=NDFEB_CONDUCTIVITY,
+            thermal=ThermalMaterial(working_temperature_C=NDFEB_WORKING_TEMPERATURE),
+        ),
         f"{_MATLIB.format(grade)}: B_r = mu_0 mu_r H_c, for N48 and above the end of its demagnetisation curve. "
         "A straight recoil line; makers guarantee B_r to about 2 %. Temperature coefficient: Arnold Magnetic "
         "Technologies, Neodymium Iron Boron Magnet Catalog, list of grades. Conductivity: 0.667 MS/m "
-        "of the same entry; makers say 130 to 180 uOhm cm.",
+        "of the same entry; makers say 130 to 180 uOhm cm. Largest working temperature 80 degC: e-magnets UK, "
+        "Neodymium Temperature Ratings, standard grades.",
     )
 
 
@@ -56,7 +69,7 @@ _ENTRIES = (
         "mu_r = 1 - 1e-5, taken as 1. Conductivity: 58.0 MS/m at 20 degC, annealed (IACS, IEC 60028).",
     ),
     LibraryMaterial(
-        LinearMaterial("aluminium", conductivity_S_per_m=34.45e6),
+        LinearMaterial("aluminium", conductivity_S_per_m=34.45e6, thermal=ThermalMaterial(237.0, 2.44e6)),
         f"mu_r = 1 + 2e-5, taken as 1. Conductivity: 34.45 MS/m, {_MATLIB.format('Aluminum, 1100')}; alloys conduct "
         "less, 6061-T6 24.6 MS/m.",
     ),

@@ -15,6 +15,7 @@ from femfit.core.printed import Printed
 from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AnySensor, HallElement
+from femfit.device.thermal import STILL_AIR, UNKNOWN, Surroundings, ThermalMaterial
 
 REFERENCE_TEMPERATURE = 20.0
 """In degC, of all material values."""
@@ -33,6 +34,8 @@ class LinearMaterial:
     direction: tuple[float, float] = (0.0, 1.0)
     conductivity_S_per_m: float = 0.0
     lamination_m: float = 0.0  # Thickness of sheets that stand radially around the axis; 0: solid
+    thermal: ThermalMaterial = UNKNOWN
+    temperature_C: float = REFERENCE_TEMPERATURE  # Of the remanence
 
     @property
     def reluctivity(self) -> float:
@@ -40,14 +43,14 @@ class LinearMaterial:
         return 1.0 / (MU_0 * self.relative_permeability)
 
     def at_temperature(self, temperature_C: float) -> "LinearMaterial":
-        """The material at a temperature, B_r (1 + alpha (T - 20 degC)); its permeability is kept.
+        """The material of 20 degC at a temperature, B_r (1 + alpha (T - 20 degC)); its permeability is kept.
 
         References
         ----------
         IEC 60404-8-1: temperature coefficient of the remanent flux density, reversible part.
         """
         factor = 1.0 + self.remanence_coefficient_per_K * (temperature_C - REFERENCE_TEMPERATURE)
-        return replace(self, remanence_T=self.remanence_T * factor)
+        return replace(self, remanence_T=self.remanence_T * factor, temperature_C=temperature_C)
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class NonlinearMaterial:
     remark: str = ""  # What was left out of the curve as it was given; empty for nothing
     conductivity_S_per_m: float = 0.0
     lamination_m: float = 0.0  # As of LinearMaterial
+    thermal: ThermalMaterial = UNKNOWN
 
     @property
     def relative_permeability(self) -> float:
@@ -99,6 +103,7 @@ class Coil:
     moves: bool = False  # Whether it is part of the moving part
     circuit: str = "coil"  # Name of the circuit that it is connected in
     sign: float = 1.0  # Sense in which it is connected, +1 or -1
+    temperature_C: float = REFERENCE_TEMPERATURE  # Of the resistance
 
 
 @dataclass(frozen=True)
@@ -143,6 +148,8 @@ class Actuator(Printed):
         Ascending frequencies of the impedance; empty: the field is solved at rest alone.
     eddy_error : float
         Relative error of impedance, force and Hall field that the reduced model of the eddy currents has to meet.
+    thermal : Surroundings
+        What its temperatures depend on beside the drawing.
 
     Examples
     --------
@@ -166,6 +173,7 @@ class Actuator(Printed):
     tolerance: float | None = None
     frequencies_Hz: tuple[float, ...] = ()
     eddy_error: float = 0.01
+    thermal: Surroundings = STILL_AIR
 
     @property
     def coil(self) -> Coil:

@@ -10,7 +10,7 @@ from femfit.device.complaints import did_you_mean, joined, read_table
 from femfit.device.decimals import scaled
 from femfit.device.drawing import Drawing, DrawnWinding, check_name, coil_tables, table_at
 from femfit.device.outlines import flattened
-from femfit.device.parts import Coil
+from femfit.device.parts import REFERENCE_TEMPERATURE, Coil
 from femfit.device.schema import CoilEntry, SupplyEntry
 from femfit.device.schema_device import CircuitEntry, WindingEntry
 from femfit.device.winding import smallest_winding_area, wire_resistance
@@ -38,20 +38,22 @@ def _coil(entry: CoilEntry, winding: DrawnWinding, problems: list[str]) -> Coil 
                 f"mm need at least {needed:.4g} mm^2 and the winding has {polygon.area:.4g} mm^2. "
                 "Take fewer turns, a thinner wire or a larger winding."
             )
-    resistance = entry.resistance_ohm
+    resistance, temperature = entry.resistance_ohm, REFERENCE_TEMPERATURE
     if resistance is None:
         if entry.wire_diameter_mm is None:
             problems.append(
                 f"{path}.resistance_ohm is missing, and so is wire_diameter_mm to have it from. Give one of the two."
             )
             return None
-        resistance = wire_resistance(
-            entry.turns, polygon.centroid.x * 1e-3, entry.wire_diameter_mm * 1e-3, entry.temperature_C
-        )
+        temperature = entry.temperature_C
+        resistance = wire_resistance(entry.turns, polygon.centroid.x * 1e-3, entry.wire_diameter_mm * 1e-3, temperature)
     outline = winding.part.outline  # its arcs become chords: nothing of a winding is singular at a corner
     corners = tuple((scaled(r), scaled(z)) for r, z in flattened(outline.corners, outline.bulges))
     diameter = None if entry.wire_diameter_mm is None else scaled(entry.wire_diameter_mm)
-    return Coil(corners, entry.turns, resistance, diameter, winding.part.name, winding.moves, circuit=winding.part.name)
+    name = winding.part.name
+    return Coil(
+        corners, entry.turns, resistance, diameter, name, winding.moves, circuit=name, temperature_C=temperature
+    )
 
 
 def read_supply(data: Mapping[str, Any], problems: list[str]) -> SupplyEntry | None:

@@ -47,6 +47,7 @@ class FileEntry(Entry):
     supply: dict[str, Any] | None = Field(None, description="Give the driver as a table [supply].")
     sweep: dict[str, Any] = Field(description="Give the grid as a table [sweep] with current_A and distance_mm.")
     solver: dict[str, Any] | None = Field(None, description="Give [solver] tolerance, or leave it out.")
+    thermal: dict[str, Any] | None = Field(None, description="Give what temperatures depend on as a table [thermal].")
     reference: dict[str, Any] | None = Field(None, description="Give [reference] distance_mm, or leave it out.")
     tolerances: dict[str, Any] = Field(
         {}, description="Give standard deviations of numbers of this file by their key paths as [tolerances]."

@@ -24,6 +24,15 @@ class ConductorEntry(Entry):
         description="Give the thickness in mm of insulated sheets that stand radially around the axis, so that no "
         "current flows around it; 0 for a solid part and for discs.",
     )
+    thermal_conductivity_W_per_m_K: float | None = Field(
+        None, gt=0, le=5e3, description="Give the thermal conductivity, or leave it to what is usual for its kind."
+    )
+    heat_capacity_MJ_per_m3_K: float | None = Field(
+        None,
+        gt=0,
+        le=100,
+        description="Give density times specific heat (steel 3.4, aluminium 2.4), or leave it to what is usual.",
+    )
 
 
 class MaterialEntry(ConductorEntry):
@@ -37,6 +46,9 @@ class MaterialEntry(ConductorEntry):
     )
     remanence_coefficient_per_K: float = Field(
         0.0, ge=-0.02, le=0.02, description="Give the relative change of B_r per kelvin: -0.0012 for -0.12 %/K."
+    )
+    working_temperature_C: float | None = Field(
+        None, ge=-273, le=1000, description="Give a magnet's largest working temperature in degC, where it is known."
     )
 
 

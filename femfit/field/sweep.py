@@ -257,10 +257,17 @@ def _numbers(sweep: str | Path | Actuator | VariantSweep) -> tuple[DrawnNumber, 
 
 def _configuration(sweep: VariantSweep, settings: SolverSettings, numbers: Sequence[DrawnNumber]) -> dict[str, Any]:
     content = {
-        "actuator": asdict(sweep.actuator),
-        "variants": [asdict(variant) for variant in sweep.variants],
+        "actuator": _cold(asdict(sweep.actuator)),
+        "variants": [_cold(asdict(variant)) for variant in sweep.variants],
         "settings": asdict(settings),
         "versions": versions(),
     } | ({"signatures": [asdict(number.facts) for number in numbers]} if numbers else {})
     text = json.dumps(content, sort_keys=True)
     return {**content, "hash": hashlib.sha256(text.encode()).hexdigest()}
+
+
+def _cold(data: Any) -> Any:
+    """The same without what temperatures alone depend on, so that a field need not be solved again for these."""
+    if isinstance(data, dict):
+        return {key: _cold(value) for key, value in data.items() if key != "thermal"}
+    return [_cold(value) for value in data] if isinstance(data, list | tuple) else data

@@ -1,0 +1,61 @@
+"""``femfit heat``: how warm winding and magnet become, what that costs, and which current may last."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def heat(
+    actuator: Path,
+    *,
+    current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
+    voltage: Annotated[tuple[float, ...], Parameter(negative=())] = (),
+    distance_mm: float | None = None,
+    alternating_A: Annotated[tuple[float, ...], Parameter(name="--alternating-A", negative=())] = (),
+    frequency_Hz: Annotated[float | None, Parameter(name="--frequency-Hz")] = None,
+    sweep: Path | None = None,
+    model: Path | None = None,
+    json: Path | None = None,
+) -> None:
+    """How warm winding and magnet become: hot resistance, remanence, time, and the largest current that may last.
+
+    Parameters
+    ----------
+    actuator : Path
+        Actuator file (.toml); its table [thermal] says what surrounds the actuator.
+    current_A : tuple of float
+        Held current, one for each circuit; default: the most that the supply gives.
+    voltage : tuple of float
+        Held voltage in V in place of it.
+    distance_mm : float
+        Where the moving part is held; default: the first reference distance, or the shortest that it can have.
+    alternating_A : tuple of float
+        Rms value of a sinusoidal current beside the held one.
+    frequency_Hz : float
+        Of that current, for its eddy currents; it needs --sweep.
+    sweep : Path
+        Run directory of a sweep with [solver] frequency_Hz.
+    model : Path
+        Model of this drawing (.json), for what the force loses.
+    json : Path
+        File for the result as JSON, with the thermal network.
+    """
+    from femfit.cli.output import write_json
+    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.heat.find_temperatures import find_temperatures
+
+    given = [file for file in (actuator, sweep, model) if file is not None]
+    require_outputs(given, (json, RESULT))
+    found = find_temperatures(
+        actuator,
+        current_A=current_A or None,
+        voltage_V=voltage or None,
+        distance_m=None if distance_mm is None else 1e-3 * distance_mm,
+        alternating_A=alternating_A or 0.0,
+        frequency_Hz=frequency_Hz,
+        sweep=sweep,
+        model=model,
+    )
+    write_json(json, found.to_dict())
+    print(found)

@@ -1,0 +1,1 @@
+"""How warm winding, iron and magnet become: losses, a network of the drawing's parts, steady state and time."""

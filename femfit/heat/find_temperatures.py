@@ -1,0 +1,204 @@
+"""Where a drawing's temperatures settle, and what winding and magnet are then."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from femfit.core.amount import amount_range
+from femfit.core.arrays import FloatArray
+from femfit.core.errors import DomainError, MissingPartError, UsageError
+from femfit.device.load import read_actuator
+from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.heat.balance import time_until
+from femfit.heat.feed import Feed, feed_of
+from femfit.heat.limits import hottest, largest_loads
+from femfit.heat.losses import eddy_losses
+from femfit.heat.network import HeatNetwork, heat_network
+from femfit.heat.result import MagnetWarmth, Temperatures
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import read_model
+from femfit.model.with_effects import with_effects
+from femfit.tables.eddy_table import EddyTable, read_eddy
+
+SPREAD = 1.5
+"""Assumed: factor either way within which the heat that a free face gives off is known."""
+
+SETTLED = 1.0 - np.exp(-1.0)
+
+
+def find_temperatures(
+    actuator: Actuator | str | Path,
+    *,
+    current_A: float | Sequence[float] | None = None,
+    voltage_V: float | Sequence[float] | None = None,
+    distance_m: float | None = None,
+    alternating_A: float | Sequence[float] = 0.0,
+    frequency_Hz: float | None = None,
+    sweep: str | Path | None = None,
+    model: ActuatorModel | str | Path | None = None,
+) -> Temperatures:
+    """Find the temperatures at which a drawing's parts settle, by a network of its parts.
+
+    Parameters
+    ----------
+    actuator : Actuator or path
+        With ``[thermal]`` where its surroundings are not the usual ones.
+    current_A, voltage_V : float or sequence of float
+        What is held, of each circuit; without either, the most that the supply gives.
+    distance_m : float
+        At which the moving part is held; by default the first reference distance, or the shortest that it can have.
+    alternating_A : float or sequence of float
+        Rms value of a sinusoidal current beside it.
+    frequency_Hz, sweep : float and path
+        Of that current, and a sweep with ``frequency_Hz``, for the heat of its eddy currents.
+    model : ActuatorModel or path
+        Of the drawing, for what the force loses.
+
+    Raises
+    ------
+    MissingPartError
+        If there is no coil, or the sweep has no eddy currents.
+    UsageError
+        If what is given does not fit together.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> warm = ff.find_temperatures("rig.toml", current_A=0.8)
+    >>> print(f"{warm.windings_C[0]:.0f} degC, {warm.resistances_ohm[0]:.2f} ohm")
+    61 degC, 3.12 ohm
+    """
+    actuator = actuator if isinstance(actuator, Actuator) else read_actuator(actuator)
+    distance = held_distance(actuator) if distance_m is None else distance_m
+    network = heat_network(actuator, distance)
+    eddies = None
+    if sweep is not None and frequency_Hz is not None:
+        eddies = partial(_eddy_heat, network, _eddy_table(sweep, distance), distance, frequency_Hz)
+    elif sweep is not None or frequency_Hz is not None:
+        raise UsageError("Eddy currents need both a frequency and a sweep. Give both or none.")
+    if voltage_V is None and current_A is None and np.any(alternating_A):
+        current_A = 0.0
+    feed = feed_of(actuator, network, voltage_V, current_A, alternating_A, eddies)
+    result = _found(actuator, network, feed, distance)
+    if model is not None and result.settles:
+        result = replace(result, force=_forces(model, feed, result))
+    if result.lasts or not 0.0 < result.allowed_factor < np.inf:
+        return result
+    lasting = find_temperatures(
+        actuator,
+        current_A=(result.allowed_factor * result.currents_A).tolist(),
+        distance_m=distance,
+        alternating_A=(result.allowed_factor * result.alternating_A).tolist(),
+        frequency_Hz=frequency_Hz,
+        sweep=sweep,
+        model=model,
+    )
+    return replace(result, lasting=lasting)
+
+
+def _found(actuator: Actuator, network: HeatNetwork, feed: Feed, distance: float) -> Temperatures:
+    around = actuator.thermal
+    ambient = around.ambient_C
+    start, found = np.full(len(network.parts), ambient), feed.settled(network, ambient)
+    warm = np.full(len(network.parts), np.nan) if found is None else found
+    currents = feed.currents(start if found is None else found)
+    factor, limiting = largest_loads(network, around, feed.loads(currents))
+    rise = warm[0] - ambient
+    until = partial(time_until, network, ambient, feed.powers)
+    return Temperatures(
+        names=network.names,
+        count=len(network.windings),
+        distance_m=distance,
+        surroundings=around,
+        temperatures_C=warm,
+        hottest_C=hottest(network, ambient, warm),
+        spread_C=np.array([_with_film(actuator, distance, feed, factor) for factor in (SPREAD, 1.0 / SPREAD)]),
+        volts=feed.volts,
+        cold_currents_A=feed.currents(start),
+        currents_A=currents,
+        alternating_A=feed.alternating_A,
+        cold_resistances_ohm=feed.resistances(start),
+        resistances_ohm=feed.resistances(warm),
+        heat_W=feed.powers(warm),
+        eddy_W=feed.eddy_W,
+        settling_s=until(lambda now: float(now[0] - ambient - SETTLED * rise)) if rise > 0.0 else None,
+        limit_s=until(lambda now: float(hottest(network, ambient, now).max() - around.winding_limit_C)),
+        allowed_factor=float(np.sqrt(factor)),
+        limiting=limiting,
+        magnets=_magnets(network, warm),
+        force=None,
+        network=network,
+    )
+
+
+def _eddy_table(sweep: str | Path, distance: float) -> EddyTable:
+    table = read_eddy(Path(sweep))
+    if table is None:
+        raise MissingPartError(f"{sweep} must hold eddy currents; sweep the drawing with [solver] frequency_Hz.")
+    low, high = table.distances_m[[0, -1]]
+    if not low <= distance <= high:
+        raise UsageError(f"The distance must lie within that sweep, {amount_range(low, high, 'm', 3)}.")
+    return table
+
+
+def held_distance(actuator: Actuator) -> float:
+    """Distance in m at which the moving part is held if nothing else is said."""
+    if actuator.reference_distances_m:
+        return actuator.reference_distances_m[0]
+    return max(min(actuator.sweep.distances_m), actuator.mechanics.ends[0])
+
+
+def _eddy_heat(
+    network: HeatNetwork, table: EddyTable, distance: float, frequency: float, currents: FloatArray
+) -> FloatArray:
+    """Heat of each part in W: a material's loss, by the volumes of its parts."""
+    place = int(np.argmin(np.abs(table.distances_m - distance)))
+    losses = eddy_losses(table, place, np.array([frequency]), currents)[0]
+    heat = np.zeros(len(network.parts))
+    for name, loss in zip(table.materials, losses, strict=True):
+        own = np.array([getattr(getattr(part, "material", None), "name", "") == name for part in network.parts])
+        heat += loss * own * network.volumes_m3 / (own @ network.volumes_m3)
+    return heat
+
+
+def _with_film(actuator: Actuator, distance: float, feed: Feed, factor: float) -> float:
+    """The warmest winding's mean where free faces give off more or less heat; NaN where it runs away."""
+    film = factor * actuator.thermal.film_W_per_m2_K
+    other = replace(actuator, thermal=replace(actuator.thermal, film_W_per_m2_K=film))
+    found = feed.settled(heat_network(other, distance), actuator.thermal.ambient_C)
+    return np.nan if found is None else float(found[: len(actuator.coils)].max())
+
+
+def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarmth, ...]:
+    found = []
+    for part, celsius in zip(network.parts, temperatures, strict=True):
+        material = getattr(part, "material", None)
+        if isinstance(material, LinearMaterial) and material.remanence_T:
+            change = material.remanence_coefficient_per_K * (celsius - REFERENCE_TEMPERATURE)
+            drawn = material.remanence_coefficient_per_K * (material.temperature_C - REFERENCE_TEMPERATURE)
+            known = material.thermal.working_temperature_C
+            found.append(MagnetWarmth(part.name, float(celsius), float(change), float(drawn), known))
+    return tuple(found)
+
+
+def _forces(model: ActuatorModel | str | Path, feed: Feed, result: Temperatures) -> tuple[float, float] | None:
+    """Force in N as it is switched on and once it is warm; None where the model ends below."""
+    model = model if isinstance(model, ActuatorModel) else read_model(model)
+    forces = []
+    for temperatures in (np.full(len(result.names), result.surroundings.ambient_C), result.temperatures_C):
+        changes = [(1.0 + one.change) / (1.0 + one.drawn) - 1.0 for one in _magnets(result.network, temperatures)]
+        warm = model
+        if any(changes):  # of several magnets the mean
+            effect = AddedEffect(effect_by_name("remanence"), {"remanence_error": float(np.mean(changes))})
+            warm = with_effects(model, [*model.effects, effect])
+        currents = feed.currents(temperatures)
+        try:
+            forces.append(float(warm.force(result.distance_m, currents if len(currents) > 1 else currents[0])))
+        except DomainError:
+            return None
+    return forces[0], forces[1]

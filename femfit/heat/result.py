@@ -1,0 +1,233 @@
+"""What is told of temperatures that were found."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from femfit.core.amount import amount, amount_range, rounded
+from femfit.core.arrays import FloatArray
+from femfit.core.printed import Printed
+from femfit.device.thermal import Surroundings
+from femfit.heat.network import HeatNetwork
+
+ASSUMED = (
+    "Assumed: air of {ambient_C:g} °C, {film_W_per_m2_K:g} W/(m² K) from free faces, {insulation_W_per_m_K:g} W/(m K) "
+    "between strands, {mounting_W_per_K:g} W/K through the mounting. [thermal] in the drawing changes this."
+)
+
+
+@dataclass(frozen=True)
+class MagnetWarmth:
+    """A magnet's temperature and remanence."""
+
+    part: str
+    temperature_C: float
+    change: float  # Of the remanence, relative to 20 degC; zero where its coefficient is not known
+    drawn: float  # The same of the drawing's
+    working_C: float | None  # Largest working temperature, where it is known
+
+    def __str__(self) -> str:
+        text = f"{self.part}: {amount(self.temperature_C, 'C')}, remanence"
+        if self.change:
+            return f"{text} {_less(-self.change)} than at 20 °C."
+        return f"{text} as drawn (its material has no remanence_coefficient_per_K)."
+
+    @property
+    def too_warm(self) -> bool:
+        """Whether it is above its largest working temperature; it may stay weaker then."""
+        return self.working_C is not None and self.temperature_C > self.working_C * (1.0 + 1e-6)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Temperatures(Printed):
+    """Where a drawing's parts settle; numbers are NaN where they do not.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parts, windings first.
+    count : int
+        Number of windings.
+    temperatures_C : array, shape (parts,)
+        Of a winding its mean.
+    hottest_C : array, shape (windings,)
+        Of the hottest strand, about.
+    spread_C : array, shape (2,)
+        Means of the warmest winding where free faces give off half as much again, and two thirds.
+    volts, cold_currents_A, currents_A, alternating_A, cold_resistances_ohm, resistances_ohm : arrays, shape (circuits,)
+        Of the circuits, ``cold`` as they are switched on.
+    heat_W, eddy_W : arrays, shape (parts,)
+        All heat, and that of eddy currents.
+    settling_s, limit_s : float or None
+        Times after switching on when the first winding has warmed by 63 %, and when the hottest strand is at its limit;
+        None where never.
+    allowed_factor : float
+        By what all currents may be multiplied to last; infinite where there is no heat.
+    limiting : str
+        The part that they bring to its limit.
+    force : tuple of float, or None
+        In N, as it is switched on and warm; None without a model, or outside of what it knows.
+    lasting : Temperatures or None
+        At the currents that may last, where those that were given may not.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.find_temperatures("rig.toml", current_A=0.8).limiting
+    'coil'
+    """
+
+    names: tuple[str, ...]
+    count: int
+    distance_m: float
+    surroundings: Surroundings
+    temperatures_C: FloatArray
+    hottest_C: FloatArray
+    spread_C: FloatArray
+    volts: FloatArray
+    cold_currents_A: FloatArray
+    currents_A: FloatArray
+    alternating_A: FloatArray
+    cold_resistances_ohm: FloatArray
+    resistances_ohm: FloatArray
+    heat_W: FloatArray
+    eddy_W: FloatArray
+    settling_s: float | None
+    limit_s: float | None
+    allowed_factor: float
+    limiting: str
+    magnets: tuple[MagnetWarmth, ...]
+    force: tuple[float, float] | None
+    network: HeatNetwork
+    lasting: "Temperatures | None" = None
+
+    @property
+    def lasts(self) -> bool:
+        """Whether nothing becomes too warm."""
+        too_warm = self.hottest_C.max() > self.surroundings.winding_limit_C * (1.0 + 1e-6) or any(
+            one.too_warm for one in self.magnets
+        )
+        return self.settles and not too_warm
+
+    @property
+    def allowed_A(self) -> FloatArray:  # noqa: N802  the unit
+        """Rms currents that may last, in the ratio of those that were found; shape (circuits,)."""
+        if not np.isfinite(self.allowed_factor):
+            return np.full(len(self.currents_A), np.inf)
+        return np.asarray(self.allowed_factor * np.hypot(self.currents_A, self.alternating_A))
+
+    @property
+    def settles(self) -> bool:
+        """Whether there are temperatures that last."""
+        return bool(np.isfinite(self.temperatures_C).all())
+
+    @property
+    def windings_C(self) -> FloatArray:  # noqa: N802  the unit
+        """Mean temperatures of the windings."""
+        return self.temperatures_C[: self.count]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        left_out = {"network", "magnets", "lasting", "surroundings"}
+        data = {name: _plain(value) for name, value in vars(self).items() if name not in left_out}
+        return {
+            **data,
+            "allowed_A": _plain(self.allowed_A),
+            "settles": self.settles,
+            "lasts": self.lasts,
+            "lasting": self.lasting and self.lasting.to_dict(),
+            "magnets": [vars(one) for one in self.magnets],
+            "thermal": vars(self.surroundings),
+            "capacities_J_per_K": self.network.capacities.tolist(),
+            "conductances_W_per_K": self.network.between.tolist(),
+            "outwards_W_per_K": self.network.outwards.tolist(),
+        }
+
+    def __str__(self) -> str:
+        if self.lasts:
+            lines = [*self.settled_lines(), self._allowed()]
+        else:
+            lines = [self._too_warm(), self._allowed(), *(self.lasting.settled_lines() if self.lasting else ())]
+        return "\n".join([*lines, ASSUMED.format(**vars(self.surroundings))])
+
+    def settled_lines(self) -> list[str]:
+        """Where it settles, without what it may carry and what is assumed."""
+        lines = [self._answer(), self._electric(), *map(str, self.magnets)]
+        if self.force is not None and self.force[0]:
+            cold, warm = self.force
+            at = amount(self.distance_m, "m", 3)
+            lines.append(f"The force at {at} is then {amount(warm, 'N', 3)}, {_less(1.0 - warm / cold)} than cold.")
+        return lines
+
+    def _fed(self) -> str:
+        fed = [
+            amount(volt, "V", 3) if np.isfinite(volt) else amount(ampere, "A", 3)
+            for volt, ampere in zip(self.volts, self.cold_currents_A, strict=True)
+        ]
+        waves = [amount(one, "A", 3) for one in self.alternating_A if one]
+        return " and ".join(fed) + (f" with {' and '.join(waves)} rms alternating" if waves else "")
+
+    def _too_warm(self) -> str:
+        text = f"{self._fed()} may not last. "
+        if self.limit_s is not None:
+            text += f"The winding passes {amount(self.surroundings.winding_limit_C, 'C')} after {_time(self.limit_s)}"
+        else:
+            (magnet, *_) = [one for one in self.magnets if one.too_warm]
+            text += f"The magnet {magnet.part} becomes too warm"
+        if not self.settles:
+            return f"{text}, and never settles: its heat grows with its resistance faster than it flows off."
+        return f"{text}; it would settle at {amount(float(self.windings_C.max()), 'C')}."
+
+    def _answer(self) -> str:
+        each = ", ".join(f"{name} {amount(mean, 'C')}" for name, mean in zip(self.names, self.windings_C, strict=False))
+        low, high = self.spread_C
+        spread = amount_range(low, high, "C", 3) if np.isfinite(high) else f"{amount(low, 'C')} to no end"
+        settles = f"the winding settles at {amount(self.windings_C[0], 'C')}"
+        if self.count > 1:
+            settles = f"the windings settle at {each}"
+        return (
+            f"{self._fed()} for ever: {settles} ({spread} where free faces give off half as much again or a third "
+            f"less), 63 % of it after {_time(self.settling_s)}. Its hottest strand is near "
+            f"{amount(float(self.hottest_C.max()), 'C')}."
+        )
+
+    def _electric(self) -> str:
+        changes = zip(self.cold_resistances_ohm, self.resistances_ohm, strict=True)
+        text = f"Resistance {_instead(changes, 'ohm')}"
+        if np.isfinite(self.volts).any():
+            text += f", current {_instead(zip(self.cold_currents_A, self.currents_A, strict=True), 'A')}"
+        text += f"; heat {amount(float(self.heat_W.sum()), 'W', 3)}"
+        eddy = float(self.eddy_W.sum())
+        return f"{text}, {amount(eddy, 'W', 3)} of it by eddy currents." if eddy else f"{text}."
+
+    def _allowed(self) -> str:
+        if not self.limiting:
+            return "No winding is heated."
+        currents = " and ".join(amount(float(one), "A", 3) for one in self.allowed_A)
+        known = [one.working_C for one in self.magnets if one.part == self.limiting]
+        limit = amount(known[0] if known and known[0] is not None else self.surroundings.winding_limit_C, "C")
+        return f"The largest current that may last is {currents}: {self.limiting} is then at its limit of {limit}."
+
+
+def _instead(changes: Iterable[tuple[float, float]], unit: str) -> str:
+    return " and ".join(f"{amount(warm, unit, 3)} instead of {amount(cold, unit, 3)}" for cold, warm in changes)
+
+
+def _less(share: float) -> str:
+    return f"{rounded(100.0 * abs(share), 2)} % {'less' if share >= 0.0 else 'more'}"
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return "a time not known"
+    return f"{rounded(seconds / 60.0, 2)} min" if seconds >= 120.0 else f"{rounded(seconds, 2)} s"
+
+
+def _plain(value: Any) -> Any:
+    return (
+        [None if isinstance(one, float) and np.isnan(one) else one for one in value.tolist()]
+        if isinstance(value, np.ndarray)
+        else value
+    )

@@ -1,0 +1,103 @@
+"""What the faces of parts look at: another part across a gap, or the open air.
+
+A ray leaves each piece of an outline along its normal. Where it meets another part, heat crosses what is between them:
+of a tube of rays over the length g from the radius r to r', 2 pi ds (r' - r) / ln(r' / r) / g of air, which is exact
+for flat and for cylindrical layers. The open air is where a disc as wide as the gap gets to that conducts as well as
+the air's two films; a wider pocket that is closed counts as such a gap.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from femfit.core.arrays import FloatArray, IntArray
+
+PIECES = 400
+"""Numerical: of each part's outline; conductances of the drawings of ``geometry/`` are within 0.5 % of 1,600."""
+
+BESIDE = 2e-5
+"""Numerical: in m, beside a face; wider than the chords of a closed outline are off its arcs."""
+
+START = 1e-7
+"""Numerical: in m, before a face; where a ray starts."""
+
+OPEN, NOTHING = -1, -2
+"""In place of the part that a piece faces: the open air, or nothing but its own part."""
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Pieces of the outlines of parts, arrays of shape (pieces,)."""
+
+    part: IntArray  # Which part's
+    side: IntArray  # Where it looks to: 0 inwards, 1 outwards, 2 down, 3 up
+    facing: IntArray  # Which part it faces, or OPEN or NOTHING
+    area: FloatArray  # In m^2; of a gap the mean along it
+    gap: FloatArray  # In m; zero where parts touch, and of the open air
+
+
+def faces_of(parts: Sequence[shapely.Polygon], widest: float) -> Faces:
+    """Pieces of the outlines of sections (r, z); gaps wider than ``widest`` in m count as that wide."""
+    pieces = [_pieces(part) for part in parts]
+    which = np.repeat(np.arange(len(parts)), [len(one[0]) for one in pieces])
+    place, normal, length = (np.concatenate(one) for one in zip(*pieces, strict=True))
+    whole = [shapely.union(part, _mirrored(part)) for part in parts]
+    filled = _closed(shapely.union_all(whole), widest)
+    free = ~shapely.contains_xy(filled, *(place + BESIDE * normal).T)
+    low_r, low_z, high_r, high_z = filled.bounds
+    start, stop = place + START * normal, place + np.hypot(high_r - low_r, high_z - low_z) * normal
+    rays = shapely.linestrings(np.stack([start, stop], axis=1))
+    origins = shapely.points(start)
+    gaps = np.array([_distance(origins, rays, part) for part in whole])
+    nearest = gaps.argmin(axis=0)
+    gap = gaps.min(axis=0) + START
+    gap[gap < 10.0 * START] = 0.0
+    met = np.isfinite(gap)
+    facing = np.where(free | ~met, OPEN, np.where(nearest == which, NOTHING, nearest))
+    gap = np.where(facing >= 0, np.minimum(gap, widest), 0.0)
+    r, far = place[:, 0], np.abs(place[:, 0] + gap * normal[:, 0])
+    side = np.where(np.abs(normal[:, 0]) > np.abs(normal[:, 1]), normal[:, 0] > 0.0, 2 + (normal[:, 1] > 0.0))
+    return Faces(which, side.astype(np.int64), facing, 2.0 * np.pi * length * _log_mean(r, far), gap)
+
+
+def _pieces(part: shapely.Polygon) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Middles (n, 2), outward normals (n, 2) and lengths (n,) of an outline's pieces that are not on the axis."""
+    ring = shapely.segmentize(part.exterior, part.exterior.length / PIECES)
+    corners = np.array(ring.coords if ring.is_ccw else ring.coords[::-1])
+    step = np.diff(corners, axis=0)
+    length = np.hypot(*step.T)
+    place = 0.5 * (corners[:-1] + corners[1:])
+    kept = (length > 0.0) & (place[:, 0] > BESIDE)
+    normal = np.column_stack([step[:, 1], -step[:, 0]])[kept] / length[kept, None]
+    return place[kept], normal, length[kept]
+
+
+def _mirrored(part: shapely.Polygon) -> shapely.Polygon:
+    return shapely.transform(part, lambda points: points * [-1.0, 1.0])
+
+
+def _closed(filled: shapely.Geometry, widest: float) -> shapely.Geometry:
+    """The parts with gaps narrower than ``widest``, and with all that these close in."""
+    closed = filled.buffer(0.5 * widest).buffer(-0.5 * widest)
+    rings = [one.exterior for one in getattr(closed, "geoms", [closed])]
+    return shapely.union_all([shapely.Polygon(ring) for ring in rings])
+
+
+def _distance(origins: NDArray[np.object_], rays: NDArray[np.object_], part: shapely.Geometry) -> FloatArray:
+    """How far away along each ray a part is; infinite where it is not met."""
+    found = np.full(len(rays), np.inf)
+    shapely.prepare(part)
+    meets = shapely.intersects(part, rays)
+    found[meets] = shapely.distance(origins[meets], shapely.intersection(rays[meets], part))
+    return found
+
+
+def _log_mean(one: FloatArray, other: FloatArray) -> FloatArray:
+    """(b - a) / ln(b / a), and a where they are alike; a floor keeps rays that reach the axis finite."""
+    a, b = np.maximum(one, BESIDE), np.maximum(other, BESIDE)
+    alike = np.abs(b - a) < 1e-6 * a
+    ratio = np.where(alike, np.e, b / a)
+    return np.asarray(np.where(alike, 0.5 * (a + b), (b - a) / np.log(ratio)))

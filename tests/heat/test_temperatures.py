@@ -1,0 +1,152 @@
+"""What is found of a drawing's temperatures, and what is told of it."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit as ff
+from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
+from femfit.core.errors import MissingPartError, UsageError
+from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.heat.find_temperatures import find_temperatures
+from support.actuators import GEOMETRY
+
+RIG = GEOMETRY / "emaws-rig.toml"
+
+
+def resistance_of_heat(actuator, distance):
+    """Rise of the winding's mean in K for each watt in it."""
+    found = find_temperatures(actuator, current_A=1e-3, distance_m=distance)
+    return float((found.windings_C[0] - 20.0) / found.heat_W.sum())
+
+
+def test_a_held_voltage_settles_where_the_quadratic_equation_says():
+    """(1 + alpha x) x = R_th U^2 / R."""
+    actuator = read_actuator(RIG)
+    rth, ohm = resistance_of_heat(actuator, 0.022), 2.69
+    found = find_temperatures(actuator, voltage_V=3.0)
+    rise = (math.sqrt(1.0 + 4.0 * ALPHA * rth * 9.0 / ohm) - 1.0) / (2.0 * ALPHA)
+    assert found.windings_C[0] - 20.0 == pytest.approx(rise, rel=1e-5)
+    assert found.currents_A[0] == pytest.approx(3.0 / (ohm * (1.0 + ALPHA * rise)), rel=1e-5)
+
+
+def test_a_held_current_settles_higher_and_runs_away_at_its_limit():
+    actuator = read_actuator(RIG)
+    rth = resistance_of_heat(actuator, 0.022)
+    found = find_temperatures(actuator, current_A=1.0)
+    assert found.windings_C[0] - 20.0 == pytest.approx(rth * 2.69 / (1.0 - ALPHA * rth * 2.69), rel=1e-4)
+    limit = 1.0 / math.sqrt(ALPHA * rth * 2.69)
+    assert find_temperatures(actuator, current_A=0.999 * limit).settles
+    gone = find_temperatures(actuator, current_A=1.001 * limit)
+    assert not gone.settles
+    assert gone.limit_s > 0.0
+    assert "never settles" in str(gone)
+
+
+def test_the_largest_current_brings_the_hottest_strand_to_its_limit():
+    found = find_temperatures(RIG, current_A=0.5)
+    at = find_temperatures(RIG, current_A=found.allowed_A)
+    assert at.hottest_C[0] == pytest.approx(130.0, abs=1e-4)
+    assert at.allowed_factor == pytest.approx(1.0, abs=1e-6)
+    assert at.lasts
+    above = find_temperatures(RIG, current_A=1.05 * found.allowed_A)
+    assert not above.lasts
+    assert above.lasting.hottest_C[0] == pytest.approx(130.0, abs=1e-3)
+
+
+def test_a_magnet_may_be_what_limits_the_current():
+    found = find_temperatures(GEOMETRY / "biased-electromagnet.toml", current_A=2.0)
+    assert found.limiting == "bias"
+    assert found.lasting.magnets[0].temperature_C == pytest.approx(80.0, abs=1e-3)
+    assert found.lasting.magnets[0].change == pytest.approx(-1.2e-3 * 60.0, rel=1e-4)
+
+
+def test_an_alternating_current_heats_by_its_rms_value():
+    direct = find_temperatures(RIG, current_A=0.5)
+    both = find_temperatures(RIG, current_A=0.3, alternating_A=0.4)
+    assert both.windings_C == pytest.approx(direct.windings_C)
+    assert find_temperatures(RIG, alternating_A=0.5).windings_C == pytest.approx(direct.windings_C)
+
+
+def test_a_drawing_at_100_degrees_has_the_resistance_of_20_degrees_before_it_warms_up():
+    text = (GEOMETRY / "pot-magnet.toml").read_text()
+    cold = find_temperatures(actuator_from_toml(text), current_A=0.2)
+    hot = find_temperatures(
+        actuator_from_toml(text.replace("turns = 300", "turns = 300\ntemperature_C = 100")), current_A=0.2
+    )
+    assert hot.resistances_ohm == pytest.approx(cold.resistances_ohm)
+
+
+def test_several_windings_settle_together():
+    found = find_temperatures(GEOMETRY / "bearing.toml", current_A=(1.0, 0.0))
+    assert found.count == 2
+    assert found.windings_C[0] > found.windings_C[1] > 20.0
+    assert "windings settle at lower" in str(found)
+
+
+def test_a_warm_winding_and_magnet_pull_less(tmp_path):
+    """In linear iron the force is a + b i + c i^2 for remanence 1: a s^2 + b s i + c i^2 for s."""
+    text = RIG.read_text().replace("remanence_T = 1.45", "remanence_T = 1.45\nremanence_coefficient_per_K = -0.0012")
+    text = text.replace("{ start = 15, stop = 45, step = 0.5 }", "[4, 5, 6, 8, 10, 13, 17, 22, 30]")
+    file = tmp_path / "rig.toml"
+    file.write_text(text)
+    model = ff.fit_model(ff.run_sweep(file, tmp_path / "run", workers=1)).model
+    found = find_temperatures(file, current_A=0.8, distance_m=4e-3, model=model)
+    i = np.array([0.0, 0.4, 0.8])
+    a, b, c = np.linalg.solve(np.vander(i, increasing=True), model.force(4e-3, i))
+    s = 1.0 + found.magnets[0].change
+    assert s < 0.995
+    assert found.force[0] == pytest.approx(float(model.force(4e-3, 0.8)))
+    assert found.force[1] == pytest.approx(a * s**2 + b * s * 0.8 + c * 0.64, rel=3e-4)
+    assert "% less than cold" in str(found)
+    assert find_temperatures(file, current_A=1.5, distance_m=4e-3, model=model).force is None  # the model ends at 1.4 A
+
+
+def test_what_is_assumed_is_said_and_can_be_given():
+    text = (GEOMETRY / "pot-magnet.toml").read_text()
+    given = text + "\n[thermal]\nambient_C = 40\nfilm_W_per_m2_K = 20\nmounting_W_per_K = 1\nwinding_joint_mm = 0.2\n"
+    around = actuator_from_toml(given).thermal
+    assert (around.ambient_C, around.film_W_per_m2_K, around.mounting_W_per_K) == (40.0, 20.0, 1.0)
+    assert around.winding_joint_m == pytest.approx(2e-4)
+    told = str(find_temperatures(actuator_from_toml(given), current_A=0.1))
+    assert "air of 40 °C, 20 W/(m² K)" in told
+    assert "1 W/K through the mounting" in told
+
+
+def test_thermal_numbers_do_not_make_a_sweep_start_again(tmp_path):
+    text = (GEOMETRY / "emaws-rig.toml").read_text()
+    text = text.replace("{ start = 15, stop = 45, step = 0.5 }", "[20, 30]")
+    first = ff.run_sweep(actuator_from_toml(text), tmp_path, workers=1)
+    warmer = actuator_from_toml(text + "\n[thermal]\nambient_C = 40\n")
+    again = ff.run_sweep(warmer, tmp_path, workers=1)
+    assert again.manifest["configuration_hash"] == first.manifest["configuration_hash"]
+
+
+def test_the_result_goes_into_json():
+    found = find_temperatures(GEOMETRY / "pot-magnet.toml", current_A=1.0)
+    data = json.loads(json.dumps(found.to_dict()))
+    assert data["settles"] is False
+    assert data["temperatures_C"] == [None] * 3
+    assert data["lasting"]["settles"] is True
+
+
+def test_what_does_not_fit_together_is_refused():
+    actuator = read_actuator(RIG)
+    with pytest.raises(UsageError, match="either a voltage or a current"):
+        find_temperatures(actuator, current_A=1.0, voltage_V=1.0)
+    with pytest.raises(UsageError, match="one number, or one for each"):
+        find_temperatures(actuator, current_A=(1.0, 2.0))
+    with pytest.raises(MissingPartError, match="have a coil"):
+        find_temperatures(GEOMETRY / "magnet-pair.toml")
+    with pytest.raises(UsageError, match="no limits"):
+        find_temperatures(replace(actuator, circuits=(replace(actuator.circuits[0], voltage_max_V=math.inf),)))
+
+
+def test_without_a_current_nothing_warms_up():
+    found = find_temperatures(RIG, current_A=0.0)
+    assert found.temperatures_C == pytest.approx(20.0)
+    assert found.limiting == ""
+    assert "No winding is heated" in str(found)
