@@ -12,9 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.filters.levitation import fastest_time_constant, kept_between_stops
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.bspline import basis_matrix
 from femfit.model.coenergy_series import ModelCoenergy
 from femfit.model.drive import (
     blocked_by_diodes,
@@ -27,7 +28,7 @@ from femfit.model.drive import (
 )
 from femfit.model.dynamics import LONGEST_STEP, runge_kutta_step
 from femfit.model.exponential_step import extrapolated_step
-from femfit.model.magnetics import Magnetics, MagneticState
+from femfit.model.magnetics import CoenergySpline, Magnetics, MagneticState
 from femfit.model.with_effects import EffectMagnetics
 
 LONGEST_MOTION = 0.5
@@ -57,6 +58,18 @@ class ScaledForce(Magnetics):
             self.scale * value if a else self.scale * value + (1.0 - self.scale) * next(unscaled)
             for (a, _), value in zip(orders, values, strict=True)
         ]
+
+    def alike(self, scale: float) -> Magnetics:
+        """The magnetics of runs with one scale: of a spline again one, since its functions of the distance add to 1."""
+        base = self.base
+        if scale == 1.0:
+            return base
+        if type(base) is CoenergySpline:
+            spline, u = base.spline, base.coordinate.of(np.array([self.reference_distance_m]))
+            held = basis_matrix(u, spline.x_knots, spline.x_degree) @ spline.coefficients
+            coefficients = scale * spline.coefficients + (1.0 - scale) * held
+            return replace(base, spline=replace(spline, coefficients=coefficients))
+        return replace(self, scale=np.array(scale))
 
     def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """The same of any number of circuits."""
@@ -144,8 +157,23 @@ class Plant:
 
     def _integrated(self, state: FloatArray, volts: FloatArray, step: float) -> FloatArray:
         voltage = volts[:, 0] if len(self.model.circuits) == 1 else volts
-        integrated = runge_kutta_step if self.model.eddy is None else extrapolated_step
-        return integrated(self.model, state, voltage, step)
+        if self.model.eddy is None:
+            return runge_kutta_step(self.model, state, voltage, step)
+        if len(self._parts) == 1:
+            return extrapolated_step(self._parts[0][1], state, voltage, step)
+        result = np.empty_like(state)
+        for runs, model in self._parts:
+            result[runs] = extrapolated_step(model, state[runs], voltage[runs], step)
+        return result
+
+    @cached_property
+    def _parts(self) -> list[tuple[BoolArray, ActuatorModel]]:
+        """Runs of one force each, and their models: what has one co-energy for all steps by tables."""
+        model, magnetics = self.model, self.model.magnetics
+        if not isinstance(magnetics, ScaledForce) or model.dynamics is not None:
+            return [(np.ones(1, dtype=np.bool_), model)]
+        scales = np.atleast_1d(magnetics.scale)
+        return [(scales == one, replace(model, magnetics=magnetics.alike(one))) for one in np.unique(scales)]
 
 
 def motion_rate(model: ActuatorModel) -> float:

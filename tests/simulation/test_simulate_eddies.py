@@ -7,6 +7,7 @@ import pytest
 
 from femfit.device.circuit import Drive
 from femfit.model.dynamics import runge_kutta_step
+from femfit.model.exponential_step import extrapolated_step
 from femfit.simulation.linear_loop import linear_plant
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
@@ -88,3 +89,20 @@ def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):
     grows = np.log(np.abs(np.linalg.eigvals(still.A))).max() / model.sample_time_s
     # Conducting parts brake what runs away
     assert 0.0 < poles.max() < grows
+
+
+def test_runs_with_forces_of_their_own_step_as_each_alone_does(levitation_model):
+    """By the table of each force; the batch's own co-energy steps by eigenvalues."""
+    model = with_eddies(levitation_model)
+    scales = np.array([1.1, 1.0, 1.1, 0.95])
+    random = np.random.default_rng(2)
+    state = random.normal(0.0, 0.2, (4, model.order))
+    state[:, 0], volts = random.uniform(0.02, 0.03, 4), random.uniform(0.5, 2.0, 4)
+    batch = with_force_scale(model, scales)
+    found = Plant(batch).step(state, volts)
+    np.testing.assert_allclose(found, extrapolated_step(batch, state, volts, model.sample_time_s), atol=1e-8)
+    alone = [
+        Plant(with_force_scale(model, scale)).step(state[k : k + 1], volts[k : k + 1])[0]
+        for k, scale in enumerate(scales)
+    ]
+    np.testing.assert_allclose(found, alone, rtol=1e-12, atol=1e-14)
