@@ -34,7 +34,7 @@ def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
     runs, order, _ = matrices.shape
     if 2 * runs < order**3:
         with suppress(np.linalg.LinAlgError):
-            return np.linalg.cholesky(matrices), np.ones(runs, dtype=np.bool_)
+            return np.asarray(np.linalg.cholesky(matrices), matrices.dtype), np.ones(runs, dtype=np.bool_)
     factor = np.zeros((order, order, runs), matrices.dtype)  # each entry's values of all runs are neighbours
     with np.errstate(invalid="ignore", divide="ignore", over="ignore", under="ignore"):
         for j in range(order):

@@ -173,9 +173,9 @@ def _driven_transition(model: ActuatorModel, states: FloatArray, command: FloatA
 
 def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
     order = model.order
-    result = np.empty(states.shape[::-1]).T
-    result[:, :order] = exponential_step(model, states[:, :order], voltage, model.sample_time_s)
-    result[:, order:] = states[:, order:]
+    result = exponential_step(model, states[:, :order], voltage, model.sample_time_s)
+    if order < states.shape[1]:
+        result = np.concatenate([result.T, states[:, order:].T]).T  # a component's values together
     return kept_between_stops(model, result)
 
 

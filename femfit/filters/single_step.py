@@ -107,9 +107,11 @@ def single_step_by_arrays(
     spread, weight, shift_weight = scaling
     order = len(mean)
     points = _array_points(mean, factor, spread)
-    moved = process.transition(points.T, np.full((points.shape[1], *np.shape(voltage)), voltage)).T
+    count = 2 * order + 1
+    inputs = np.full(count, voltage) if isinstance(voltage, float) else np.full((count, *voltage.shape), voltage)
+    moved = process.transition(points.T, inputs).T
     delta = moved[:, 1:] - moved[:, :1]
-    shift = weight * delta.sum(axis=1)
+    shift = weight * np.add.reduce(delta, 1)
     mean = moved[:, 0] + shift
     covariance = weight * (delta @ delta.T) + shift_weight * (shift[:, None] * shift) + process.process_covariance
     innovations, variances = [], []

@@ -29,6 +29,8 @@ BEYOND = 0.25
 """Chosen: share of the knots' range that is tabulated beyond their ends, where polynomials are continued; a filter's
 points lie there while it acquires."""
 
+_NONE, _ALL = np.zeros(0, dtype=np.int64), slice(None)
+
 
 @dataclass(frozen=True, eq=False)
 class DistanceTable:
@@ -41,6 +43,15 @@ class DistanceTable:
     def cell(self, distance: FloatArray) -> IntArray:
         """The cell of each distance (N,), and -1 of those that are not in the table."""
         return self._cell_after.take(self.breaks.searchsorted(distance, "right"))
+
+    def in_order(self, distance: FloatArray) -> tuple[IntArray, IntArray | slice, IntArray]:
+        """Places of distances (N,) beyond the table, those of the others as it takes them, and the cells of these."""
+        cell = self.cell(distance)
+        if len(cell) <= FEW and -1 not in cell.tolist():
+            return _NONE, _ALL, cell
+        order = np.argsort(cell.astype(np.int16), kind="stable")
+        beyond, inside = np.split(order, [np.count_nonzero(cell < 0)])
+        return beyond, inside, cell.take(inside)
 
     def values(self, distance: FloatArray, cell: IntArray) -> FloatArray:
         """Values at distances (N,) in their cells, shape (entries, N); of many points the cells come in order."""
@@ -62,8 +73,13 @@ class DistanceTable:
         """Powers of the distances from the cells' first ends, shape (powers, N)."""
         result = np.empty((DEGREE + 1, len(cell)))
         result[0] = 1.0
-        result[1:] = distance - self.breaks.take(cell)
-        return np.multiply.accumulate(result, axis=0, out=result)
+        if len(cell) <= FEW:
+            result[1:] = distance - self.breaks.take(cell)
+            return np.multiply.accumulate(result, axis=0, out=result)
+        np.subtract(distance, self.breaks.take(cell), out=result[1])
+        for k in range(2, DEGREE + 1):
+            np.multiply(result[k - 1], result[1], out=result[k])
+        return result
 
     def _sums(self, powers: FloatArray, cell: IntArray) -> FloatArray:
         if len(cell) <= FEW:

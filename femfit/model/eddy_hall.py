@@ -10,7 +10,6 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.distance_splines import FEW
 from femfit.model.distance_table import DistanceTable, distance_table
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.hall import HallField, HallSpline
@@ -29,16 +28,15 @@ class EddyHall:
         table = self._table
         if table is None:
             return self._exact(distance, currents)
-        cell = table.cell(distance)
-        if len(cell) <= FEW and cell.min(initial=0) >= 0:
-            at = table.values(distance, cell)
-            return np.asarray(at[0] + np.einsum("jn,nj->n", at[1:], currents))
-        order, result = np.argsort(cell.astype(np.int16), kind="stable"), np.empty(len(cell))
-        beyond, inside = np.split(order, [np.count_nonzero(cell < 0)])
+        beyond, inside, cell = table.in_order(distance)
+        at = table.values(distance[inside], cell)
+        found = np.asarray(at[0] + np.einsum("jn,jn->n", at[1:], currents.T[:, inside]))
+        if isinstance(inside, slice):
+            return found
+        result = np.empty(len(distance))
+        result[inside] = found
         if len(beyond):
             result[beyond] = self._exact(distance[beyond], currents[beyond])
-        at = table.values(distance.take(inside), cell.take(inside))
-        result[inside] = at[0] + np.einsum("jn,jn->n", at[1:], currents.T.take(inside, axis=1))
         return result
 
     def acting(self, distance: FloatArray, currents: FloatArray) -> FloatArray:

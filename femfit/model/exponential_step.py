@@ -32,8 +32,7 @@ def exponential_step(model: ActuatorModel, state: FloatArray, voltage: FloatArra
     if table is None:
         return _exact_step(model, state, voltage, step)
     flat, volts = _flat(model, state, voltage)
-    result = tabulated_step(model, table, flat, volts, step)
-    beyond = np.flatnonzero(np.isnan(result[:, 0]))
+    result, beyond = tabulated_step(model, table, flat, volts, step)
     if len(beyond):
         result[beyond] = _exact_step(model, flat[beyond], volts[beyond], step)
     return result.reshape(state.shape)
@@ -114,8 +113,7 @@ def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: Float
     table = _table(model, step)
     if table is not None:
         flat, volts = _flat(model, state, voltage)
-        kick = tabulated_kick(model, table, flat, volts, step)
-        beyond = np.flatnonzero(np.isnan(kick[:, 1, 0]))
+        kick, beyond = tabulated_kick(model, table, flat, volts, step)
         if len(beyond):
             kick[beyond] = _exact_kick(model, flat[beyond], volts[beyond], step)
         kick = kick.reshape(*state.shape, state.shape[-1])

@@ -9,13 +9,10 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.distance_splines import FEW
 from femfit.model.step_table import Responses, StepTable
 
 BLOCK = 1024
 """Measured: points whose responses, of ten windings, stay in a processor's cache."""
-
-Places = IntArray | slice
 
 
 class _Point:
@@ -38,41 +35,47 @@ class _Point:
 
 def tabulated_step(
     model: ActuatorModel, table: StepTable, state: FloatArray, voltage: FloatArray, step: float
-) -> FloatArray:
-    """States (N, order) one step later; NaN where the table does not know the distance half way."""
+) -> tuple[FloatArray, IntArray]:
+    """States (N, order) one step later, and the places of those half way to a distance beyond the table."""
     x, volts = state.T, _volts(model, voltage, len(state))
-    mass, end = model.require_motion().mass_kg, model.windings.end
+    middle = x[0] + 0.5 * step * x[1]
+    beyond, inside, cell = table.table.in_order(middle)
+    if isinstance(inside, slice):
+        return _moved(model, table.values(middle, cell), middle, x, volts, step).T, beyond
     result = np.empty(x.shape)
-    for points, cell, middle in _blocks(table, x, step):
-        if cell is None:
-            result[:, points] = np.nan
-            continue
-        own = x[:, points] if isinstance(points, slice) else x.take(points, axis=1)
-        at = _Point(model, table.values(middle, cell), middle, own, volts[:, points], step)
-        moved = own.copy()
-        moved[1] += step * at.acceleration - step / mass * np.einsum("jn,jn->n", at.motional_constant, at.lever)
-        moved[0] += 0.5 * step * (own[1] + moved[1])
-        moved[2:end] += at.change
-        result[:, points] = moved
-    return result.T
+    for points, cells in _blocks(inside, cell):
+        at, there = middle[points], x[:, points]
+        result[:, points] = _moved(model, table.values(at, cells), at, there, volts[:, points], step)
+    return result.T, beyond
+
+
+def _moved(
+    model: ActuatorModel, here: Responses, middle: FloatArray, state: FloatArray, volts: FloatArray, step: float
+) -> FloatArray:
+    """States (order, N) one step later."""
+    at, mass = _Point(model, here, middle, state, volts, step), model.require_motion().mass_kg
+    result = state.copy()
+    result[1] += step * at.acceleration - step / mass * np.einsum("jn,jn->n", at.motional_constant, at.lever)
+    result[0] += 0.5 * step * (state[1] + result[1])
+    result[2 : model.windings.end] += at.change
+    return result
 
 
 def tabulated_kick(
     model: ActuatorModel, table: StepTable, state: FloatArray, voltage: FloatArray, step: float
-) -> FloatArray:
-    """Derivatives of velocity and currents after a step by the state half way, (N, order, order).
+) -> tuple[FloatArray, IntArray]:
+    """Derivatives of velocity and currents after a step by the state half way, and the places beyond the table.
 
-    NaN where the table does not know the distance half way; the other rows are those of one.
+    Of shape (N, order, order), with ones for the other states.
     """
     x, volts, windings, motion = state.T, _volts(model, voltage, len(state)), model.windings, model.require_motion()
     m, end, half = windings.count, windings.end, 0.5 * step
     result = np.zeros((len(x), len(x), len(state)))
     result[range(len(x)), range(len(x))] = 1.0
-    for points, cell, middle in _blocks(table, x, step):
-        if cell is None:
-            result[1:end, :, points] = np.nan
-            continue
-        own = x[:, points] if isinstance(points, slice) else x.take(points, axis=1)
+    half_way = x[0] + half * x[1]
+    beyond, inside, cells = table.table.in_order(half_way)
+    for points, cell in _blocks(inside, cells):
+        middle, own = half_way[points], x[:, points]
         here, rising = table.values(middle, cell), table.slopes(middle, cell)
         at = _Point(model, here, middle, own, volts[:, points], step)
         w, k = at.currents, at.motional_constant
@@ -98,7 +101,7 @@ def tabulated_kick(
         found[1:, by_others] = answer[:m]
         found[1:, 1] = answered[:m]
         result[1:end, :end, points] += found
-    return result.transpose(2, 0, 1)
+    return result.transpose(2, 0, 1), beyond
 
 
 def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
@@ -114,17 +117,10 @@ def _volts(model: ActuatorModel, voltage: FloatArray, points: int) -> FloatArray
     return np.broadcast_to(np.asarray(voltage)[..., None] if n == 1 else voltage, (points, n)).T
 
 
-def _blocks(table: StepTable, state: FloatArray, step: float) -> Iterator[tuple[Places, IntArray | None, FloatArray]]:
-    """Places of points, their cells and distances half way, cell by cell; first those of no cell, as None."""
-    middle = state[0] + 0.5 * step * state[1]
-    cell = table.table.cell(middle)
-    if len(cell) <= FEW and cell.min(initial=0) >= 0:
-        yield slice(None), cell, middle
+def _blocks(points: IntArray | slice, cell: IntArray) -> Iterator[tuple[IntArray | slice, IntArray]]:
+    """Places and cells of so many points as stay in a processor's cache."""
+    if isinstance(points, slice):
+        yield points, cell
         return
-    order = np.argsort(cell.astype(np.int16), kind="stable")
-    without = int(np.count_nonzero(cell < 0))
-    if without:
-        yield order[:without], None, middle[order[:without]]
-    for first in range(without, len(order), BLOCK):
-        points = order[first : first + BLOCK]
-        yield points, cell[points], middle[points]
+    for first in range(0, len(points), BLOCK):
+        yield points[first : first + BLOCK], cell[first : first + BLOCK]

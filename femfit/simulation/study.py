@@ -46,9 +46,6 @@ RUNS = 16
 """Conventional: repeats of a hold; an rms over ten time constants of each is known to 6 %."""
 
 STEP_RUNS, ACQUISITION_RUNS = 8, 8
-FEWER_WITH_EDDIES = 4
-"""Conventional: times that repeats are fewer for a model with eddy currents, whose filters take several times as long;
-an rms is then known to 12 %."""
 
 OFFSET_SHARE, FORCE_ERROR = 0.004, 0.01
 """Conventional: offset of the first sensor over its range (20 mV of 5 V), and error of the force."""
@@ -131,16 +128,11 @@ def _window(design: LoopDesign) -> slice:
     return slice(design.steps(SETTLE), design.steps(SETTLE) + design.steps(WINDOW))
 
 
-def _repeats(design: LoopDesign, runs: int) -> int:
-    return runs if design.model.eddy is None else runs // FEWER_WITH_EDDIES
-
-
 def _run(
     design: LoopDesign, experiments: Sequence[Experiment], seed: int, runs: int, steps: int, **options: Any
 ) -> dict[Experiment, LoopResult]:
-    """Experiments side by side on the same noise, with fewer runs where there are eddy currents."""
+    """Experiments side by side on the same noise."""
     random, blocks = np.random.default_rng(seed), len(experiments)
-    runs = _repeats(design, runs)
     results = run_experiments(design, experiments, random, runs=runs, steps=steps, noise_blocks=blocks, **options)
     return dict(zip(experiments, results, strict=True))
 
@@ -175,7 +167,7 @@ def _holds(
         window.stop,
         windows=(window,),
         supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
-        recorded=_repeats(design, RUNS) * len(clean),
+        recorded=RUNS * len(clean),
         show=show,
     )
     holds: list[HoldRow] = []
