@@ -11,6 +11,7 @@ from cyclopts import Parameter, validators
 if TYPE_CHECKING:
     from femfit.device.parts import Actuator
     from femfit.fit.result import FitResult
+    from femfit.heat.result import Temperatures
     from femfit.model.actuator_model import ActuatorModel
     from femfit.open_loop.result import OpenLoop
     from femfit.simulation.study import ClosedLoopStudy
@@ -59,7 +60,6 @@ def run(
     from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
-    from femfit.open_loop.supply import motion_at_supply
     from femfit.report.actuator_report import draw_figures, render_report
     from femfit.report.content import ReportContent
     from femfit.report.page import write_page
@@ -79,11 +79,9 @@ def run(
     _print_lines(reference.notes)
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed, model_file)  # beside the ranking: each takes a core
-        with steps.timed("open loop"):
-            motion = motion_at_supply(reference.model)
-        steps.say(_motion_line(motion, parts))
+        motion, heat = _at_supply(steps, reference.model, parts)
         with steps.timed("first half of the report"):
-            first = ReportContent(reference.model, parts, table, reference, motion=motion, unfinished=True)
+            first = ReportContent(reference.model, parts, table, reference, motion=motion, heat=heat, unfinished=True)
             content = with_field(first, parts)
             drawn = draw_figures(content)
             write_page(render_report(content, drawn), page)
@@ -118,6 +116,7 @@ def run(
             "reference": reference.to_dict(),
             "laws": ranked.to_dict(),
             "open_loop": motion.to_dict() if motion else None,
+            "temperatures": heat.to_dict() if heat else None,
             "closed_loop": study.data() if study else None,
             "no_closed_loop": no_study,
             "seconds": steps.times,
@@ -202,12 +201,36 @@ def _print_lines(lines: Iterable[str]) -> None:
         print(line)
 
 
+def _at_supply(
+    steps: _Steps, model: "ActuatorModel", parts: "Actuator"
+) -> "tuple[OpenLoop | None, Temperatures | None]":
+    """What the supply moves and warms."""
+    from femfit.heat.find_temperatures import temperatures_at_supply
+    from femfit.open_loop.supply import motion_at_supply
+
+    with steps.timed("open loop"):
+        motion = motion_at_supply(model)
+    steps.say(_motion_line(motion, parts))
+    with steps.timed("temperatures"):
+        heat = temperatures_at_supply(parts, model)
+    steps.say(_heat_line(heat, parts))
+    return motion, heat
+
+
 def _motion_line(motion: "OpenLoop | None", parts: "Actuator") -> str:
     if motion is None and not parts.circuits:
         return f"none: {NO_COIL}"
     if motion is None:
         return "none: the supply neither switches the body between two stops nor moves it on springs"
     return f"{motion.profile.value[0]:g} V: {str(motion).splitlines()[0]}"
+
+
+def _heat_line(heat: "Temperatures | None", parts: "Actuator") -> str:
+    if heat is None:
+        return f"none: {'the supply has no limits' if parts.circuits else NO_COIL}"
+    first, *_ = str(heat).splitlines()
+    currents = " and ".join(f"{one:.3g}" for one in heat.allowed_A)
+    return first if heat.lasts else f"{first} {currents} A may last."
 
 
 def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":

@@ -1,7 +1,7 @@
 """What feeds the circuits while they warm up: held voltages or held currents, and an alternating part."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,12 @@ class Feed:
     def powers(self, temperatures: FloatArray) -> FloatArray:
         """Heat of each part in W at its temperature."""
         return self.loads(self.currents(temperatures)).at(temperatures)
+
+    def held(self, factor: float, currents: FloatArray) -> "Feed":
+        """The direct currents, now held, with all currents multiplied by a factor."""
+        none = np.full(len(self.volts), np.nan)
+        alternating, eddy = factor * self.alternating_A, factor**2 * self.eddy_W
+        return replace(self, volts=none, amperes=factor * currents, alternating_A=alternating, eddy_W=eddy)
 
     def settled(self, network: HeatNetwork, ambient: float) -> FloatArray | None:
         """Temperatures that last, shape (parts,); None where there are none."""

@@ -87,18 +87,20 @@ def find_temperatures(
     result = _found(actuator, network, feed, distance)
     if model is not None and result.settles:
         result = replace(result, force=_forces(model, feed, result))
-    if result.lasts or not 0.0 < result.allowed_factor < np.inf:
-        return result
-    lasting = find_temperatures(
-        actuator,
-        current_A=(result.allowed_factor * result.currents_A).tolist(),
-        distance_m=distance,
-        alternating_A=(result.allowed_factor * result.alternating_A).tolist(),
-        frequency_Hz=frequency_Hz,
-        sweep=sweep,
-        model=model,
-    )
-    return replace(result, lasting=lasting)
+    if 0.0 < result.allowed_factor < np.inf:
+        limit = feed.held(result.allowed_factor, result.currents_A)
+        at_limit = _found(actuator, network, limit, distance)
+        force = None if model is None else _forces(model, limit, at_limit)
+        result = replace(result, at_limit=replace(at_limit, force=force))
+    return result
+
+
+def temperatures_at_supply(actuator: Actuator, model: ActuatorModel) -> Temperatures | None:
+    """Temperatures at the most that a drawing's supply gives; None where it has no coil or no limits."""
+    try:
+        return find_temperatures(actuator, model=model)
+    except (MissingPartError, UsageError):
+        return None
 
 
 def _found(actuator: Actuator, network: HeatNetwork, feed: Feed, distance: float) -> Temperatures:

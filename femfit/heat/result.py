@@ -69,8 +69,8 @@ class Temperatures(Printed):
         The part that they bring to its limit.
     force : tuple of float, or None
         In N, as it is switched on and warm; None without a model, or outside of what it knows.
-    lasting : Temperatures or None
-        At the currents that may last, where those that were given may not.
+    at_limit : Temperatures or None
+        At the largest currents that may last; None where nothing is heated.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class Temperatures(Printed):
     magnets: tuple[MagnetWarmth, ...]
     force: tuple[float, float] | None
     network: HeatNetwork
-    lasting: "Temperatures | None" = None
+    at_limit: "Temperatures | None" = None
 
     @property
     def lasts(self) -> bool:
@@ -130,14 +130,14 @@ class Temperatures(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        left_out = {"network", "magnets", "lasting", "surroundings"}
+        left_out = {"network", "magnets", "at_limit", "surroundings"}
         data = {name: _plain(value) for name, value in vars(self).items() if name not in left_out}
         return {
             **data,
             "allowed_A": _plain(self.allowed_A),
             "settles": self.settles,
             "lasts": self.lasts,
-            "lasting": self.lasting and self.lasting.to_dict(),
+            "at_limit": self.at_limit and self.at_limit.to_dict(),
             "magnets": [vars(one) for one in self.magnets],
             "thermal": vars(self.surroundings),
             "capacities_J_per_K": self.network.capacities.tolist(),
@@ -149,7 +149,7 @@ class Temperatures(Printed):
         if self.lasts:
             lines = [*self.settled_lines(), self._allowed()]
         else:
-            lines = [self._too_warm(), self._allowed(), *(self.lasting.settled_lines() if self.lasting else ())]
+            lines = [self._too_warm(), self._allowed(), *(self.at_limit.settled_lines() if self.at_limit else ())]
         return "\n".join([*lines, ASSUMED.format(**vars(self.surroundings))])
 
     def settled_lines(self) -> list[str]:

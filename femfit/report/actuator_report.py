@@ -19,6 +19,7 @@ from femfit.fit.constants import TARGET
 from femfit.fit.law_fit import LawFit
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
+from femfit.heat.result import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
 from femfit.report.circuits import circuit_table, current_ranges, several_circuits
@@ -46,6 +47,8 @@ from femfit.report.style import Drawing, data_uri, svg_uri
 from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
+
+NO_HEAT = 1e-9  # numerical: watts and watts per kelvin that are none
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
@@ -79,7 +82,7 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
 def _facts(content: ReportContent) -> dict[str, Any]:
     model, actuator, rows = content.model, content.actuator, content.rows
     grid = _grid(content)
-    rating = rate(model, actuator, grid)
+    rating = rate(model, actuator, grid, content.heat)
     several = several_circuits(model)
     iron = () if actuator is None or content.strongest is None else iron_loads(actuator, content.strongest)
     return {
@@ -102,6 +105,8 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "iron": iron,
         "growth": growth(model, content.strongest.current_A) if iron and content.strongest else None,
         "motion": content.motion,
+        "heat": content.heat,
+        "warm_parts": [] if content.heat is None else _warm_parts(content.heat.at_limit or content.heat),
         "carried": _carried(model),
         "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
@@ -125,7 +130,7 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     model, actuator, rows = content.model, content.actuator, content.rows
     figures: dict[str, Drawing] = {}
     grid, several = _grid(content), several_circuits(model)
-    rating = rate(model, actuator, grid)
+    rating = rate(model, actuator, grid, content.heat)
     if actuator is not None:
         distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
         figures["actuator"] = partial(actuator_figure, actuator, distance)
@@ -188,6 +193,16 @@ def _stroke_rows(rating: Rating) -> list[tuple[str, ...]]:
             significant(rating.motor_constant[k], 3),
         )
         for k in rating.levels
+    ]
+
+
+def _warm_parts(heat: Temperatures) -> list[tuple[str, ...]]:
+    """A row for each part: temperature, heat, what it stores and what it gives off to the surroundings."""
+    network = heat.network
+    columns = zip(heat.names, heat.temperatures_C, heat.heat_W, network.capacities, network.outwards, strict=True)
+    return [
+        (name, *(significant(float(value), 3) if abs(value) > NO_HEAT else "0" for value in values))
+        for name, *values in columns
     ]
 
 

@@ -15,6 +15,7 @@ from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_build import circuit_rows
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
+from femfit.heat.result import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.open_loop.result import OpenLoop
 from femfit.report.field_sample import FieldSample
@@ -37,6 +38,7 @@ class ReportContent:
     study: ClosedLoopStudy | None = None
     no_study: str = ""  # Why the loop was not closed, as the error said
     motion: OpenLoop | None = None  # As of :func:`femfit.open_loop.supply.motion_at_supply`
+    heat: Temperatures | None = None  # As of :func:`femfit.heat.find_temperatures.temperatures_at_supply`
     # The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged
     field: FieldSample | None = None
     strongest: FieldSample | None = None

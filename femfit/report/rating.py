@@ -11,13 +11,11 @@ from femfit.audit.carried import WARM_C, resistance_at
 from femfit.core.arrays import FloatArray
 from femfit.device.bh_curve import BHCurve
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material
+from femfit.heat.result import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_sample import FieldSample
-from femfit.report.parts import all_regions, is_iron, standing_corners
+from femfit.report.parts import all_regions, is_iron
 from femfit.report.sweep_grid import SweepGrid
-
-HEAT_TRANSFER_W_M2_K = 10.0
-"""Heat transfer of a small body in still air, convection and radiation together (conventional: about 5 + 5)."""
 
 KNEE_STEP, KNEE_FIELD = 1.1, 1.5
 """Knee of a B-H curve (conventional): 10 % more flux density take 50 % more field, as IEC 61869-2 defines a knee."""
@@ -71,12 +69,8 @@ class Rating:
     idle_inductance_H: FloatArray
     series_H: float  # In series with the coil, outside of the field
     motor_constant: FloatArray  # dF/di over the root of the cold resistance at the rated current, N/sqrt(W)
-    # What gives off the heat: the cylinder around the fixed part, or a moving coil by its own faces; None without a
-    # drawing, and then no current is rated
-    surface_m2: float | None
     cold_C: float = REFERENCE_TEMPERATURE
     warm_C: float = WARM_C
-    heat_transfer_W_m2_K: float = HEAT_TRANSFER_W_M2_K
 
     def feed(self, name: str) -> Feed | None:
         """The feed of a name; None where the actuator has none."""
@@ -99,8 +93,10 @@ class Rating:
         return np.unique(np.linspace(0, len(self.distance_m) - 1, LEVELS).round().astype(int))
 
 
-def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None = None) -> Rating | None:
-    """Rate a coil; None where the model has no circuit, or several.
+def rate(
+    model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None = None, heat: Temperatures | None = None
+) -> Rating | None:
+    """Rate a coil, by what its warmth allows where that is known; None where the model has no circuit, or several.
 
     Forces are the model's, and with a grid also what the model misses the sweep by, so that they agree with its table.
     """
@@ -126,11 +122,10 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
     magnet = model.has_magnet
     if magnet and voltage * other < 0.0 and box.current_min_A < 0.0 < box.current_max_A:
         wanted.append(("reversed", other / cold, REFERENCE_TEMPERATURE))
-    surface = None
-    if actuator is not None:
-        surface = _cooled_surface(actuator)
-        heat = HEAT_TRANSFER_W_M2_K * surface * (WARM_C - REFERENCE_TEMPERATURE)
-        wanted.append(("rated", float(np.copysign(np.sqrt(heat / warm), voltage)), WARM_C))
+    at_limit = None if heat is None else heat.at_limit
+    if at_limit is not None:
+        current = float(np.copysign(at_limit.currents_A[0], voltage))
+        wanted.append(("rated", current, float(at_limit.windings_C[0])))
     largest = max(float(np.abs(force(current)).max()) for _, current, _ in wanted)
     if magnet and float(np.abs(force(0.0)).max()) > SMALL * largest:
         wanted.append(("idle", 0.0, REFERENCE_TEMPERATURE))
@@ -138,7 +133,7 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
     feeds, forces = [], {}
     for name, current, temperature in wanted:
         forces[name] = force(current)
-        ohm = cold if temperature == REFERENCE_TEMPERATURE else warm
+        ohm = resistance_at(cold, temperature)
         density = None if section is None else abs(current) / section
         near, far = float(forces[name][0]), float(forces[name][-1])
         feeds.append(Feed(name, current, drawn(current), temperature, ohm * current**2, density, near, far))
@@ -155,7 +150,6 @@ def rate(model: ActuatorModel, actuator: Actuator | None, grid: SweepGrid | None
         idle_inductance_H=model.inductance(distance, drawn(0.0)),
         series_H=circuit.inductance_H,
         motor_constant=np.asarray(slope) / np.sqrt(cold),
-        surface_m2=surface,
     )
 
 
@@ -202,23 +196,6 @@ def growth(model: ActuatorModel, current: float | tuple[float, ...]) -> Growth |
     sign = np.copysign(1.0, whole[-1] - whole[middle])
     gained, expected = force[-1] - force[middle], whole[-1] - whole[middle]
     return Growth(low, float(i[middle]), float(i[-1]), float(sign * gained), float(sign * expected))
-
-
-def _cooled_surface(actuator: Actuator) -> float:
-    """Surface in m^2 that gives off the winding's heat.
-
-    The cylinder around the fixed part, ends included. A coil that moves is parted from it by air on all sides, and has
-    its own faces alone.
-    """
-    if all(coil.moves for coil in actuator.coils):
-        corners = [np.asarray(coil.vertices_m) for coil in actuator.coils]
-        return float(sum(_ring_surface(*part.min(axis=0), *part.max(axis=0)) for part in corners))
-    standing = standing_corners(actuator)
-    return _ring_surface(0.0, standing[:, 1].min(), standing[:, 0].max(), standing[:, 1].max())
-
-
-def _ring_surface(inner: float, bottom: float, outer: float, top: float) -> float:
-    return float(2.0 * np.pi * (outer + inner) * (outer - inner + top - bottom))
 
 
 def _wire_section_mm2(actuator: Actuator | None) -> float | None:

@@ -12,6 +12,8 @@ from femfit.core.paths import path_of
 from femfit.device.summary import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
+from femfit.heat.find_temperatures import temperatures_at_supply
+from femfit.heat.result import Temperatures
 from femfit.identify.comparison.compare import Comparison
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.refit.add_result import AddResult
@@ -76,8 +78,12 @@ def _page(result: Any) -> str:
         return render_diagnosis(result)
     content = result if isinstance(result, ReportContent) else _content(result)
     if not isinstance(result, ReportContent):
-        content = replace(content, motion=motion_at_supply(content.model))
+        content = replace(content, motion=motion_at_supply(content.model), heat=_heat(content))
     return render_report(content, draw_figures(content))
+
+
+def _heat(content: ReportContent) -> Temperatures | None:
+    return None if content.actuator is None else temperatures_at_supply(content.actuator, content.model)
 
 
 def _content(result: Any) -> ReportContent:

@@ -54,14 +54,14 @@ def test_the_largest_current_brings_the_hottest_strand_to_its_limit():
     assert at.lasts
     above = find_temperatures(RIG, current_A=1.05 * found.allowed_A)
     assert not above.lasts
-    assert above.lasting.hottest_C[0] == pytest.approx(130.0, abs=1e-3)
+    assert above.at_limit.hottest_C[0] == pytest.approx(130.0, abs=1e-3)
 
 
 def test_a_magnet_may_be_what_limits_the_current():
     found = find_temperatures(GEOMETRY / "biased-electromagnet.toml", current_A=2.0)
     assert found.limiting == "bias"
-    assert found.lasting.magnets[0].temperature_C == pytest.approx(80.0, abs=1e-3)
-    assert found.lasting.magnets[0].change == pytest.approx(-1.2e-3 * 60.0, rel=1e-4)
+    assert found.at_limit.magnets[0].temperature_C == pytest.approx(80.0, abs=1e-3)
+    assert found.at_limit.magnets[0].change == pytest.approx(-1.2e-3 * 60.0, rel=1e-4)
 
 
 def test_an_alternating_current_heats_by_its_rms_value():
@@ -130,7 +130,7 @@ def test_the_result_goes_into_json():
     data = json.loads(json.dumps(found.to_dict()))
     assert data["settles"] is False
     assert data["temperatures_C"] == [None] * 3
-    assert data["lasting"]["settles"] is True
+    assert data["at_limit"]["settles"] is True
 
 
 def test_what_does_not_fit_together_is_refused():

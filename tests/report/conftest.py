@@ -10,6 +10,7 @@ from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.filters.theory import ConsistencyBand
 from femfit.fit.build import fit_model
+from femfit.heat.find_temperatures import temperatures_at_supply
 from femfit.report.content import ReportContent
 from femfit.report.field_sample import FieldSample
 from femfit.simulation.design import CONTROLLERS, design_loop
@@ -162,7 +163,9 @@ def plunger_content():
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     table = sweep_of(actuator, magnet=0.0)
     fit = fit_model(table, law="all")
-    return ReportContent(reference(table), actuator, table, fit, no_study="The model has no sensor.")
+    model = reference(table)
+    heat = temperatures_at_supply(actuator, model)
+    return ReportContent(model, actuator, table, fit, heat=heat, no_study="The model has no sensor.")
 
 
 @pytest.fixture(scope="session")

@@ -31,7 +31,7 @@ def all_figures(content):
     """Every figure of the report."""
     fit, rows, study = content.fit, content.fit.rows, content.study
     grid = sweep_grid(rows)
-    rating = rate(content.model, content.actuator)
+    rating = rate(content.model, content.actuator, heat=content.heat)
     return {
         "actuator": actuator_figure(content.actuator, 0.022),
         "field": field_figure(content.actuator, content.field),

@@ -85,10 +85,18 @@ def test_links_lead_to_chapters_and_no_identifier_is_twice(rig_page):
 
 def test_the_chapters_follow_the_kind_of_actuator(rig_page, plunger_page):
     both = ["actuator", "stroke", "coil", "model", "laws", "limits", "provenance"]
-    assert [name for name in plunger_page.ids if not name.startswith("figure-")] == both
+    assert [name for name in plunger_page.ids if not name.startswith("figure-")] == [*both[:3], "heat", *both[3:]]
     assert {"field", "sensor", "loop"} <= set(rig_page.ids)
     assert not {"hall", "steps-pid", "field", "cutaway"} & set(plunger_page.images)
     assert "magnet" not in plunger_page.text
+
+
+def test_the_report_says_how_warm_winding_and_iron_become(plunger_page, plunger_content):
+    heat = plunger_content.heat
+    for line in str(heat).splitlines():
+        assert line in plunger_page.text
+    for name in heat.names:
+        assert name in plunger_page.text.partition("The parts at the largest current that may last")[2]
 
 
 def test_without_a_stop_no_force_is_called_the_holding_force(plunger_page, rig_page):

@@ -13,14 +13,14 @@ from femfit.device.load import read_actuator
 from femfit.device.mechanics import Stop
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.report.content import levitates, picture_point, strongest_point
-from femfit.report.rating import HEAT_TRANSFER_W_M2_K, copper_share, growth, iron_loads, knee_T, rate
+from femfit.report.rating import copper_share, growth, iron_loads, knee_T, rate
 from femfit.report.sweep_grid import sweep_grid
 from support.actuators import GEOMETRY
 
 
 @pytest.fixture(scope="module")
 def rating(plunger_content):
-    return rate(plunger_content.model, plunger_content.actuator)
+    return rate(plunger_content.model, plunger_content.actuator, heat=plunger_content.heat)
 
 
 def test_a_warm_coil_takes_less_current_at_the_same_voltage(rating, plunger_content):
@@ -31,21 +31,14 @@ def test_a_warm_coil_takes_less_current_at_the_same_voltage(rating, plunger_cont
     assert warm.power_W == pytest.approx(4.0 * warm.current_A)
 
 
-def test_the_rated_heat_is_what_the_enclosing_cylinder_gives_off(rating):
-    surface = 2.0 * np.pi * 0.015 * (0.015 + 0.040)
-    assert rating.surface_m2 == pytest.approx(surface)
-    assert rating.feed("rated").power_W == pytest.approx(HEAT_TRANSFER_W_M2_K * surface * 80.0)
+def test_the_rated_current_brings_the_hottest_strand_to_its_limit(rating, plunger_content):
+    rated, heat = rating.feed("rated"), plunger_content.heat
+    assert heat.at_limit.hottest_C[0] == pytest.approx(130.0, abs=1e-3)
+    assert rated.current_A == pytest.approx(heat.allowed_A[0])
+    assert rated.temperature_C == pytest.approx(heat.at_limit.windings_C[0])
+    assert rated.power_W == pytest.approx(heat.at_limit.heat_W.sum(), rel=1e-6)
     area = 0.25 * np.pi * 0.45**2
-    assert rating.feed("rated").density_A_mm2 == pytest.approx(rating.feed("rated").current_A / area)
-
-
-def test_a_moving_coil_is_rated_by_its_own_faces(plunger_content):
-    drawn = plunger_content.actuator
-    moving = rate(plunger_content.model, replace(drawn, coils=(replace(drawn.coil, moves=True),)))
-    (r0, z0), (r1, z1) = np.min(drawn.coil.vertices_m, axis=0), np.max(drawn.coil.vertices_m, axis=0)
-    faces = 2.0 * np.pi * ((r0 + r1) * (z1 - z0) + r1**2 - r0**2)
-    assert moving.surface_m2 == pytest.approx(faces)
-    assert moving.feed("rated").power_W == pytest.approx(HEAT_TRANSFER_W_M2_K * faces * 80.0)
+    assert rated.density_A_mm2 == pytest.approx(rated.current_A / area)
 
 
 def test_forces_beyond_the_models_current_are_taken_at_its_end_and_said_to_be(rating, plunger_content):
