@@ -12,6 +12,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError, UsageError
 from femfit.device.load import read_actuator
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial
+from femfit.device.thermal import Surroundings
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.heat.balance import time_until
@@ -84,12 +85,14 @@ def find_temperatures(
     if voltage_V is None and current_A is None and np.any(alternating_A):
         current_A = 0.0
     feed = feed_of(actuator, network, voltage_V, current_A, alternating_A, eddies)
-    result = _found(actuator, network, feed, distance)
+    others = [_with_film(actuator, distance, factor) for factor in (SPREAD, 1.0 / SPREAD)]
+    find = partial(_found, actuator.thermal, network, others, distance)
+    result = find(feed)
     if model is not None and result.settles:
         result = replace(result, force=_forces(model, feed, result))
     if 0.0 < result.allowed_factor < np.inf:
         limit = feed.held(result.allowed_factor, result.currents_A)
-        at_limit = _found(actuator, network, limit, distance)
+        at_limit = find(limit)
         force = None if model is None else _forces(model, limit, at_limit)
         result = replace(result, at_limit=replace(at_limit, force=force))
     return result
@@ -103,8 +106,9 @@ def temperatures_at_supply(actuator: Actuator, model: ActuatorModel) -> Temperat
         return None
 
 
-def _found(actuator: Actuator, network: HeatNetwork, feed: Feed, distance: float) -> Temperatures:
-    around = actuator.thermal
+def _found(
+    around: Surroundings, network: HeatNetwork, others: list[HeatNetwork], distance: float, feed: Feed
+) -> Temperatures:
     ambient = around.ambient_C
     start, found = np.full(len(network.parts), ambient), feed.settled(network, ambient)
     warm = np.full(len(network.parts), np.nan) if found is None else found
@@ -119,7 +123,7 @@ def _found(actuator: Actuator, network: HeatNetwork, feed: Feed, distance: float
         surroundings=around,
         temperatures_C=warm,
         hottest_C=hottest(network, ambient, warm),
-        spread_C=np.array([_with_film(actuator, distance, feed, factor) for factor in (SPREAD, 1.0 / SPREAD)]),
+        spread_C=np.array([_warmest(other, ambient, feed) for other in others]),
         volts=feed.volts,
         cold_currents_A=feed.currents(start),
         currents_A=currents,
@@ -168,12 +172,16 @@ def _eddy_heat(
     return heat
 
 
-def _with_film(actuator: Actuator, distance: float, feed: Feed, factor: float) -> float:
-    """The warmest winding's mean where free faces give off more or less heat; NaN where it runs away."""
+def _with_film(actuator: Actuator, distance: float, factor: float) -> HeatNetwork:
+    """The network where free faces give off more or less heat."""
     film = factor * actuator.thermal.film_W_per_m2_K
-    other = replace(actuator, thermal=replace(actuator.thermal, film_W_per_m2_K=film))
-    found = feed.settled(heat_network(other, distance), actuator.thermal.ambient_C)
-    return np.nan if found is None else float(found[: len(actuator.coils)].max())
+    return heat_network(replace(actuator, thermal=replace(actuator.thermal, film_W_per_m2_K=film)), distance)
+
+
+def _warmest(network: HeatNetwork, ambient: float, feed: Feed) -> float:
+    """The warmest winding's mean in degC; NaN where it runs away."""
+    found = feed.settled(network, ambient)
+    return np.nan if found is None else float(found[: len(network.windings)].max())
 
 
 def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarmth, ...]:

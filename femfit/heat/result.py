@@ -166,8 +166,10 @@ class Temperatures(Printed):
             amount(volt, "V", 3) if np.isfinite(volt) else amount(ampere, "A", 3)
             for volt, ampere in zip(self.volts, self.cold_currents_A, strict=True)
         ]
-        waves = [amount(one, "A", 3) for one in self.alternating_A if one]
-        return " and ".join(fed) + (f" with {' and '.join(waves)} rms alternating" if waves else "")
+        if not self.alternating_A.any():
+            return " and ".join(fed)
+        waves = " and ".join(amount(one, "A", 3) for one in self.alternating_A)
+        return f"{' and '.join(fed)} and {waves} rms alternating" if self.cold_currents_A.any() else f"{waves} rms"
 
     def _too_warm(self) -> str:
         text = f"{self._fed()} may not last. "
