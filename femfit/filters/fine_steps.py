@@ -1,7 +1,8 @@
-"""A prediction in steps of Runge and Kutta, for a caller that is not in a hurry.
+"""A prediction in fine steps, for a caller that is not in a hurry.
 
 One step a sample holds the inductance and rests a body at a stop; these follow iron that saturates within a sample,
-and what a stop does to the body and the current.
+and what a stop does to the body and the current. They are steps of Runge and Kutta, and with eddy currents, whose
+fastest would make them many, extrapolated ones.
 """
 
 from dataclasses import replace
@@ -18,13 +19,14 @@ from femfit.filters.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import blocked_by_diodes
 from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kutta_step
+from femfit.model.exponential_step import extrapolated_step, motion_steps
 
 ROUNDING = 1e-9
 """Numerical: of a whole number of steps, which the last digit of an inductance must not make one more."""
 
 
 def in_fine_steps(model: ActuatorModel, process: FilterProcess) -> FilterProcess:
-    """A process of this model whose prediction takes steps of Runge and Kutta."""
+    """A process of this model whose prediction takes fine steps."""
     # The one step's Jacobian is another; a filter takes that of this one over the width of its first estimate
     return process.predicting(partial(advance, model, unmoved(model), substeps(model)))
 
@@ -38,12 +40,33 @@ def unmoved(model: ActuatorModel) -> ActuatorModel:
 
 
 def substeps(model: ActuatorModel) -> int:
-    """Steps in a sample, so that none is longer than the time constant of the fastest coil, or eddy current."""
+    """Steps in a sample: none is longer than the fastest coil's time constant, or too long for the motion."""
     if not model.windings.count:
         return 1
+    if _extrapolates(model):
+        return motion_steps(model)
     fastest = fastest_time_constant(model, operating_distance(model))
     steps = model.sample_time_s / fastest / LONGEST_STEP
     return max(1, int(np.ceil(steps * (1.0 - ROUNDING))))
+
+
+def _extrapolates(model: ActuatorModel) -> bool:
+    return model.eddy is not None and not (model.dynamics is not None and model.dynamics.drives)
+
+
+def _stepped(
+    model: ActuatorModel, states: FloatArray, voltage: FloatArray, step: FloatArray | float, count: int
+) -> FloatArray:
+    """States after a step in so many parts; steps of their own have the shape (N, 1)."""
+    if not _extrapolates(model):
+        return runge_kutta_step(model, states, voltage, step, count)
+    if isinstance(step, np.ndarray) and len(step) and not np.ptp(step):
+        step = float(step[0, 0])  # by tables
+    if isinstance(step, float) and not step:
+        return states.copy()
+    for _ in range(count):
+        states = extrapolated_step(model, states, voltage, step / count)
+    return states
 
 
 def advance(
@@ -54,7 +77,7 @@ def advance(
     moved = states.copy()
     states = states.copy()
     states[:, 0] = np.clip(states[:, 0], *motion.ends)  # no body is beyond a stop, though an estimate's points are
-    moved[:, :order] = runge_kutta_step(model, states[:, :order], voltage, model.sample_time_s, count)
+    moved[:, :order] = _stepped(model, states[:, :order], voltage, model.sample_time_s, count)
     blocked_by_diodes(model, moved)
     for stop, outward in ((motion.near_stop, -1.0), (motion.far_stop, 1.0)):
         if stop is None:
@@ -85,18 +108,18 @@ def _stopped(
     with np.errstate(invalid="ignore", divide="ignore"):  # a body at rest on the stop is there at once
         time = 2.0 * away / (speed + np.sqrt(np.maximum(speed**2 + 2.0 * gain * away, 0.0)))
     time = np.clip(np.nan_to_num(time), 0.0, model.sample_time_s)
-    met = runge_kutta_step(model, before, voltage, time[:, None], count)
+    met = _stepped(model, before, voltage, time[:, None], count)
     end, at_stop = model.windings.end, np.full(len(met), stop.distance_m)
     # What the parabola misses of the way, with the flux linkage kept
     met[:, 2:end], met[:, 0] = currents_of_same_flux(model, met[:, 2:end], met[:, 0], at_stop), stop.distance_m
     returned, met[:, 1] = -stop.restitution * outward * np.maximum(outward * met[:, 1], 0.0), 0.0
     left = (model.sample_time_s - time)[:, None]
-    result = runge_kutta_step(still, met, voltage, left, count)
+    result = _stepped(still, met, voltage, left, count)
     result[:, 0], result[:, 1] = stop.distance_m, 0.0
     back = np.flatnonzero(returned)
     if len(back):
         met[back, 1] = returned[back]
-        free = runge_kutta_step(model, met[back], voltage[back], left[back], count)
+        free = _stepped(model, met[back], voltage[back], left[back], count)
         bounced = outward * (free[:, 0] - stop.distance_m) < 0.0  # else what presses it to the stop keeps it there
         result[back[bounced]] = free[bounced]
     return blocked_by_diodes(model, result)

@@ -6,6 +6,7 @@ runs one filter. A step in which anything must be named (a lost covariance, a nu
 of the model) is left to the general path, which names it.
 """
 
+from functools import cache
 from itertools import chain
 from math import isnan
 from operator import mul
@@ -142,14 +143,15 @@ def single_step_by_arrays(
     return SingleStep(np.concatenate([covariance.ravel(), factor.ravel(), mean]), innovations, variances)
 
 
+@cache
+def _spreads(order: int, spread: float) -> FloatArray:
+    """Sigma points of no mean and a unit factor, the centre first, shape (n, 2 n + 1)."""
+    unit = spread * np.eye(order)
+    return np.concatenate([np.zeros((order, 1)), unit, -unit], axis=1)
+
+
 def _array_points(mean: FloatArray, factor: FloatArray, spread: float) -> FloatArray:
-    """Sigma points about a mean, the centre first, shape (n, 2 n + 1)."""
-    order = len(mean)
-    points, offsets = np.empty((order, 2 * order + 1)), spread * factor
-    points[:, 0], column = mean, mean[:, None]
-    np.add(column, offsets, out=points[:, 1 : order + 1])
-    np.subtract(column, offsets, out=points[:, order + 1 :])
-    return points
+    return np.asarray(mean[:, None] + factor @ _spreads(len(mean), spread))
 
 
 def _points(mean: list[float], factor: list[list[float]], spread: float) -> Columns:

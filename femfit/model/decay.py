@@ -81,7 +81,7 @@ class Decay:
         return np.asarray(np.einsum("...ja,...a->...j", self.modes, along))
 
 
-def decay_of(inductance: FloatArray, resistances: FloatArray, step: float) -> Decay:
+def decay_of(inductance: FloatArray, resistances: FloatArray, step: FloatArray | float) -> Decay:
     """The decay of circuits with inductances (..., n, n) in H, those in series included.
 
     Parameters

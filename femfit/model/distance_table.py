@@ -29,6 +29,9 @@ BEYOND = 0.25
 """Chosen: share of the knots' range that is tabulated beyond their ends, where polynomials are continued; a filter's
 points lie there while it acquires."""
 
+SAME = 1e-9
+"""Numerical: share of the range within which two knots are one, rounded in two coordinates."""
+
 _NONE, _ALL = np.zeros(0, dtype=np.int64), slice(None)
 
 
@@ -133,6 +136,7 @@ def distance_table(
 def _breaks(splines: Sequence[tuple[DistanceCoordinate, FloatArray]]) -> FloatArray:
     breaks = np.unique(np.concatenate([coordinate.distance(np.unique(knots)) for coordinate, knots in splines]))
     low, high = breaks[[0, -1]]
+    breaks = breaks[np.diff(breaks, prepend=-np.inf) > SAME * (high - low)]
     more = BEYOND * (high - low)
     before = max(low - more, 0.5 * low) if low > 0.0 else low - more  # no inverse distance beyond the face
     return np.array([before, *breaks, high + more])

@@ -27,13 +27,9 @@ from femfit.model.drive import (
     winding_voltage,
 )
 from femfit.model.dynamics import LONGEST_STEP, runge_kutta_step
-from femfit.model.exponential_step import extrapolated_step
+from femfit.model.exponential_step import extrapolated_step, motion_steps
 from femfit.model.magnetics import CoenergySpline, Magnetics, MagneticState
 from femfit.model.with_effects import EffectMagnetics
-
-LONGEST_MOTION = 0.5
-"""Chosen: extrapolated step times the rate of the motion; where that is fastest, one such step is off by 3e-4 of the
-change of speed, and two of half the length by a fifteenth of this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +102,7 @@ class Plant:
         if isinstance(model.magnetics, ScaledForce):  # whose scales are those of a batch
             model = replace(model, magnetics=model.magnetics.base)
         if model.eddy is not None:
-            return max(1, int(np.ceil(model.sample_time_s * motion_rate(model) / LONGEST_MOTION)))
+            return motion_steps(model)
         ends = (box.distance_min_m, box.distance_max_m)
         shortest = min(fastest_time_constant(model, distance) for distance in ends)
         return max(1, int(np.ceil(self.model.sample_time_s / shortest / LONGEST_STEP)))
@@ -174,22 +170,6 @@ class Plant:
             return [(np.ones(1, dtype=np.bool_), model)]
         scales = np.atleast_1d(magnetics.scale)
         return [(scales == one, replace(model, magnetics=magnetics.alike(one))) for one in np.unique(scales)]
-
-
-def motion_rate(model: ActuatorModel) -> float:
-    """Fastest rate in 1/s of the body's motion over the validity domain, from its stiffness at constant flux.
-
-    The stiffness at held currents, with k_m L^-1 k_m of the currents that keep the flux.
-    """
-    windings, motion = model.windings, model.require_motion()
-    d, i = model.validity.grid(5, 3 if len(model.circuits) > 1 else 5)
-    currents = np.zeros((len(d), windings.count))
-    currents[:, : windings.circuits] = i.reshape(len(d), -1)[:, : windings.circuits]
-    at = windings.magnetics.slopes_of_circuits(d, currents)
-    answers = np.linalg.solve(at.inductance + windings.series_H, at.motional_constant[..., None])[..., 0]
-    stiffness = np.abs(motion.static_gradient(d)) + np.abs(at.force_gradient)
-    stiffness = stiffness + (at.motional_constant * answers).sum(axis=-1)
-    return float(np.sqrt(stiffness.max() / motion.mass_kg))
 
 
 def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:

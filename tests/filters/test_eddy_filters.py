@@ -10,7 +10,8 @@ from femfit.device.circuit import Drive
 from femfit.device.sensors import CurrentSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.filters.fine_steps import in_fine_steps
+from femfit.filters import fine_steps
+from femfit.filters.fine_steps import advance, in_fine_steps, substeps, unmoved
 from femfit.filters.holding import holding_currents
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.levitation import fastest_time_constant, levitation_process
@@ -20,6 +21,7 @@ from femfit.model.sensors import predict_sensor, sensor_named
 from femfit.model.with_effects import with_effects
 from support.eddies import with_eddies
 from support.halves import cut_in_two
+from support.solenoids import solenoid
 
 DISTANCE_M = 0.022
 PATTERNS = [(10e-3, 3e-3, 0.5e-3), (1e-5, 2e-5, 0.1)]
@@ -128,7 +130,7 @@ def test_a_filter_that_knows_the_eddy_currents_is_consistent_and_one_that_does_n
     assert ignorant > 5.0
 
 
-def test_fine_steps_are_as_short_as_the_fastest_pattern_asks(levitation_model):
+def test_fine_steps_follow_patterns_that_are_faster_than_a_sample(levitation_model):
     model = with_eddies(levitation_model, (10e-3, 1e-4))
     fastest = fastest_time_constant(model, DISTANCE_M)
     there = model.windings.magnetics.inductance(np.array(DISTANCE_M), np.zeros(3)) + model.windings.series_H
@@ -139,6 +141,23 @@ def test_fine_steps_are_as_short_as_the_fastest_pattern_asks(levitation_model):
     found = in_fine_steps(model, process).transition(states, volts)
     wanted = runge_kutta_step(model, states, volts, model.sample_time_s, 500)
     np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("circuits", [1, 2])
+def test_fine_steps_up_to_a_stop_and_back_are_those_of_runge_and_kutta(circuits, monkeypatch):
+    """Bodies that meet a stop within the sample, that lie on one, and that are pressed to it; patterns of 20 us."""
+    base = replace(solenoid(), sample_time_s=2e-4)
+    model = with_eddies(base if circuits == 1 else cut_in_two(base), (8e-3, 2e-5))
+    states = np.zeros((4, model.order))
+    states[:, 0], states[:, 1] = [0.25e-3, 0.2e-3, 3.95e-3, 4e-3], [-1.0, 0.0, 0.8, 0.1]
+    states[:, 2:] = [0.4] * circuits + [0.05, -0.02]
+    volts = np.full((4, circuits) if circuits > 1 else 4, 3.0)
+    found = advance(model, unmoved(model), substeps(model), states, volts)
+    monkeypatch.setattr(fine_steps, "_extrapolates", lambda _: False)
+    assert substeps(model) > 5
+    wanted = advance(model, unmoved(model), 200, states, volts)
+    size = np.abs(wanted - states).max(axis=0)
+    assert (np.abs(found - wanted).max(axis=0) < 2e-3 * size).all()
 
 
 @pytest.mark.parametrize("drive", [Drive(diode_V=0.7), Drive("current"), Drive("current", bandwidth_Hz=300.0)])
