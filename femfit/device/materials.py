@@ -116,6 +116,26 @@ _ENTRIES = (
     _magnet("N48", 1.405),
     _magnet("N50", 1.435),
     _magnet("N52", 1.464),
+    LibraryMaterial(
+        LinearMaterial(
+            "smco26",
+            1.10,
+            1.049,
+            -3.0e-4,
+            conductivity_S_per_m=1.16e6,
+            thermal=ThermalMaterial(working_temperature_C=300.0),
+        ),
+        f"Sm2Co17, {_MATLIB.format('SmCo26')}: B_r = mu_0 mu_r H_c. Temperature coefficient and largest working "
+        "temperature: Magnet Sales & Manufacturing, Table of Properties for SmCo Magnets. Conductivity: 1.16 MS/m of "
+        "the same entry; makers say 86 uOhm cm.",
+    ),
+    LibraryMaterial(
+        LinearMaterial("ferrite_y30", 1.07, 0.387, -2.0e-3, thermal=ThermalMaterial(2.9, 4.1e6, 250.0)),
+        f"{_MATLIB.format('Y30')}: B_r, the end of its demagnetisation curve, which bends below 0.15 T; here it is "
+        "straight. Permeability 1.05 to 1.1 and -0.2 %/K of B_r: IEC 60404-8-1, hard ferrites. They are demagnetised "
+        "in the cold rather than in the warmth; 250 degC at most, 2.9 W/(m K), 0.825 J/(g K) and 5 g/cm^3: makers' "
+        "sheets. Conductivity: taken as 0.",
+    ),
 )
 
 LIBRARY: dict[str, LibraryMaterial] = {entry.material.name: entry for entry in _ENTRIES}

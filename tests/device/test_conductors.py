@@ -74,7 +74,8 @@ def test_a_conductivity_that_cannot_be_is_refused(magnetics, lines, said):
         ("aluminium", 19.0, 37.8),
         *((name, 5.0, 7.7) for name in ("low_carbon_steel", "steel_1010", "steel_1018", "steel_ss400")),
         *((name, 1 / 1.8, 1 / 1.3) for name in LIBRARY if name.startswith("n")),  # NdFeB 130 to 180 uOhm cm
-        *((name, 0.0, 0.0) for name in ("air", "soft_ferrite", "ferrite_k10")),
+        ("smco26", 1.0, 1.3),  # 86 uOhm cm
+        *((name, 0.0, 0.0) for name in ("air", "soft_ferrite", "ferrite_k10", "ferrite_y30")),
     ],
 )
 def test_materials_of_the_library_conduct_as_handbooks_say(name, low, high):

@@ -35,6 +35,12 @@ def test_every_neodymium_grade_of_the_library_loses_twelve_hundredths_of_a_per_c
         assert hot / cold == pytest.approx(0.988)
 
 
+def test_samarium_cobalt_has_the_coercive_field_of_its_entry_and_loses_little():
+    material = LIBRARY["smco26"].material
+    assert material.remanence_T * material.reluctivity == pytest.approx(758741, rel=1e-3)
+    assert material.at_temperature(120.0).remanence_T == pytest.approx(0.97 * material.remanence_T)
+
+
 @pytest.mark.parametrize(
     ("temperature", "coefficient", "message"),
     [

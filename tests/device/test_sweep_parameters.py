@@ -214,7 +214,13 @@ MISTAKES = {
     "unknown material": (
         '"moving.regions.magnet.material" = ["n42", "N53"]',
         "",
-        ["must name materials", "'N53' is none", "Did you mean", "Known: air, copper", "n48, n50, n52, ferrite."],
+        [
+            "must name materials",
+            "'N53' is none",
+            "Did you mean",
+            "Known: air, copper",
+            "n50, n52, smco26, ferrite_y30, ferrite.",
+        ],
     ),
     "repeated material": ('"moving.regions.magnet.material" = ["n42", "n42"]', "", ["must not repeat a value"]),
     "material and number": (

@@ -44,4 +44,4 @@ def test_a_material_of_the_library_written_into_a_file_keeps_what_is_known_of_it
     known = LIBRARY[name].material.thermal
     assert table.get("working_temperature_C") == known.working_temperature_C
     capacity = table.get("heat_capacity_MJ_per_m3_K")
-    assert (capacity and capacity * 1e6) == known.heat_capacity_J_per_m3_K
+    assert (capacity and pytest.approx(capacity * 1e6)) == known.heat_capacity_J_per_m3_K
