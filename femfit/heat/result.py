@@ -12,6 +12,9 @@ from femfit.core.printed import Printed
 from femfit.device.thermal import Surroundings
 from femfit.heat.network import HeatNetwork
 
+BURNT_C = 300.0
+"""Conventional: above it how warm a winding would become is not told; enamels end at 240 degC (IEC 60317)."""
+
 ASSUMED = (
     "Assumed: air of {ambient_C:g} °C, {film_W_per_m2_K:g} W/(m² K) from free faces, {insulation_W_per_m_K:g} W/(m K) "
     "between strands, {mounting_W_per_K:g} W/K through the mounting. [thermal] in the drawing changes this."
@@ -180,7 +183,9 @@ class Temperatures(Printed):
             text += f"The magnet {magnet.part} becomes too warm"
         if not self.settles:
             return f"{text}, and never settles: its heat grows with its resistance faster than it flows off."
-        return f"{text}; it would settle at {amount(float(self.windings_C.max()), 'C')}."
+        warmest = float(self.windings_C.max())
+        at = f"at {amount(warmest, 'C')}" if warmest < BURNT_C else f"above {amount(BURNT_C, 'C')}"
+        return f"{text}; it would settle {at}."
 
     def _answer(self) -> str:
         each = ", ".join(f"{name} {amount(mean, 'C')}" for name, mean in zip(self.names, self.windings_C, strict=False))

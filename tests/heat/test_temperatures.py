@@ -133,6 +133,12 @@ def test_the_result_goes_into_json():
     assert data["at_limit"]["settles"] is True
 
 
+def test_how_far_a_burnt_winding_would_warm_up_is_not_told():
+    told = str(find_temperatures(GEOMETRY / "bearing.toml"))
+    assert "it would settle above 300 °C" in told
+    assert "it would settle at 171 °C" in str(find_temperatures(GEOMETRY / "ball.toml"))
+
+
 def test_what_does_not_fit_together_is_refused():
     actuator = read_actuator(RIG)
     with pytest.raises(UsageError, match="either a voltage or a current"):
