@@ -24,7 +24,7 @@ from femfit.device.parts import AIR, Actuator, MovingPart, Region
 from femfit.device.read_electrics import read_circuits, read_coils, read_supply
 from femfit.device.read_mechanics import check_travel, read_mechanics
 from femfit.device.read_sensors import hall_places, read_sensors
-from femfit.device.read_solver import frequencies
+from femfit.device.read_solver import eddy_bias, frequencies
 from femfit.device.read_sweep import read_axes
 from femfit.device.read_tolerances import read_tolerances
 from femfit.device.schema import (
@@ -113,6 +113,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     coils = read_coils(data, drawing, problems)
     supply = read_supply(data, problems)
     circuits, coils = read_circuits(data, coils, supply, problems)
+    eddy_bias_A = eddy_bias(solver, len(circuits), problems)
     mechanics = read_mechanics(data, body, problems)
     sensors = read_sensors(data, circuits, problems)
     axes = read_axes(data, [circuit.name for circuit in circuits], problems)
@@ -140,6 +141,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         frequencies_Hz=frequencies_Hz,
         eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
         thermal=_surroundings(thermal),
+        eddy_bias_A=eddy_bias_A,
     )
 
 

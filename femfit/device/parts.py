@@ -150,6 +150,8 @@ class Actuator(Printed):
         Relative error of impedance, force and Hall field that the reduced model of the eddy currents has to meet.
     thermal : Surroundings
         What its temperatures depend on beside the drawing.
+    eddy_bias_A : tuple of float
+        Of each circuit: about which current the fields of parts that saturate are small; empty: chosen from the sweep.
 
     Examples
     --------
@@ -174,6 +176,12 @@ class Actuator(Printed):
     frequencies_Hz: tuple[float, ...] = ()
     eddy_error: float = 0.01
     thermal: Surroundings = STILL_AIR
+    eddy_bias_A: tuple[float, ...] = ()
+
+    @property
+    def saturates(self) -> bool:
+        """Whether any part does."""
+        return any(isinstance(one.material, NonlinearMaterial) for one in (*self.fixed, *self.moving.regions))
 
     @property
     def coil(self) -> Coil:

@@ -32,3 +32,17 @@ def frequencies(entry: SolverEntry | None, problems: list[str]) -> tuple[float, 
         return ()
     between = (given.start * (given.stop / given.start) ** (k / steps) for k in range(1, steps))
     return (given.start, *(float(f"{one:.{_DIGITS}g}") for one in between), given.stop)
+
+
+def eddy_bias(entry: SolverEntry | None, circuits: int, problems: list[str]) -> tuple[float, ...]:
+    """The currents in A about which eddy currents are linearised; empty where the file gives none."""
+    given = entry.eddy_bias_A if entry is not None else None
+    if given is None:
+        return ()
+    found = tuple(given) if isinstance(given, list) else (given,)
+    if len(found) != circuits:
+        problems.append(
+            f"solver.eddy_bias_A must have a current for each of the {circuits} circuits; it has {len(found)}. Give a "
+            "list in their order."
+        )
+    return found

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.device.parts import SweepAxes
+from femfit.device.parts import Actuator, SweepAxes
 
 CurrentsLike: TypeAlias = float | Sequence[float] | FloatArray
 """Currents in A: of shape (points, circuits), or one number a point where there is one circuit at most."""
@@ -39,3 +39,16 @@ def between(points: FloatArray, one: FloatArray, other: FloatArray) -> BoolArray
     """Which points lie between two others, each current between theirs; shape (points,)."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     return np.asarray(np.all((low <= points) & (points <= high), axis=-1))
+
+
+def bias_currents(actuator: Actuator) -> FloatArray:
+    """The currents in A, shape (circuits,), about which the fields of a saturating actuator's eddy currents are small.
+
+    Those that the drawing gives; else the middle of the swept ones beside a magnet, and half of the largest without.
+    """
+    if actuator.eddy_bias_A:
+        return np.array(actuator.eddy_bias_A)
+    axes = (actuator.sweep.currents_A, *actuator.sweep.further_A)[: len(actuator.circuits)]
+    if any(region.material.remanence_T for region in (*actuator.fixed, *actuator.moving.regions)):
+        return np.array([0.5 * (min(axis) + max(axis)) for axis in axes])
+    return np.array([0.5 * max(axis, key=abs) for axis in axes])

@@ -3,7 +3,8 @@ r"""Patterns of induced currents as further, short-circuited windings, at every 
 A pattern is a distribution of current that is fixed to the conducting parts; e_k times the k-th one flows. Each is
 scaled to a resistance of 1 ohm and is orthogonal to the others in power, so that 0 = e_k + d(flux linkage_k)/dt. The
 co-energy is a quadratic form in (1, i_1 .. i_n, e_1 .. e_q) and gives force, flux linkages and Hall field as for wound
-circuits: Galerkin's method for the induced currents.
+circuits: Galerkin's method for the induced currents. Where parts saturate, the form is that of small currents about
+the bias (:mod:`femfit.field.biased_system`).
 """
 
 from functools import cached_property
@@ -12,9 +13,10 @@ from ngsolve import H1
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
+from femfit.field.biased_system import static_system
 from femfit.field.conductor_points import ConductorPoints
 from femfit.field.force import weight
-from femfit.field.linear_system import Coefficients, LinearSystem
+from femfit.field.linear_system import Coefficients
 from femfit.field.moving_mesh import MovingMesh
 
 
@@ -37,7 +39,7 @@ class PatternFields:
 
 
 class EddyActuator:
-    """An actuator without saturating parts on a mesh, with patterns."""
+    """An actuator on a mesh, with patterns."""
 
     def __init__(self, actuator: Actuator, moving: MovingMesh, patterns: PatternFields, order: int) -> None:
         self._moving = moving
@@ -47,7 +49,7 @@ class EddyActuator:
             rows = patterns.at(points)
             return points.loads(rows), points.loads(rows, moving=True)
 
-        self._system = LinearSystem(moving.mesh, actuator, moving.layout, weight(moving.mesh), order, loads)
+        self._system = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), order, loads)
 
     def forms(self, distance: float) -> Coefficients:
         """Forms in the sources 1, i_1 .. i_n, e_1 .. e_q at a distance of the mesh's group."""

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
+from femfit.field.biased_system import BiasedSystem, static_system
 from femfit.field.conductor_points import ConductorPoints
 from femfit.field.force import weight
 from femfit.field.harmonic import FieldArray, HarmonicSystem
-from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.principal import principal
 from femfit.field.weak_form import hall_field
@@ -31,14 +31,18 @@ MOTION_STEP = 0.02
 
 
 class EddyProbe:
-    """An actuator without saturating parts on a mesh, with the moving part at a distance in m."""
+    """An actuator on a mesh with the moving part at a distance in m; :meth:`transfers` comes first."""
 
     def __init__(self, actuator: Actuator, moving: MovingMesh, distance: float, order: int) -> None:
         self._hall, self._moving, self.distance = actuator.hall, moving, distance
-        self._step = MOTION_STEP * moving.layout.clearance
-        self._static = LinearSystem(moving.mesh, actuator, moving.layout, weight(moving.mesh), order)
-        self._real = HarmonicSystem(moving.mesh, actuator, moving.layout, order, real=True)
-        self._harmonic = HarmonicSystem(moving.mesh, actuator, moving.layout, order)
+        self._static = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), order)
+        points = self._static.points if isinstance(self._static, BiasedSystem) else None
+        self._real, self._harmonic = (
+            HarmonicSystem(moving.mesh, actuator, moving.layout, order, real=real, points=points)
+            for real in (True, False)
+        )
+        self._beside = range(1 if points is not None else len(self._static.total))  # what small currents pull on
+        self._motion = self._moved(MOTION_STEP * moving.layout.clearance)
         self.points = ConductorPoints(self._static.space, actuator, moving.reference)
 
     def transfers(self, frequencies: FloatArray) -> tuple[Transfers, FieldArray]:
@@ -59,7 +63,7 @@ class EddyProbe:
         Principal components of those of harmonic fields, of each source at shifts in 1/s, and of motion, each taken at
         the same power.
         """
-        system, motion = self._static, self._motion()
+        system, motion = self._static, self._motion
         states = [*fields.real.reshape(-1, system.space.ndof), *fields.imag.reshape(-1, system.space.ndof)]
         braked = self.points.loads(self.points.rows(motion))
         with self._moving.at(self.distance):
@@ -80,16 +84,15 @@ class EddyProbe:
 
         Where a conducting part moves, of the field's change as that part sees it.
         """
-        return self.points.products(self.points.rows(self._motion()))
+        return self.points.products(self.points.rows(self._motion))
 
-    def _motion(self) -> FloatArray:
+    def _moved(self, step: float) -> FloatArray:
         """dw/dd of each source at rest, at places that move with their parts; shape (m, unknowns)."""
-        system, states = self._static, []
-        for distance in (self.distance - self._step, self.distance + self._step):
+        states = []
+        for distance in (self.distance - step, self.distance + step):
             with self._moving.at(distance):
-                self._real.move()
-                states.append(self._real.solve(0.0, system.loads))
-        return np.asarray((states[1] - states[0]) / (2.0 * self._step))
+                states.append(self._static.state())
+        return self._static.changes(states, 2.0 * step)
 
     def _responses(self, s: complex, fields: FieldArray) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
@@ -102,9 +105,11 @@ class EddyProbe:
             if part is np.real:
                 loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
             system.find_own(totals, loads, own)
-            forces.append([self._force_beside(source, totals, own) for source in range(len(system.total))])
+            forces.append([self._force_beside(source, totals, own) for source in self._beside])
             halls.append([0.0 if hall is None else hall_field(hall, system.mesh, one) for one in totals])
-        force, field_at_hall = (np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls))
+        found, field_at_hall = (np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls))
+        force = np.zeros((len(system.total), len(fields)), dtype=np.complex128)
+        force[: len(found)] = found
         return system.loads[1:] @ fields.T, force, field_at_hall
 
     def _force_beside(self, source: int, totals: list[GridFunction], own: list[GridFunction]) -> list[float]:

@@ -17,7 +17,8 @@ from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.core.errors import FieldSolverError
 from femfit.core.journal import Journal
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.parts import Actuator, NonlinearMaterial
+from femfit.device.parts import Actuator
+from femfit.field.currents import bias_currents
 from femfit.field.eddy_task import EddyMesh, FormsTask, Patterns, ProbeTask
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.principal import principal
@@ -104,6 +105,7 @@ def eddy_sweep(
         conductivities_S_per_m=np.array([*conductivities.values()]),
         resistances=probed.resistances,
         asked_error=actuator.eddy_error,
+        bias_A=bias_currents(actuator) if actuator.saturates else None,
     )
     errors, braking_error = probed.errors(table)
     facts = tuple(one.facts for one in numbers)
@@ -112,17 +114,9 @@ def eddy_sweep(
 
 
 def induces(actuator: Actuator) -> bool:
-    """Whether frequencies are asked for, and a part conducts; :class:`FieldSolverError` where a part saturates, too."""
+    """Whether frequencies are asked for, and a part conducts."""
     parts = (*actuator.fixed, *actuator.moving.regions)
-    if not actuator.frequencies_Hz or not any(one.material.conductivity_S_per_m for one in parts):
-        return False
-    saturating = [one for one in parts if isinstance(one.material, NonlinearMaterial)]
-    if saturating:
-        raise FieldSolverError(
-            f"solver.frequency_Hz needs materials that do not saturate; {saturating[0].name} is of "
-            f"{saturating[0].material.name}. Give it a relative_permeability of its own, or leave frequency_Hz out."
-        )
-    return True
+    return bool(actuator.frequencies_Hz) and any(one.material.conductivity_S_per_m for one in parts)
 
 
 @dataclass(frozen=True)

@@ -25,28 +25,44 @@ from femfit.field.conductors import add_eddy_form, conductors
 from femfit.field.layout import Layout
 from femfit.field.linear_system import SummedInverse
 from femfit.field.regions import AIR
-from femfit.field.weak_form import linear_materials, reluctivity, stiffness
+from femfit.field.material_points import MaterialPoints
+from femfit.field.weak_form import linear_materials, materials, reluctivity, stiffness
 
 FieldArray = NDArray[Any]
 """Coefficients of fields, real at real s and complex else."""
 
 
 class HarmonicSystem:
-    """The forms on one mesh, for real s or for complex ones; nothing saturates."""
+    """The forms on one mesh, for real s or for complex ones.
 
-    def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, order: int, *, real: bool = False) -> None:
+    Where parts saturate, they are those of small fields about a state: ``points`` holds nu_d there, as last set.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        actuator: Actuator,
+        layout: Layout,
+        order: int,
+        *,
+        real: bool = False,
+        points: MaterialPoints | None = None,
+    ) -> None:
         self.space = H1(mesh, order=order, complex=not real)
-        named, conducting = linear_materials(actuator), conductors(actuator)
-        nu = reluctivity(mesh, named)
+        named, conducting = materials(actuator), conductors(actuator)
         self._air = stiffness(self.space, ng.CF(1.0 / MU_0), layout.outer_radius, regions=AIR)
-        still = "|".join(name for name in named if name not in conducting)
-        self._still = [stiffness(self.space, nu, None, regions=still).Assemble()] if still else []
         self._frequency = ng.Parameter(1.0) if real else ng.ParameterC(1.0)
-        self._conducting: list[BilinearForm] = []
+        self._still: list[BilinearForm] = []
+        if points is not None:
+            self._renewed = [points.tangent_on(self.space)]
+        else:
+            nu = reluctivity(mesh, linear_materials(actuator))
+            still = "|".join(name for name in named if name not in conducting)
+            if still:
+                self._still = [stiffness(self.space, nu, None, regions=still).Assemble()]
+            self._renewed = [stiffness(self.space, nu, None, regions="|".join(conducting))] if conducting else []
         if conducting:
-            form = stiffness(self.space, nu, None, regions="|".join(conducting))
-            add_eddy_form(form, conducting, self._frequency)
-            self._conducting = [form]
+            add_eddy_form(self._renewed[0], conducting, self._frequency)
         self._inverse = SummedInverse(self.space)
 
     def move(self) -> None:
@@ -56,7 +72,7 @@ class HarmonicSystem:
     def solve(self, frequency: complex, loads: Sequence[FloatArray] | FloatArray) -> FieldArray:
         """Solve at s in 1/s for loads (k, unknowns), on the mesh as last taken; the same shape."""
         self._frequency.Set(frequency)
-        for form in self._conducting:
+        for form in self._renewed:
             form.Assemble()
-        self._inverse.renew((self._air, *self._still, *self._conducting))
+        self._inverse.renew((self._air, *self._still, *self._renewed))
         return np.array([self._inverse.solve(load) for load in loads]).reshape(len(loads), self.space.ndof)

@@ -74,9 +74,8 @@ class LinearSystem:
 
     def solve(self) -> None:
         """Overwrite ``total`` and ``own`` by the fields on the mesh as it is now stretched."""
-        self._air.Assemble()
-        self._inverse.renew((self._air, *self._solid))
-        self._solve(self._inverse, self.loads, self.total)
+        for solution, total in zip(self.state(), self.total, strict=True):
+            total.vec.FV().NumPy()[:] = solution
         self._free_inverse.renew((self._air, *self._vacuum))
         self.find_own(self.total, self.own_loads, self.own)
 
@@ -88,13 +87,24 @@ class LinearSystem:
         for total, load in zip(totals, loads, strict=True):
             self._induced.Apply(total.vec, magnetisation)  # element by element, on the moving part alone
             own_loads.append(magnetisation.FV().NumPy() + load)
-        self._solve(self._free_inverse, own_loads, own)
+        for load, function in zip(own_loads, own, strict=True):
+            function.vec.FV().NumPy()[:] = self._free_inverse.solve(load) if load.any() else 0.0
+
+    def state(self) -> FloatArray:
+        """The fields of all sources on the mesh as it is now stretched, shape (m, unknowns)."""
+        self._air.Assemble()
+        self._inverse.renew((self._air, *self._solid))
+        return self.respond(np.zeros(0), self.loads)
+
+    def changes(self, states: Sequence[FloatArray], step: float) -> FloatArray:
+        """The derivative of the sources' fields, from two states a step apart."""
+        return np.asarray((states[1] - states[0]) / step)
 
     def evaluate(self) -> Coefficients:
         """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
         self.solve()
         self_force = quadratic(self.layer_force, self.own)
-        linked = np.array([[inner(load, total.vec.FV().NumPy()) for total in self.total] for load in self.loads])
+        linked = inner_products(self.loads, self.total)
         return Coefficients(
             force=quadratic(self.layer_force, self.total) - self_force,
             self_force=self_force,
@@ -105,19 +115,17 @@ class LinearSystem:
 
     def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:  # noqa: ARG002  nothing depends on it
         """What loads (k, unknowns) change of any state of the mesh as it was last solved, in the same shape."""
-        return np.array([self._inverse.solve(load) for load in loads])
-
-    @staticmethod
-    def _solve(
-        inverse: "SummedInverse", loads: Sequence[FloatArray] | FloatArray, functions: Sequence[GridFunction]
-    ) -> None:
-        for load, function in zip(loads, functions, strict=True):
-            function.vec.FV().NumPy()[:] = inverse.solve(load) if load.any() else 0.0
+        return np.array([self._inverse.solve(load) if load.any() else np.zeros_like(load) for load in loads])
 
     def _hall_field(self) -> FloatArray | None:
         if self._hall is None:
             return None
         return np.array([hall_field(self._hall, self.mesh, function) for function in self.total])
+
+
+def inner_products(loads: FloatArray, functions: Sequence[GridFunction]) -> FloatArray:
+    """Of each load (k, unknowns) with each function, shape (k, functions)."""
+    return np.array([[inner(load, one.vec.FV().NumPy()) for one in functions] for load in loads])
 
 
 class SummedInverse:

@@ -61,7 +61,7 @@ class MaterialPoints:
             self._take(np.flatnonzero(self._named_points(name)), material)
         self.moving = self._named_points("moving:.*")
         self._tensor = tuple(GridFunction(self._points) for _ in range(3))
-        self.tangent_form = self._tangent_form()
+        self.tangent_form = self.tangent_on(space)
 
     def flux_density(self, state: FloatArray) -> FloatArray:
         """(B_r, B_z) in T, shape (2, points), of a state of the unknowns."""
@@ -144,11 +144,12 @@ class MaterialPoints:
             self._curves.append((points, BHCurve(material.flux_density_T, material.field_A_per_m)))
             self._ends.append((points, material.flux_density_T[-1]))
 
-    def _tangent_form(self) -> BilinearForm:
-        w, v = self.space.TnT()
+    def tangent_on(self, space: H1) -> BilinearForm:
+        """The form of ``tangent_form`` on a space of the same mesh, real or complex; not assembled."""
+        w, v = space.TnT()
         b, c = flux_density(w), flux_density(v)
         rr, rz, zz = self._tensor
-        form = BilinearForm(self.space, symmetric=True, condense=True)
+        form = BilinearForm(space, symmetric=True, condense=True)
         h = ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]))
         form += InnerProduct(h, c) * 2.0 * math.pi * ng.x * self._measure
         return form

@@ -119,11 +119,15 @@ class NonlinearSystem:
 
     def own_state(self, state: FloatArray, currents: FloatArray) -> FloatArray:
         """The field in free space of the moving part's magnetisation, frozen as in a state, and of its currents."""
+        magnetisation = self.points.magnetisation(self._flux_density(state)) * self.points.moving
+        return self.solve_free(self.points.load(magnetisation) + currents @ self._own_circuits)
+
+    def solve_free(self, load: FloatArray) -> FloatArray:
+        """The field of a load in free space."""
         if not self._free_ready:
             self._free_inverse.renew((self._air, self._vacuum))
             self._free_ready = True
-        magnetisation = self.points.magnetisation(self._flux_density(state)) * self.points.moving
-        return self._free_inverse.solve(self.points.load(magnetisation) + currents @ self._own_circuits)
+        return self._free_inverse.solve(load)
 
     def beyond_curve(self, state: FloatArray) -> bool:
         """Whether a B-H curve had to be extrapolated (:meth:`MaterialPoints.beyond_curve`)."""

@@ -3,13 +3,12 @@
 from functools import partial
 from typing import TYPE_CHECKING
 
-from femfit.device.parts import Actuator, NonlinearMaterial
+from femfit.device.parts import Actuator
 from femfit.field.currents import current_points, swept_currents
 from femfit.field.layout import Layout
 from femfit.field.linear_point import LinearActuator
 from femfit.field.settings import SolverSettings
 from femfit.field.tolerance import LevelChoice, ToleranceProblem, at_level, check_currents, meet_tolerance
-from femfit.field.weak_form import materials
 
 if TYPE_CHECKING:
     from femfit.field.nonlinear_point import NonlinearActuator
@@ -25,7 +24,7 @@ def prepare(
     choice: LevelChoice | None = None,
 ) -> "FieldProblem":
     """Mesh an actuator for a group of ascending distances in m that share the mesh."""
-    saturates = any(isinstance(material, NonlinearMaterial) for material in materials(actuator).values())
+    saturates = actuator.saturates
 
     def build(of: SolverSettings, *, estimate: bool) -> "LinearActuator | NonlinearActuator":
         if not saturates:

@@ -84,7 +84,7 @@ def run_sweep(
     UsageError
         If signatures are asked for of what is no actuator file.
     FieldSolverError
-        If not even a plan of the meshes can be made for any variant, or frequencies are asked for where parts saturate.
+        If not even a plan of the meshes can be made for any variant.
     ClusterError
         If the scheduler cannot be used or is lost.
 
@@ -147,9 +147,10 @@ def run_sweep(
 
 def _impedance(eddy: EddyTable, actuator: Actuator) -> "pd.DataFrame":
     circuits = actuator.circuits
+    swept = current_points(swept_currents(actuator.sweep), len(circuits))
     return impedance_rows(
         eddy,
-        current_points(swept_currents(actuator.sweep), len(circuits)),
+        swept if eddy.bias_A is None else eddy.bias_A[None],
         [one.resistance_ohm for one in circuits],
         [one.inductance_H for one in circuits],
     )

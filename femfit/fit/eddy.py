@@ -80,7 +80,7 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
             parameter_name(""),
             eddy.coordinate,
             table.distances_m,
-            np.zeros(1),
+            np.zeros(1) if table.bias_A is None else table.bias_A,
             frequencies,
             np.array(slope)[:, None],
             share=True,
@@ -101,7 +101,10 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
 
 
 def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
-    """C, lambda, Q and h of each distance in a row, and their slopes in 1/m; those of h are not known (NaN)."""
+    """C, lambda, Q and h of each distance in a row, and their slopes in 1/m; those that are not known are NaN.
+
+    They are those of h, and all of an actuator that saturates.
+    """
     values, slopes, c = [], [], len(table.circuits)
     upper = np.triu_indices(table.patterns)
     for k in range(len(table.distances_m)):
@@ -118,7 +121,7 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
             hall = table.hall[k, 1 + c :] - coupling.T @ table.hall[k, 1 : 1 + c]
         values.append([*coupling.ravel(), *linked, *inductance[upper], *hall])
         slopes.append([*bend.ravel(), *linking, *rising[upper], *np.full_like(hall, np.nan)])
-    return np.array(values), np.array(slopes)
+    return np.array(values), np.array(slopes) if table.bias_A is None else np.full(np.shape(values), np.nan)
 
 
 def _splines(
@@ -194,6 +197,9 @@ def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
             into[0, 1 + c :] = into[1 + c :, 0] = of.flux_linkage[k]
         flux.append((turn.T @ whole @ turn)[1:])
         force.append(-0.5 * (turn.T @ slope @ turn + bend.T @ whole @ turn + turn.T @ whole @ bend))
+    if table.bias_A is not None:  # nor does the field tell more
+        for one in force:
+            one[1:, 1:] = 0.0
     hall = None
     if table.hall is not None:
         coupling, own = eddy.seen(table.distances_m)[0]

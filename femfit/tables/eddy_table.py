@@ -89,6 +89,9 @@ class EddyTable:
         What each material adds to the patterns' resistances in ohm; they sum to one.
     asked_error : float
         Of the model that is to be made of it.
+    bias_A : array, shape (n,), or None
+        Where parts saturate: the circuits' currents about which all others are small. The source 1 is then the state at
+        these currents, and of the force only the first row and column are known.
     """
 
     circuits: tuple[str, ...]
@@ -104,6 +107,7 @@ class EddyTable:
     conductivities_S_per_m: FloatArray
     resistances: FloatArray
     asked_error: float
+    bias_A: FloatArray | None = None
 
     @property
     def patterns(self) -> int:
@@ -214,6 +218,7 @@ def read_eddy(directory: Path) -> EddyTable | None:
         return EddyTable(
             **{
                 "hall": None,
+                "bias_A": None,
                 **arrays,
                 **{name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")},
                 **{name: float(arrays[name]) for name in ("braking_error", "asked_error")},

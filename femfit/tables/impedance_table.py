@@ -31,7 +31,7 @@ def impedance_rows(
     Parameters
     ----------
     currents : array, shape (points, circuits)
-        Bias currents in A.
+        Bias currents in A; of a saturating actuator, the table's own.
     resistances_ohm, series_H : sequence of float
         Of each circuit: its resistance, and what is in series with it outside of the field.
     """
@@ -48,7 +48,7 @@ def impedance_rows(
                 **dict(zip(current_columns(table.circuits), bias, strict=True)),
                 "frequency_Hz": found.frequencies_Hz,
                 **fixed,
-                **_transfers(found, table.circuits, bias),
+                **_transfers(found, table.circuits, bias if table.bias_A is None else np.zeros_like(bias)),
                 "impedance_error": errors[:, 0],
                 "force_error": errors[:, 1],
             }

@@ -92,9 +92,3 @@ def test_without_frequencies_nothing_is_written(actuator, tmp_path):
     plain = replace(actuator, frequencies_Hz=(), sweep=replace(actuator.sweep, distances_m=(1e-3,)))
     assert run_sweep(plain, tmp_path, workers=1).eddy is None
     assert not (tmp_path / NAME).exists()
-
-
-def test_a_part_that_saturates_is_refused_with_its_name(tmp_path):
-    text = POT.replace("relative_permeability = 200\n", "B_T = [0, 1, 1.5]\nH_A_per_m = [0, 1000, 20000]\n")
-    with pytest.raises(FieldSolverError, match="pot is of iron"):
-        run_sweep(actuator_from_toml(text), tmp_path, workers=1)

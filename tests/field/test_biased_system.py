@@ -1,0 +1,104 @@
+"""Small fields about a bias, against the linear solver on a straight curve and differences on a bent one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.constants import MU_0
+from femfit.device.load import actuator_from_toml
+from femfit.field.conductor_points import ConductorPoints
+from femfit.field.eddy_actuator import EddyActuator, PatternFields
+from femfit.field.eddy_probe import EddyProbe
+from femfit.field.eddy_sweep import induces
+from femfit.field.force import weight
+from femfit.field.biased_system import static_system
+from femfit.field.sweep import run_sweep
+from femfit.fit.eddy import fit_eddy
+from support.eddy_pot import POT
+from support.eddy_transient import mesh_for
+
+ORDER, DISTANCE, BIAS = 3, 1.5e-3, 0.4
+STRAIGHT = f"B_T = [0, 1, 2]\nH_A_per_m = [0, {1 / (200 * MU_0)!r}, {2 / (200 * MU_0)!r}]\n"
+BENT = "B_T = [0, 0.02, 0.04, 0.06, 0.1]\nH_A_per_m = [0, 20, 60, 300, 4000]\n"
+UNSATURATED = "B_T = [0, 1, 2]\nH_A_per_m = [0, 1000, 2000]\n"  # as BENT in weak fields
+
+
+def drawn(curve=None, bias=BIAS):
+    text = POT if curve is None else POT.replace("relative_permeability = 200\n", curve)
+    return actuator_from_toml(text.replace("eddy_error", f"eddy_bias_A = {bias!r}\neddy_error"))
+
+
+@pytest.fixture(scope="module")
+def both():
+    """The pot of a linear material and of a straight curve, on one mesh."""
+    linear = drawn()
+    return linear, drawn(STRAIGHT), mesh_for(linear, DISTANCE, 100.0)
+
+
+def forms(actuator, moving):
+    space = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), ORDER).space
+    points = ConductorPoints(space, actuator, moving.reference)
+    inside = np.where(points.moving_rows, 0.0, points.places[:, 0])
+    outer = np.where(points.moving_rows, 1.0, points.places[:, 0] ** 2)
+    return EddyActuator(actuator, moving, PatternFields(actuator, moving, ORDER, np.array([inside, outer])), ORDER)
+
+
+def test_a_straight_curve_has_the_forms_of_the_linear_material(both):
+    linear, curved, moving = both
+    exact, found = (forms(one, moving).forms(DISTANCE) for one in (linear, curved))
+    at = np.array([1.0, BIAS, 0.0, 0.0])
+    beside = exact.force @ at
+    beside[0] = at @ exact.force @ at
+    assert found.force[0] == pytest.approx(beside, rel=1e-6)
+    assert not found.force[1:, 1:].any()
+    linked = np.column_stack([exact.flux_linkage @ at, exact.flux_linkage[:, 1:]])
+    assert found.flux_linkage == pytest.approx(linked, rel=1e-6, abs=1e-12)
+    assert found.hall == pytest.approx([exact.hall @ at, *exact.hall[1:]], rel=1e-6)
+
+
+def test_a_straight_curve_responds_like_the_linear_material_at_any_frequency(both):
+    linear, curved, moving = both
+    frequencies, shifts = np.array([10.0, 1000.0]), np.array([100.0])
+    probes = [EddyProbe(one, moving, DISTANCE, ORDER) for one in (linear, curved)]
+    (exact, fields), (found, others) = (one.transfers(frequencies) for one in probes)
+    assert found.flux_linkage == pytest.approx(exact.flux_linkage, rel=1e-7)
+    assert found.hall == pytest.approx(exact.hall, rel=1e-6)
+    assert found.force[:, 0] == pytest.approx(np.array([1.0, BIAS]) @ exact.force, rel=1e-6)
+    braking = np.array([1.0, BIAS]) @ probes[0].braking() @ np.array([1.0, BIAS])
+    assert probes[1].braking()[0, 0] == pytest.approx(braking, rel=1e-4)
+    patterns = [
+        one.patterns(held, shifts, one.points, 0.01) for one, held in zip(probes, (fields, others), strict=True)
+    ]
+    assert all(len(one) > 2 for one in patterns)
+
+
+def test_small_fields_are_the_derivatives_of_a_saturating_state(both):
+    step, moving = 1e-3, both[2]
+    middle, below, above = (forms(drawn(BENT, one), moving).forms(DISTANCE) for one in (BIAS, BIAS - step, BIAS + step))
+    slope = (above.flux_linkage[:, 0] - below.flux_linkage[:, 0]) / (2.0 * step)
+    assert middle.flux_linkage[:, 1] == pytest.approx(slope, rel=1e-4)
+    assert middle.flux_linkage[1:, 1] == pytest.approx(middle.flux_linkage[0, 2:], rel=1e-7)  # reciprocity
+    assert 2.0 * middle.force[0, 1] == pytest.approx((above.force - below.force)[0, 0] / (2.0 * step), rel=1e-4)
+    weak = forms(drawn(UNSATURATED), moving).forms(DISTANCE)
+    assert middle.flux_linkage[0, 1] < 0.98 * weak.flux_linkage[0, 1]  # it does saturate
+
+
+def test_the_bias_is_in_the_middle_of_the_sweep_beside_a_magnet_and_else_half_of_its_largest(both):
+    from femfit.field.currents import bias_currents
+
+    beside = replace(both[1], eddy_bias_A=())
+    low, high = beside.sweep.currents_A[0], beside.sweep.currents_A[-1]
+    assert bias_currents(beside) == pytest.approx([0.5 * (low + high)])
+    assert bias_currents(both[1]) == pytest.approx([BIAS])
+
+
+def test_a_sweep_of_a_saturating_pot_gives_patterns_that_a_model_holds(tmp_path):
+    text = POT.replace("relative_permeability = 200\n", BENT)
+    text = text.replace("[1, 1.5, 2, 2.5]", "[1, 1.5]").replace("[-1, 0, 1]", "[0, 0.8]")
+    actuator = actuator_from_toml(text)
+    assert induces(actuator)
+    table = run_sweep(actuator, tmp_path, workers=1).eddy
+    assert table.bias_A is not None
+    assert table.errors.max() < 0.02
+    assert np.linalg.eigvalsh(table.flux_linkage[:, 1:, 2:]).min() > 0.0
