@@ -47,7 +47,7 @@ class SolverEntry(Entry):
         description="Give the relative error of impedance, force and Hall field that the reduced model of the eddy "
         "currents has to meet.",
     )
-    eddy_bias_A: float | list[float] | None = Field(  # noqa: N815  the unit
+    eddy_bias_A: float | list[float] | None = Field(
         None,
         description="Give the current in A about which the eddy currents of saturating parts are linearised, or a list "
         "with one for each circuit.",

@@ -16,7 +16,6 @@ from femfit.core.arrays import FloatArray
 from femfit.core.constants import MU_0
 from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
-from femfit.field.currents import bias_currents
 from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import Layout
 from femfit.field.linear_system import Coefficients, LinearSystem, PatternLoads, inner_products
@@ -38,7 +37,7 @@ def static_system(
 
 
 class BiasedSystem:
-    """The system of the module's head; used like a :class:`LinearSystem`."""
+    """The system of the module's head, used like a :class:`LinearSystem`; ``bias`` has the circuits' currents in A."""
 
     def __init__(
         self,
@@ -49,7 +48,8 @@ class BiasedSystem:
         order: int,
         patterns: PatternLoads | None = None,
     ) -> None:
-        self.mesh, self._hall, self._bias = mesh, actuator.hall, bias_currents(actuator)
+        self.mesh, self._hall = mesh, actuator.hall
+        self.bias = np.zeros(len(actuator.circuits))
         self._levels = [NonlinearSystem(mesh, actuator, layout, one) for one in dict.fromkeys((FIRST_ORDER, order))]
         self._raise_order = csr(
             ConvertOperator(self._levels[0].space, self._levels[-1].space), self._levels[0].space.ndof
@@ -69,14 +69,15 @@ class BiasedSystem:
         """The material's points, with the incremental permeability of the state that was last solved."""
         return self._levels[-1].points
 
-    def state(self) -> FloatArray:
-        """The unknowns of the static state on the mesh as it is now stretched."""
+    def state(self, currents: FloatArray | None = None) -> FloatArray:
+        """The unknowns of the static state on the mesh as it is now stretched, at the bias or at other currents."""
+        currents = self.bias if currents is None else currents
         start = np.zeros(self._levels[0].space.ndof)
         for level in self._levels:
             level.move()
-            result = minimise(level, self._bias, start)
+            result = minimise(level, currents, start)
             if not result.converged:
-                amperes = ", ".join(f"{one:g}" for one in self._bias)
+                amperes = ", ".join(f"{one:g}" for one in currents)
                 raise FieldSolverError(
                     f"the state at {amperes} A did not converge: Newton's iteration left a residual of "
                     f"{result.residual:.1e}. Check the B-H curve for kinks, or give another solver.eddy_bias_A"
@@ -99,7 +100,7 @@ class BiasedSystem:
         solutions = [state, *(fine.solve(load) for load in self.loads[1:])]
         for solution, total in zip(solutions, self.total, strict=True):
             total.vec.FV().NumPy()[:] = solution
-        self.own[0].vec.FV().NumPy()[:] = fine.own_state(state, self._bias)
+        self.own[0].vec.FV().NumPy()[:] = fine.own_state(state, self.bias)
         self.find_own(self.total[1:], self.own_loads[1:], self.own[1:])
 
     def find_own(
@@ -114,6 +115,7 @@ class BiasedSystem:
 
     def evaluate(self) -> Coefficients:
         """As :meth:`LinearSystem.evaluate`; the force has entries in its first row and column alone."""
+        rest = self._levels[-1].function(self.state(np.zeros_like(self.bias)))
         self.solve()
         self_force = quadratic(self.layer_force, self.own)
         force = quadratic(self.layer_force, self.total) - self_force
@@ -122,4 +124,6 @@ class BiasedSystem:
         if self._hall is not None:
             hall = np.array([hall_field(self._hall, self.mesh, function) for function in self.total])
         linked = inner_products(self.loads, self.total)
-        return Coefficients(force, self_force, linked[1:], 0.5 * linked[0, 0], hall)
+        return Coefficients(
+            force, self_force, linked[1:], 0.5 * linked[0, 0], hall, inner_products(self.loads[1:], [rest])[:, 0]
+        )

@@ -7,13 +7,15 @@ circuits: Galerkin's method for the induced currents. Where parts saturate, the 
 the bias (:mod:`femfit.field.biased_system`).
 """
 
+from collections.abc import Sequence
 from functools import cached_property
 
+import numpy as np
 from ngsolve import H1
 
 from femfit.core.arrays import FloatArray
 from femfit.device.parts import Actuator
-from femfit.field.biased_system import static_system
+from femfit.field.biased_system import BiasedSystem, static_system
 from femfit.field.conductor_points import ConductorPoints
 from femfit.field.force import weight
 from femfit.field.linear_system import Coefficients
@@ -51,7 +53,9 @@ class EddyActuator:
 
         self._system = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), order, loads)
 
-    def forms(self, distance: float) -> Coefficients:
-        """Forms in the sources 1, i_1 .. i_n, e_1 .. e_q at a distance of the mesh's group."""
+    def forms(self, distance: float, bias: Sequence[float] = ()) -> Coefficients:
+        """Forms in the sources 1, i_1 .. i_n, e_1 .. e_q at a distance of the mesh's group, about a bias in A."""
+        if isinstance(self._system, BiasedSystem):
+            self._system.bias = np.array(bias)
         with self._moving.at(distance):
             return self._system.evaluate()

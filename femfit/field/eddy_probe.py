@@ -9,6 +9,7 @@ References
 A. Ruhe, Linear Algebra Appl. 58 (1984) 391: rational Krylov spaces, whose real shifts keep the projection symmetric.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,14 @@ MOTION_STEP = 0.02
 class EddyProbe:
     """An actuator on a mesh with the moving part at a distance in m; :meth:`transfers` comes first."""
 
-    def __init__(self, actuator: Actuator, moving: MovingMesh, distance: float, order: int) -> None:
+    def __init__(
+        self, actuator: Actuator, moving: MovingMesh, distance: float, order: int, bias: Sequence[float] = ()
+    ) -> None:
         self._hall, self._moving, self.distance = actuator.hall, moving, distance
         self._static = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), order)
-        points = self._static.points if isinstance(self._static, BiasedSystem) else None
+        points = None
+        if isinstance(self._static, BiasedSystem):
+            self._static.bias, points = np.array(bias), self._static.points
         self._real, self._harmonic = (
             HarmonicSystem(moving.mesh, actuator, moving.layout, order, real=real, points=points)
             for real in (True, False)

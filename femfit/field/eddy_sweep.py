@@ -6,7 +6,7 @@ there, and at distances between, say how far the patterns are off.
 
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ from femfit.core.errors import FieldSolverError
 from femfit.core.journal import Journal
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.currents import bias_currents
 from femfit.field.eddy_task import EddyMesh, FormsTask, Patterns, ProbeTask
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.principal import principal
@@ -49,7 +48,13 @@ Solve = Callable[[Sequence[Any], Done], None]
 
 
 def eddy_sweep(
-    actuator: Actuator, journal: Journal, file: Path, key: str, solve: Solve, numbers: tuple[DrawnNumber, ...] = ()
+    actuator: Actuator,
+    journal: Journal,
+    file: Path,
+    key: str,
+    solve: Solve,
+    numbers: tuple[DrawnNumber, ...] = (),
+    biases: Mapping[float, tuple[float, ...]] | None = None,
 ) -> tuple[EddyTable, ImpedanceSlopes | None]:
     """Solve what the journal does not have of the induced currents of an actuator that has any.
 
@@ -61,19 +66,22 @@ def eddy_sweep(
     ----------
     file : Path
         Where the patterns are kept for a sweep that goes on later, with a key that is theirs.
+    biases : mapping, or None
+        The currents in A, by distance, about which the fields of saturating parts are small.
 
     Raises
     ------
     FieldSolverError
         If no distance can be solved.
     """
-    plan = _Plan.of(actuator)
+    plan = _Plan.of(actuator, biases or {})
+    numbers = () if actuator.saturates else numbers
     probed = _read(file, key)
     if probed is None:
         probed = _probe(plan, solve, numbers)
         _write(probed, file, key)
     patterns = Patterns(plan.reference, probed.rows, zlib.crc32(probed.rows.tobytes()))
-    tasks = [FormsTask(plan.meshes[d], d, patterns) for d in actuator.sweep.distances_m]
+    tasks = [FormsTask(plan.meshes[d], d, patterns, plan.biases.get(d, ())) for d in actuator.sweep.distances_m]
 
     def record(task: FormsTask, result: dict[str, Any]) -> list[Any]:
         journal.record(task.key, result)
@@ -105,7 +113,8 @@ def eddy_sweep(
         conductivities_S_per_m=np.array([*conductivities.values()]),
         resistances=probed.resistances,
         asked_error=actuator.eddy_error,
-        bias_A=bias_currents(actuator) if actuator.saturates else None,
+        bias_A=np.array([plan.biases[d] for d in found]) if actuator.saturates else None,
+        rest=np.array([one["rest"] for one in found.values()]) if actuator.saturates else None,
     )
     errors, braking_error = probed.errors(table)
     facts = tuple(one.facts for one in numbers)
@@ -130,9 +139,10 @@ class _Plan:
     frequencies: tuple[float, ...]
     shifts: tuple[float, ...]
     tolerance: float
+    biases: Mapping[float, tuple[float, ...]]
 
     @classmethod
-    def of(cls, actuator: Actuator) -> "_Plan":
+    def of(cls, actuator: Actuator, biases: Mapping[float, tuple[float, ...]]) -> "_Plan":
         """The plan of an actuator that conducts."""
         low, high = max(actuator.frequencies_Hz[0], LOWEST_HZ), max(actuator.frequencies_Hz[-1], LOWEST_HZ)
         settings = SolverSettings(order=ORDER, skin_frequency_Hz=high)
@@ -149,6 +159,7 @@ class _Plan:
             _decades(low, high, MOST_FREQUENCIES),
             tuple(2.0 * math.pi * one for one in _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)),
             actuator.eddy_error,
+            biases,
         )
 
 
@@ -184,7 +195,7 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
         shifts = plan.shifts if d in plan.probes else ()
         coarse = d == plan.probes[0] or d in plan.checks
         at = plan.meshes[d], plan.reference, d, plan.frequencies
-        tasks.append(ProbeTask(*at, shifts, plan.tolerance, coarse, numbers))
+        tasks.append(ProbeTask(*at, shifts, plan.tolerance, coarse, numbers, plan.biases.get(d, ())))
     results: dict[float, dict[str, Any]] = {}
 
     def record(task: ProbeTask, result: dict[str, Any]) -> list[Any]:

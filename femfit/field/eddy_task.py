@@ -57,6 +57,7 @@ class ProbeTask:
     tolerance: float
     coarse: bool
     numbers: tuple[DrawnNumber, ...] = ()
+    bias: tuple[float, ...] = ()  # In A; where parts saturate
 
     @property
     def key(self) -> str:
@@ -69,11 +70,12 @@ class ProbeTask:
 
         moving, order = self.mesh.moving(), self.mesh.settings.order
         actuator, frequencies = self.mesh.actuator, np.array(self.frequencies)
-        probe = EddyProbe(actuator, moving, self.distance, order)
+        probe = EddyProbe(actuator, moving, self.distance, order, self.bias)
         transfers, fields = probe.transfers(frequencies)
         result: dict[str, Any] = {"transfers": transfers, "braking": probe.braking()}
         if self.coarse:
-            result["coarse"] = EddyProbe(actuator, moving, self.distance, order - 1).transfers(frequencies)[0]
+            coarser = EddyProbe(actuator, moving, self.distance, order - 1, self.bias)
+            result["coarse"] = coarser.transfers(frequencies)[0]
         if self.numbers:
             from femfit.field.impedance_signatures import ImpedanceSignatures  # noqa: PLC0415
 
@@ -93,6 +95,7 @@ class FormsTask:
     mesh: EddyMesh
     distance: float
     patterns: Patterns
+    bias: tuple[float, ...] = ()  # In A; where parts saturate
 
     @property
     def key(self) -> str:
@@ -101,11 +104,12 @@ class FormsTask:
 
     def result(self) -> dict[str, Any]:
         """Solve on the group's mesh."""
-        forms = _actuator(self.mesh, self.patterns).forms(self.distance)
+        forms = _actuator(self.mesh, self.patterns).forms(self.distance, self.bias)
         return {
             "force": forms.force.tolist(),
             "flux_linkage": forms.flux_linkage.tolist(),
             "hall": None if forms.hall is None else forms.hall.tolist(),
+            "rest": None if forms.rest is None else forms.rest.tolist(),
         }
 
 

@@ -24,8 +24,8 @@ from femfit.device.parts import Actuator
 from femfit.field.conductors import add_eddy_form, conductors
 from femfit.field.layout import Layout
 from femfit.field.linear_system import SummedInverse
-from femfit.field.regions import AIR
 from femfit.field.material_points import MaterialPoints
+from femfit.field.regions import AIR
 from femfit.field.weak_form import linear_materials, materials, reluctivity, stiffness
 
 FieldArray = NDArray[Any]

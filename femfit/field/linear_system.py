@@ -35,6 +35,7 @@ class Coefficients:
     flux_linkage: FloatArray
     coenergy: float
     hall: FloatArray | None
+    rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
 
 
 class LinearSystem:

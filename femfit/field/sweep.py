@@ -14,7 +14,7 @@ from femfit.device.drawn_numbers import DrawnNumber, read_numbers
 from femfit.device.parts import Actuator
 from femfit.device.tolerance_defaults import KINDS
 from femfit.device.variants import VariantSweep, only, read_variants
-from femfit.field.currents import current_points, swept_currents
+from femfit.field.currents import bias_currents, current_points, swept_currents
 from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.settings import SolverSettings, settings_for
@@ -126,16 +126,17 @@ def run_sweep(
         first, done = _in_order(left, journal.finished, record)
         _solve_all(first, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
+        rows = sweep_rows(sweep, solved | failed)
         eddy, slopes = None, None
         if harmonic:
 
             def solve(tasks: Sequence[Any], done: Callable[[Any, Result], list[Any]]) -> None:
                 _solve_all(tasks, workers, scheduler, done)
 
-            patterns = directory / PATTERNS_NAME
-            eddy, slopes = eddy_sweep(sweep.actuator, journal, patterns, configuration["hash"], solve, numbers)
+            patterns, biases = directory / PATTERNS_NAME, bias_currents(sweep.actuator, rows)
+            eddy, slopes = eddy_sweep(sweep.actuator, journal, patterns, configuration["hash"], solve, numbers, biases)
         table = SweepTable(
-            sweep_rows(sweep, solved | failed),
+            rows,
             sweep_manifest(sweep, configuration) | _beyond_curve(solved),
             signatures_of(sweep, solved, at_rest) if at_rest else None,
             eddy,
@@ -147,10 +148,9 @@ def run_sweep(
 
 def _impedance(eddy: EddyTable, actuator: Actuator) -> "pd.DataFrame":
     circuits = actuator.circuits
-    swept = current_points(swept_currents(actuator.sweep), len(circuits))
     return impedance_rows(
         eddy,
-        swept if eddy.bias_A is None else eddy.bias_A[None],
+        current_points(swept_currents(actuator.sweep), len(circuits)),
         [one.resistance_ohm for one in circuits],
         [one.inductance_H for one in circuits],
     )

@@ -80,7 +80,7 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
             parameter_name(""),
             eddy.coordinate,
             table.distances_m,
-            np.zeros(1) if table.bias_A is None else table.bias_A,
+            np.zeros(1) if table.bias_A is None else table.bias_A.mean(axis=0),
             frequencies,
             np.array(slope)[:, None],
             share=True,
@@ -112,7 +112,8 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
         between, alone = one[:c, 1 + c :], one[:, 0]
         coupling = np.linalg.solve(one[:c, 1 : 1 + c], between)
         bend = np.linalg.solve(one[:c, 1 : 1 + c], slope[:c, 1 + c :] - slope[:c, 1 : 1 + c] @ coupling)
-        linked = alone[c:] - coupling.T @ alone[:c]
+        rest = alone if table.rest is None else table.rest[k]
+        linked = rest[c:] - coupling.T @ rest[:c]
         linking = slope[c:, 0] - bend.T @ alone[:c] - coupling.T @ slope[:c, 0]
         inductance = one[c:, 1 + c :] - between.T @ coupling
         rising = slope[c:, 1 + c :] - slope[:c, 1 + c :].T @ coupling - between.T @ bend

@@ -89,9 +89,11 @@ class EddyTable:
         What each material adds to the patterns' resistances in ohm; they sum to one.
     asked_error : float
         Of the model that is to be made of it.
-    bias_A : array, shape (n,), or None
+    bias_A : array, shape (D, n), or None
         Where parts saturate: the circuits' currents about which all others are small. The source 1 is then the state at
         these currents, and of the force only the first row and column are known.
+    rest : array, shape (D, M - 1), or None
+        There: the flux linkages without any current, in Wb.
     """
 
     circuits: tuple[str, ...]
@@ -108,6 +110,7 @@ class EddyTable:
     resistances: FloatArray
     asked_error: float
     bias_A: FloatArray | None = None
+    rest: FloatArray | None = None
 
     @property
     def patterns(self) -> int:
@@ -136,6 +139,7 @@ class EddyTable:
             force=turn.T @ self.force @ turn,
             flux_linkage=turn[1:, 1:].T @ self.flux_linkage @ turn,
             hall=None if self.hall is None else self.hall @ turn,
+            rest=None if self.rest is None else self.rest @ turn[1:, 1:],
             resistances=combinations.T @ self.resistances @ combinations,
         )
 
@@ -219,6 +223,7 @@ def read_eddy(directory: Path) -> EddyTable | None:
             **{
                 "hall": None,
                 "bias_A": None,
+                "rest": None,
                 **arrays,
                 **{name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")},
                 **{name: float(arrays[name]) for name in ("braking_error", "asked_error")},

@@ -31,7 +31,7 @@ def impedance_rows(
     Parameters
     ----------
     currents : array, shape (points, circuits)
-        Bias currents in A; of a saturating actuator, the table's own.
+        Bias currents in A; of a saturating actuator the table's own are taken.
     resistances_ohm, series_H : sequence of float
         Of each circuit: its resistance, and what is in series with it outside of the field.
     """
@@ -42,7 +42,7 @@ def impedance_rows(
     for k, distance in enumerate(table.distances_m):
         found = table.transfers(k, table.frequencies_Hz)
         fixed = dict(_impedances(found, table.circuits, resistances_ohm, series_H))
-        for bias in currents:
+        for bias in currents if table.bias_A is None else table.bias_A[k, None]:
             columns = {
                 "distance_m": np.full(len(found.frequencies_Hz), distance),
                 **dict(zip(current_columns(table.circuits), bias, strict=True)),

@@ -3,18 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from femfit.core.constants import MU_0
 from femfit.device.load import actuator_from_toml
+from femfit.field.biased_system import static_system
 from femfit.field.conductor_points import ConductorPoints
+from femfit.field.currents import bias_currents
 from femfit.field.eddy_actuator import EddyActuator, PatternFields
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import induces
 from femfit.field.force import weight
-from femfit.field.biased_system import static_system
 from femfit.field.sweep import run_sweep
-from femfit.fit.eddy import fit_eddy
 from support.eddy_pot import POT
 from support.eddy_transient import mesh_for
 
@@ -24,9 +25,9 @@ BENT = "B_T = [0, 0.02, 0.04, 0.06, 0.1]\nH_A_per_m = [0, 20, 60, 300, 4000]\n"
 UNSATURATED = "B_T = [0, 1, 2]\nH_A_per_m = [0, 1000, 2000]\n"  # as BENT in weak fields
 
 
-def drawn(curve=None, bias=BIAS):
+def drawn(curve=None):
     text = POT if curve is None else POT.replace("relative_permeability = 200\n", curve)
-    return actuator_from_toml(text.replace("eddy_error", f"eddy_bias_A = {bias!r}\neddy_error"))
+    return actuator_from_toml(text.replace("eddy_error", f"eddy_bias_A = {BIAS}\neddy_error"))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,7 @@ def forms(actuator, moving):
 
 def test_a_straight_curve_has_the_forms_of_the_linear_material(both):
     linear, curved, moving = both
-    exact, found = (forms(one, moving).forms(DISTANCE) for one in (linear, curved))
+    exact, found = (forms(one, moving).forms(DISTANCE, (BIAS,)) for one in (linear, curved))
     at = np.array([1.0, BIAS, 0.0, 0.0])
     beside = exact.force @ at
     beside[0] = at @ exact.force @ at
@@ -60,7 +61,7 @@ def test_a_straight_curve_has_the_forms_of_the_linear_material(both):
 def test_a_straight_curve_responds_like_the_linear_material_at_any_frequency(both):
     linear, curved, moving = both
     frequencies, shifts = np.array([10.0, 1000.0]), np.array([100.0])
-    probes = [EddyProbe(one, moving, DISTANCE, ORDER) for one in (linear, curved)]
+    probes = [EddyProbe(one, moving, DISTANCE, ORDER, (BIAS,)) for one in (linear, curved)]
     (exact, fields), (found, others) = (one.transfers(frequencies) for one in probes)
     assert found.flux_linkage == pytest.approx(exact.flux_linkage, rel=1e-7)
     assert found.hall == pytest.approx(exact.hall, rel=1e-6)
@@ -74,23 +75,32 @@ def test_a_straight_curve_responds_like_the_linear_material_at_any_frequency(bot
 
 
 def test_small_fields_are_the_derivatives_of_a_saturating_state(both):
-    step, moving = 1e-3, both[2]
-    middle, below, above = (forms(drawn(BENT, one), moving).forms(DISTANCE) for one in (BIAS, BIAS - step, BIAS + step))
+    step, moving, bent = 1e-3, both[2], drawn(BENT)
+    middle, below, above = (forms(bent, moving).forms(DISTANCE, (one,)) for one in (BIAS, BIAS - step, BIAS + step))
     slope = (above.flux_linkage[:, 0] - below.flux_linkage[:, 0]) / (2.0 * step)
     assert middle.flux_linkage[:, 1] == pytest.approx(slope, rel=1e-4)
     assert middle.flux_linkage[1:, 1] == pytest.approx(middle.flux_linkage[0, 2:], rel=1e-7)  # reciprocity
     assert 2.0 * middle.force[0, 1] == pytest.approx((above.force - below.force)[0, 0] / (2.0 * step), rel=1e-4)
-    weak = forms(drawn(UNSATURATED), moving).forms(DISTANCE)
+    weak = forms(drawn(UNSATURATED), moving).forms(DISTANCE, (BIAS,))
     assert middle.flux_linkage[0, 1] < 0.98 * weak.flux_linkage[0, 1]  # it does saturate
 
 
-def test_the_bias_is_in_the_middle_of_the_sweep_beside_a_magnet_and_else_half_of_its_largest(both):
-    from femfit.field.currents import bias_currents
-
+def test_the_bias_holds_the_flux_linkage_where_no_magnet_does(both):
+    rows = pd.DataFrame(
+        {
+            "distance_m": np.repeat(both[1].sweep.distances_m, 3),
+            "current_A": [0.0, 1.0, 2.0] * 4,
+            "flux_linkage_Wb": [0.0, 4.0, 8.0, 0.0, 3.0, 6.0, 0.0, 2.0, 4.0, 0.0, 1.0, 2.0],
+            "status": "ok",
+        }
+    )
     beside = replace(both[1], eddy_bias_A=())
+    fixed = replace(beside, moving=replace(beside.moving, regions=beside.moving.regions[:1]))
     low, high = beside.sweep.currents_A[0], beside.sweep.currents_A[-1]
-    assert bias_currents(beside) == pytest.approx([0.5 * (low + high)])
-    assert bias_currents(both[1]) == pytest.approx([BIAS])
+    assert set(bias_currents(beside, rows).values()) == {(0.5 * (low + high),)}
+    assert [one for (one,) in bias_currents(fixed, rows).values()] == pytest.approx([4.0 / 3.0, 16.0 / 9.0, 2.0, 2.0])
+    assert set(bias_currents(both[1], rows).values()) == {(BIAS,)}
+    assert bias_currents(both[0], rows) == {}
 
 
 def test_a_sweep_of_a_saturating_pot_gives_patterns_that_a_model_holds(tmp_path):

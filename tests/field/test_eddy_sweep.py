@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import femfit.field.eddy_sweep as eddy_sweep_module
-from femfit.core.errors import FieldSolverError, TableError
+from femfit.core.errors import TableError
 from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.layout import layout_of
