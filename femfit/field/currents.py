@@ -17,8 +17,9 @@ CurrentsLike: TypeAlias = float | Sequence[float] | FloatArray
 
 
 BIAS_SHARE = 2.0 / 3.0
-"""Numerical: of the largest flux linkage. Of pull-ins of two solenoids the model's current is nearest to that of the
-nonlinear field in time with shares of 0.65 to 0.75; with 0.5 and 0.9 it is off twice as far."""
+"""Numerical: of the largest flux linkage. The pull-ins of a flat solenoid by 5, 12 and 24 V then end 1.3 % late, 0.1 %
+and 2.1 % early beside the nonlinear field in time; with a half 0.0, 1.2 and 3.0 % early, with 0.7 2.8, 2.0 and 0.5 %
+late."""
 
 
 def current_points(currents: CurrentsLike, circuits: int) -> FloatArray:

@@ -110,12 +110,13 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     for k in range(len(table.distances_m)):
         one, slope = table.flux_linkage[k], -2.0 * table.force[k, 1:]
         between, alone = one[:c, 1 + c :], one[:, 0]
-        coupling = np.linalg.solve(one[:c, 1 : 1 + c], between)
+        coupling = _coupling(table, k)
         bend = np.linalg.solve(one[:c, 1 : 1 + c], slope[:c, 1 + c :] - slope[:c, 1 : 1 + c] @ coupling)
         rest = alone if table.rest is None else table.rest[k]
         linked = rest[c:] - coupling.T @ rest[:c]
         linking = slope[c:, 0] - bend.T @ alone[:c] - coupling.T @ slope[:c, 0]
-        inductance = one[c:, 1 + c :] - between.T @ coupling
+        crossed = between.T @ coupling
+        inductance = one[c:, 1 + c :] - crossed - crossed.T + coupling.T @ one[:c, 1 : 1 + c] @ coupling
         rising = slope[c:, 1 + c :] - slope[:c, 1 + c :].T @ coupling - between.T @ bend
         hall = np.zeros(0)
         if table.hall is not None:
@@ -123,6 +124,19 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
         values.append([*coupling.ravel(), *linked, *inductance[upper], *hall])
         slopes.append([*bend.ravel(), *linking, *rising[upper], *np.full_like(hall, np.nan)])
     return np.array(values), np.array(slopes) if table.bias_A is None else np.full(np.shape(values), np.nan)
+
+
+def _coupling(table: EddyTable, k: int) -> FloatArray:
+    """C at a distance, shape (n, q).
+
+    Beside iron that saturates the patterns of a single circuit link the flux of the currents C that they act like, from
+    rest to the bias; small currents alone, and C = L^-1 m, do not tell what they link there.
+    """
+    flux, c = table.flux_linkage[k], len(table.circuits)
+    if c == 1 and table.rest is not None and table.bias_A is not None and table.bias_A[k].any():
+        linked = flux[:, 0] - table.rest[k]
+        return np.asarray(linked[None, 1:] / linked[0])
+    return np.linalg.solve(flux[:c, 1 : 1 + c], flux[:c, 1 + c :])
 
 
 def _splines(

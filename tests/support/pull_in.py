@@ -8,7 +8,9 @@ import math
 
 import ngsolve as ng
 import numpy as np
+from scipy.integrate import solve_ivp
 
+from femfit.device.load import actuator_from_toml
 from femfit.field.conductor_points import ConductorPoints
 from femfit.field.conductors import add_eddy_form, conductors
 from femfit.field.force import LayerForce, weight
@@ -18,6 +20,46 @@ from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.nonlinear_system import NonlinearSystem
 from femfit.field.settings import SolverSettings
+from femfit.model.dynamics import state_derivative
+
+FLAT = """
+schema = 2
+name = "flat-solenoid"
+description = "Flat-faced solenoid: solid steel pot and armature"
+
+[fixed.regions.pot]
+material = "steel_1010"
+polygon_mm = [[0, -14], [14, -14], [14, 0], [11.5, 0], [11.5, -10], [5, -10], [5, 0], [0, 0]]
+
+[coils.winding]
+r_mm = [5.5, 11]
+z_mm = [-9.5, -0.5]
+turns = 300
+wire_diameter_mm = 0.3
+
+[moving.regions.armature]
+material = "steel_1010"
+r_mm = [0, 14]
+z_mm = [0, 3.5]
+
+[mechanics]
+mass_g = 17
+gravity = "off"
+
+[supply]
+voltage_min_V = 0
+voltage_max_V = 12
+sample_time_ms = 0.1
+
+[sweep]
+current_A = { start = 0, stop = 3.25, step = 0.25 }
+distance_mm = { start = 0.3, stop = 1.5, step = 0.1 }
+
+[solver]
+frequency_Hz = { start = 1, stop = 1000, per_decade = 2 }
+"""
+
+NEAR, FAR = 0.4e-3, 1.2e-3  # from where to where it is pulled
 
 GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 """Of Alexander's two implicit stages of the second order, L-stable (SIAM J. Numer. Anal. 14 (1977) 1006)."""
@@ -150,3 +192,34 @@ class PullIn:
     @staticmethod
     def _acceleration(motion, distance, velocity, force):
         return float(motion.acceleration(np.array(distance), np.array(velocity), np.array(force), 1e-3))
+
+
+def switched_field(volts, step, *, conducts=True):
+    """The pull-in of the flat solenoid by the field, as of :meth:`PullIn.run`; the first step in fifths."""
+    highest = 1000.0 if conducts else 0.0
+    field = PullIn(actuator_from_toml(FLAT), np.linspace(NEAR, FAR, 7), 3, highest, conducts=conducts)
+    return field.run(volts, FAR, np.r_[np.full(5, step / 5.0), np.full(1000, step)], until=NEAR)
+
+
+def switched_model(model, volts, times):
+    """The same of a model: when it is there in s, and currents at times."""
+
+    def rates(_, x):
+        return state_derivative(model, x[None], np.array([volts]))[0]
+
+    def there(_, x):
+        return x[0] - NEAR
+
+    there.terminal = True
+    rest = np.zeros(model.order)
+    rest[0] = FAR
+    found = solve_ivp(
+        rates, (0.0, 2.0 * times[-1]), rest, "Radau", events=there, rtol=1e-6, atol=1e-9, dense_output=True
+    )
+    (end,) = found.t_events[0]
+    return end, found.sol(np.minimum(times, end))[2]
+
+
+def arrival(times, distances):
+    """When a body was at the near end, in s."""
+    return float(np.interp(-NEAR, -distances, times))
