@@ -159,6 +159,8 @@ class Effect:
         ((near, far) in m, nominal, p) -> (near, far) in m: where the body is stopped.
     hall_point : callable or None
         Maps (distance, current) as ``setting`` does.
+    eddy : callable or None
+        p -> factor of the resistances of the drawing's eddy currents.
     calibrations : tuple of Calibration
         Measurements beside the bench sweep that read parameters directly.
     """
@@ -177,6 +179,7 @@ class Effect:
     mass: Callable[[float, Parameters], float] | None = None
     ends: Callable[[tuple[float, float], Nominal, Parameters], tuple[float, float]] | None = None
     impedance: FurtherImpedance | None = None
+    eddy: Callable[[Parameters], float] | None = None
     readings: Readings | None = None
     memory: Memory | None = None
     hall_point: Setting | None = None

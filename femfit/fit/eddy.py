@@ -22,7 +22,7 @@ from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyCurrents, EddyError
-from femfit.model.impedance_change import impedance_change
+from femfit.model.impedance_change import ImpedanceChange, impedance_change
 from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
 
@@ -68,36 +68,47 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
 
 
 def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[DrawnEffect, ...]:
-    """The conductivities of the drawing's materials, with what they change of the impedance of a single circuit."""
+    """The conductivities of the drawing's materials, with what they change of the impedance of a single circuit.
+
+    That of all that conducts changes how fast the eddy currents decay, and the impedance as what the field says more.
+    """
     if table is None or eddy is None or len(table.circuits) != 1:
         return ()
+    own = replace(as_table(eddy, table), resistances=np.eye(eddy.count)[None]) if len(table.materials) == 1 else None
     low, high = table.checked_Hz[[0, -1]]
     frequencies = np.geomspace(low, high, 1 + max(3, round(EDDY_PER_DECADE * np.log10(high / low))))
     found = []
-    for j, (name, conductivity) in enumerate(zip(table.materials, table.conductivities_S_per_m, strict=True)):
-        slope = [table.conductivity_slope(j, k, frequencies)[:, 0, 0] for k in range(len(table.distances_m))]
+    for j in range(len(table.materials)):
+        at = range(len(table.distances_m))
+        slope = np.array([table.conductivity_slope(j, k, frequencies)[:, 0, 0] for k in at])
+        if own is not None:
+            slope -= [own.conductivity_slope(0, k, frequencies)[:, 0, 0] for k in at]
         change = impedance_change(
             parameter_name(""),
             eddy.coordinate,
             table.distances_m,
             np.zeros(1) if table.bias_A is None else table.bias_A.mean(axis=0),
             frequencies,
-            np.array(slope)[:, None],
+            slope[:, None],
             share=True,
         )
-        found.append(
-            DrawnEffect(
-                key=f"materials.{name}.conductivity_MS_per_m",
-                also=(),
-                subject=f"the conductivity of {name}",
-                value=1e-6 * float(conductivity),
-                unit="",
-                tolerance=KINDS["conductivity"].tolerance,
-                terms=(),
-                impedance=change,
-            )
-        )
+        found.append(_conductivity(table, j, change))
     return tuple(found)
+
+
+def _conductivity(table: EddyTable, place: int, impedance: ImpedanceChange) -> DrawnEffect:
+    name = table.materials[place]
+    return DrawnEffect(
+        key=f"materials.{name}.conductivity_MS_per_m",
+        also=(),
+        subject=f"the conductivity of {name}",
+        value=1e-6 * float(table.conductivities_S_per_m[place]),
+        unit="",
+        tolerance=KINDS["conductivity"].tolerance,
+        terms=(),
+        impedance=impedance,
+        conducts=len(table.materials) == 1,
+    )
 
 
 def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:

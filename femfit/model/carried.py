@@ -165,6 +165,17 @@ class FurtherResistance:
         return np.maximum(resistance + self.over.at(np.abs(current), p), 0.0), voltage
 
 
+@dataclass(frozen=True)
+class Conductivity:
+    """The ``eddy`` stage: all that conducts does so better by a share, so that eddy currents decay the later."""
+
+    parameter: str
+
+    def __call__(self, p: Parameters) -> float:
+        """Factor of the eddy currents' resistances."""
+        return 1.0 / (1.0 + p[self.parameter])
+
+
 @dataclass(frozen=True, eq=False)
 class Carried:
     """All that an effect carries; the stages that it has act."""
@@ -176,6 +187,7 @@ class Carried:
     resistance: FurtherResistance | None = None
     notes: Mapping[str, str] | None = None  # Texts that go with it, as a law that it follows
     impedance: ImpedanceChange | None = None
+    conductivity: Conductivity | None = None
 
 
 def carried_effect(
@@ -189,7 +201,7 @@ def carried_effect(
 ) -> Effect:
     """The effect that acts as its data say."""
     acts = {
-        "magnetics": carried.magnetics or carried.impedance,
+        "magnetics": carried.magnetics or carried.impedance or carried.conductivity,
         "bench": carried.setting,
         "sensors": carried.readings,
         "force": carried.brake,
@@ -208,6 +220,7 @@ def carried_effect(
         force=carried.brake,
         circuit=carried.resistance,
         impedance=carried.impedance,
+        eddy=carried.conductivity,
         carried=carried,
     )
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from femfit.effects.effect import Calibration, Effect, EffectParameter
-from femfit.model.carried import Carried, FieldChange, FieldTerm, carried_effect
+from femfit.model.carried import Carried, Conductivity, FieldChange, FieldTerm, carried_effect
 from femfit.model.impedance_change import ImpedanceChange
 
 PLAUSIBLE, POSSIBLE = 3.0, 10.0
@@ -18,6 +18,9 @@ NEEDS = ("force_N|flux_linkage_Wb|inductance_H|hall_V",)
 
 HARMONIC_NEEDS = "frequency_Hz", "inductance_H|resistance_ohm"
 """Of a number without a part in the static field, as a conductivity."""
+
+EDDY_NEEDS = "frequency_Hz|time_s", "inductance_H|resistance_ohm|voltage_V|force_N|hall_V|distance_m"
+"""Of the conductivity of all that conducts."""
 
 CHANGE = "change"
 
@@ -41,6 +44,7 @@ class DrawnEffect:
     tolerance: float  # Standard deviation, in the unit or as a share
     terms: tuple[FieldTerm, ...]  # In proportion to :attr:`parameter`
     impedance: ImpedanceChange | None = None  # Beside what the terms make of it
+    conducts: bool = False  # Whether it is the conductivity of all that conducts
 
     @property
     def parameter(self) -> str:
@@ -64,15 +68,21 @@ class DrawnEffect:
             words=words,
         )
         shown = "Impedances" if self._harmonic else "Force, flux linkage and Hall voltage"
+        shown = "Impedances and the lag of the field" if self.conducts else shown
         made = carried_effect(
             self.key,
             f"{shown} are those of a device in which {self.key} is another number.",
             (change,),
-            Carried(FieldChange(self.terms) if self.terms else None, impedance=self.impedance),
+            Carried(
+                FieldChange(self.terms) if self.terms else None,
+                impedance=self.impedance,
+                conductivity=Conductivity(self.parameter) if self.conducts else None,
+            ),
             experiment=f"Measure {self.subject} on the device itself.",
             reference="Signature computed from the drawing's own field",
         )
-        return replace(made, needs=HARMONIC_NEEDS if self._harmonic else NEEDS, calibrations=self._calibrations)
+        needs = EDDY_NEEDS if self.conducts else HARMONIC_NEEDS if self._harmonic else NEEDS
+        return replace(made, needs=needs, calibrations=self._calibrations)
 
     @property
     def _harmonic(self) -> bool:

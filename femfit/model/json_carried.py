@@ -7,6 +7,7 @@ from femfit.model.bspline import TensorSpline
 from femfit.model.carried import (
     Brake,
     Carried,
+    Conductivity,
     Curve,
     FieldChange,
     FieldTerm,
@@ -22,6 +23,7 @@ from femfit.model.json_section import Section
 
 _TEXTS = ("symptom", "experiment", "reference")
 _MAGNETICS, _BRAKE, _RESISTANCE, _IMPEDANCE = "magnetics", "brake", "resistance", "impedance"
+_CONDUCTIVITY = "conductivity"
 _AXES = "u", "current", "log_frequency"
 _CURVES = "setting", "readings", "branches"
 
@@ -46,18 +48,21 @@ def carried_to(effect: Effect) -> dict[str, Any]:
         data[_RESISTANCE] = _curve_to(carried.resistance.over)
     if carried.impedance is not None:
         data[_IMPEDANCE] = impedance_to(carried.impedance)
+    if carried.conductivity is not None:
+        data[_CONDUCTIVITY] = vars(carried.conductivity)
     return data | ({"notes": dict(carried.notes)} if carried.notes else {})
 
 
 def carried_from(name: str, section: Section) -> Effect:
     """The effect of a name with what it carries."""
-    section.refuse_others((*_TEXTS, "parameters", _MAGNETICS, *_CURVES, _BRAKE, _RESISTANCE, _IMPEDANCE, "notes"))
+    parts = _MAGNETICS, *_CURVES, _BRAKE, _RESISTANCE, _IMPEDANCE, _CONDUCTIVITY
+    section.refuse_others((*_TEXTS, "parameters", *parts, "notes"))
     parameters = tuple(_parameter_from(one) for one in section.sections("parameters"))
     known = {p.name for p in parameters}
     terms = section.sections(_MAGNETICS) if section.data.get(_MAGNETICS) else ()
     curves = {key: _curves_from(section.optional_section(key), known) for key in _CURVES}
     brake, resistance, notes = (section.optional_section(key) for key in (_BRAKE, _RESISTANCE, "notes"))
-    impedance = section.optional_section(_IMPEDANCE)
+    impedance, conductivity = (section.optional_section(key) for key in (_IMPEDANCE, _CONDUCTIVITY))
     if (setting := section.optional_section("setting")) is not None:
         setting.refuse_others(("distance_m", "current_A"))
     carried = Carried(
@@ -69,6 +74,7 @@ def carried_from(name: str, section: Section) -> Effect:
         brake=_brake_from(brake, known) if brake else None,
         resistance=FurtherResistance(_curve_from(resistance, known)) if resistance else None,
         impedance=impedance_from(impedance, known) if impedance else None,
+        conductivity=Conductivity(_parameter_of(conductivity, known)) if conductivity else None,
         notes={key: notes.text(key) for key in notes.data} if notes else None,
     )
     texts = {key: section.text(key) for key in _TEXTS}

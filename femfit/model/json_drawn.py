@@ -17,18 +17,22 @@ def drawn_to(drawn: DrawnEffect) -> dict[str, Any]:
         "value": drawn.value,
         "tolerance": drawn.tolerance,
         "magnetics": [term_to(term) for term in drawn.terms],
-    } | ({} if drawn.impedance is None else {"impedance": impedance_to(drawn.impedance)})
+        **({} if drawn.impedance is None else {"impedance": impedance_to(drawn.impedance)}),
+        **({"conducts": True} if drawn.conducts else {}),
+    }
 
 
 def drawn_from(section: Section) -> DrawnEffect:
     """The number of :func:`drawn_to`."""
-    section.refuse_others((*_TEXTS, "also", "value", "tolerance", "magnetics", "impedance"))
+    section.refuse_others((*_TEXTS, "also", "value", "tolerance", "magnetics", "impedance", "conducts"))
     also = section.data.get("also", [])
     if not isinstance(also, list) or not all(isinstance(one, str) for one in also):
         raise section.refusal("also", "a list of key paths")
     texts = {key: section.text(key) for key in _TEXTS}
     known, impedance = {parameter_name(texts["unit"])}, section.optional_section("impedance")
-    terms = () if impedance and section.data.get("magnetics") == [] else section.sections("magnetics")
+    conducts = "conducts" in section.data and section.truth("conducts")
+    beside = (impedance or conducts) and section.data.get("magnetics") == []
+    terms = () if beside else section.sections("magnetics")
     return DrawnEffect(
         **texts,
         also=tuple(also),
@@ -36,4 +40,5 @@ def drawn_from(section: Section) -> DrawnEffect:
         tolerance=section.number("tolerance", positive=True),
         terms=tuple(term_from(one, known) for one in terms),
         impedance=impedance_from(impedance, known) if impedance else None,
+        conducts=conducts,
     )

@@ -252,11 +252,15 @@ def with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Several
 
 
 def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> EddyCurrents | None:
-    """The eddy currents of a base model beside magnets and turns that effects scale."""
+    """The eddy currents of a base model beside magnets, turns and conductivities that effects scale."""
     if base.eddy is None:
         return None
     magnets, *currents = source_scales(effects, base.eddy.circuits)
-    return base.eddy.scaled(magnets, np.array(currents))
+    found = base.eddy.scaled(magnets, np.array(currents))
+    for one in effects:
+        if one.effect.eddy is not None:
+            found = replace(found, resistances_ohm=found.resistances_ohm * one.effect.eddy(one.parameters))
+    return found
 
 
 def resistance_of(

@@ -1,15 +1,19 @@
 """What a drawn conductivity changes of an impedance: a spline of distance, bias and frequency."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.impedance_change import impedance_change
 from femfit.model.json_file import read_model, write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
-from support.conductivities import with_conductivity, with_drawn_conductivity
+from support.conductivities import KEY, with_conductivity, with_drawn_conductivity
+from support.eddies import with_eddies
 
 BOTH = ("resistance_ohm", "inductance_H")
 
@@ -26,6 +30,22 @@ def test_between_its_grid_a_change_is_the_conductivity_s(levitation_model):
     exact, drawn = (with_conductivity(levitation_model, s).impedance(d, i, f) for s in (0.01, 0.0))
     # A hundredth of the conductivity: what is left is its square, and the spline's error
     assert np.abs(z - exact).max() < 0.02 * np.abs(exact - drawn).max()
+
+
+def test_the_conductivity_of_all_that_conducts_is_exact_and_kept_in_the_model_file(levitation_model, tmp_path):
+    drawn = DrawnEffect(KEY, (), "the conductivity of core", 6.0, "", 0.1, (), conducts=True)
+    model = replace(with_eddies(levitation_model), drawn=(drawn,))
+    added = with_effects(model, [AddedEffect(drawn.effect, {"change": 0.25})])
+    write_model(added, tmp_path / "model.json")
+    again, exact = read_model(tmp_path / "model.json"), with_conductivity(levitation_model, 0.25)
+    d, i, f = np.full(3, 0.021), np.full(3, 0.4), np.array([30.0, 400.0, 5e3])
+    np.testing.assert_allclose(again.impedance(d, i, f), exact.impedance(d, i, f), rtol=1e-12)
+    np.testing.assert_allclose(again.force_transfer(d, i, f), exact.force_transfer(d, i, f), rtol=1e-12)
+    read = predict_readings(again, d, i, Conditions(nominal_of(model), frequency_Hz=f), channels=BOTH)
+    np.testing.assert_allclose(read["resistance_ohm"], exact.impedance(d, i, f).real, rtol=1e-12)
+    (kept,) = again.without_effects.drawn
+    assert kept.conducts
+    assert kept.effect.needs == drawn.effect.needs
 
 
 def test_one_level_stands_for_all():

@@ -6,6 +6,7 @@ from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
+from femfit.identify.decision.lag_text import lag_lines
 from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
 from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed, not_judged
 from femfit.identify.readings.place import notes, suspicions
@@ -37,6 +38,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
     lines = [*suspicions(diagnosis.findings), verdict_sentence(diagnosis), *unknown]
     for one in diagnosis.missing:
         lines += _named(one)
+    lines += lag_lines(diagnosis, misses=_misses(diagnosis))
     lines += [] if diagnosis.missing else _not_shown(diagnosis)
     lines += str(diagnosis.error_fall).split("\n") if diagnosis.missing else _misfit(diagnosis)
     if diagnosis.missing:
@@ -91,6 +93,11 @@ def _left(diagnosis: "Diagnosis") -> tuple[dict[str, float], dict[str, float], d
     rms = {one.channel: one.rms_after for one in diagnosis.error_fall.channels}
     beyond = beyond_noise(diagnosis.observations, diagnosis.campaign.noise, rms) if diagnosis.campaign else {}
     return rms, beyond, beyond_own_misfit(diagnosis.observations, beyond, rms)
+
+
+def _misses(diagnosis: "Diagnosis") -> bool:
+    """Whether something is left beside what is named."""
+    return diagnosis.verdict not in {"nothing_missing", "named"} or bool(_left(diagnosis)[2])
 
 
 def certainty_sentence(diagnosis: "Diagnosis") -> str:

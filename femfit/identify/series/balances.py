@@ -10,6 +10,7 @@ over time, so that an unstable plant in a closed loop is no harder than a stable
 
 Every state of an effect (lag, hysteresis) has a rate that is affine in that state alone, z' = a - b z with a and b
 given by the motion, so that over a step of constant a and b it moves exactly to z exp(-b h) + a (1 - exp(-b h)) / b.
+Eddy currents of the drawing (:mod:`femfit.identify.series.eddies`) act beside the recorded current.
 
 References
 ----------
@@ -39,9 +40,11 @@ from femfit.effects.stages import (
 from femfit.effects.stop_position import REST
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.constants import SLOWEST
+from femfit.identify.series.eddies import eddies_along, pull_of
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.with_effects import with_sources
+from femfit.model.eddy_magnetics import acting
+from femfit.model.with_effects import eddy_with_sources, with_sources
 
 FORCE_BALANCE = "force_balance_N"
 
@@ -76,6 +79,7 @@ class _Point:
     force: FloatArray
     flux: FloatArray  # (n, circuits)
     series: TaylorSeries | None  # The co-energy's of one current
+    seen_T: FloatArray | float = 0.0  # What eddy currents add to the Hall element's field beside acting as a current
 
 
 def model_balances(
@@ -103,6 +107,7 @@ def model_readings(
     readings = {"force_N": point.force}
     if base.sensor is not None and point.series is not None:
         field = hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
+        field = field + point.seen_T
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.motion is not None:
         near, far = base.motion.ends
@@ -116,19 +121,34 @@ def model_readings(
 def _excited(base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
     at = motion.at
     d, i = true_setting(effects, motion.distance_m, motion.current_A, at)
+    eddy = eddy_with_sources(base, effects)
     if at.nominal.circuits:
-        magnetics = with_sources(base, effects)
-        force = with_further_force(effects, magnetics.force(d, i), d, _first(i), at)
-        return _Point(d, i, at, force, magnetics.flux_linkage(d, i), None)
+        magnetics, u, pull = with_sources(base, effects), i, np.zeros_like(d)
+        if eddy is not None:
+            inductance = magnetics.slopes_of_circuits(d, i).inductance
+            induced = eddies_along(eddy, motion.time_s, motion.first, d, magnetics.flux_linkage(d, i), inductance)
+            u = acting(i, eddy.forms(d)[0].coupling, induced)
+            pull = pull_of(eddy, d, magnetics.flux_linkage(d, u), induced)
+        force = with_further_force(effects, magnetics.force(d, u) + pull, d, _first(i), at)
+        return _Point(d, i, at, force, magnetics.flux_linkage(d, u), None)
     constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
     memory: dict[str, FloatArray] = {}
     for added in effects:
         memory |= states_along(added, motion.time_s, d, i, constant, at, motion.first)
     at = replace(at, memory=memory)
-    series = changed_coenergy(coenergy, effects, at)(d, i, 1, 1)
+    changed, u = changed_coenergy(coenergy, effects, at), i
+    pull, seen = np.zeros((2, *d.shape))
+    if eddy is not None:
+        still = changed(d, i, 0, 2)
+        flux, inductance = still.derivative(0, 1)[:, None], still.derivative(0, 2)[:, None, None]
+        induced = eddies_along(eddy, motion.time_s, motion.first, d, flux, inductance)
+        (forms,), ((_, own),) = eddy.forms(d), eddy.seen(d)
+        u, seen = acting(i[:, None], forms.coupling, induced)[:, 0], (own * induced).sum(axis=1)
+        pull = pull_of(eddy, d, changed(d, u, 0, 1).derivative(0, 1)[:, None], induced)
+    series = changed(d, u, 1, 1)
     at = replace(at, motional_V=-series.derivative(1, 1) * np.asarray(at.velocity_m_s))
-    force = with_further_force(effects, -series.derivative(1, 0), d, i, at)
-    return _Point(d, i, at, force, series.derivative(0, 1)[:, None], series)
+    force = with_further_force(effects, -series.derivative(1, 0) + pull, d, i, at)
+    return _Point(d, i, at, force, series.derivative(0, 1)[:, None], series, seen)
 
 
 def _first(current: FloatArray) -> FloatArray:

@@ -12,10 +12,12 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.stop_position import REST
 from femfit.identify.series.balances import FORCE_BALANCE, voltage_balances
 from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
+from femfit.identify.series.eddies import eddies_along, pull_of
 from femfit.identify.series.noise import SensorNoise, carried, propagated
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.eddy_magnetics import acting
 from femfit.records.noise import converter_step, white_noise
 
 
@@ -23,7 +25,8 @@ from femfit.records.noise import converter_step, white_noise
 class SampleField:
     """Magnetics and Hall voltage at the N samples with derivatives in distance and n currents; zero where unusable.
 
-    What is in series with the circuits counts. -force_i is the flux linkages' derivative in distance.
+    What is in series with the circuits counts, and so do eddy currents of the drawing, but for the derivatives, which
+    weigh noise. -force_i is the flux linkages' derivative in distance.
     """
 
     force: FloatArray
@@ -50,12 +53,20 @@ def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
     slopes, series = base.magnetics.slopes_of_circuits(d, each), np.zeros((each.shape[1],) * 2)
     if base.circuits:
         series = base.series_inductances_H
-    flux = base.magnetics.flux_linkage(d, i).reshape(each.shape) + each @ series
+    flux, pull, seen = base.magnetics.flux_linkage(d, i).reshape(each.shape), np.zeros_like(d), np.zeros_like(d)
+    if base.eddy is not None:
+        first = np.diff(samples.run[here], prepend=np.nan) != 0.0
+        induced = eddies_along(base.eddy, samples.time[here], first, d, flux, slopes.inductance)
+        (at,), ((_, own),) = base.eddy.forms(d), base.eddy.seen(d)
+        i = acting(each, at.coupling, induced).reshape(i.shape)
+        flux = base.magnetics.flux_linkage(d, i).reshape(each.shape)
+        pull, seen = pull_of(base.eddy, d, flux, induced), (own * induced).sum(axis=1)
+    flux = flux + each @ series
     hall = [np.zeros_like(d)] * 3
     if base.sensor is not None and i.ndim == 1:  # as on a bench, a Hall element of several circuits is not compared
         hall = [base.sensor.sensitivity_V_per_T * part for part in base.sensor.field.derivatives(d, i)]
-        hall[0] = hall[0] + base.sensor.quiescent_V
-    force, inductance = base.magnetics.force(d, i), slopes.inductance + series
+        hall[0] = hall[0] + base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * seen
+    force, inductance = base.magnetics.force(d, i) + pull, slopes.inductance + series
     parts = force, slopes.force_gradient, slopes.motional_constant, flux, inductance, *hall
     return SampleField(*(everywhere(values) for values in parts))
 

@@ -1,16 +1,18 @@
 """A recorded time series beside a model: rows of short-window balances for the engine that diagnoses bench tables.
 
 One row is one window. Without effects both sides of a balance come from every single sample; what effects change is
-computed on a coarser grid of the smoothed motion, which is exact enough for a change and fast enough for all of them.
+computed on a coarser grid of the smoothed motion, which is exact enough for a change and fast enough for all of them;
+but for how fast eddy currents decay, which is as fast as the samples.
 
 References
 ----------
 F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383: the median of magnitudes and its scatter.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import prod
 
 import numpy as np
 import pandas as pd
@@ -35,9 +37,10 @@ from femfit.identify.series.balances import (
     model_readings,
     voltage_balances,
 )
-from femfit.identify.series.constants import MEDIAN_CHANCE, RESTLESS, TURNS_OF_MISFIT
+from femfit.identify.series.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
     MeasuredChannel,
+    SampleField,
     measure_balances,
     measure_sensors,
     sample_field,
@@ -82,10 +85,20 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     field = sample_field(base, samples)
     noise = sensor_noise(base, samples, field, series.declared_noise)
     balances, sensors = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
-    channels = [
-        *((balances, one) for one in measure_balances(base, nominal, samples, field, noise, balances.windows)),
-        *((sensors, one) for one in measure_sensors(base, nominal, samples, field, noise, sensors.windows)),
-    ]
+
+    def beside(base: ActuatorModel, field: SampleField) -> list[tuple[View, MeasuredChannel]]:
+        return [
+            *((balances, one) for one in measure_balances(base, nominal, samples, field, noise, balances.windows)),
+            *((sensors, one) for one in measure_sensors(base, nominal, samples, field, noise, sensors.windows)),
+        ]
+
+    @lru_cache(maxsize=REMEMBERED)
+    def decaying(faster: float) -> dict[str, FloatArray]:
+        eddy = base.eddy and replace(base.eddy, resistances_ohm=faster * base.eddy.resistances_ohm)
+        other = replace(base, eddy=eddy)
+        return {one.name: one.predicted for _, one in beside(other, sample_field(other, samples))}
+
+    channels = beside(base, field)
     if not channels:
         raise TableError(
             f"{series.source} must hold what a balance needs: distances of a moving body of known mass, the commanded "
@@ -93,7 +106,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
             f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
         )
     findings = (*series.findings, *samples.findings, *hall_not_compared(model, series.given))
-    return _with_scatter(_assembled(model, series, findings, (balances, sensors), channels, nominal))
+    return _with_scatter(_assembled(model, series, findings, (balances, sensors), channels, nominal, decaying))
 
 
 def _assembled(
@@ -103,6 +116,7 @@ def _assembled(
     views: tuple[View, View],
     channels: list[tuple[View, MeasuredChannel]],
     nominal: Nominal,
+    decaying: Callable[[float], Mapping[str, FloatArray]],
 ) -> Observations:
     names = tuple(channel.name for _, channel in channels)
     pieces = [np.flatnonzero(channel.valid) for _, channel in channels]
@@ -119,6 +133,7 @@ def _assembled(
         model,
         views,
         {c.name: c.predicted for _, c in channels},
+        decaying,
         dict(zip(names, pieces, strict=True)),
         dict(zip(names, scale, strict=True)),
     )
@@ -154,12 +169,16 @@ class _SeriesPrediction:
     model: ActuatorModel
     views: tuple[View, View]
     exact: Mapping[str, FloatArray]  # Per channel, from every sample, without effects
+    decaying: Callable[[float], Mapping[str, FloatArray]]  # The same where eddy currents decay so many times faster
     # Windows that count, and the factor that gives them one noise, per channel
     rows: Mapping[str, IntArray]
     scale: Mapping[str, FloatArray]
 
     def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
-        return self.stacked(self.exact) + self.change((*self.model.effects, *effects))
+        together = (*self.model.effects, *effects)
+        faster = prod(one.effect.eddy(one.parameters) for one in together if one.effect.eddy is not None)
+        others = tuple(one for one in together if one.effect.eddy is None)
+        return self.stacked(self.exact if faster == 1.0 else self.decaying(faster)) + self.change(others)
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the windows as one vector, channel after channel."""
