@@ -105,7 +105,8 @@ def run_sweep(
     tasks, failed = _plan(sweep, settings)
     at_rest = tuple(one for one in numbers if KINDS[one.facts.kind].at_rest)
     tasks = [replace(task, numbers=at_rest) for task in tasks]
-    numbers = numbers if harmonic else at_rest
+    of_impedances = numbers if harmonic and not sweep.actuator.saturates else ()
+    numbers = of_impedances or at_rest
     configuration = _configuration(sweep, settings, numbers)
     currents = len(swept_currents(sweep.variants[0].sweep))
     names = {task.key for task in tasks}
@@ -134,7 +135,9 @@ def run_sweep(
                 _solve_all(tasks, workers, scheduler, done)
 
             patterns, biases = directory / PATTERNS_NAME, bias_currents(sweep.actuator, rows)
-            eddy, slopes = eddy_sweep(sweep.actuator, journal, patterns, configuration["hash"], solve, numbers, biases)
+            eddy, slopes = eddy_sweep(
+                sweep.actuator, journal, patterns, configuration["hash"], solve, of_impedances, biases
+            )
         table = SweepTable(
             rows,
             sweep_manifest(sweep, configuration) | _beyond_curve(solved),
