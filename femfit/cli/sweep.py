@@ -77,6 +77,9 @@ def sweep(
         print("  Eddy currents were not solved: a sweep of parameters is at rest. Sweep one variant alone for them.")
     if table.eddy is not None:
         print(f"  {table.eddy}; what an ampere does at each frequency: {directory / IMPEDANCE}")
+    if table.still_mm:
+        places = ", ".join(f"{one:g}" for one in table.still_mm)
+        print(f"  Eddy currents could not be solved at {places} mm; a model takes them from the distances beside.")
     if table.signatures is not None:
         print("  By one standard deviation of each number of the drawing, root mean square over the sweep:")
         print("\n".join(f"    {line}" for line in str(table.signatures).splitlines()))

@@ -121,7 +121,11 @@ class EddyTable:
         low, high = (amount(float(one), "Hz") for one in self.checked_Hz[[0, -1]])
         within = amount(float(self.errors.max(initial=0.0)), "")
         patterns = counted(self.patterns, "pattern")
-        return f"eddy currents: {patterns}, within {within} of direct solutions from {low} to {high}"
+        text = f"eddy currents: {patterns}, within {within} of direct solutions from {low} to {high}"
+        if self.bias_A is None or not self.bias_A.size:
+            return text
+        least, most = (amount(float(one), "A") for one in (self.bias_A.min(), self.bias_A.max()))
+        return f"{text}, of small currents about {least if least == most else f'{least} to {most}'}"
 
     def transfers(self, k: int, frequencies: FloatArray) -> Transfers:
         """What 1 A does at the k-th distance, with all patterns."""

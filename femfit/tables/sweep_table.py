@@ -63,6 +63,14 @@ class SweepTable(Printed):
     eddy: EddyTable | None = None
     impedance_slopes: ImpedanceSlopes | None = None
 
+    @property
+    def still_mm(self) -> tuple[float, ...]:
+        """Distances at which the field was solved at rest, and eddy currents, asked for, were not."""
+        if self.eddy is None:
+            return ()
+        left = sorted(set(self.valid_rows()["distance_m"]) - set(self.eddy.distances_m))
+        return tuple(float(f"{1e3 * one:.6g}") for one in left)
+
     def valid_rows(self) -> "pd.DataFrame":
         """The rows whose status is ``ok``."""
         if "status" not in self.rows:

@@ -81,6 +81,13 @@ def test_a_finished_sweep_solves_nothing_again(swept, actuator, monkeypatch):
     assert np.array_equal(read_sweep_table(directory).eddy.flux_linkage, table.eddy.flux_linkage)
 
 
+def test_distances_without_eddy_currents_are_named(swept):
+    table = swept[1]
+    assert table.still_mm == ()
+    left = replace(table.eddy, distances_m=table.eddy.distances_m[[0, 2]])
+    assert replace(table, eddy=left).still_mm == (1.5, 2.5)
+
+
 def test_a_damaged_file_says_so(tmp_path):
     (tmp_path / NAME).write_bytes(b"PK\x03\x04 not whole")
     with pytest.raises(TableError, match="Sweep again"):
