@@ -37,7 +37,7 @@ def test_solid_steel_switches_late_and_the_model_says_by_how_much(model, volts):
     assert abs(late - exact) < min(0.03 * exact, 0.6 * abs(static - exact))
     early = times < 0.8 * exact
     off, unlagged = (np.abs(one - currents)[early].max() / currents.max() for one in (found, plain))
-    assert off < min(0.06, unlagged)
+    assert off < 0.75 * unlagged
 
 
 def test_the_field_in_time_ends_in_the_static_state():
