@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.arrays import ComplexArray, FloatArray
-from femfit.core.errors import FieldSolverError
+from femfit.core.errors import FieldSolverError, TableError
 from femfit.core.journal import Journal
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
@@ -23,7 +23,8 @@ from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.principal import principal
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep_workers import AGAIN
-from femfit.tables.eddy_table import DAMAGED, EddyTable, Transfers, load_arrays, save_arrays
+from femfit.tables.array_file import read_arrays, write_arrays
+from femfit.tables.eddy_table import EddyTable, Transfers
 from femfit.tables.impedance_slopes import ImpedanceSlopes
 
 ORDER = 4
@@ -79,7 +80,7 @@ def eddy_sweep(
     probed = _read(file, key)
     if probed is None:
         probed = _probe(plan, solve, numbers)
-        _write(probed, file, key)
+        write_arrays(vars(probed) | {"key": key}, file)
     patterns = Patterns(plan.reference, probed.rows, zlib.crc32(probed.rows.tobytes()))
     tasks = [FormsTask(plan.meshes[d], d, patterns, plan.biases.get(d, ())) for d in actuator.sweep.distances_m]
 
@@ -170,7 +171,10 @@ class _Probed:
     rows: FloatArray  # Of :class:`Patterns`
     resistances: FloatArray  # What each conducting material adds to the patterns' resistances, shape (materials, q, q)
     distances: FloatArray  # Shape (P,)
-    transfers: tuple[Transfers, ...]
+    frequencies: FloatArray  # Shape (f,)
+    flux_linkage: ComplexArray  # Of :class:`Transfers`, as the next two; shape (P, f, n, n)
+    force: ComplexArray
+    hall: ComplexArray | None
     discretisation: FloatArray  # Relative change from one order lower, shape (f, 3): the largest of all
     braking: FloatArray  # Shape (P, m, m)
     slopes: ComplexArray  # Of :class:`ImpedanceSlopes`, shape (numbers, P, f, n, n)
@@ -179,10 +183,11 @@ class _Probed:
         """The table's ``errors`` and ``braking_error``."""
         departures, braked = [np.zeros_like(self.discretisation)], [np.nan]
         n = 1 + len(table.circuits)
-        for distance, exact, braking in zip(self.distances, self.transfers, self.braking, strict=True):
-            (at,) = np.flatnonzero(table.distances_m == distance)[:1] or (None,)
-            if at is not None:
-                departures.append(table.transfers(int(at), exact.frequencies_Hz).departures(exact))
+        for k, (distance, braking) in enumerate(zip(self.distances, self.braking, strict=True)):
+            hall = None if self.hall is None else self.hall[k]
+            exact = Transfers(self.frequencies, self.flux_linkage[k], self.force[k], hall)
+            for at in np.flatnonzero(table.distances_m == distance):
+                departures.append(table.transfers(int(at), self.frequencies).departures(exact))
                 pull = table.force[at, :n, n:]
                 braked.append(np.abs(4.0 * pull @ pull.T - braking).max() / np.abs(braking).max())
         return self.discretisation + np.max(departures, axis=0), float(np.fmax.reduce(braked))
@@ -214,11 +219,15 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
     discretisation += [one["coarse"].departures(one["transfers"]) for one in both]
     rows = kept / np.sqrt((weight * kept**2).sum(axis=1))[:, None]
     inside = np.arange(made[0]["material"].max() + 1)[:, None] == made[0]["material"]
+    exact = [one["transfers"] for one in found.values()]
     return _Probed(
         rows,
         np.array([(one * weight * rows) @ rows.T for one in inside]),
         np.array(list(found)),
-        tuple(one["transfers"] for one in found.values()),
+        exact[0].frequencies_Hz,
+        np.array([one.flux_linkage for one in exact]),
+        np.array([one.force for one in exact]),
+        None if exact[0].hall is None else np.array([one.hall for one in exact]),
         np.max(discretisation, axis=0),
         np.array([one["braking"] for one in found.values()]),
         np.array([one.get("slopes", ()) for one in found.values()]).swapaxes(0, 1),
@@ -243,34 +252,13 @@ def _reason(result: dict[str, Any]) -> str:
     return f"The field of induced currents could not be solved: {result['status'].removeprefix('failed: ')}"
 
 
-def _write(probed: _Probed, file: Path, key: str) -> None:
-    """Keep the probes' results."""
-    one = probed.transfers[0]
-    held = {
-        "key": key,
-        "rows": probed.rows,
-        "resistances": probed.resistances,
-        "distances": probed.distances,
-        "discretisation": probed.discretisation,
-        "braking": probed.braking,
-        "slopes": probed.slopes,
-        "frequencies": one.frequencies_Hz,
-        "flux_linkage": [one.flux_linkage for one in probed.transfers],
-        "force": [one.force for one in probed.transfers],
-    } | ({} if one.hall is None else {"hall": [one.hall for one in probed.transfers]})
-    save_arrays(file, held)
-
-
 def _read(file: Path, key: str) -> _Probed | None:
-    """What :func:`_write` kept under this key; None where there is nothing that is whole."""
+    """What was kept under this key; None where there is nothing that is whole."""
+
+    def made(held: dict[str, Any]) -> _Probed | None:
+        return _Probed(**{"hall": None, **held}) if str(held.pop("key")) == key else None
+
     try:
-        held = load_arrays(file)
-        if str(held["key"]) != key:
-            return None
-        halls = held.get("hall", [None] * len(held["distances"]))
-        parts = zip(held["flux_linkage"], held["force"], halls, strict=True)
-        transfers = tuple(Transfers(held["frequencies"], *one) for one in parts)
-        names = "discretisation", "braking", "slopes"
-        return _Probed(held["rows"], held["resistances"], held["distances"], transfers, *(held[name] for name in names))
-    except DAMAGED:
+        return read_arrays(file, made, "")
+    except TableError:
         return None

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.fit.constants import EDDY_DISTANCES, EDDY_FEWER, EDDY_STEPS
-from femfit.tables.eddy_table import ComplexArray, EddyTable
+from femfit.tables.eddy_table import EddyTable
 
 
 @dataclass(frozen=True, eq=False)

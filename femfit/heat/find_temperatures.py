@@ -18,7 +18,6 @@ from femfit.effects.effect import AddedEffect
 from femfit.heat.balance import time_until
 from femfit.heat.feed import Feed, feed_of
 from femfit.heat.limits import hottest, largest_loads
-from femfit.heat.losses import eddy_losses
 from femfit.heat.network import HeatNetwork, heat_network
 from femfit.heat.result import MagnetWarmth, Temperatures
 from femfit.model.actuator_model import ActuatorModel
@@ -164,7 +163,7 @@ def _eddy_heat(
 ) -> FloatArray:
     """Heat of each part in W: a material's loss, by the volumes of its parts."""
     place = int(np.argmin(np.abs(table.distances_m - distance)))
-    losses = eddy_losses(table, place, np.array([frequency]), currents)[0]
+    losses = table.losses(place, np.array([frequency]), currents)[0]
     heat = np.zeros(len(network.parts))
     for name, loss in zip(table.materials, losses, strict=True):
         own = np.array([getattr(getattr(part, "material", None), "name", "") == name for part in network.parts])

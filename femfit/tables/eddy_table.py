@@ -5,23 +5,17 @@ linkages and Hall field are forms in the sources s = (1, i_1 .. i_n, e_1 .. e_q)
 At rest and j omega, 0 = (1 + j omega N) e + j omega m i with the inductances N among the patterns and m with circuits.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femfit.core.amount import amount, counted
-from femfit.core.arrays import FloatArray
-from femfit.core.atomic import replacing
-from femfit.core.errors import TableError
-from femfit.core.quoted import quoted
+from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.tables.array_file import read_arrays, write_arrays
 
 NAME = "eddy.npz"
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +121,34 @@ class EddyTable:
         least, most = (amount(float(one), "A") for one in (self.bias_A.min(), self.bias_A.max()))
         return f"{text}, of small currents about {least if least == most else f'{least} to {most}'}"
 
+    def induced(self, k: int, frequencies: FloatArray) -> ComplexArray:
+        """Currents of the patterns for 1 A in each circuit at the k-th distance: -(1 + s N)^-1 s m, shape (f, q, n)."""
+        c, flux = len(self.circuits), self.flux_linkage[k]
+        s = 2j * np.pi * np.asarray(frequencies)[:, None, None]
+        return np.asarray(-np.linalg.solve(np.eye(self.patterns) + s * flux[c:, 1 + c :], s * flux[c:, 1 : 1 + c]))
+
     def transfers(self, k: int, frequencies: FloatArray) -> Transfers:
         """What 1 A does at the k-th distance, with all patterns."""
-        return eliminated(
-            self.force[k], self.flux_linkage[k], None if self.hall is None else self.hall[k], frequencies, self.circuits
+        n, induced, force, flux = (
+            1 + len(self.circuits),
+            self.induced(k, frequencies),
+            self.force[k],
+            self.flux_linkage[k],
         )
+        return Transfers(
+            np.asarray(frequencies),
+            np.asarray(flux[: n - 1, 1:n] + flux[n - 1 :, 1:n].T @ induced),
+            np.asarray(2.0 * (force[:n, 1:n] + force[:n, n:] @ induced)),
+            None if self.hall is None else np.asarray(self.hall[k, 1:n] + self.hall[k, n:] @ induced),
+        )
+
+    def losses(self, k: int, frequencies: FloatArray, currents: FloatArray) -> FloatArray:
+        """Heat of eddy currents in W by material, shape (f, materials): e^H R_m e, in all i^T (Re Z - R) i.
+
+        The currents i (n,) are rms values in A of the circuits, in phase or against each other.
+        """
+        e = self.induced(k, frequencies) @ currents
+        return np.asarray(np.einsum("fj,mjk,fk->fm", e.conj(), self.resistances, e).real)
 
     def combined(self, combinations: FloatArray) -> "EddyTable":
         """The table of orthonormal combinations (q, r) of the patterns."""
@@ -150,13 +167,10 @@ class EddyTable:
     def conductivity_slope(self, material: int, k: int, frequencies: FloatArray) -> ComplexArray:
         """dZ/d(ln sigma) of a material at the k-th distance in ohm, shape (f, n, n).
 
-        With (R + s N) e = -s m i, a larger sigma takes its share R_m off R: dZ = -s^2 m G R_m G m, G = (R + s N)^-1.
+        A larger sigma takes its share R_m off R in (R + s N) e = -s m i, so that dZ = -e^T R_m e with e of 1 A.
         """
-        n = 1 + len(self.circuits)
-        flux, s = self.flux_linkage[k], 2j * np.pi * np.asarray(frequencies)[:, None, None]
-        among, between = flux[n - 1 :, n:], flux[n - 1 :, 1:n]
-        driven = np.linalg.solve(np.eye(len(among)) + s * among, between[None])
-        return np.asarray(-(s**2) * (driven.swapaxes(1, 2) @ self.resistances[material] @ driven))
+        e = self.induced(k, frequencies)
+        return np.asarray(-(e.swapaxes(1, 2) @ self.resistances[material] @ e))
 
     def error_at(self, frequencies: FloatArray) -> FloatArray:
         """Relative errors of impedance, force and Hall field at frequencies, shape (f, 3)."""
@@ -164,50 +178,9 @@ class EddyTable:
         return np.column_stack([np.interp(at, np.log(self.checked_Hz), one) for one in self.errors.T])
 
 
-def eliminated(
-    force: FloatArray,
-    flux_linkage: FloatArray,
-    hall: FloatArray | None,
-    frequencies: FloatArray,
-    circuits: Sequence[str],
-) -> Transfers:
-    """Transfers of the forms of one distance, of shapes (M, M), (M - 1, M) and (M,)."""
-    n = 1 + len(circuits)
-    among, between = flux_linkage[n - 1 :, n:], flux_linkage[n - 1 :, 1:n]
-    s = 2j * np.pi * np.asarray(frequencies)[:, None, None]
-    induced = np.asarray(-np.linalg.solve(np.eye(len(among)) + s * among, s * between))  # (f, q, n)
-    return Transfers(
-        np.asarray(frequencies),
-        np.asarray(flux_linkage[: n - 1, 1:n] + between.T @ induced),
-        np.asarray(2.0 * (force[:n, 1:n] + force[:n, n:] @ induced)),
-        None if hall is None else np.asarray(hall[1:n] + hall[n:] @ induced),
-    )
-
-
-def save_arrays(file: Path, arrays: Mapping[str, Any]) -> None:
-    """Write arrays to an ``.npz`` file, completely or not at all."""
-    held: dict[str, Any] = {name: np.asarray(value) for name, value in arrays.items()}
-    with replacing(file) as partial, partial.open("wb") as out:
-        np.savez_compressed(out, **held)
-
-
-DAMAGED = (OSError, ValueError, KeyError, BadZipFile)
-"""What :func:`load_arrays`, and looking for an array by its name, raise where a file is not whole."""
-
-
-def load_arrays(file: Path) -> dict[str, Any]:
-    """Arrays of an ``.npz`` file by their names."""
-    with file.open("rb") as source, np.load(source, allow_pickle=False) as held:
-        return {name: held[name] for name in held.files}
-
-
 def write_eddy(table: EddyTable | None, directory: Path) -> None:
     """Write ``eddy.npz``, or remove that of an earlier sweep where there is none."""
-    file = directory / NAME
-    if table is None:
-        file.unlink(missing_ok=True)
-        return
-    save_arrays(file, {name: value for name, value in vars(table).items() if value is not None})
+    write_arrays(None if table is None else vars(table), directory / NAME)
 
 
 def read_eddy(directory: Path) -> EddyTable | None:
@@ -218,20 +191,10 @@ def read_eddy(directory: Path) -> EddyTable | None:
     TableError
         If the file is damaged.
     """
-    file = directory / NAME
-    if not file.is_file():
-        return None
-    try:
-        arrays = load_arrays(file)
-        return EddyTable(
-            **{
-                "hall": None,
-                "bias_A": None,
-                "rest": None,
-                **arrays,
-                **{name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")},
-                **{name: float(arrays[name]) for name in ("braking_error", "asked_error")},
-            }
-        )
-    except (*DAMAGED, TypeError) as error:
-        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. Sweep again.") from error
+    return read_arrays(directory / NAME, _of_arrays, "Sweep again.")
+
+
+def _of_arrays(arrays: dict[str, Any]) -> EddyTable:
+    names = {name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")}
+    numbers = {name: float(arrays[name]) for name in ("braking_error", "asked_error")}
+    return EddyTable(**{"hall": None, **arrays, **names, **numbers})

@@ -3,14 +3,13 @@
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter
 
 from femfit.core.arrays import ComplexArray, FloatArray
-from femfit.core.errors import TableError
-from femfit.core.quoted import quoted
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.tables.eddy_table import DAMAGED, load_arrays, save_arrays
+from femfit.tables.array_file import read_arrays, write_arrays
 
 NAME = "impedance_slopes.npz"
 
@@ -35,11 +34,8 @@ class ImpedanceSlopes:
 
 def write_slopes(slopes: ImpedanceSlopes | None, directory: Path) -> None:
     """Write the file, or remove that of an earlier sweep where there are none."""
-    if slopes is None:
-        (directory / NAME).unlink(missing_ok=True)
-        return
-    numbers = json.dumps([asdict(one) for one in slopes.numbers])
-    save_arrays(directory / NAME, vars(slopes) | {"numbers": numbers})
+    numbers = None if slopes is None else json.dumps([asdict(one) for one in slopes.numbers])
+    write_arrays(None if slopes is None else vars(slopes) | {"numbers": numbers}, directory / NAME)
 
 
 def read_slopes(directory: Path) -> ImpedanceSlopes | None:
@@ -50,12 +46,9 @@ def read_slopes(directory: Path) -> ImpedanceSlopes | None:
     TableError
         If the file is damaged.
     """
-    file = directory / NAME
-    if not file.is_file():
-        return None
-    try:
-        arrays = load_arrays(file)
-        numbers = TypeAdapter(tuple[NumberFacts, ...]).validate_json(str(arrays["numbers"]))
-        return ImpedanceSlopes(**arrays | {"numbers": numbers})
-    except (*DAMAGED, TypeError) as error:
-        raise TableError(f"{file} cannot be read: {quoted(error, 300)}. Sweep again with --signatures.") from error
+    return read_arrays(directory / NAME, _of_arrays, "Sweep again with --signatures.")
+
+
+def _of_arrays(arrays: dict[str, Any]) -> ImpedanceSlopes:
+    numbers = TypeAdapter(tuple[NumberFacts, ...]).validate_json(str(arrays["numbers"]))
+    return ImpedanceSlopes(**arrays | {"numbers": numbers})

@@ -7,7 +7,6 @@ from femfit.core.errors import MissingPartError, UsageError
 from femfit.device.load import actuator_from_toml
 from femfit.field.sweep import run_sweep
 from femfit.heat.find_temperatures import find_temperatures
-from femfit.heat.losses import eddy_losses
 from femfit.tables.eddy_table import read_eddy
 from support.eddy_pot import POT
 
@@ -25,7 +24,7 @@ def swept(tmp_path_factory):
 
 def test_losses_of_all_materials_are_the_real_part_of_the_impedance(swept):
     table, f = read_eddy(swept[1]), np.array([10.0, 100.0, 1000.0])
-    losses = eddy_losses(table, 1, f, np.array([0.3]))
+    losses = table.losses(1, f, np.array([0.3]))
     induced = 2j * np.pi * f * table.transfers(1, f).flux_linkage[:, 0, 0]
     assert losses.sum(axis=1) == pytest.approx(0.3**2 * induced.real, rel=1e-9)
     assert (losses > 0.0).all()
@@ -34,9 +33,9 @@ def test_losses_of_all_materials_are_the_real_part_of_the_impedance(swept):
 
 def test_losses_grow_with_the_square_of_a_low_frequency_and_of_the_current(swept):
     table = read_eddy(swept[1])
-    low, high = eddy_losses(table, 0, np.array([0.01, 0.02]), np.array([1.0]))
+    low, high = table.losses(0, np.array([0.01, 0.02]), np.array([1.0]))
     assert high == pytest.approx(4.0 * low, rel=1e-4)
-    assert eddy_losses(table, 0, np.array([0.01]), np.array([2.0]))[0] == pytest.approx(4.0 * low)
+    assert table.losses(0, np.array([0.01]), np.array([2.0]))[0] == pytest.approx(4.0 * low)
 
 
 def test_eddy_currents_heat_the_parts_of_their_material(swept):
@@ -44,7 +43,7 @@ def test_eddy_currents_heat_the_parts_of_their_material(swept):
     found = find_temperatures(actuator, alternating_A=0.3, frequency_Hz=1000.0, sweep=directory, distance_m=1e-3)
     copper = find_temperatures(actuator, alternating_A=0.3, distance_m=1e-3)
     table = read_eddy(directory)
-    assert found.eddy_W.sum() == pytest.approx(eddy_losses(table, 0, np.array([1000.0]), np.array([0.3])).sum())
+    assert found.eddy_W.sum() == pytest.approx(table.losses(0, np.array([1000.0]), np.array([0.3])).sum())
     assert found.eddy_W[found.names.index("winding")] == 0.0
     assert found.network.outwards @ (found.temperatures_C - 20.0) == pytest.approx(found.heat_W.sum())
     assert (found.temperatures_C > copper.temperatures_C).all()
