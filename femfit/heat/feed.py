@@ -1,6 +1,6 @@
 """What feeds the circuits while they warm up: held voltages or held currents, and an alternating part."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,7 +58,7 @@ class Feed:
 
     def settled(self, network: HeatNetwork, ambient: float) -> FloatArray | None:
         """Temperatures that last, shape (parts,); None where there are none."""
-        start = np.full(len(network.parts), ambient)
+        start = np.full(len(network.names), ambient)
         if np.isnan(self.volts).all():
             return settled(network, ambient, self.loads(self.currents(start)))
         now = start
@@ -78,9 +78,8 @@ def feed_of(
     voltage_V: float | Sequence[float] | None,
     current_A: float | Sequence[float] | None,
     alternating_A: float | Sequence[float],
-    eddies: Callable[[FloatArray], FloatArray] | None,
 ) -> Feed:
-    """Feed every circuit with what is given, or else with the most that the drawing's supply gives."""
+    """Feed every circuit with what is given, or else with the most that its supply gives; no eddy currents yet."""
     circuits = actuator.circuits
     if not circuits:
         raise MissingPartError(f"Actuator {actuator.name!r} must have a coil for this; it has none.")
@@ -93,32 +92,23 @@ def feed_of(
         amperes = _each(current_A, circuits, "current_A")
     else:
         for k, circuit in enumerate(circuits):
-            drive = circuit.drive
-            of_current = drive.kind == "current" and drive.current_min_A is not None
-            ends = (
-                (drive.current_min_A, drive.current_max_A)
-                if of_current
-                else (
-                    circuit.voltage_min_V,
-                    circuit.voltage_max_V,
-                )
-            )
-            largest = max((end for end in ends if end is not None), key=lambda end: (abs(end), end))
-            (amperes if of_current else volts)[k] = largest
+            drive, held, ends = circuit.drive, volts, (circuit.voltage_min_V, circuit.voltage_max_V)
+            if drive.kind == "current" and drive.current_min_A is not None and drive.current_max_A is not None:
+                held, ends = amperes, (drive.current_min_A, drive.current_max_A)
+            held[k] = max(ends, key=lambda end: (abs(end), end))
         if np.isinf(volts).any():
             raise UsageError("The drawing's supply has no limits; give a voltage or a current.")
-    alternating = _each(alternating_A, circuits, "alternating_A")
     coils = actuator.coils
     member = np.array([[float(coil.circuit == one.name) for coil in coils] for one in circuits])
     drawn = np.array([one.resistance_ohm for one in circuits]) - member @ [coil.resistance_ohm for coil in coils]
     return Feed(
         volts,
         amperes,
-        alternating,
+        _each(alternating_A, circuits, "alternating_A"),
         np.maximum(drawn, 0.0),
         np.array([one.cold_ohm for one in network.windings]),
         member,
-        np.zeros(len(network.parts)) if eddies is None else eddies(alternating),
+        np.zeros(len(network.names)),
     )
 
 

@@ -76,14 +76,14 @@ def find_temperatures(
     actuator = actuator if isinstance(actuator, Actuator) else read_actuator(actuator)
     distance = held_distance(actuator) if distance_m is None else distance_m
     network = heat_network(actuator, distance)
-    eddies = None
-    if sweep is not None and frequency_Hz is not None:
-        eddies = partial(_eddy_heat, network, _eddy_table(sweep, distance), distance, frequency_Hz)
-    elif sweep is not None or frequency_Hz is not None:
+    if (sweep is None) != (frequency_Hz is None):
         raise UsageError("Eddy currents need both a frequency and a sweep. Give both or none.")
     if voltage_V is None and current_A is None and np.any(alternating_A):
         current_A = 0.0
-    feed = feed_of(actuator, network, voltage_V, current_A, alternating_A, eddies)
+    feed = feed_of(actuator, network, voltage_V, current_A, alternating_A)
+    if sweep is not None and frequency_Hz is not None:
+        table = _eddy_table(sweep, distance)
+        feed = replace(feed, eddy_W=_eddy_heat(network, table, distance, frequency_Hz, feed.alternating_A))
     others = [_with_film(actuator, distance, factor) for factor in (SPREAD, 1.0 / SPREAD)]
     find = partial(_found, actuator.thermal, network, others, distance)
     result = find(feed)
@@ -93,7 +93,7 @@ def find_temperatures(
         limit = feed.held(result.allowed_factor, result.currents_A)
         at_limit = find(limit)
         force = None if model is None else _forces(model, limit, at_limit)
-        result = replace(result, at_limit=replace(at_limit, force=force))
+        result = replace(result, at_limit=replace(at_limit, force=force, limit_s=None))  # which it only approaches
     return result
 
 
@@ -109,8 +109,8 @@ def _found(
     around: Surroundings, network: HeatNetwork, others: list[HeatNetwork], distance: float, feed: Feed
 ) -> Temperatures:
     ambient = around.ambient_C
-    start, found = np.full(len(network.parts), ambient), feed.settled(network, ambient)
-    warm = np.full(len(network.parts), np.nan) if found is None else found
+    start, found = np.full(len(network.names), ambient), feed.settled(network, ambient)
+    warm = np.full(len(network.names), np.nan) if found is None else found
     currents = feed.currents(start if found is None else found)
     factor, limiting = largest_loads(network, around, feed.loads(currents))
     rise = warm[0] - ambient
@@ -164,11 +164,9 @@ def _eddy_heat(
     """Heat of each part in W: a material's loss, by the volumes of its parts."""
     place = int(np.argmin(np.abs(table.distances_m - distance)))
     losses = table.losses(place, np.array([frequency]), currents)[0]
-    heat = np.zeros(len(network.parts))
-    for name, loss in zip(table.materials, losses, strict=True):
-        own = np.array([getattr(getattr(part, "material", None), "name", "") == name for part in network.parts])
-        heat += loss * own * network.volumes_m3 / (own @ network.volumes_m3)
-    return heat
+    volumes = network.volumes_m3[len(network.windings) :]
+    own = np.array([[part.material.name == name for part in network.regions] for name in table.materials])
+    return np.concatenate([np.zeros(len(network.windings)), losses / (own @ volumes) @ own * volumes])
 
 
 def _with_film(actuator: Actuator, distance: float, factor: float) -> HeatNetwork:
@@ -185,8 +183,8 @@ def _warmest(network: HeatNetwork, ambient: float, feed: Feed) -> float:
 
 def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarmth, ...]:
     found = []
-    for part, celsius in zip(network.parts, temperatures, strict=True):
-        material = getattr(part, "material", None)
+    for part, celsius in zip(network.regions, temperatures[len(network.windings) :], strict=True):
+        material = part.material
         if isinstance(material, LinearMaterial) and material.remanence_T:
             change = material.remanence_coefficient_per_K * (celsius - REFERENCE_TEMPERATURE)
             drawn = material.remanence_coefficient_per_K * (material.temperature_C - REFERENCE_TEMPERATURE)

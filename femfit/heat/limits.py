@@ -4,7 +4,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from femfit.core.arrays import FloatArray
-from femfit.device.parts import Region
 from femfit.device.thermal import Surroundings
 from femfit.heat.balance import Loads, largest_factor, settled
 from femfit.heat.network import HeatNetwork
@@ -13,7 +12,8 @@ from femfit.heat.network import HeatNetwork
 def hottest(network: HeatNetwork, ambient: float, temperatures: FloatArray) -> FloatArray:
     """Temperature near that of the hottest strand of each winding in degC, shape (windings,).
 
-    It is taken to be over the mean by what that is over the faces: in a slab it is half of that, in a square 0.92.
+    It is taken to be as far over the mean as the network's mean is over the faces: in a slab it is half as far, in a
+    square 0.92.
     """
     inside = network.inside @ np.append(temperatures, ambient)
     return np.asarray(temperatures[: len(network.windings)] + np.maximum(inside, 0.0))
@@ -22,10 +22,8 @@ def hottest(network: HeatNetwork, ambient: float, temperatures: FloatArray) -> F
 def largest_loads(network: HeatNetwork, around: Surroundings, loads: Loads) -> tuple[float, str]:
     """Factor of the loads that brings a part to its limit, infinite where none can, and that part's name."""
     count = len(network.windings)
-    limits = np.full(len(network.parts), around.winding_limit_C)
-    for k, part in enumerate(network.parts[count:], count):
-        known = part.material.thermal.working_temperature_C if isinstance(part, Region) else None
-        limits[k] = np.inf if known is None else known
+    known = [part.material.thermal.working_temperature_C for part in network.regions]
+    limits = np.array([around.winding_limit_C] * count + [np.inf if one is None else one for one in known])
 
     def over(factor: float) -> FloatArray:
         temperatures = settled(network, around.ambient_C, loads.scaled(factor))

@@ -13,23 +13,22 @@ import shapely
 from femfit.core.arrays import FloatArray
 from femfit.device.outlines import flattened
 from femfit.device.parts import Actuator, Coil, Region
-from femfit.device.thermal import AIR_CONDUCTIVITY, Surroundings, ThermalMaterial, thermal_of
+from femfit.device.thermal import AIR_CONDUCTIVITY, Surroundings, thermal_of
 from femfit.heat.walls import NOTHING, OPEN, Faces, faces_of
 from femfit.heat.winding import WindingHeat, stars, winding_heat
 
-SIDES = 4
+SIDES, OWN = 4, 6
+"""Faces of a winding, and all nodes beside its mean: these and the centres of its stars."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeatNetwork:
-    """Parts with their conductances; windings come first.
+    """Parts with their conductances: first the windings, then the regions that are not air.
 
     Parameters
     ----------
-    parts : tuple of Coil and Region
-        The nodes; regions of air are none.
     windings : tuple of WindingHeat
-        Of the first nodes.
+        Of the coils.
     capacities, volumes_m3 : arrays, shape (n,)
         The first in J/K.
     between : array, shape (n, n)
@@ -41,7 +40,8 @@ class HeatNetwork:
         the parts and the surroundings.
     """
 
-    parts: tuple[Coil | Region, ...]
+    coils: tuple[Coil, ...]
+    regions: tuple[Region, ...]
     windings: tuple[WindingHeat, ...]
     capacities: FloatArray
     volumes_m3: FloatArray
@@ -52,7 +52,7 @@ class HeatNetwork:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parts."""
-        return tuple(part.name for part in self.parts)
+        return (*(one.name for one in self.coils), *(one.name for one in self.regions))
 
     @property
     def laplacian(self) -> FloatArray:
@@ -62,72 +62,61 @@ class HeatNetwork:
 
 def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     """Build the network of a drawing with the moving part at a distance in m."""
-    surroundings = actuator.thermal
-    fixed, moving = actuator.fixed, actuator.moving.regions
-    drawn: list[tuple[Coil | Region, bool]] = [(coil, coil.moves) for coil in actuator.coils]
-    drawn += [(one, at is moving) for at in (fixed, moving) for one in at if one.material.name != "air"]
-    parts = tuple(part for part, _ in drawn)
-    sections = [_section(part, distance if moves else 0.0) for part, moves in drawn]
-    faces = faces_of(sections, 2.0 * AIR_CONDUCTIVITY / surroundings.film_W_per_m2_K)
-    windings = tuple(winding_heat(coil, surroundings.insulation_W_per_m_K) for coil in actuator.coils)
-    whole = _assembled(parts, sections, faces, windings, surroundings)
-    standing = [k for k, (_, moves) in enumerate(drawn) if not moves]
+    around, coils = actuator.thermal, actuator.coils
+    fixed, moving = (
+        [one for one in some if one.material.name != "air"] for some in (actuator.fixed, actuator.moving.regions)
+    )
+    regions, moves = (*fixed, *moving), [*(coil.moves for coil in coils), *[False] * len(fixed), *[True] * len(moving)]
+    outlines = [coil.vertices_m for coil in coils] + [flattened(one.vertices_m, one.bulges) for one in regions]
+    sections = [
+        shapely.Polygon([(r, z + distance * own) for r, z in outline])
+        for outline, own in zip(outlines, moves, strict=True)
+    ]
+    volumes = np.array([2.0 * np.pi * one.centroid.x * one.area for one in sections])
+    faces = faces_of(sections, 2.0 * AIR_CONDUCTIVITY / around.film_W_per_m2_K)
+    windings = tuple(winding_heat(coil, around.insulation_W_per_m_K) for coil in coils)
+    materials, n, count = [thermal_of(one.material) for one in regions], len(sections), len(coils)
+    known = np.array([cast("float", one.conductivity_W_per_m_K) for one in materials])
+    surfaces = np.bincount(faces.part, faces.area, n)[count:]
+    # From face to middle in m^2 K/W; a winding's is in its stars
+    resistance = np.concatenate([np.zeros(count), volumes[count:] / surfaces / known])
+    whole = _outside(n, count, faces, resistance, around)
+    leaving = whole[n + 1 :].sum(axis=1)
+    for k, (coil, winding) in enumerate(zip(coils, windings, strict=True)):
+        for axis, ways in enumerate(stars(coil, winding.conductivity_W_per_m_K)):
+            ends = (_node(n, k, 2 * axis), _node(n, k, 2 * axis + 1), k)
+            for end, way in zip(ends, ways, strict=True):
+                _join(whole, _node(n, k, SIDES + axis), end, 1.0 / way)
+    standing = [k for k in range(n) if not moves[k]]
     if standing:
-        held = max(standing, key=lambda k: (k >= len(windings), _volume(sections[k])))
-        _join(whole, held, len(parts), surroundings.mounting_W_per_K)
-    return _reduced(parts, windings, sections, whole)
+        held = max(standing, key=lambda k: (k >= count, volumes[k]))
+        _join(whole, held, n, around.mounting_W_per_K)
+    left, inside = _reduced(whole, n, leaving)
+    between = -left[:n, :n]
+    np.fill_diagonal(between, 0.0)
+    stored = [cast("float", one.heat_capacity_J_per_m3_K) for one in materials] * volumes[count:]
+    capacities = np.array([*(one.heat_capacity_J_per_K for one in windings), *stored])
+    return HeatNetwork(coils, regions, windings, capacities, volumes, between, -left[:n, n], inside)
 
 
-def _section(part: Coil | Region, shift: float) -> shapely.Polygon:
-    corners = flattened(part.vertices_m, part.bulges if isinstance(part, Region) else ())
-    return shapely.Polygon([(r, z + shift) for r, z in corners])
-
-
-def _material(part: Coil | Region) -> ThermalMaterial:
-    return thermal_of(cast("Region", part).material)
-
-
-def _volume(section: shapely.Polygon) -> float:
-    return float(2.0 * np.pi * section.centroid.x * section.area)
-
-
-def _assembled(
-    parts: tuple[Coil | Region, ...],
-    sections: list[shapely.Polygon],
-    faces: Faces,
-    windings: tuple[WindingHeat, ...],
-    surroundings: Surroundings,
-) -> FloatArray:
-    """Conductances (N, N) among parts, surroundings, and of each winding its faces and the centres of its stars."""
-    n, count = len(parts), len(windings)
-    whole = np.zeros((n + 1 + (SIDES + 2) * count,) * 2)
-    resistance = np.zeros(n)  # From face to middle in m^2 K/W; a winding's is in its stars
-    for k in range(count, n):
-        half = _volume(sections[k]) / np.sum(faces.area[faces.part == k])
-        resistance[k] = half / cast("float", _material(parts[k]).conductivity_W_per_m_K)
+def _outside(n: int, count: int, faces: Faces, resistance: FloatArray, around: Surroundings) -> FloatArray:
+    """Conductances (N, N) by the faces, among n parts, the surroundings, and the own nodes of ``count`` windings."""
+    whole = np.zeros((n + 1 + OWN * count,) * 2)
     for one, side, other, area, gap in zip(faces.part, faces.side, faces.facing, faces.area, faces.gap, strict=True):
         here = _node(n, one, side) if one < count else one
         if other == OPEN:
-            _join(whole, here, n, area / (1.0 / surroundings.film_W_per_m2_K + resistance[one]))
-        elif other != NOTHING:
-            joint = surroundings.winding_joint_m if min(one, other) < count else surroundings.joint_m
+            _join(whole, here, n, area / (1.0 / around.film_W_per_m2_K + resistance[one]))
+        elif other != NOTHING and not other < count <= one:  # such a pair is counted from the winding's faces alone
+            joint = around.winding_joint_m if min(one, other) < count else around.joint_m
             crossed = max(gap, joint) / AIR_CONDUCTIVITY + resistance[one] + resistance[other]
-            if other < count <= one:
-                continue  # counted from the winding, whose faces are told apart
             there = _node(n, other, side ^ 1) if other < count else other
             both = (one < count) == (other < count)  # counted from either side
             _join(whole, here, there, (0.5 if both else 1.0) * area / crossed)
-    for k, winding in enumerate(windings):
-        for axis, ways in enumerate(stars(cast("Coil", parts[k]), winding.conductivity_W_per_m_K)):
-            centre = n + 1 + (SIDES + 2) * k + SIDES + axis
-            ends = (_node(n, k, 2 * axis), _node(n, k, 2 * axis + 1), k)
-            for end, way in zip(ends, ways, strict=True):
-                _join(whole, centre, end, 1.0 / way)
     return whole
 
 
-def _node(parts: int, winding: int, side: int) -> int:
-    return parts + 1 + (SIDES + 2) * winding + side
+def _node(parts: int, winding: int, own: int) -> int:
+    return parts + 1 + OWN * winding + own
 
 
 def _join(whole: FloatArray, one: int, other: int, conductance: float) -> None:
@@ -135,32 +124,17 @@ def _join(whole: FloatArray, one: int, other: int, conductance: float) -> None:
     whole[other, one] += conductance
 
 
-def _reduced(
-    parts: tuple[Coil | Region, ...],
-    windings: tuple[WindingHeat, ...],
-    sections: list[shapely.Polygon],
-    whole: FloatArray,
-) -> HeatNetwork:
-    """Eliminate the faces and the stars, which store no heat."""
-    n, count = len(parts), len(windings)
+def _reduced(whole: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The Laplacian of parts and surroundings, (n + 1, n + 1), and :attr:`HeatNetwork.inside`.
+
+    Faces and stars, by which heat leaves with these conductances, store none and are eliminated.
+    """
     full = np.diag(whole.sum(axis=1)) - whole
     kept, gone = slice(0, n + 1), slice(n + 1, None)
     follow = -np.linalg.solve(full[gone, gone], full[gone, kept])  # temperatures of faces and stars
-    left = full[kept, kept] + full[kept, gone] @ follow
-    between = -left[:n, :n]
-    np.fill_diagonal(between, 0.0)
-    capacities = [one.heat_capacity_J_per_K for one in windings]
-    for part, section in zip(parts[count:], sections[count:], strict=True):
-        each = cast("float", _material(part).heat_capacity_J_per_m3_K)
-        capacities.append(each * _volume(section))
-    inside = np.zeros((count, n + 1))
-    for k in range(count):
-        start = (SIDES + 2) * k
-        faces = slice(start, start + SIDES)
-        leaving = whole[n + 1 + start : n + 1 + start + SIDES].copy()
-        leaving[:, n + 1 + start + SIDES : n + 1 + start + SIDES + 2] = 0.0  # the ways inside
-        share = leaving.sum(axis=1)
-        inside[k] = -(share / share.sum()) @ follow[faces] if share.sum() else 0.0
-        inside[k, k] += float(share.sum() > 0.0)
-    volumes = np.array([_volume(one) for one in sections])
-    return HeatNetwork(parts, windings, np.array(capacities), volumes, between, -left[:n, n], inside)
+    inside = np.zeros((len(leaving) // OWN, n + 1))
+    for k, share in enumerate(leaving.reshape(-1, OWN)):
+        if share.any():
+            inside[k] = -(share / share.sum()) @ follow[OWN * k : OWN * (k + 1)]
+            inside[k, k] += 1.0
+    return full[kept, kept] + full[kept, gone] @ follow, inside

@@ -13,7 +13,9 @@ G, C = 0.1, 50.0
 
 
 def one_node():
-    return HeatNetwork((None,), (), np.array([C]), np.array([1e-6]), np.zeros((1, 1)), np.array([G]), np.zeros((0, 2)))
+    return HeatNetwork(
+        (), (None,), (), np.array([C]), np.array([1e-6]), np.zeros((1, 1)), np.array([G]), np.zeros((0, 2))
+    )
 
 
 def watts(power, other=0.0):

@@ -35,7 +35,7 @@ distance_mm = [30, 40]
 
 
 def of_coils(network, watts=1.0):
-    heat = np.zeros(len(network.parts))
+    heat = np.zeros(len(network.names))
     heat[: len(network.windings)] = watts
     return Loads(0.0 * heat, heat)
 
