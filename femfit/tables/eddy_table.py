@@ -129,12 +129,8 @@ class EddyTable:
 
     def transfers(self, k: int, frequencies: FloatArray) -> Transfers:
         """What 1 A does at the k-th distance, with all patterns."""
-        n, induced, force, flux = (
-            1 + len(self.circuits),
-            self.induced(k, frequencies),
-            self.force[k],
-            self.flux_linkage[k],
-        )
+        n, induced = 1 + len(self.circuits), self.induced(k, frequencies)
+        force, flux = self.force[k], self.flux_linkage[k]
         return Transfers(
             np.asarray(frequencies),
             np.asarray(flux[: n - 1, 1:n] + flux[n - 1 :, 1:n].T @ induced),

@@ -133,11 +133,6 @@ def ball(body):
     return drawing([Region("ball", tuple(corners), material(body), tuple(bulges))], [BALL_COIL], size=0.02)
 
 
-def alone(case, body, s, **settings):
-    """The whole inductance in H of the coil of a case with a body."""
-    return inductance(case(body), s, **settings)
-
-
 @dataclass(frozen=True)
 class Known:
     """A case with its closed form, an inductance in H of (s, body), and how the field solver's is counted."""
@@ -149,26 +144,35 @@ class Known:
     counted: Callable = added
 
 
-def _around(form, radius, section):
-    return lambda s, body: form(s, body, radius, section, 100.0)
-
-
+PLATE_CASE = Known(
+    "coil above a {} plate",
+    "Dodd and Deeds",
+    plate,
+    partial(eddy_exact.above_plate, section=PLATE_COIL, turns=100.0, thickness=0.03),
+)
+CORE_CASE = Known(
+    "round {} core",
+    "Bessel functions",
+    core,
+    lambda s, body: core_exact(s, body, eddy_exact.core_ratio(s, body, CORE)),
+    lambda case, body, s, **settings: inductance(case(body), s, **settings),
+)
+BALL_CASE = Known(
+    "{} ball in a coil",
+    "spherical Bessel functions",
+    ball,
+    partial(eddy_exact.around_sphere, radius=BALL, section=BALL_COIL, turns=100.0),
+)
 KNOWN = (
+    PLATE_CASE,
     Known(
-        "coil above a {} plate",
+        "coil around a {} rod",
         "Dodd and Deeds",
-        plate,
-        partial(eddy_exact.above_plate, section=PLATE_COIL, turns=100.0, thickness=0.03),
+        rod,
+        partial(eddy_exact.around_rod, radius=ROD, section=ROD_COIL, turns=100.0),
     ),
-    Known("coil around a {} rod", "Dodd and Deeds", rod, _around(eddy_exact.around_rod, ROD, ROD_COIL)),
-    Known(
-        "round {} core",
-        "Bessel functions",
-        core,
-        lambda s, body: core_exact(s, body, eddy_exact.core_ratio(s, body, CORE)),
-        alone,
-    ),
-    Known("{} ball in a coil", "spherical Bessel functions", ball, _around(eddy_exact.around_sphere, BALL, BALL_COIL)),
+    CORE_CASE,
+    BALL_CASE,
 )
 
 
