@@ -18,11 +18,10 @@ from femfit.core.errors import FieldSolverError
 from femfit.device.parts import Actuator
 from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import Layout
-from femfit.field.linear_system import Coefficients, LinearSystem, PatternLoads, inner_products
+from femfit.field.linear_system import Coefficients, LinearSystem, PatternLoads, hall_fields, inner_products, loads_of
 from femfit.field.material_points import MaterialPoints, csr
 from femfit.field.newton import minimise
 from femfit.field.nonlinear_system import NonlinearSystem
-from femfit.field.weak_form import hall_field, source_loads
 
 FIRST_ORDER = 2
 """Polynomial order at which the state is found first."""
@@ -56,11 +55,7 @@ class BiasedSystem:
         )
         fine = self._levels[-1]
         self.space = fine.space
-        self.loads, self.own_loads = (source_loads(self.space, actuator, moving=moving) for moving in (False, True))
-        if patterns is not None:
-            all_of_them, moving = patterns(self.space)
-            self.loads = np.concatenate([self.loads, all_of_them])
-            self.own_loads = np.concatenate([self.own_loads, moving])
+        self.loads, self.own_loads = loads_of(self.space, actuator, patterns)
         self.total, self.own = (tuple(GridFunction(self.space) for _ in self.loads) for _ in range(2))
         self.layer_force = LayerForce(self.space, g)
 
@@ -120,9 +115,7 @@ class BiasedSystem:
         self_force = quadratic(self.layer_force, self.own)
         force = quadratic(self.layer_force, self.total) - self_force
         force[1:, 1:] = 0.0
-        hall = None
-        if self._hall is not None:
-            hall = np.array([hall_field(self._hall, self.mesh, function) for function in self.total])
+        hall = hall_fields(self._hall, self.mesh, self.total)
         linked = inner_products(self.loads, self.total)
         return Coefficients(
             force, self_force, linked[1:], 0.5 * linked[0, 0], hall, inner_products(self.loads[1:], [rest])[:, 0]

@@ -16,6 +16,7 @@ from ngsolve import H1, BilinearForm, GridFunction, Mesh, dx
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator
+from femfit.device.sensors import HallElement
 from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import Layout
 from femfit.field.newton import inner
@@ -57,11 +58,7 @@ class LinearSystem:
         self.mesh = mesh
         self.space = H1(mesh, order=order)
         self._hall = actuator.hall
-        self.loads, self.own_loads = (source_loads(self.space, actuator, moving=moving) for moving in (False, True))
-        if patterns is not None:
-            all_of_them, moving = patterns(self.space)
-            self.loads = np.concatenate([self.loads, all_of_them])
-            self.own_loads = np.concatenate([self.own_loads, moving])
+        self.loads, self.own_loads = loads_of(self.space, actuator, patterns)
         self.total, self.own = (tuple(GridFunction(self.space) for _ in self.loads) for _ in range(2))
         self.layer_force = LayerForce(self.space, g)
         named = linear_materials(actuator)
@@ -111,17 +108,26 @@ class LinearSystem:
             self_force=self_force,
             flux_linkage=linked[1:],
             coenergy=0.5 * linked[0, 0],
-            hall=self._hall_field(),
+            hall=hall_fields(self._hall, self.mesh, self.total),
         )
 
     def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:  # noqa: ARG002  nothing depends on it
         """What loads (k, unknowns) change of any state of the mesh as it was last solved, in the same shape."""
         return np.array([self._inverse.solve(load) if load.any() else np.zeros_like(load) for load in loads])
 
-    def _hall_field(self) -> FloatArray | None:
-        if self._hall is None:
-            return None
-        return np.array([hall_field(self._hall, self.mesh, function) for function in self.total])
+
+def loads_of(space: H1, actuator: Actuator, patterns: PatternLoads | None) -> tuple[FloatArray, FloatArray]:
+    """Right-hand sides of all sources, and of what of them moves; shape (m, unknowns) each."""
+    whole, moving = (source_loads(space, actuator, moving=moving) for moving in (False, True))
+    if patterns is None:
+        return whole, moving
+    induced, induced_moving = patterns(space)
+    return np.concatenate([whole, induced]), np.concatenate([moving, induced_moving])
+
+
+def hall_fields(hall: HallElement | None, mesh: Mesh, functions: Sequence[GridFunction]) -> FloatArray | None:
+    """The field in T at the Hall element of each function; None without one."""
+    return None if hall is None else np.array([hall_field(hall, mesh, one) for one in functions])
 
 
 def inner_products(loads: FloatArray, functions: Sequence[GridFunction]) -> FloatArray:

@@ -207,29 +207,23 @@ def _unbraked(model: EddyTable, table: EddyTable) -> float:
 
 def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
     """What a sweep's table would be if the field were as the splines say, with the circuits' part as it is there."""
-    here, rising = eddy.forms(table.distances_m, 0, 1)
-    c, force, flux = len(table.circuits), [], []
-    for k in range(len(table.distances_m)):
-        turn, bend = (np.eye(1 + c + eddy.count) for _ in range(2))
-        # s = turn (1, i, e) are the sources in which W' has no term between i and e
-        turn[1 : 1 + c, 1 + c :], bend[:] = here.coupling[k], 0.0
-        bend[1 : 1 + c, 1 + c :] = rising.coupling[k]
-        whole, slope = (np.zeros_like(turn) for _ in range(2))
-        whole[1 : 1 + c, : 1 + c] = table.flux_linkage[k, :c, : 1 + c]
-        whole[0, 1 : 1 + c] = whole[1 : 1 + c, 0]
-        slope[: 1 + c, : 1 + c] = -2.0 * table.force[k, : 1 + c, : 1 + c]
-        for into, of in ((whole, here), (slope, rising)):
-            into[1 + c :, 1 + c :] = of.inductance[k]
-            into[0, 1 + c :] = into[1 + c :, 0] = of.flux_linkage[k]
-        flux.append((turn.T @ whole @ turn)[1:])
-        force.append(-0.5 * (turn.T @ slope @ turn + bend.T @ whole @ turn + turn.T @ whole @ bend))
-    if table.bias_A is not None:  # nor does the field tell more
-        for one in force:
-            one[1:, 1:] = 0.0
+    here, rising = eddy.shifts(table.distances_m, 0, 1)
+    c, force = len(table.circuits), np.zeros((len(table.distances_m), *[1 + len(table.circuits) + eddy.count] * 2))
+    g, bend = here.shift, rising.shift
+    turned, bent = np.swapaxes(g, 1, 2), np.swapaxes(bend, 1, 2)
+    phi, inductance = np.split(table.flux_linkage[:, :c, : 1 + c], [1], axis=2)
+    phi_1, inductance_1 = np.split(-2.0 * table.force[:, 1 : 1 + c, : 1 + c], [1], axis=2)
+    alone = turned @ phi + here.flux_linkage[..., None]
+    flux = np.concatenate([alone, turned @ inductance @ g + here.inductance], axis=2)
+    pull = -0.5 * (bent @ phi + turned @ phi_1 + rising.flux_linkage[..., None])
+    half = bent @ inductance @ g
+    force[:, :1, :1], force[:, 1:, :1], force[:, :1, 1:] = table.force[:, :1, :1], pull, np.swapaxes(pull, 1, 2)
+    if table.bias_A is None:  # else the field does not tell what is of second order, either
+        force[:, 1:, 1:] = -0.5 * (half + np.swapaxes(half, 1, 2) + turned @ inductance_1 @ g + rising.inductance)
     hall = None
     if table.hall is not None:
         coupling, own = eddy.seen(table.distances_m)[0]
         of_coils = table.hall[:, 1 : 1 + c]
         seen = np.einsum("kc,kcr->kr", of_coils, coupling) + own
         hall = np.concatenate([table.hall[:, : 1 + c], seen], axis=1)
-    return replace(table, force=np.array(force), flux_linkage=np.array(flux), hall=hall)
+    return replace(table, force=force, flux_linkage=flux, hall=hall)

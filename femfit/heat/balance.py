@@ -14,6 +14,7 @@ from femfit.core.arrays import FloatArray
 from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
 from femfit.device.parts import REFERENCE_TEMPERATURE
 from femfit.heat.network import HeatNetwork
+from femfit.heat.winding import growth
 
 Powers = Callable[[FloatArray], FloatArray]
 """Heat of each part in W at their temperatures in degC, shape (n,)."""
@@ -35,8 +36,7 @@ class Loads:
 
     def at(self, temperatures: FloatArray) -> FloatArray:
         """Heat of each part at their temperatures."""
-        growth = 1.0 + COPPER_TEMPERATURE_COEFFICIENT * (temperatures - REFERENCE_TEMPERATURE)
-        return np.asarray(self.winding_W * growth + self.other_W)
+        return np.asarray(self.winding_W * growth(temperatures) + self.other_W)
 
 
 def settled(network: HeatNetwork, ambient: float, loads: Loads) -> FloatArray | None:

@@ -13,7 +13,8 @@ from femfit.heat.network import HeatNetwork
 from femfit.heat.winding import growth
 
 ROUNDS, CLOSE_K = 500, 1e-9
-"""Numerical: of the iteration at held voltages, which halves its error in each round or does better."""
+"""Numerical: of the iteration at held voltages, which halves its error in each round or does better where no current is
+held beside them."""
 
 LOST_C = 1e5
 """Numerical: temperature at which a winding is taken to run away."""
