@@ -1,4 +1,4 @@
-"""What is told of temperatures that were found."""
+"""Temperatures that were found, in numbers and in sentences."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from femfit.device.thermal import Surroundings
 from femfit.heat.network import HeatNetwork
 
 BURNT_C = 300.0
-"""Conventional: above it how warm a winding would become is not told; enamels end at 240 degC (IEC 60317)."""
+"""Conventional: how warm a winding would become above it is not said; enamels end at 240 degC (IEC 60317)."""
 
 ASSUMED = (
     "Assumed: air of {ambient_C:g} °C, {film_W_per_m2_K:g} W/(m² K) from free faces, {insulation_W_per_m_K:g} W/(m K) "

@@ -15,7 +15,7 @@ from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.core.errors import DomainError
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.hall import HallField
 
 if TYPE_CHECKING:
@@ -57,25 +57,20 @@ def induced_impedance(
     if eddy is None:
         return np.asarray(s * following)
     (at,) = eddy.forms(distance)
-    carried = carried_by_eddies(following, frequency, eddy, distance)
-    return np.asarray(s * (following + following @ at.coupling @ carried))
+    return np.asarray(
+        s * (following + following @ at.coupling @ _carried(following, frequency, eddy.resistances_ohm, at))
+    )
 
 
-def carried_by_eddies(
-    following: ComplexArray, frequency: FloatArray, eddy: EddyCurrents, distance: FloatArray
-) -> ComplexArray:
+def _carried(following: ComplexArray, frequency: FloatArray, resistances: FloatArray, at: EddyForms) -> ComplexArray:
     """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h(w) L, (..., n, n).
 
     (R_e + s (C^T h L C + Q)) E = -s C^T h L.
     """
-    s, (at,) = (2j * np.pi * frequency)[..., None, None], eddy.forms(distance)
+    s = (2j * np.pi * frequency)[..., None, None]
     linked = s * (np.swapaxes(at.coupling, -1, -2) @ following)
-    own = np.diag(eddy.resistances_ohm) + linked @ at.coupling + s * at.inductance
-    shape = np.broadcast_shapes(own.shape[:-2], linked.shape[:-2])
-    found = np.linalg.solve(
-        np.broadcast_to(own, (*shape, *own.shape[-2:])), np.broadcast_to(linked, (*shape, *linked.shape[-2:]))
-    )
-    return np.asarray(-found, dtype=np.complex128)
+    own = np.diag(resistances) + linked @ at.coupling + s * at.inductance
+    return np.asarray(-np.linalg.solve(own, linked), dtype=np.complex128)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,14 +122,13 @@ class SmallSignal:
     def _transfer(self, along: FloatArray, by_pattern: FloatArray | None = None) -> ComplexArray:
         """What follows the static field, by circuit, and the patterns' own part beside that, (..., r)."""
         rows = self.share[..., None, None] * (along if self._several else along[..., None])[..., None, :]
-        eddy = self.model.eddy
+        eddy, points = self.model.eddy, self.frequency.shape
         if eddy is not None and by_pattern is not None:
-            at = np.broadcast_to(self.distance, self.inductance.shape[:-2])
+            (at,) = eddy.forms(np.broadcast_to(self.distance, self.inductance.shape[:-2]))
             following = self.share[..., None, None] * self.inductance
-            carried = carried_by_eddies(following, self.frequency, eddy, at)
-            rows = rows + (rows @ eddy.forms(at)[0].coupling + by_pattern[..., None, :]) @ carried
-        shape = np.broadcast_shapes(rows.shape[:-2], self.frequency.shape)
-        rows = np.broadcast_to(rows, (*shape, *rows.shape[-2:]))[..., 0, :]
+            carried = _carried(following, self.frequency, eddy.resistances_ohm, at)
+            rows = rows + (rows @ at.coupling + by_pattern[..., None, :]) @ carried
+        rows = np.broadcast_to(rows, (*np.broadcast_shapes(rows.shape[:-2], points), *rows.shape[-2:]))[..., 0, :]
         return np.asarray(rows if self._several else rows[..., 0])
 
 

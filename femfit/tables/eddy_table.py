@@ -63,13 +63,13 @@ class EddyTable:
     circuits : tuple of str
     distances_m : array, shape (D,)
     frequencies_Hz : array
-        That the drawing asks for.
+        Those that the drawing asks for.
     force : array, shape (D, M, M)
-        In N.
+        Symmetric F in N: the force is s . F s.
     flux_linkage : array, shape (D, M - 1, M)
-        In Wb.
+        Of circuits and patterns by a unit of each source, in Wb.
     hall : array, shape (D, M), or None
-        In T.
+        Field at the Hall element by a unit of each source, in T.
     checked_Hz : array, shape (c,)
         Where the direct harmonic solutions were found at some distances.
     errors : array, shape (c, 3)
@@ -77,12 +77,12 @@ class EddyTable:
     braking_error : float
         The same of the power that slow motion loses; NaN where none of these distances is in the table.
     materials : tuple of str
-        That conduct.
+        Names of those that conduct.
     conductivities_S_per_m : array, shape (materials,)
     resistances : array, shape (materials, q, q)
         What each material adds to the patterns' resistances in ohm; they sum to one.
     asked_error : float
-        Of the model that is to be made of it.
+        Relative error that the drawing asks of its model.
     bias_A : array, shape (D, n), or None
         Where parts saturate: the circuits' currents about which all others are small. The source 1 is then the state at
         these currents, and of the force only the first row and column are known.
