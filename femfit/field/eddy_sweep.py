@@ -139,7 +139,6 @@ class _Plan:
     checks: tuple[float, ...]
     frequencies: tuple[float, ...]
     shifts: tuple[float, ...]
-    tolerance: float
     biases: Mapping[float, tuple[float, ...]]
 
     @classmethod
@@ -159,7 +158,6 @@ class _Plan:
             _spread(between, CHECKS),
             _decades(low, high, MOST_FREQUENCIES),
             tuple(2.0 * math.pi * one for one in _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)),
-            actuator.eddy_error,
             biases,
         )
 
@@ -200,7 +198,7 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
         shifts = plan.shifts if d in plan.probes else ()
         coarse = d == plan.probes[0] or d in plan.checks
         at = plan.meshes[d], plan.reference, d, plan.frequencies
-        tasks.append(ProbeTask(*at, shifts, plan.tolerance, coarse, numbers, plan.biases.get(d, ())))
+        tasks.append(ProbeTask(*at, shifts, coarse, numbers, plan.biases.get(d, ())))
     results: dict[float, dict[str, Any]] = {}
 
     def record(task: ProbeTask, result: dict[str, Any]) -> list[Any]:
@@ -213,7 +211,7 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
     if not made:
         raise FieldSolverError(_reason(results[plan.probes[0]]))
     weight, rows = made[0]["weight"], np.concatenate([one["rows"] for one in made])
-    kept = principal((weight * rows) @ rows.T, plan.tolerance) @ rows
+    kept = principal((weight * rows) @ rows.T, plan.reference.actuator.eddy_error) @ rows
     both = [one for one in found.values() if "coarse" in one]
     discretisation = [np.zeros((len(plan.frequencies), 3))]
     discretisation += [one["coarse"].departures(one["transfers"]) for one in both]

@@ -54,7 +54,6 @@ class ProbeTask:
     distance: float
     frequencies: tuple[float, ...]
     shifts: tuple[float, ...]
-    tolerance: float
     coarse: bool
     numbers: tuple[DrawnNumber, ...] = ()
     bias: tuple[float, ...] = ()  # In A; where parts saturate
@@ -84,7 +83,7 @@ class ProbeTask:
         if not self.shifts:
             return result
         at = probe.points if self.reference == self.mesh else _points(self.reference)
-        rows = probe.patterns(fields, np.array(self.shifts), at, self.tolerance)
+        rows = probe.patterns(fields, np.array(self.shifts), at, actuator.eddy_error)
         return result | {"rows": rows, "weight": at.weight, "material": at.material_rows}
 
 

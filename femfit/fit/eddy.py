@@ -16,8 +16,9 @@ from scipy.interpolate import make_interp_spline
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.device.tolerance_defaults import KINDS
-from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ, EDDY_PER_DECADE
+from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
 from femfit.fit.eddy_states import StateChoice
+from femfit.fit.impedance_numbers import spline_frequencies
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
@@ -75,8 +76,7 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
     if table is None or eddy is None or len(table.circuits) != 1:
         return ()
     own = replace(as_table(eddy, table), resistances=np.eye(eddy.count)[None]) if len(table.materials) == 1 else None
-    low, high = table.checked_Hz[[0, -1]]
-    frequencies = np.geomspace(low, high, 1 + max(3, round(EDDY_PER_DECADE * np.log10(high / low))))
+    frequencies = spline_frequencies(table.checked_Hz)
     found = []
     for j in range(len(table.materials)):
         at = range(len(table.distances_m))

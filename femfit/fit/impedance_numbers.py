@@ -32,7 +32,7 @@ def with_impedances(
     if slopes is None or eddy is None or slopes.slopes.shape[-1] != 1:
         return tuple(drawn)
     order = np.argsort(slopes.distances_m)
-    distance, frequency = slopes.distances_m[order], _between(slopes.frequencies_Hz)
+    distance, frequency = slopes.distances_m[order], spline_frequencies(slopes.frequencies_Hz)
     inductance = magnetics.inductance(distance, np.zeros_like(distance))
     follows = _following(inductance, distance, frequency, eddy)
     at_probes = _following(inductance, distance, slopes.frequencies_Hz, eddy)
@@ -78,8 +78,8 @@ def _static(drawn: DrawnEffect, distance: FloatArray) -> FloatArray:
     return result
 
 
-def _between(frequency: FloatArray) -> FloatArray:
-    """Frequencies as near as the change's splines need them."""
+def spline_frequencies(frequency: FloatArray) -> FloatArray:
+    """Frequencies over the range of others, as near as the splines of an impedance's change need them."""
     low, high = frequency[[0, -1]]
     return np.geomspace(low, high, 1 + max(CUBIC, round(EDDY_PER_DECADE * np.log10(high / low))))
 
