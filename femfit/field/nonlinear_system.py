@@ -33,7 +33,7 @@ class NonlinearSystem:
         self.points = MaterialPoints(self.space, materials(actuator))
         self._magnets = self.points.load(self.points.coercive_field)
         # Loads of 1 A in each circuit, and in its moving coils alone; shape (circuits, unknowns)
-        self.circuits, self._own_circuits = (
+        self.circuits, self.own_circuits = (
             source_loads(self.space, actuator, moving=moving)[1:] for moving in (False, True)
         )
         nu_0, radius = ng.CF(1.0 / MU_0), layout.outer_radius
@@ -120,7 +120,7 @@ class NonlinearSystem:
     def own_state(self, state: FloatArray, currents: FloatArray) -> FloatArray:
         """The field in free space of the moving part's magnetisation, frozen as in a state, and of its currents."""
         magnetisation = self.points.magnetisation(self._flux_density(state)) * self.points.moving
-        return self.solve_free(self.points.load(magnetisation) + currents @ self._own_circuits)
+        return self.solve_free(self.points.load(magnetisation) + currents @ self.own_circuits)
 
     def solve_free(self, load: FloatArray) -> FloatArray:
         """The field of a load in free space."""

@@ -29,6 +29,7 @@ SPREAD = 1.5
 """Assumed: factor either way within which the heat that a free face gives off is known."""
 
 SETTLED = 1.0 - np.exp(-1.0)
+"""Of the rise, after one time constant."""
 
 
 def find_temperatures(
@@ -74,7 +75,7 @@ def find_temperatures(
     61 degC, 3.12 ohm
     """
     actuator = actuator if isinstance(actuator, Actuator) else read_actuator(actuator)
-    distance = held_distance(actuator) if distance_m is None else distance_m
+    distance = _held_distance(actuator) if distance_m is None else distance_m
     network = heat_network(actuator, distance)
     if (sweep is None) != (frequency_Hz is None):
         raise UsageError("Eddy currents need both a frequency and a sweep. Give both or none.")
@@ -151,7 +152,7 @@ def _eddy_table(sweep: str | Path, distance: float) -> EddyTable:
     return table
 
 
-def held_distance(actuator: Actuator) -> float:
+def _held_distance(actuator: Actuator) -> float:
     """Distance in m at which the moving part is held if nothing else is said."""
     if actuator.reference_distances_m:
         return actuator.reference_distances_m[0]

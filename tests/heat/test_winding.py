@@ -60,8 +60,8 @@ def test_no_copper_leaves_the_filler():
 
 
 def test_an_unknown_wire_follows_from_the_resistance():
-    known = winding_heat(coil(resistance_ohm=200 * 2 * math.pi * 0.0085 * 1.7241e-8 / (0.25 * math.pi * 4e-4**2)), 0.1)
     given = 200 * 2 * math.pi * 0.0085 * 1.7241e-8 / (0.25 * math.pi * 4e-4**2)
+    known = winding_heat(coil(resistance_ohm=given), 0.1)
     unknown = winding_heat(coil(resistance_ohm=given, wire_diameter_m=None), 0.1)
     assert unknown.copper_share == pytest.approx(known.copper_share)
     assert winding_heat(coil(resistance_ohm=1e-4, wire_diameter_m=None), 0.1).copper_share == DENSEST

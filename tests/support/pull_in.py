@@ -4,8 +4,6 @@ Each stage minimises an energy: that of the static field, what the induced curre
 moves by velocity Verlet with the field's own force. Nothing of it is of the reduced models that it checks.
 """
 
-import math
-
 import ngsolve as ng
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -21,6 +19,7 @@ from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.nonlinear_system import NonlinearSystem
 from femfit.field.settings import SolverSettings
 from femfit.model.dynamics import state_derivative
+from support.eddy_transient import GAMMA
 
 FLAT = """
 schema = 2
@@ -60,9 +59,6 @@ frequency_Hz = { start = 1, stop = 1000, per_decade = 2 }
 """
 
 NEAR, FAR = 0.4e-3, 1.2e-3  # from where to where it is pulled
-
-GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-"""Of Alexander's two implicit stages of the second order, L-stable (SIAM J. Numer. Anal. 14 (1977) 1006)."""
 
 TOLERANCE = 1e-6  # of Newton's iteration
 
@@ -147,7 +143,7 @@ class PullIn:
         system, stage = self.system, self.stage
         induced = stage.s * self.points.loads(stage.lag(w)[None], moving=True)[0]
         magnetised = system.points.magnetisation(system.points.flux_density(w)) * system.points.moving
-        load = system.points.load(magnetised) + current * system._own_circuits[0] - induced
+        load = system.points.load(magnetised) + current * system.own_circuits[0] - induced
         total, own = system.function(w), system.function(system.solve_free(load))
         return self.layer.between(total, total) - self.layer.between(own, own)
 
