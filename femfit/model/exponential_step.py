@@ -37,8 +37,7 @@ def exponential_step(
 
     Steps of their own have the shape (..., 1); not of models whose effects drive.
     """
-    table = None if isinstance(step, np.ndarray) else _table(model, step)
-    if table is None or isinstance(step, np.ndarray):
+    if isinstance(step, np.ndarray) or (table := _table(model, step)) is None:
         return _exact_step(model, state, voltage, step)
     flat, volts = _flat(model, state, voltage)
     result, beyond = tabulated_step(model, table, flat, volts, step)
