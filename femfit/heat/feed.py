@@ -16,6 +16,9 @@ ROUNDS, CLOSE_K = 500, 1e-9
 """Numerical: of the iteration at held voltages, which halves its error in each round or does better where no current is
 held beside them."""
 
+LARGEST = 1e9
+"""Numerical: of a current or a voltage, whose heat is a number still."""
+
 LOST_C = 1e5
 """Numerical: temperature at which a winding is taken to run away."""
 
@@ -115,6 +118,8 @@ def feed_of(
 
 def _each(given: float | Sequence[float], circuits: Sequence[object], name: str) -> FloatArray:
     values = np.asarray(given, dtype=np.float64).reshape(-1)
-    if len(values) not in {1, len(circuits)} or not np.isfinite(values).all():
-        raise UsageError(f"{name} must be one number, or one for each of {len(circuits)} circuits; got {given}.")
+    if len(values) not in {1, len(circuits)} or not (np.abs(values) <= LARGEST).all():
+        raise UsageError(
+            f"{name} must be one number up to {LARGEST:.0e}, or one for each of {len(circuits)} circuits; got {given}."
+        )
     return np.broadcast_to(values, (len(circuits),))

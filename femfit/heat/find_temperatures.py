@@ -7,9 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.amount import amount_range
+from femfit.core.amount import amount, amount_range
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError, UsageError
+from femfit.core.finding import listing
 from femfit.device.load import read_actuator
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial
 from femfit.device.thermal import Surroundings
@@ -83,7 +84,9 @@ def find_temperatures(
         current_A = 0.0
     feed = feed_of(actuator, network, voltage_V, current_A, alternating_A)
     if sweep is not None and frequency_Hz is not None:
-        table = _eddy_table(sweep, distance)
+        if not np.any(feed.alternating_A):
+            raise UsageError("A frequency must stand beside an alternating current; there is none. Give alternating_A.")
+        table = _eddy_table(sweep, actuator, distance, frequency_Hz)
         feed = replace(feed, eddy_W=_eddy_heat(network, table, distance, frequency_Hz, feed.alternating_A))
     others = [_with_film(actuator, distance, factor) for factor in (SPREAD, 1.0 / SPREAD)]
     find = partial(_found, actuator.thermal, network, others, distance)
@@ -142,13 +145,26 @@ def _found(
     )
 
 
-def _eddy_table(sweep: str | Path, distance: float) -> EddyTable:
+def _eddy_table(sweep: str | Path, actuator: Actuator, distance: float, frequency: float) -> EddyTable:
     table = read_eddy(Path(sweep))
     if table is None:
         raise MissingPartError(f"{sweep} must hold eddy currents; sweep the drawing with [solver] frequency_Hz.")
     low, high = table.distances_m[[0, -1]]
     if not low <= distance <= high:
         raise UsageError(f"The distance must lie within that sweep, {amount_range(low, high, 'm', 3)}.")
+    highest = float(table.checked_Hz[-1])
+    if not 0.0 < frequency <= highest:
+        raise UsageError(
+            f"The frequency must be above 0 and within that sweep, up to {amount(highest, 'Hz', 3)}; it is "
+            f"{amount(frequency, 'Hz', 3)}. Give another one, or sweep with higher ones in [solver] frequency_Hz."
+        )
+    drawn = {one.material.name for one in (*actuator.fixed, *actuator.moving.regions)}
+    circuits = tuple(one.name for one in actuator.circuits)
+    if circuits != table.circuits or not drawn.issuperset(table.materials):
+        raise UsageError(
+            f"The sweep must be of this drawing; {sweep} has circuits {listing(table.circuits)} and conducting "
+            f"materials {listing(table.materials)}. Sweep the drawing anew."
+        )
     return table
 
 

@@ -5,12 +5,15 @@ over surface). Between a winding's middle and its faces are the stars of :mod:`f
 """
 
 from dataclasses import dataclass
+from itertools import product
 from typing import cast
 
 import numpy as np
 import shapely
 
+from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import UsageError
 from femfit.device.outlines import flattened
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.device.thermal import AIR_CONDUCTIVITY, Surroundings, thermal_of
@@ -67,11 +70,14 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
         [one for one in some if one.material.name != "air"] for some in (actuator.fixed, actuator.moving.regions)
     )
     regions, moves = (*fixed, *moving), [*(coil.moves for coil in coils), *[False] * len(fixed), *[True] * len(moving)]
+    if not np.isfinite(distance):
+        raise UsageError(f"The distance must be a finite number; it is {distance:g} m. Give where the body is held.")
     outlines = [coil.vertices_m for coil in coils] + [flattened(one.vertices_m, one.bulges) for one in regions]
     sections = [
         shapely.Polygon([(r, z + distance * own) for r, z in outline])
         for outline, own in zip(outlines, moves, strict=True)
     ]
+    _require_apart([one.name for one in (*coils, *regions)], sections, moves, distance)
     volumes = np.array([2.0 * np.pi * one.centroid.x * one.area for one in sections])
     faces = faces_of(sections, 2.0 * AIR_CONDUCTIVITY / around.film_W_per_m2_K)
     windings = tuple(winding_heat(coil, around.insulation_W_per_m_K) for coil in coils)
@@ -97,6 +103,18 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     stored = [cast("float", one.heat_capacity_J_per_m3_K) for one in materials] * volumes[count:]
     capacities = np.array([*(one.heat_capacity_J_per_K for one in windings), *stored])
     return HeatNetwork(coils, regions, windings, capacities, volumes, between, -left[:n, n], inside)
+
+
+def _require_apart(names: list[str], sections: list[shapely.Polygon], moves: list[bool], distance: float) -> None:
+    """Refuse a distance at which moving parts stand in fixed ones."""
+    shared = 1e-6 * min(section.area for section in sections)  # of parts that touch, by rounding
+    moving, fixed = ([k for k, own in enumerate(moves) if own is which] for which in (True, False))
+    for k, j in product(moving, fixed):
+        if sections[k].intersection(sections[j]).area > shared:
+            raise UsageError(
+                f"The distance must keep parts apart; at {amount(distance, 'm', 3)} {names[k]} stands in {names[j]}. "
+                "Give a larger one."
+            )
 
 
 def _outside(n: int, count: int, faces: Faces, resistance: FloatArray, around: Surroundings) -> FloatArray:

@@ -1,5 +1,7 @@
 """Eddy losses by material beside the impedance that they come from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from support.eddy_pot import POT
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     directory = tmp_path_factory.mktemp("eddies")
-    text = POT.replace("[0.5, 1.5, 2, 2.5]", "[1, 2.5]").replace(
+    text = POT.replace("[1, 1.5, 2, 2.5]", "[1, 2.5]").replace(
         "relative_permeability = 1.05", "relative_permeability = 1.05\nconductivity_MS_per_m = 0.7"
     )
     actuator = actuator_from_toml(text)
@@ -54,6 +56,24 @@ def test_a_frequency_needs_a_sweep_with_eddy_currents(swept, tmp_path):
     with pytest.raises(UsageError, match="both a frequency and a sweep"):
         find_temperatures(swept[0], frequency_Hz=100.0)
     with pytest.raises(MissingPartError, match="frequency_Hz"):
-        find_temperatures(swept[0], frequency_Hz=100.0, sweep=tmp_path)
+        find_temperatures(swept[0], alternating_A=0.3, frequency_Hz=100.0, sweep=tmp_path)
     with pytest.raises(UsageError, match="must lie within"):
-        find_temperatures(swept[0], frequency_Hz=100.0, sweep=swept[1], distance_m=0.01)
+        find_temperatures(swept[0], alternating_A=0.3, frequency_Hz=100.0, sweep=swept[1], distance_m=0.01)
+
+
+@pytest.mark.parametrize("frequency", [0.0, -100.0, np.nan, 1e9])
+def test_a_frequency_beyond_the_sweep_is_refused(swept, frequency):
+    actuator, directory = swept
+    with pytest.raises(UsageError, match="frequency must be above 0 and within that sweep"):
+        find_temperatures(actuator, alternating_A=0.3, frequency_Hz=frequency, sweep=directory, distance_m=1e-3)
+
+
+def test_eddy_heat_asks_for_an_alternating_current_and_a_sweep_of_the_drawing(swept):
+    actuator, directory = swept
+    with pytest.raises(UsageError, match="alternating current"):
+        find_temperatures(actuator, frequency_Hz=100.0, sweep=directory, distance_m=1e-3)
+    fixed = tuple(replace(one, material=replace(one.material, name="other")) for one in actuator.fixed)
+    moving = replace(actuator.moving, regions=())
+    other = replace(actuator, fixed=fixed, moving=moving)
+    with pytest.raises(UsageError, match="must be of this drawing"):
+        find_temperatures(other, alternating_A=0.3, frequency_Hz=100.0, sweep=directory, distance_m=1e-3)

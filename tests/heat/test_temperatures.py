@@ -143,8 +143,14 @@ def test_what_does_not_fit_together_is_refused():
     actuator = read_actuator(RIG)
     with pytest.raises(UsageError, match="either a voltage or a current"):
         find_temperatures(actuator, current_A=1.0, voltage_V=1.0)
-    with pytest.raises(UsageError, match="one number, or one for each"):
+    with pytest.raises(UsageError, match="or one for each of 1 circuits"):
         find_temperatures(actuator, current_A=(1.0, 2.0))
+    with pytest.raises(UsageError, match="number up to"):
+        find_temperatures(actuator, current_A=1e300)
+    with pytest.raises(UsageError, match="finite number"):
+        find_temperatures(actuator, current_A=1.0, distance_m=math.nan)
+    with pytest.raises(UsageError, match="keep parts apart"):
+        find_temperatures(actuator, current_A=1.0, distance_m=-1e-3)
     with pytest.raises(MissingPartError, match="have a coil"):
         find_temperatures(GEOMETRY / "magnet-pair.toml")
     with pytest.raises(UsageError, match="no limits"):
