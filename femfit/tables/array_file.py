@@ -1,5 +1,6 @@
 """Arrays by their names in an ``.npz`` file, which is whole or not there."""
 
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,6 +13,8 @@ from femfit.core.errors import TableError
 from femfit.core.quoted import quoted
 
 Made = TypeVar("Made")
+
+_DAMAGED = (OSError, ValueError, KeyError, TypeError, EOFError, NotImplementedError, BadZipFile, zlib.error)
 
 
 def write_arrays(arrays: Mapping[str, Any] | None, file: Path) -> None:
@@ -37,5 +40,5 @@ def read_arrays(file: Path, make: Callable[[dict[str, Any]], Made], remedy: str)
     try:
         with file.open("rb") as source, np.load(source, allow_pickle=False) as held:
             return make({name: held[name] for name in held.files})
-    except (OSError, ValueError, KeyError, TypeError, BadZipFile) as error:
+    except _DAMAGED as error:
         raise TableError(f"{file} cannot be read: {quoted(error, 300)}. {remedy}") from error

@@ -193,4 +193,30 @@ def read_eddy(directory: Path) -> EddyTable | None:
 def _of_arrays(arrays: dict[str, Any]) -> EddyTable:
     names = {name: tuple(map(str, arrays[name])) for name in ("circuits", "materials")}
     numbers = {name: float(arrays[name]) for name in ("braking_error", "asked_error")}
-    return EddyTable(**{"hall": None, **arrays, **names, **numbers})
+    table = EddyTable(**{"hall": None, **arrays, **names, **numbers})
+    _require_whole(table)
+    return table
+
+
+def _require_whole(table: EddyTable) -> None:
+    """Refuse arrays that do not belong together, and what is no number."""
+    places, checked, sources = len(table.distances_m), len(table.checked_Hz), table.force.shape[-1]
+    materials, n = len(table.materials), len(table.circuits)
+    shapes = {
+        "force": (places, sources, sources),
+        "flux_linkage": (places, sources - 1, sources),
+        "hall": (places, sources),
+        "errors": (checked, 3),
+        "conductivities_S_per_m": (materials,),
+        "resistances": (materials, table.patterns, table.patterns),
+        "bias_A": (places, n),
+        "rest": (places, sources - 1),
+    }
+    for name in ("distances_m", "frequencies_Hz", "checked_Hz", *shapes):
+        array = getattr(table, name)
+        if array is None:
+            continue
+        if array.dtype != np.float64 or not len(array) or array.shape != shapes.get(name, (len(array),)):
+            raise ValueError(f"{name} has another shape than the others ask for")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} holds what is no number")

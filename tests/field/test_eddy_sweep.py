@@ -1,5 +1,6 @@
 """The harmonic part of a sweep: patterns of induced currents held against direct solutions, files, resumption."""
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
-from femfit.tables.eddy_table import NAME, read_eddy
+from femfit.tables.eddy_table import NAME, read_eddy, write_eddy
 from femfit.tables.impedance_table import NAME as IMPEDANCE
 from femfit.tables.sweep_table import read_sweep_table
 from support.eddy_pot import POT
@@ -88,9 +89,33 @@ def test_distances_without_eddy_currents_are_named(swept):
     assert replace(table, eddy=left).still_mm == (1.5, 2.5)
 
 
-def test_a_damaged_file_says_so(tmp_path):
-    (tmp_path / NAME).write_bytes(b"PK\x03\x04 not whole")
-    with pytest.raises(TableError, match="Sweep again"):
+def test_a_damaged_file_says_so(tmp_path, swept):
+    whole = (swept[0] / NAME).read_bytes()
+    for content in (b"PK\x03\x04 not whole", b"", b"text", whole[: len(whole) // 2]):
+        (tmp_path / NAME).write_bytes(content)
+        with pytest.raises(TableError, match="Sweep again"):
+            read_eddy(tmp_path)
+    places = range(100, len(whole), len(whole) // 40)
+    for content in (whole[:at] + 8 * b"\xff" + whole[at + 8 :] for at in places):
+        (tmp_path / NAME).write_bytes(content)
+        with suppress(TableError):  # a spoilt date or the like is no damage
+            read_eddy(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("force", lambda one: np.nan * one, "no number"),
+        ("force", lambda one: one[:, 1:], "another shape"),
+        ("errors", lambda one: one[:-1], "another shape"),
+        ("flux_linkage", lambda one: 1j * one, "another shape"),
+        ("distances_m", lambda one: one[:0], "another shape"),
+    ],
+)
+def test_arrays_that_do_not_belong_together_are_refused(tmp_path, swept, name, change, words):
+    table = replace(swept[1].eddy, **{name: change(getattr(swept[1].eddy, name))})
+    write_eddy(table, tmp_path)
+    with pytest.raises(TableError, match=words):
         read_eddy(tmp_path)
 
 
