@@ -77,7 +77,7 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
         shapely.Polygon([(r, z + distance * own) for r, z in outline])
         for outline, own in zip(outlines, moves, strict=True)
     ]
-    _require_apart([one.name for one in (*coils, *regions)], sections, moves, distance)
+    _require_apart([*(one.name for one in coils), *(one.name for one in regions)], sections, moves, distance)
     volumes = np.array([2.0 * np.pi * one.centroid.x * one.area for one in sections])
     faces = faces_of(sections, 2.0 * AIR_CONDUCTIVITY / around.film_W_per_m2_K)
     windings = tuple(winding_heat(coil, around.insulation_W_per_m_K) for coil in coils)
