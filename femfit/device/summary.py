@@ -12,6 +12,7 @@ from femfit.core.errors import ActuatorFileError
 from femfit.device.parts import Actuator, NonlinearMaterial, Region
 from femfit.device.schema import NAME_PATTERN
 from femfit.device.sensors import HallElement
+from femfit.device.skin import thick_sheets
 
 IRON_FROM = 1.5
 """Relative permeability from which a material without remanence counts as iron; magnets recoil with 1.05."""
@@ -63,13 +64,14 @@ def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
 
 
 def remarks(actuator: Actuator) -> list[str]:
-    """What was left out of the drawing's materials, and a Hall element of which only the place is known."""
+    """What was left out of a drawing's materials, too thick sheets, and a Hall element of which the place is known."""
     materials = {region.material for region in (*actuator.fixed, *actuator.moving.regions)}
     said = sorted(
         f"Material {material.name}: {material.remark}."
         for material in materials
         if isinstance(material, NonlinearMaterial) and material.remark
     )
+    said += thick_sheets(actuator)
     hall = actuator.hall
     if hall is not None and hall == HallElement(hall.radius_m, hall.height_m):
         said.append(

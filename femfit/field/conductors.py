@@ -23,8 +23,8 @@ import ngsolve as ng
 import shapely
 from ngsolve import BilinearForm, InnerProduct, dx
 
-from femfit.core.constants import MU_0
 from femfit.device.parts import Actuator, Material, Region
+from femfit.device.skin import skin_depth
 from femfit.field.outline import polygon
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, flux_density, materials
 
@@ -57,12 +57,6 @@ def _density(material: Material, w: Any, v: Any) -> Any:
     if sheet:
         return conductivity * sheet**2 / 12.0 * InnerProduct(flux_density(w), flux_density(v))
     return conductivity * ng.x**2 * w * v
-
-
-def skin_depth(material: Material, frequency_Hz: float) -> float:
-    """sqrt(2 / (omega mu sigma)) in m."""
-    permeability = MU_0 * material.relative_permeability
-    return math.sqrt(1.0 / (math.pi * frequency_Hz * permeability * material.conductivity_S_per_m))
 
 
 def skin_layers(region: Region, largest_element: float, frequency_Hz: float) -> int:

@@ -37,9 +37,11 @@ class EddyError:
 
     frequency_min_Hz: float = limited(metadata={"lower": 0.0})
     frequency_max_Hz: float = limited(metadata={"not_below": "frequency_min_Hz"})
-    impedance: float | None = None  # None where there is no circuit
-    force: float | None = None  # Of the force for each ampere
-    hall: float | None = None  # Of the Hall element's field for each ampere; None where there is none
+    impedance: float | None = limited(default=None, metadata={"lower": 0.0})  # None where there is no circuit
+    force: float | None = limited(default=None, metadata={"lower": 0.0})  # Of the force for each ampere
+    hall: float | None = limited(
+        default=None, metadata={"lower": 0.0}
+    )  # Of the Hall element's field for each ampere; None where there is none
 
     @property
     def largest(self) -> float:

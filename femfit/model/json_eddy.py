@@ -34,6 +34,8 @@ def eddy_from(section: Section, circuits: tuple[str, ...]) -> EddyCurrents:
     names, of = (_names(section, key) for key in ("names", "circuits"))
     if circuits and of != circuits:
         raise section.refusal("circuits", f"those of the model ({', '.join(circuits)}), in their order")
+    if len({*names, *of, ""}) <= len(names) + len(of):
+        raise section.refusal("names", "names that differ from each other and from the circuits'")
     knots, degree = knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
     r, functions = len(names), len(knots) - degree - 1
     resistances = section.array("resistances_ohm", 1)

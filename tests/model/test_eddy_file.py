@@ -46,6 +46,8 @@ def test_a_file_without_eddy_currents_is_as_before(levitation_model):
         ("couplings", [[[1.0]]], "nested lists"),
         ("inductances_H", None, "positive definite"),
         ("names", "eddy", "list of names"),
+        ("names", ["eddy_1", "eddy_1", "eddy_2"], "differ from each other"),
+        ("names", ["coil", "eddy_1", "eddy_2"], "differ from each other and from the circuits"),
     ],
 )
 def test_a_damaged_section_is_named(levitation_model, key, value, words):
