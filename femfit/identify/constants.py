@@ -229,3 +229,8 @@ SCAN_STEP_M = 1e-4
 
 LEAST_SCAN = 8
 """Conventional: twice as many readings as numbers that are fitted to a probe scan."""
+
+# Impedances
+
+FREQUENCY_SLACK = 0.01
+"""Conventional: of a frequency, within which an instrument's and the drawing's are the same."""

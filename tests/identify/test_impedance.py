@@ -57,6 +57,17 @@ def test_where_and_how_much_is_said_with_the_frequency(levitation_model, tmp_pat
     assert any(one.along == ("frequency_Hz",) for one in comparison.maps)
 
 
+def test_frequencies_above_those_of_the_eddy_currents_are_named(levitation_model, tmp_path):
+    model = with_eddies(levitation_model)
+    table = impedance_table(model, tmp_path / "z.csv")
+    assert "held against the field" not in str(compare(model, table))
+    eddy = replace(model.eddy, error=replace(model.eddy.error, frequency_max_Hz=1e3))
+    said = str(compare(replace(model, eddy=eddy), table))
+    above = 2 * 5 * 3 * int((FREQUENCIES > 1e3).sum())
+    assert f"{above} readings lie above 1.0 kHz" in said
+    assert "go up to 10 kHz" in said
+
+
 @pytest.mark.parametrize(
     ("name", "parameters"),
     [

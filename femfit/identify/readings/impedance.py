@@ -4,15 +4,16 @@ Readings, predictions and slopes are multiplied by a magnitude that is usual ove
 has one noise: by the winding's resistance, and for an inductance by its own over |Z| / w.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from femfit.core.amount import amount
+from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.conditions import Conditions
+from femfit.identify.constants import FREQUENCY_SLACK
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.tables.impedance import SERIES
@@ -54,8 +55,22 @@ def weighed_by_magnitude(
         {name: usual[name] / size[name] for name in names},
         usual,
         **{key: {name: share * usual[name] for name in names if share} for key, share in shares.items()},
-        findings=(Finding("weighed", "info", text),),
+        findings=(Finding("weighed", "info", text), *_beyond_the_model(model, np.asarray(conditions.frequency_Hz))),
     )
+
+
+def _beyond_the_model(model: ActuatorModel, frequency: FloatArray) -> Iterator[Finding]:
+    """A warning where the model's eddy currents were not held against the field."""
+    error = model.eddy.error if model.eddy is not None else None
+    count = 0 if error is None else int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
+    if error is not None and count:
+        text = (
+            f"{counted(count, 'reading lies', 'readings lie')} above {amount(error.frequency_max_Hz, 'frequency_Hz')}, "
+            f"up to which the model's eddy currents were held against the field; they go up to "
+            f"{amount(float(frequency.max()), 'frequency_Hz')}."
+        )
+        remedy = "Check the column's unit, leave them out, or sweep and fit with higher [solver] frequency_Hz."
+        yield Finding("frequency-range", "warning", text, remedy, size=float(count), column="frequency_Hz")
 
 
 def _own_share(model: ActuatorModel) -> float:
