@@ -11,7 +11,7 @@ The field gives all of them with their slopes over the distance, M' = -2 force, 
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import PchipInterpolator, make_interp_spline
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
@@ -156,12 +156,20 @@ def _splines(
     """Knots and coefficients (N, entries) of splines through values (D, entries) with these slopes.
 
     Cubic between two distances (Hermite); a slope that is not known is that of the cubic spline through the values.
+    Where none is known, beside iron that saturates, the values bend with the bias, which differs from distance to
+    distance: a cubic spline would swing there, even to negative inductances. The monotone slopes of Fritsch and
+    Butland (SIAM J. Sci. Stat. Comput. 5 (1984) 300) do not.
     """
     u, du, _ = coordinate.with_slopes(distances)
     order = np.argsort(u)
     u, values, slopes = u[order], values[order], slopes[order] / du[order, None]
     unknown = ~np.isfinite(slopes).all(axis=0)
-    slopes[:, unknown] = make_interp_spline(u, values[:, unknown], k=min(3, len(u) - 1)).derivative()(u)
+    through = (
+        PchipInterpolator(u, values)
+        if unknown.all()
+        else make_interp_spline(u, values[:, unknown], k=min(3, len(u) - 1))
+    )
+    slopes[:, unknown] = through.derivative()(u)
     knots = np.sort(np.concatenate([u, u, u[[0, 0, -1, -1]]]))
     step = np.gradient(u)[:, None]
     rows = np.concatenate([basis_matrix(u, knots, EDDY_DEGREE), step * basis_matrix(u, knots, EDDY_DEGREE, 1)])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
-from femfit.fit.eddy import as_table, conductivities, fit_eddy
+from femfit.fit.eddy import _splines, as_table, conductivities, fit_eddy
 from femfit.fit.eddy_states import StateChoice
+from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.tables.eddy_table import EddyTable
 
@@ -85,6 +86,18 @@ def test_between_the_distances_splines_keep_their_own_slopes_and_stay_positive()
     step = 1e-8
     above, below = (eddy.forms(fine + side * step)[0] for side in (1.0, -1.0))
     assert (above.inductance - below.inductance) / (2 * step) == pytest.approx(slope.inductance, rel=1e-4, abs=1e-9)
+
+
+def test_beside_iron_that_saturates_nothing_swings_between_the_distances():
+    distances = np.array([0.4, 0.7, 1.0, 1.5, 2.2, 3.2, 4.5, 6.0]) * 1e-3
+    values = np.array([1.0, 30.0, 40.0, 40.0, 40.0, 42.0, 48.0, 50.0])[:, None]  # bends where the bias does
+    coordinate = DistanceCoordinate(float(np.ptp(distances)), inverse=False)
+    knots, coefficients = _splines(coordinate, distances, values, np.full_like(values, np.nan))
+    fine = np.linspace(distances[0], distances[-1], 501)
+    along = (basis_matrix(coordinate.with_slopes(fine)[0], knots, 3) @ coefficients)[:, 0]
+    assert np.diff(along).min() >= -1e-9
+    at = (basis_matrix(coordinate.with_slopes(distances)[0], knots, 3) @ coefficients)[:, 0]
+    assert at == pytest.approx(values[:, 0])
 
 
 def test_without_circuits_the_motion_decides():
