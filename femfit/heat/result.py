@@ -177,13 +177,15 @@ class Temperatures(Printed):
     def _too_warm(self) -> str:
         text = f"{self._fed()} may not last. "
         if self.limit_s is not None:
-            text += f"The winding passes {amount(self.surroundings.winding_limit_C, 'C')} after {_time(self.limit_s)}"
+            limit = amount(self.surroundings.winding_limit_C, "C")
+            text += f"The hottest strand passes {limit} after {_time(self.limit_s)}"
+            warmest = float(self.hottest_C.max())
         else:
             (magnet, *_) = [one for one in self.magnets if one.too_warm]
             text += f"The magnet {magnet.part} becomes too warm"
+            warmest = magnet.temperature_C
         if not self.settles:
             return f"{text}, and never settles: its heat grows with its resistance faster than it flows off."
-        warmest = float(self.windings_C.max())
         at = f"at {amount(warmest, 'C')}" if warmest < BURNT_C else f"above {amount(BURNT_C, 'C')}"
         return f"{text}; it would settle {at}."
 
@@ -196,7 +198,7 @@ class Temperatures(Printed):
             settles = f"the windings settle at {each}"
         return (
             f"{self._fed()} for ever: {settles} ({spread} where free faces give off half as much again or a third "
-            f"less), 63 % of it after {_time(self.settling_s)}. Its hottest strand is near "
+            f"less), 63 % of it after {_time(self.settling_s)}. The hottest strand is near "
             f"{amount(float(self.hottest_C.max()), 'C')}."
         )
 
