@@ -57,6 +57,8 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     notes = (*notes, *not_held)
     hall, said = _hall(table, entry, rows)
     notes = (*notes, *said)
+    if table.eddy is not None:
+        notes = (*notes, "A model of several circuits has no eddy currents; the sweep's impedance.csv has them.")
     if fit.force_share > COARSE:
         notes = (
             *notes,
