@@ -33,7 +33,8 @@ def read_bh_csv(file: Path) -> tuple[Points | None, list[str]]:
     try:
         lines = file.read_text(encoding="utf-8-sig").splitlines()
     except FileNotFoundError:
-        return None, [f"must name an existing file; {file} does not exist. The path is relative to the actuator file."]
+        words = f"must name a steel of the library or an existing file; {file} does not exist."
+        return None, [f"{words} A path is relative to the actuator file."]
     except (OSError, UnicodeDecodeError) as error:
         return None, [f"must name a readable text file; {file} is not: {error}."]
     rows = [(n, row) for n, row in enumerate(csv.reader(lines), 1) if row and not row[0].lstrip().startswith("#")]

@@ -129,6 +129,14 @@ def _conducting(material: Material, entry: ConductorEntry, path: str, problems: 
     )
 
 
+def _curve(named: str, directory: Path) -> tuple[Points | None, list[str]]:
+    """B and H of a material of the library, or of a file, as of :func:`read_bh_csv`."""
+    known = LIBRARY.get(named)
+    if known is not None and isinstance(known.material, NonlinearMaterial):
+        return (known.material.flux_density_T, known.material.field_A_per_m), []
+    return read_bh_csv(directory / named)
+
+
 def _saturating(
     name: str, table: Mapping[str, Any], path: str, directory: Path, problems: list[str]
 ) -> Material | None:
@@ -143,7 +151,7 @@ def _saturating(
             )
             return None
         path = f"{path}.bh_curve"
-        points, found = read_bh_csv(directory / entry.bh_curve)
+        points, found = _curve(entry.bh_curve, directory)
     elif entry.B_T is None or entry.H_A_per_m is None:
         missing = "B_T" if entry.B_T is None else "H_A_per_m"
         problems.append(

@@ -59,7 +59,7 @@ class CurveEntry(ConductorEntry):
     """``[materials.NAME]``: a soft material with a magnetisation curve, from a file or from two lists."""
 
     bh_curve: str | None = Field(
-        None, min_length=1, description="Give a CSV file with the columns B_T,H_A_per_m, relative to this file."
+        None, min_length=1, description="Give a steel of the library, or a CSV file with the columns B_T,H_A_per_m."
     )
     B_T: CurveValues | None = Field(None, description="Give ascending flux densities in tesla as a list, from 0.")
     H_A_per_m: CurveValues | None = Field(None, description="Give ascending fields in A/m as a list, from 0.")

@@ -169,6 +169,13 @@ def test_a_curve_comes_from_a_file_beside_the_actuator_file_or_from_lists(tmp_pa
     assert from_file.relative_permeability == pytest.approx(1.2 / 300.0 / MU_0)
 
 
+def test_a_curve_of_the_library_takes_another_conductivity():
+    steel = actuator_from_toml(rig('bh_curve = "steel_1010"\nconductivity_MS_per_m = 5')).fixed[0].material
+    known = LIBRARY["steel_1010"].material
+    assert (steel.flux_density_T, steel.field_A_per_m) == (known.flux_density_T, known.field_A_per_m)
+    assert steel.conductivity_S_per_m == 5e6
+
+
 def test_columns_of_a_curve_file_are_found_by_name(tmp_path):
     (tmp_path / "steel.csv").write_text("H_A_per_m, B_T ,note\n0,0,start\n300,1.2,\n2000,1.5,\n")
     points, problems = read_bh_csv(tmp_path / "steel.csv")
@@ -178,7 +185,7 @@ def test_columns_of_a_curve_file_are_found_by_name(tmp_path):
 
 MISTAKES = {
     'bh_curve = "nowhere.csv"': [
-        "materials.steel.bh_curve must name an existing file",
+        "materials.steel.bh_curve must name a steel of the library or an existing file",
         "relative to the actuator file",
     ],
     'bh_curve = "."': ["materials.steel.bh_curve must name a readable text file"],
