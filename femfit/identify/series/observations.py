@@ -10,8 +10,8 @@ F. R. Hampel, Journal of the American Statistical Association 69 (1974) 383: the
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from math import prod
 
 import numpy as np
@@ -46,8 +46,8 @@ from femfit.identify.series.measured import (
     sample_field,
     sensor_noise,
 )
-from femfit.identify.series.noise import successive_scatter
-from femfit.identify.series.samples import take_samples
+from femfit.identify.series.noise import SensorNoise, successive_scatter
+from femfit.identify.series.samples import Samples, take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.model.actuator_model import ActuatorModel
@@ -82,23 +82,11 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
             "distance and current, in the model's validity domain; none was found. Record faster, or more steadily."
         )
     nominal = nominal_of(model)
-    field = sample_field(base, samples)
-    noise = sensor_noise(base, samples, field, series.declared_noise)
-    balances, sensors = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
-
-    def beside(base: ActuatorModel, field: SampleField) -> list[tuple[View, MeasuredChannel]]:
-        return [
-            *((balances, one) for one in measure_balances(base, nominal, samples, field, noise, balances.windows)),
-            *((sensors, one) for one in measure_sensors(base, nominal, samples, field, noise, sensors.windows)),
-        ]
-
-    @lru_cache(maxsize=REMEMBERED)
-    def decaying(faster: float) -> dict[str, FloatArray]:
-        eddy = base.eddy and replace(base.eddy, resistances_ohm=faster * base.eddy.resistances_ohm)
-        other = replace(base, eddy=eddy)
-        return {one.name: one.predicted for _, one in beside(other, sample_field(other, samples))}
-
-    channels = beside(base, field)
+    sampled = sample_field(base, samples)
+    noise = sensor_noise(base, samples, sampled, series.declared_noise)
+    views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
+    record = _Record(base, nominal, samples, noise, views)
+    channels = record.beside(base, sampled)
     if not channels:
         raise TableError(
             f"{series.source} must hold what a balance needs: distances of a moving body of known mass, the commanded "
@@ -106,7 +94,40 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
             f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
         )
     findings = (*series.findings, *samples.findings, *hall_not_compared(model, series.given))
-    return _with_scatter(_assembled(model, series, findings, (balances, sensors), channels, nominal, decaying))
+    return _with_scatter(_assembled(model, series, findings, views, channels, nominal, record.decaying))
+
+
+@dataclass(frozen=True, eq=False)
+class _Record:
+    """What was recorded, to be placed beside a model whose eddy currents decay faster."""
+
+    model: ActuatorModel
+    nominal: Nominal
+    samples: Samples
+    noise: Mapping[str, SensorNoise]
+    views: tuple[View, View]
+    found: dict[float, Mapping[str, FloatArray]] = field(default_factory=dict)
+
+    def beside(self, base: ActuatorModel, sampled: SampleField) -> list[tuple[View, MeasuredChannel]]:
+        """Every channel of a model in its view."""
+        balances, sensors = self.views
+        given = base, self.nominal, self.samples, sampled, self.noise
+        return [
+            *((balances, one) for one in measure_balances(*given, balances.windows)),
+            *((sensors, one) for one in measure_sensors(*given, sensors.windows)),
+        ]
+
+    def decaying(self, faster: float) -> Mapping[str, FloatArray]:
+        """What the model predicts of each channel where its eddy currents decay so many times faster."""
+        if faster not in self.found:
+            eddy = self.model.eddy
+            eddy = eddy and replace(eddy, resistances_ohm=faster * eddy.resistances_ohm)
+            other = replace(self.model, eddy=eddy)
+            if len(self.found) >= REMEMBERED:
+                self.found.pop(next(iter(self.found)))
+            predicted = self.beside(other, sample_field(other, self.samples))
+            self.found[faster] = {one.name: one.predicted for _, one in predicted}
+        return self.found[faster]
 
 
 def _assembled(
