@@ -1,5 +1,7 @@
 """What the numbers of a drawing change, as splines of the model: its own basis, fitted to slopes in place of values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
@@ -80,9 +82,7 @@ def _terms(
         terms.append(FieldTerm(name, basis.coordinate, coenergy=coenergy, reciprocal=reciprocal))
     if hall is not None and sensed is not None:
         like = hall.field.spline
-        field = TensorSpline(
-            like.x_knots, like.y_knots, like.x_degree, like.y_degree, sensed.reshape(like.coefficients.shape)
-        )
+        field = replace(like, coefficients=sensed.reshape(like.coefficients.shape))
         terms.append(FieldTerm(name, hall.field.coordinate, hall=field, reciprocal=reciprocal))
     return tuple(terms)
 

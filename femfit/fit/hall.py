@@ -18,7 +18,7 @@ from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_choice import distance_coordinates
 from femfit.fit.constants import HALL_TARGET, U_DEGREE
 from femfit.fit.rows import FitRows
-from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.bspline import LINE, TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
 
@@ -45,7 +45,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     shape = (len(basis.knots_u) - basis.u_degree - 1, basis.degree + 1)
     field = HallSpline(
         basis.coordinate,
-        TensorSpline(basis.knots_u, basis.knots_i, basis.u_degree, basis.degree, qp.x.reshape(shape)),
+        TensorSpline(basis.knots_u, basis.knots_i, basis.u_degree, basis.degree, qp.x.reshape(shape), LINE),
     )
     _, _, slope = field.derivatives(rows.distance, rows.current)
     ends = np.array([rows.distances[-1], rows.distances[0]])

@@ -11,7 +11,7 @@ from math import perm
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.model.bspline import taylor_rows
+from femfit.model.bspline import continued_rows, taylor_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +24,31 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class BasisPolynomials:
-    """All basis functions of one axis; outside of the knots the polynomials at their ends are continued."""
+    """All basis functions of one axis; outside of the knots the polynomials at their ends are continued.
+
+    With a degree ``beyond`` below that of the spline, only as far as that.
+    """
 
     knots: FloatArray  # Clamped
     degree: int
+    beyond: int | None = None
 
     @cached_property
     def _breaks(self) -> FloatArray:
-        return np.unique(self.knots)
+        """Where each cell's polynomials count from, and the last knot."""
+        breaks = np.unique(self.knots)
+        return breaks if self._ends is None else breaks[[0, *range(len(breaks)), -1]]
+
+    @property
+    def _ends(self) -> int | None:
+        """The degree of the continuation, where it is not that of the spline."""
+        return self.beyond if self.beyond is not None and self.beyond < self.degree else None
+
+    @cached_property
+    def _taylor(self) -> FloatArray:
+        if self._ends is None:
+            return taylor_rows(self._breaks[:-1], self.knots, self.degree)
+        return continued_rows(np.unique(self.knots), self.knots, self.degree, self._ends)
 
     @cached_property
     def _tables(self) -> dict[int, FloatArray]:
@@ -49,7 +66,7 @@ class BasisPolynomials:
         if derivative > self.degree:
             return np.zeros((len(at.cell), len(self.knots) - self.degree - 1))
         if derivative not in self._tables:
-            rows = taylor_rows(self._breaks[:-1], self.knots, self.degree)[:, derivative:]
+            rows = self._taylor[:, derivative:]
             factors = [perm(power, derivative) for power in range(derivative, self.degree + 1)]
             self._tables[derivative] = rows * np.array(factors, dtype=np.float64)[:, None]
         powers = at.powers[:, None, : self.degree + 1 - derivative]

@@ -2,8 +2,10 @@
 
 A spline is stored by knots and coefficients (what the fit finds and the model file keeps) and converted once to one
 polynomial a cell, S = sum_ab P[a, b] s^a t^b with s, t counted from the cell's lower corner, because a filter evaluates
-it millions of times. For derivatives that are asked for again and again, the polynomials in s before the powers of t
-are laid out once, so that one gather and one Horner scheme in s serve all of them; a second one in t follows.
+it millions of times. Beyond the knots in y a spline continues as a parabola, or as a straight line: a cubic's last
+piece would bend on, and a co-energy's inductance, its second derivative, would become negative there. For derivatives
+that are asked for again and again, the polynomials in s before the powers of t are laid out once, so that one gather
+and one Horner scheme in s serve all of them; a second one in t follows.
 
 References
 ----------
@@ -19,6 +21,9 @@ from math import factorial, perm
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+
+PARABOLA, LINE = 2, 1
+"""Degrees of what continues a co-energy beyond its currents, with the inductance at the last, and a field."""
 
 Orders = tuple[tuple[int, int], ...]
 FloatFunction = Callable[[list[float], list[float]], list[list[float]]]
@@ -51,7 +56,7 @@ class CellPolynomials:
     _plans: dict[Orders, _Plan] = field(default_factory=dict, init=False, repr=False)
 
     def derivatives(self, x: FloatArray, y: FloatArray, orders: Orders) -> list[FloatArray]:
-        """Partial derivatives at points of shape (n,); outside, the border cells' polynomials are continued.
+        """Partial derivatives at points of shape (n,); outside, the polynomials of the outermost cells are continued.
 
         Parameters
         ----------
@@ -199,18 +204,23 @@ class TensorSpline:
     x_degree: int
     y_degree: int
     coefficients: FloatArray  # C; shape (len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1)
+    beyond: int = PARABOLA  # Degree of what continues it in y
 
     @cached_property
     def _cells(self) -> CellPolynomials:
         """One polynomial a cell, from the Taylor coefficients of the basis at its corner."""
         x_breaks, y_breaks = np.unique(self.x_knots), np.unique(self.y_knots)
         x_taylor = taylor_rows(x_breaks[:-1], self.x_knots, self.x_degree)
-        y_taylor = taylor_rows(y_breaks[:-1], self.y_knots, self.y_degree)
+        if self.y_degree > self.beyond:
+            y_taylor = continued_rows(y_breaks, self.y_knots, self.y_degree, self.beyond)
+            y_breaks = y_breaks[[0, *range(len(y_breaks)), -1]]  # the outermost cells have no end
+        else:
+            y_taylor = taylor_rows(y_breaks[:-1], self.y_knots, self.y_degree)
         cells = np.einsum("xai,ij,ybj->xyab", x_taylor, self.coefficients, y_taylor)
         return CellPolynomials(x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1))
 
     def derivatives(self, x: FloatArray, y: FloatArray, orders: tuple[tuple[int, int], ...]) -> list[FloatArray]:
-        """Partial derivatives of orders (in x, in y) at points (n,); border cells are continued outwards."""
+        """Partial derivatives of orders (in x, in y) at points (n,), continued outwards."""
         return self._cells.derivatives(x, y, orders)
 
     def in_floats(self, orders: tuple[tuple[int, int], ...]) -> FloatFunction:
@@ -222,3 +232,13 @@ def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArra
     """Taylor coefficients of every basis function at points, shape (n, degree + 1, functions)."""
     rows = [basis_matrix(points, knots, degree, k) / factorial(k) for k in range(degree + 1)]
     return np.stack(rows, axis=1)
+
+
+def continued_rows(breaks: FloatArray, knots: FloatArray, degree: int, beyond: int) -> FloatArray:
+    """As :func:`taylor_rows` at the lower ends of all cells, with a cell below and one above the knots.
+
+    Those count from the first and the last knot, and end with the power ``beyond``.
+    """
+    rows = taylor_rows(breaks[[0, *range(len(breaks))]], knots, degree)
+    rows[[0, -1], beyond + 1 :] = 0.0
+    return rows

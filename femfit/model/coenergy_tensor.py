@@ -2,7 +2,8 @@
 
 W'(d, i_1..i_n) = sum of c_(a b1..bn) N_a(u(d)) N_b1(i_1) .. N_bn(i_n). Force and all flux linkages are derivatives of
 the one function, so that dF/di_k = -d(flux linkage_k)/dd and d(flux linkage_j)/di_k = d(flux linkage_k)/di_j hold to
-rounding. Outside of the knots the polynomials at their ends are continued.
+rounding. Beyond its knots the spline goes on as a parabola in each current. A circuit beyond them keeps its own
+inductance; those of the others still change with its current, and far out they are not positive definite together.
 
 Distances have the shape (...), currents (..., n) in the circuits' order.
 
@@ -18,6 +19,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.model.basis_polynomials import BasisPolynomials, Places
+from femfit.model.bspline import PARABOLA
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import MagneticSlopes, MagneticState
 from femfit.model.several_magnetics import SeveralMagnetics
@@ -39,7 +41,10 @@ class CoenergyTensor(SeveralMagnetics):
     def axes(self) -> tuple[BasisPolynomials, ...]:
         """The basis functions of u and of each current."""
         currents = zip(self.current_knots_A, self.current_degrees, strict=True)
-        return (BasisPolynomials(self.u_knots, self.u_degree), *(BasisPolynomials(*axis) for axis in currents))
+        return (
+            BasisPolynomials(self.u_knots, self.u_degree),
+            *(BasisPolynomials(*axis, PARABOLA) for axis in currents),
+        )
 
     def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, of shape (...)."""

@@ -3,7 +3,7 @@
 from typing import Any
 
 from femfit.effects.effect import Effect, EffectParameter
-from femfit.model.bspline import TensorSpline
+from femfit.model.bspline import LINE, PARABOLA, TensorSpline
 from femfit.model.carried import (
     Brake,
     Carried,
@@ -106,7 +106,9 @@ def term_from(section: Section, parameters: set[str]) -> FieldTerm:
     """What :func:`term_to` wrote, of one of some parameters."""
     section.refuse_others(("parameter", "power", "reciprocal", "coenergy_J", "hall_T"))
     found: dict[str, tuple[DistanceCoordinate, TensorSpline]] = {
-        key: spline_from(section.section(key)) for key in ("coenergy_J", "hall_T") if key in section.data
+        key: spline_from(section.section(key), beyond)
+        for key, beyond in (("coenergy_J", PARABOLA), ("hall_T", LINE))
+        if key in section.data
     }
     coordinates = {coordinate for coordinate, _ in found.values()}
     if len(coordinates) != 1:

@@ -7,7 +7,7 @@ from typing import Any
 
 from femfit.core.arrays import FloatArray
 from femfit.laws.catalogue import law_by_name
-from femfit.model.bspline import TensorSpline, is_clamped
+from femfit.model.bspline import PARABOLA, TensorSpline, is_clamped
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
@@ -222,8 +222,8 @@ def spline_to(coordinate: DistanceCoordinate, spline: TensorSpline) -> dict[str,
     }
 
 
-def spline_from(section: Section) -> tuple[DistanceCoordinate, TensorSpline]:
-    """Coordinate and spline of a co-energy or a Hall field."""
+def spline_from(section: Section, beyond: int = PARABOLA) -> tuple[DistanceCoordinate, TensorSpline]:
+    """Coordinate and spline of a co-energy or a Hall field, which goes on as a line beyond its currents."""
     section.refuse_others(_SPLINE_KEYS)
     spline = TensorSpline(
         x_knots=section.array("u_knots", 1),
@@ -231,6 +231,7 @@ def spline_from(section: Section) -> tuple[DistanceCoordinate, TensorSpline]:
         x_degree=section.integer("u_degree", 1, 9),
         y_degree=section.integer("current_degree", 0, 9),
         coefficients=section.array("coefficients", 2),
+        beyond=beyond,
     )
     for key, knots, degree in (
         ("u_knots", spline.x_knots, spline.x_degree),

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from femfit.model.bspline import LINE
 from femfit.model.hall import HallField, HallSpline
 from femfit.model.json_magnetics import nested_from, nested_to, spline_from
 from femfit.model.json_section import Section
@@ -15,7 +16,7 @@ def sensed_to(field: SensedField) -> dict[str, Any]:
 
 def hall_field_from(section: Section) -> HallField:
     """The field at a Hall element, of one current or of any."""
-    return sensed_from(section) if "currents" in section.data else HallSpline(*spline_from(section))
+    return sensed_from(section) if "currents" in section.data else HallSpline(*spline_from(section, LINE))
 
 
 def sensed_from(section: Section) -> SensedField:

@@ -214,3 +214,14 @@ def test_more_turns_of_one_circuit_are_more_of_its_current_in_the_one_coenergy(m
     np.testing.assert_allclose(read["flux_linkage_lower_Wb"], linked[:, 0], rtol=1e-9)
     with pytest.raises(MissingPartError, match="remanence"):
         with_effects(model, [AddedEffect(effect_by_name("remanence"), {"remanence_error": 0.1})])
+
+
+def test_a_circuit_beyond_its_currents_keeps_its_inductance(fit):
+    magnetics, d = fit.model.magnetics, np.linspace(0.25e-3, 0.75e-3, 7)
+    at_the_end = magnetics.inductance(d, np.array([2.0, 0.7]))[:, 0, 0]
+    assert at_the_end.min() > 0.0
+    far = magnetics.inductance(d, np.array([9.0, 0.7]))
+    np.testing.assert_allclose(far[:, 0, 0], at_the_end, rtol=1e-9)
+    step = np.array([1e-4, 0.0])
+    rise = magnetics.flux_linkage(d, np.array([9.0, 0.7]) + step) - magnetics.flux_linkage(d, [9.0, 0.7] - step)
+    np.testing.assert_allclose(rise / 2e-4, far[:, 0], rtol=1e-6, atol=1e-9)

@@ -40,7 +40,7 @@ def test_tensor_spline_equals_its_basis_sum(order):
     x_knots, y_knots = clamped(4, [0.2, 0.5, 0.9]), clamped(3, [0.4])
     coefficients = RANDOM.normal(size=(8, 5))
     spline = TensorSpline(x_knots, y_knots, 4, 3, coefficients)
-    x, y = RANDOM.uniform(-0.1, 1.1, (2, 300))
+    x, y = RANDOM.uniform(-0.1, 1.1, 300), RANDOM.uniform(0.0, 1.0, 300)  # beyond its knots y goes on otherwise
     rows = basis_matrix(x, x_knots, 4, order[0]), basis_matrix(y, y_knots, 3, order[1])
     expected = np.einsum("ni,ij,nj->n", rows[0], coefficients, rows[1])
     (value,) = spline.derivatives(x, y, (order,))
