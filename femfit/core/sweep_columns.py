@@ -71,6 +71,17 @@ def inductance_columns(circuits: Sequence[str]) -> dict[str, tuple[int, int]]:
     return own | {f"inductance_{circuits[j]}_{circuits[k]}_H": (j, k) for j, k in pairs}
 
 
+def resistance_column(inductance: str) -> str:
+    """The column of the resistance in series with an inductance.
+
+    Examples
+    --------
+    >>> resistance_column("inductance_upper_H")
+    'resistance_upper_ohm'
+    """
+    return f"resistance{inductance.removeprefix('inductance').removesuffix('H')}ohm"
+
+
 PICKUP_COLUMN = re.compile(r"pickup_(.+)_Wb")
 """What :func:`pickup_column` makes."""
 

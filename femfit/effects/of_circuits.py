@@ -26,7 +26,7 @@ OF_THE_WHOLE = (
     "position_nonlinearity",
 )
 
-_QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb")
+_QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm")
 
 
 def of_circuit(effect: Effect, circuit: str) -> Effect:

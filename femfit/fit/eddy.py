@@ -69,25 +69,25 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
 
 
 def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[DrawnEffect, ...]:
-    """The conductivities of the drawing's materials, with what they change of the impedance of a single circuit.
+    """The conductivities of the drawing's materials, with what they change of the circuits' impedances.
 
     That of all that conducts changes how fast the eddy currents decay, and the impedance as what the field says more.
     """
-    if table is None or eddy is None or len(table.circuits) != 1:
+    if table is None or eddy is None or not table.circuits:
         return ()
     own = replace(as_table(eddy, table), resistances=np.eye(eddy.count)[None]) if len(table.materials) == 1 else None
     frequencies = spline_frequencies(table.checked_Hz)
     found = []
     for j in range(len(table.materials)):
         at = range(len(table.distances_m))
-        slope = np.array([table.conductivity_slope(j, k, frequencies)[:, 0, 0] for k in at])
+        slope = np.array([table.conductivity_slope(j, k, frequencies) for k in at])
         if own is not None:
-            slope -= [own.conductivity_slope(0, k, frequencies)[:, 0, 0] for k in at]
+            slope -= [own.conductivity_slope(0, k, frequencies) for k in at]
         change = impedance_change(
             parameter_name(""),
             eddy.coordinate,
             table.distances_m,
-            np.zeros(1) if table.bias_A is None else table.bias_A.mean(axis=0),
+            np.zeros(1) if table.bias_A is None else table.bias_A[:, :1].mean(axis=0),
             frequencies,
             slope[:, None],
             share=True,

@@ -234,3 +234,11 @@ LEAST_SCAN = 8
 
 FREQUENCY_SLACK = 0.01
 """Conventional: of a frequency, within which an instrument's and the drawing's are the same."""
+
+LEAST_LINKED = 1e-3
+"""Assumed: share of the largest impedance at a setting down to which an instrument's errors go with the magnitude: two
+circuits may be hardly linked."""
+
+OF_THREE = 2.45
+"""Derived: misfit of Z_1 - Z_12^2 / Z_2 over that of Z_1 where Z_12^2 is about Z_1 Z_2 and each of the three is off by
+a same share, independently: the root of 1 + 2^2 + 1."""

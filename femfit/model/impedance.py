@@ -5,9 +5,10 @@ core sees the current i - sum_k c_k z_k, and z_k follows a current of one ampere
 currents the induced part is j w h L.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,11 @@ from femfit.model.hall import HallField
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
+
+ArrayT = TypeVar("ArrayT", FloatArray, ComplexArray)
+
+SHORTED = "_shorted_H"
+"""Ends the column of the inductance of a circuit beside another that is shorted."""
 
 
 def following_share(effects: Iterable[AddedEffect], frequency: FloatArray, conditions: Conditions) -> ComplexArray:
@@ -62,6 +68,50 @@ def induced_impedance(
     )
 
 
+def with_further_impedance(
+    z: ComplexArray,
+    effects: Iterable[AddedEffect],
+    distance: FloatArray,
+    current: FloatArray,
+    frequency: FloatArray,
+    conditions: Conditions,
+) -> ComplexArray:
+    """Z of n circuits, (..., n, n), with what effects show at its points beside W' and the resistances.
+
+    Parameters
+    ----------
+    current : array
+        Of the first circuit.
+    """
+    for one in effects:
+        if one.effect.impedance is not None:
+            z = z + one.effect.impedance(distance, current, frequency, conditions, one.parameters).reshape(z.shape)
+    return z
+
+
+def impedances_by_column(z: ArrayT, circuits: Sequence[str]) -> dict[str, ArrayT]:
+    """What is read of impedances (..., n, n), or of inductances, by the column of the inductance.
+
+    Each circuit with all others open, Z_jj; of two the voltage of the first over the current of the second, Z_jk; and
+    the first with the second shorted, where 0 = Z_kj i_j + Z_kk i_k: Z_jj - Z_jk Z_kj / Z_kk.
+
+    Examples
+    --------
+    >>> z = np.array([[5.0, 2.0], [2.0, 4.0]])
+    >>> [(name, float(one)) for name, one in impedances_by_column(z, ["a", "b"]).items()][1:3]
+    [('inductance_a_b_H', 2.0), ('inductance_a_b_shorted_H', 4.0)]
+    """
+    if z.shape[-1] == 1:
+        return {"inductance_H": z[..., 0, 0]}
+    found = {}
+    for (j, one), (k, other) in product(enumerate(circuits), repeat=2):
+        found[f"inductance_{one}{f'_{other}' * (j != k)}_H"] = z[..., j, k]
+        if j != k:
+            left = z[..., j, j] - z[..., j, k] * z[..., k, j] / z[..., k, k]
+            found[f"inductance_{one}_{other}{SHORTED}"] = left
+    return found
+
+
 def _carried(following: ComplexArray, frequency: FloatArray, resistances: FloatArray, at: EddyForms) -> ComplexArray:
     """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h(w) L, (..., n, n).
 
@@ -90,14 +140,11 @@ class SmallSignal:
         at = np.broadcast_to(self.distance, self.inductance.shape[:-2])
         induced = induced_impedance(self.inductance, self.frequency, self.share, model.eddy, at)
         z = np.diag(model.resistances_ohm) + s * model.series_inductances_H + induced
-        if self._several:
-            return np.asarray(z)
-        z = np.asarray(z[..., 0, 0])
-        d, i, f = (np.broadcast_to(one, z.shape).ravel() for one in (self.distance, self.current, self.frequency))
-        for one in model.effects:
-            if one.effect.impedance is not None and model.conditions is not None:
-                z = z + one.effect.impedance(d, i, f, model.conditions, one.parameters).reshape(z.shape)
-        return z
+        if model.conditions is not None:
+            first = self.current[..., 0] if self._several else self.current
+            d, i, f = (np.broadcast_to(one, z.shape[:-2]).ravel() for one in (self.distance, first, self.frequency))
+            z = with_further_impedance(z, model.effects, d, i, f, model.conditions)
+        return np.asarray(z if self._several else z[..., 0, 0])
 
     def force(self) -> ComplexArray:
         """Force in N/A, (..., n) of several circuits."""

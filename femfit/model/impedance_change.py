@@ -27,7 +27,7 @@ class ImpedanceChange:
     coordinate: DistanceCoordinate
     knots: tuple[FloatArray, FloatArray, FloatArray]  # Clamped, of u, i in A and ln(f / Hz)
     degrees: tuple[int, int, int]
-    coefficients: ComplexArray  # Of S, in H over the parameter's unit
+    coefficients: ComplexArray  # Of S, in H over the parameter's unit; the circuits last, where there are several
     share: bool = False  # Whether the parameter is a share of the number
 
     def __call__(
@@ -38,17 +38,17 @@ class ImpedanceChange:
         conditions: Conditions,  # noqa: ARG002  a stage's signature
         p: Parameters,
     ) -> ComplexArray:
-        """Further ohm at points (n,); none at the frequency 0."""
+        """Further ohm at points (n,), of several circuits (n, circuits, circuits); none at the frequency 0."""
         low = np.exp(self.knots[2][0])
         at = self.coordinate.of(distance), current, np.log(np.maximum(frequency, low))
         bases = [
             basis_matrix(np.clip(x, knots[0], knots[-1]), knots, degree)
             for x, knots, degree in zip(at, self.knots, self.degrees, strict=True)
         ]
-        spline = np.einsum("na,nb,nc,abc->n", *bases, self.coefficients)
+        spline = np.einsum("na,nb,nc,abc...->n...", *bases, self.coefficients)
         size = p[self.parameter]
         size = float(np.log1p(size)) if self.share else size
-        return np.asarray(size * 2j * np.pi * frequency * spline)
+        return np.asarray(size * 2j * np.pi * (frequency * spline.T).T)
 
 
 def impedance_change(
@@ -67,13 +67,13 @@ def impedance_change(
     ----------
     distance, current, frequency : array
         Ascending levels in m, A and Hz; one level stands for all.
-    slope : array, shape (distances, currents, frequencies)
-        In ohm over the parameter's unit, without what the number's W' makes of it.
+    slope : array, shape (distances, currents, frequencies) or (distances, currents, frequencies, n, n)
+        Of one circuit or of n, in ohm over the parameter's unit, without what the number's W' makes of it.
     share : bool
         Whether the parameter is a share of the number.
     """
     u = coordinate.of(distance)
-    values = slope / (2j * np.pi * frequency)
+    values = slope / (2j * np.pi * frequency.reshape(-1, *[1] * (slope.ndim - 3)))
     if len(u) > 1 and u[0] > u[-1]:
         u, values = u[::-1], values[::-1]
     axes: Sequence[FloatArray] = (u, current, np.log(frequency))

@@ -24,6 +24,7 @@ from femfit.model.json_section import Section
 _TEXTS = ("symptom", "experiment", "reference")
 _MAGNETICS, _BRAKE, _RESISTANCE, _IMPEDANCE = "magnetics", "brake", "resistance", "impedance"
 _CONDUCTIVITY = "conductivity"
+_OF_CIRCUITS = 3, 5  # Dimensions: of one circuit in older files, and with the circuits last
 _AXES = "u", "current", "log_frequency"
 _CURVES = "setting", "readings", "branches"
 
@@ -144,9 +145,9 @@ def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
     axes = [section.section(name) for name in _AXES]
     found = [knots_from(one, "knots", one.integer("degree", 0, 9)) for one in axes]
     shape = tuple(len(knots) - degree - 1 for knots, degree in found)
-    parts = [section.array(key, 3) for key in ("real_H", "imaginary_H")]
+    parts = [section.array(key, *_OF_CIRCUITS) for key in ("real_H", "imaginary_H")]
     for key, part in zip(("real_H", "imaginary_H"), parts, strict=True):
-        if part.shape != shape:
+        if part.shape[:3] != shape or part.shape != parts[0].shape or len(set(part.shape[3:])) > 1:
             raise section.refusal(key, f"nested lists of {shape} numbers, as the knots ask for")
     (u, m), (i, n), (f, k) = found
     return ImpedanceChange(

@@ -132,9 +132,9 @@ class Section:
             raise self.refusal(key, "a list of objects, at least one")
         return tuple(Section(self.source, f"{self.where(key)}[{k}]", item) for k, item in enumerate(value))
 
-    def array(self, key: str, dimensions: int) -> FloatArray:
-        """Finite numbers in nested lists of equal lengths."""
-        needed = f"an array of finite numbers with {counted(dimensions, 'dimension')}"
+    def array(self, key: str, *dimensions: int) -> FloatArray:
+        """Finite numbers in nested lists of equal lengths, of one of some numbers of dimensions."""
+        needed = f"an array of finite numbers with {' or '.join(counted(one, 'dimension') for one in dimensions)}"
         value = self.data.get(key)
         if not isinstance(value, list):
             raise self.refusal(key, needed)
@@ -145,7 +145,7 @@ class Section:
         if result.size and result.dtype.kind not in "if":
             raise self.refusal(key, needed)
         result = result.astype(np.float64)
-        if result.ndim != dimensions or not np.all(np.isfinite(result)):
+        if result.ndim not in dimensions or not np.all(np.isfinite(result)):
             raise self.refusal(key, needed)
         return result
 

@@ -1,11 +1,11 @@
 """What a bench would read of an actuator model: the one prediction of compare, diagnose, add and suggest."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.core.sweep_columns import flux_columns, voltage_columns
+from femfit.core.sweep_columns import flux_columns, resistance_column, voltage_columns
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import CHANNELS, AddedEffect
 from femfit.effects.stages import (
@@ -18,7 +18,7 @@ from femfit.effects.stages import (
 )
 from femfit.effects.taylor_series import CoenergySeries
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.impedance import following_share, induced_impedance
+from femfit.model.impedance import following_share, impedances_by_column, induced_impedance, with_further_impedance
 from femfit.model.with_effects import base_coenergy, eddy_with_sources, resistance_of, with_sources
 
 
@@ -44,7 +44,8 @@ def predict_readings(
         As recorded, in m and A; currents of several circuits have the shape (n, circuits), and channels their names.
     channels : collection of str
         What is wanted beside the usual channels: inductance_H and resistance_ohm, in series, as an LCR meter reads them
-        at the frequency of the conditions; where that is NaN it is low.
+        at the frequency of the conditions; where that is NaN it is low. Of several circuits as of
+        :func:`femfit.model.impedance.impedances_by_column`.
     coenergy : callable or None
         The base model's, from a caller who keeps what it gave.
 
@@ -56,7 +57,7 @@ def predict_readings(
     base = model.without_effects
     added = tuple(model.effects if effects is None else effects)
     if base.validity.further_A:
-        return _read_of_circuits(model, distance, current, conditions, added)
+        return _read_of_circuits(model, distance, current, conditions, added, channels)
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
     d, i = true_setting(added, d, i, conditions)
     coenergy = coenergy or base_coenergy(base)
@@ -76,17 +77,34 @@ def predict_readings(
     else:
         ohms, bridge = np.full_like(i, np.nan), bridge - {"resistance_ohm"}
     if bridge:
-        w, low = 2.0 * np.pi * np.nan_to_num(like(conditions.frequency_Hz, i)), series.derivative(0, 2)
-        share, eddy = following_share(added, w / (2.0 * np.pi), conditions), eddy_with_sources(base, added)
-        induced = induced_impedance(low[:, None, None], w / (2.0 * np.pi), share, eddy, d)[:, 0, 0]
-        for one in added:
-            if one.effect.impedance is not None:
-                induced = induced + one.effect.impedance(d, i, w / (2.0 * np.pi), conditions, one.parameters)
-        seen = np.where(w > 0.0, induced.imag / np.where(w > 0.0, w, 1.0), low)
-        in_series = base.circuit.inductance_H if base.circuit else 0.0
-        shown = {"inductance_H": in_series + seen, "resistance_ohm": ohms + induced.real}
+        shown = _impedances(
+            base, d, i[:, None], conditions, added, series.derivative(0, 2)[:, None, None], ohms[:, None]
+        )
         values |= {name: shown[name] for name in bridge}
     return recorded(added, values, d, i, conditions)
+
+
+def _impedances(
+    base: ActuatorModel,
+    d: FloatArray,
+    currents: FloatArray,
+    conditions: Conditions,
+    added: Sequence[AddedEffect],
+    low: FloatArray,
+    ohms: FloatArray,
+) -> dict[str, FloatArray]:
+    """Resistances and inductances in series of n circuits, of low inductances (rows, n, n) and ohms (rows, n)."""
+    f = np.nan_to_num(like(conditions.frequency_Hz, d))
+    share, eddy = following_share(added, f, conditions), eddy_with_sources(base, added)
+    induced = with_further_impedance(induced_impedance(low, f, share, eddy, d), added, d, currents[:, 0], f, conditions)
+    own, w = np.eye(low.shape[-1]), 2.0 * np.pi * f
+    still = low + own * ([one.inductance_H for one in base.circuits] or [0.0])
+    z = induced + own * ohms[:, None, :] + 1j * w[:, None, None] * (still - low)
+    at_rest, shown = impedances_by_column(still, base.circuit_names), {}
+    for name, one in impedances_by_column(z, base.circuit_names).items():
+        shown[resistance_column(name)] = one.real
+        shown[name] = np.where(w > 0.0, one.imag / np.where(w > 0.0, w, 1.0), at_rest[name])
+    return shown
 
 
 def _read_of_circuits(
@@ -94,16 +112,20 @@ def _read_of_circuits(
     distance: FloatArray,
     currents: FloatArray,
     conditions: Conditions,
-    effects: Iterable[AddedEffect],
+    added: Sequence[AddedEffect],
+    channels: Collection[str],
 ) -> dict[str, FloatArray]:
     """Readings of a body held at rest; currents of shape (rows, n), arguments else as of ``predict_readings``."""
-    base, added = model.without_effects, tuple(effects)
+    base = model.without_effects
     names = base.magnetics.names  # type: ignore[attr-defined]
     d, i = np.asarray(distance, dtype=np.float64), np.asarray(currents, dtype=np.float64)
     d, i = true_setting(added, d, i, conditions)
     magnetics = with_sources(base, added)
     values = {"force_N": magnetics.force(d, i)}
     values |= dict(zip(flux_columns(names), magnetics.flux_linkage(d, i).T, strict=True))
-    for k, (circuit, column) in enumerate(zip(base.circuits, voltage_columns(base.circuit_names), strict=True)):
-        values[column] = resistance_of(circuit, added, i[:, k], conditions) * i[:, k]
+    ohms = [resistance_of(circuit, added, i[:, k], conditions) for k, circuit in enumerate(base.circuits)]
+    values |= {name: ohms[k] * i[:, k] for k, name in enumerate(voltage_columns(base.circuit_names))}
+    if any(name.startswith(("inductance", "resistance")) for name in channels):
+        low = magnetics.state(d, i).inductance
+        values |= _impedances(base, d, i, conditions, added, low, np.stack(ohms, axis=1))
     return recorded(added, values, d, i[:, 0], conditions)

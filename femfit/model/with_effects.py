@@ -14,7 +14,7 @@ from femfit.core.errors import DomainError, MissingPartError
 from femfit.device.circuit import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
-from femfit.effects.effect import AddedEffect
+from femfit.effects.effect import AddedEffect, Effect
 from femfit.effects.of_circuits import OF_THE_WHOLE, source_scales
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, stops_of
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
@@ -212,7 +212,7 @@ def _seen_by(sensor: HallSensor, dynamics: EffectDynamics) -> HallSensor:
 
 def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, ...], nominal: Nominal) -> ActuatorModel:
     """A base model of several circuits with effects."""
-    known = [one.effect.name for one in effects if not (one.effect.of or one.effect.name in OF_THE_WHOLE)]
+    known = [one.effect.name for one in effects if not _of_circuits(one.effect)]
     if known:
         raise MissingPartError(
             f"The effects {', '.join(known)} are of a device with one circuit; model {base.name!r} has "
@@ -232,6 +232,12 @@ def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, .
         base=base,
         conditions=at,
     )
+
+
+def _of_circuits(effect: Effect) -> bool:
+    """Whether an effect is one that several circuits can have: theirs, the device's, or of the eddy currents alone."""
+    of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
+    return bool(effect.of) or effect.name in OF_THE_WHOLE or of_eddies
 
 
 def with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> SeveralMagnetics:

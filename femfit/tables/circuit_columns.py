@@ -1,24 +1,41 @@
-"""Columns of several circuits: currents, voltages and flux linkages that carry the circuit's name.
+"""Columns of several circuits: currents, voltages, flux linkages and impedances that carry the circuit's name.
 
 ``current_bias_A`` is the current of the circuit bias. A table is one of several circuits where its headers name two or
-more; a lone ``current_coil_A`` is more likely a ``current_A`` by another name.
+more; a lone ``current_coil_A`` is more likely a ``current_A`` by another name. An impedance may be that of one circuit
+alone, or carry the names of two: ``inductance_bias_control_H``.
 """
 
 import re
 from collections.abc import Iterable
 
+from femfit.tables.column_names import COLUMN_NAMES
+from femfit.tables.header import parse_header
 from femfit.tables.units import unit_factor
 
-_QUANTITIES = {"current": "A", "voltage_balance": "V", "voltage": "V", "flux_linkage": "Wb"}
+_OF_IMPEDANCE = {
+    "resistance": "ohm",
+    "inductance": "H",
+    "impedance": "ohm",
+    "phase": "deg",
+    "reactance": "ohm",
+    "parallel_resistance": "ohm",
+    "parallel_inductance": "H",
+}
+_QUANTITIES = {"current": "A", "voltage_balance": "V", "voltage": "V", "flux_linkage": "Wb", **_OF_IMPEDANCE}
 
 _OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z]\w*)_([A-Za-z]+)")
 
 FEWEST = 2
 """Derived: circuits that are several."""
 
+_OTHER_NAMES = frozenset(name for names in COLUMN_NAMES.values() for name in names)
+"""A header ``phase_angle_deg`` is the phase of no circuit named angle."""
 
-def circuit_columns(names: Iterable[str]) -> tuple[str, ...]:
-    """The columns in SI that headers of several circuits mean; none where fewer than two circuits are named.
+
+def circuit_columns(names: Iterable[str], fewest: int = FEWEST) -> tuple[str, ...]:
+    """The columns in SI that headers of several circuits mean.
+
+    There are none where fewer than so many circuits are named, and no impedance has a circuit's name.
 
     Examples
     --------
@@ -26,11 +43,15 @@ def circuit_columns(names: Iterable[str]) -> tuple[str, ...]:
     ('current_bias_A', 'current_diff_A', 'voltage_bias_V')
     """
     found: dict[str, str] = {}
+    several = False
     for name in names:
         parts = _OF_CIRCUIT.fullmatch(name.strip())
-        if parts is not None and unit_factor(parts[3], _QUANTITIES[parts[1]]) is not None:
+        if parts is None or parse_header(name).name in _OTHER_NAMES:
+            continue
+        if unit_factor(parts[3], _QUANTITIES[parts[1]]) is not None:
             found[f"{parts[1]}_{parts[2]}_{_QUANTITIES[parts[1]]}"] = parts[2]
-    return tuple(found) if len(set(found.values())) >= FEWEST else ()
+            several |= parts[1] in _OF_IMPEDANCE
+    return tuple(found) if several or len(set(found.values())) >= fewest else ()
 
 
 def parts_of(column: str) -> tuple[str, str]:
@@ -45,3 +66,15 @@ def parts_of(column: str) -> tuple[str, str]:
     if parts is None or _QUANTITIES[parts[1]] != parts[3]:
         return column, ""
     return f"{parts[1]}_{parts[3]}", parts[2]
+
+
+def column_of(column: str, circuit: str) -> str:
+    """A column as that of a circuit, or of none where its name is empty: :func:`parts_of` undone.
+
+    Examples
+    --------
+    >>> column_of("flux_linkage_Wb", "bias")
+    'flux_linkage_bias_Wb'
+    """
+    stem, _, unit = column.rpartition("_")
+    return f"{stem}_{circuit}_{unit}" if circuit else column

@@ -8,6 +8,8 @@ from femfit.core.amount import amount
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
+from femfit.core.sweep_columns import is_current
+from femfit.tables.circuit_columns import circuit_columns
 from femfit.tables.columns import match_column
 from femfit.tables.measurement import SETTINGS
 from femfit.tables.settings_file import finite_number
@@ -19,9 +21,10 @@ def constant_settings(said: object, where: str) -> dict[str, float]:
         raise TableError(
             f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(said)}."
         )
-    result = {}
+    result, of_circuits = {}, filter(is_current, circuit_columns(map(str, said), fewest=1))
+    names = (*SETTINGS, *of_circuits)
     for key, value in said.items():
-        column, number = match_column(str(key), tuple(SETTINGS)), finite_number(value)
+        column, number = match_column(str(key), names), finite_number(value)
         if column is None or column.assumed or number is None:
             raise TableError(
                 f"A setting in {where} must be like distance_mm = 2.0, one of {', '.join(SETTINGS)} in any unit, and a "

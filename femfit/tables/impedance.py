@@ -1,10 +1,12 @@
 """Impedances as LCR meters and network analysers write them, to the series equivalent Z = R + j w L.
 
 Two numbers at a frequency make an impedance: magnitude and phase, real and imaginary part, inductance and resistance in
-series or in parallel, or an inductance with its quality Q = X / R or dissipation D = 1 / Q.
+series or in parallel, or an inductance with its quality Q = X / R or dissipation D = 1 / Q. With several circuits each
+column carries the circuit's name, all others open, or the names of two: the voltage of one over the other's current.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -15,6 +17,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import is_current
+from femfit.tables.circuit_columns import circuit_columns, column_of, parts_of
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_columns
 from femfit.tables.header import parse_header
 from femfit.tables.raw_table import RawTable
@@ -28,6 +31,8 @@ FORMS = (
     *("Q", "D"),
 )
 """Columns that stand for them beside a frequency."""
+
+_ALL = (*SERIES, *FORMS)
 
 _PAIRS: Mapping[str, tuple[str, ...]] = {
     "impedance_ohm": ("phase_deg",),
@@ -49,61 +54,100 @@ def is_impedance(
     raw: RawTable, columns: Mapping[str, str], units: Mapping[str, str | float], settings: Mapping[str, float]
 ) -> bool:
     """Tell whether a table has a frequency and something of an impedance."""
-    names = (*BENCH_COLUMNS, *FORMS)
+    names = (*BENCH_COLUMNS, *FORMS, *circuit_columns((*raw.headers, *columns.values())))
     try:
         used, _, _ = match_columns(raw.headers, raw.source, names, columns, units, optional=names)
     except TableError:
         return False
-    found = {column.name for column in used.values()} | set(settings)
+    found = {parts_of(column.name)[0] for column in used.values()} | set(settings)
     return "frequency_Hz" in found and not found.isdisjoint((*SERIES, *FORMS))
 
 
 def impedance_columns(known: Sequence[str]) -> tuple[str, ...]:
     """Columns of a bench table as one of impedances has them; a voltage in it is that of the small current."""
-    return (*(name for name in known if name != "voltage_V"), *FORMS)
+    return (*(name for name in known if parts_of(name)[0] != "voltage_V"), *FORMS)
 
 
 def in_series(
     rows: pd.DataFrame, used: Sequence[UsedColumn], source: str, lines: Sequence[int]
 ) -> tuple[pd.DataFrame, list[Finding]]:
-    """The rows with :data:`SERIES` in place of other forms, and what was converted, assumed or set aside."""
+    """The rows with each circuit's :data:`SERIES` in place of other forms, and what was converted or set aside."""
     findings = [*_phase_in_radians(rows, used)]
+    named = {parts_of(str(name))[1] for name in rows}
     if not any(is_current(str(name)) for name in rows):
         rows = rows.assign(current_A=0.0)
         text, remedy = (
             "There is no column of a bias current; it was taken for 0 A.",
-            "Else say --setting current_A=0.5.",
+            "Else say --setting current_A=0.5, of several circuits current_NAME_A=0.5.",
         )
         findings.append(Finding("no-bias", "info", text, remedy, column="current_A"))
     rows, direct = _without_direct_current(rows, used)
     findings += direct
     f = rows["frequency_Hz"].to_numpy()
     _require(f <= 0.0, "a frequency > 0", "frequency_Hz", f, source, lines, "Leave out what was read without one.")
-    if "impedance_ohm" in rows:
-        size = rows["impedance_ohm"].to_numpy()
-        _require(size < 0.0, "a magnitude >= 0", "impedance_ohm", size, source, lines, "Name the column's part of Z.")
-    if "phase_deg" in rows:
-        phase = rows["phase_deg"].to_numpy()
-        remedy = "Check its unit (--unit phase_deg=rad), or change its sign (--unit phase_deg=-1) or the leads."
-        _require(
-            np.abs(phase) > 90.0 + _METER_DEG, "a phase of -90 to 90 degrees", "phase_deg", phase, source, lines, remedy
-        )
-    given = [name for name in (*SERIES, *FORMS) if name in rows]
-    if not set(SERIES) <= set(given):
+    circuits = (circuit for quantity, circuit in (parts_of(str(name)) for name in rows) if quantity in _ALL)
+    for circuit in dict.fromkeys(circuits):
+        given = {name: of for name in _ALL if (of := column_of(name, circuit)) in rows}
+        z, said = _one_in_series(_One(rows, given, source, lines), mutual=_is_of_two(circuit, named))
+        findings += said
+        rows = rows.drop(columns=list(given.values()))
+        rows = rows.assign(**{column_of(name, circuit): values for name, values in z.items()})
+    return rows, findings
+
+
+@dataclass(frozen=True, eq=False)
+class _One:
+    """What a table has of one impedance."""
+
+    rows: pd.DataFrame
+    given: Mapping[str, str]  # Of :data:`_ALL`, to the column that holds it
+    source: str
+    lines: Sequence[int]
+
+    def values(self, name: str) -> FloatArray:
+        return self.rows[self.given[name]].to_numpy(dtype=np.float64)
+
+    def require(self, wrong: np.ndarray, what: str, name: str, remedy: str) -> None:
+        _require(wrong, what, self.given[name], self.values(name), self.source, self.lines, remedy)
+
+
+def _is_of_two(name: str, named: Collection[str]) -> bool:
+    """Whether a name is that of two circuits which the table has, as ``bias_control`` of bias and control."""
+    return any(name[:k] in named and name[k + 1 :] in named for k, letter in enumerate(name) if letter == "_")
+
+
+def _one_in_series(one: _One, *, mutual: bool) -> tuple[dict[str, FloatArray], list[Finding]]:
+    """What there is of :data:`SERIES`; that of two circuits is of either sign."""
+    given, w, findings = list(one.given), 2.0 * np.pi * one.rows["frequency_Hz"].to_numpy(), list[Finding]()
+    if "impedance_ohm" in given:
+        one.require(one.values("impedance_ohm") < 0.0, "a magnitude >= 0", "impedance_ohm", "Name the part of Z.")
+    if "phase_deg" in given and not mutual:
+        column = one.given["phase_deg"]
+        remedy = f"Check its unit (--unit {column}=rad), or change its sign (--unit {column}=-1) or the leads."
+        beyond = np.abs(one.values("phase_deg")) > 90.0 + _METER_DEG
+        one.require(beyond, "a phase of -90 to 90 degrees", "phase_deg", remedy)
+    found = {name: one.values(name) for name in SERIES if name in given}
+    if len(found) < len(SERIES):
         pair = next(_complete_pairs(given), None)
         if pair is not None:
-            z = _impedance(*pair, {name: rows[name].to_numpy() for name in given}, 2.0 * np.pi * f)
-            rows = rows.assign(resistance_ohm=z.real, inductance_H=z.imag / (2.0 * np.pi * f))
-            text = f"{' and '.join(pair)} were converted to resistance and inductance in series."
+            z = _impedance(*pair, {name: one.values(name) for name in given}, w)
+            found = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
+            both = " and ".join(one.given[name] for name in pair)
+            text = f"{both} were converted to resistance and inductance in series."
             findings.append(Finding("impedance", "info", text))
-        elif not set(SERIES) & set(given):
-            second = _PAIRS.get(given[0], ("parallel_inductance_H",))
+        elif not found:
+            circuit = parts_of(one.given[given[0]])[1]
+            second = [column_of(name, circuit) for name in _PAIRS.get(given[0], ("parallel_inductance_H",))]
             raise TableError(
-                f"An impedance must have two numbers at each frequency; {source} has {listing(given)}. Add "
-                f"{' or '.join(second)}, or say what a column is with --column HEADER={second[0]}."
+                f"An impedance must have two numbers at each frequency; {one.source} has "
+                f"{listing(one.given.values())}. Add {' or '.join(second)}, or say what a column is with --column "
+                f"HEADER={second[0]}."
             )
-    rows = rows.drop(columns=[name for name in FORMS if name in rows])
-    return _without_capacitive(rows, source, findings)
+    if mutual or "inductance_H" not in found:
+        return found, findings
+    column = column_of("inductance_H", parts_of(one.given[given[0]])[1])
+    kept, resonance = _without_capacitive(found, one, column)
+    return kept, [*findings, *resonance]
 
 
 def _complete_pairs(given: Sequence[str]) -> Iterator[tuple[str, str]]:
@@ -145,32 +189,29 @@ def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> t
 
 
 def _phase_in_radians(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> Iterator[Finding]:
-    phase = next((one for one in used if one.name == "phase_deg" and one.assumed), None)
-    if phase is not None:
-        largest = float(np.nanmax(np.abs(rows["phase_deg"].to_numpy()), initial=0.0))
+    for name in (one.name for one in used if parts_of(one.name)[0] == "phase_deg" and one.assumed):
+        largest = float(np.nanmax(np.abs(rows[name].to_numpy()), initial=0.0))
         if 0.0 < largest <= np.pi / 2.0:
-            yield suspicion("phase_deg", "rad", f"it goes up to {largest:.3g}")
+            yield suspicion(name, "rad", f"it goes up to {largest:.3g}")
 
 
-def _without_capacitive(rows: pd.DataFrame, source: str, findings: list[Finding]) -> tuple[pd.DataFrame, list[Finding]]:
-    """The rows without readings that no inductance gives, those above the winding's own resonance."""
-    if "inductance_H" not in rows:
-        return rows, findings
-    inductance = rows["inductance_H"].to_numpy()
-    wrong = inductance <= 0.0
+def _without_capacitive(
+    found: dict[str, FloatArray], one: _One, column: str
+) -> tuple[dict[str, FloatArray], list[Finding]]:
+    """An impedance without readings that no inductance gives, those above the winding's own resonance."""
+    wrong = found["inductance_H"] <= 0.0
     if not wrong.any():
-        return rows, findings
-    if wrong[np.isfinite(inductance)].all():
+        return found, []
+    if wrong[np.isfinite(found["inductance_H"])].all():
         raise TableError(
-            f"An impedance of a coil must have an inductance > 0; {source} has none. If its imaginary part or its "
-            "phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
+            f"An impedance of a coil must have an inductance > 0; {one.source} has none in {column}. If its imaginary "
+            "part or its phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
         )
-    lowest = float(np.min(rows["frequency_Hz"].to_numpy()[wrong]))
+    lowest = float(np.min(one.rows["frequency_Hz"].to_numpy()[wrong]))
     text = (
         f"{counted(int(wrong.sum()), 'reading was', 'readings were')} set aside whose inductance is not positive, from "
         f"{amount(lowest, 'frequency_Hz')} on: above the winding's own resonance, or too little to be measured."
     )
     remedy = "Read at frequencies well below: a tenth of the resonance raises the inductance by a hundredth."
-    findings.append(Finding("resonance", "warning", text, remedy, size=float(wrong.sum()), column="inductance_H"))
-    kept = {name: np.where(wrong, np.nan, rows[name].to_numpy()) for name in SERIES if name in rows}
-    return rows.assign(**kept), findings
+    finding = Finding("resonance", "warning", text, remedy, size=float(wrong.sum()), column=column)
+    return {name: np.where(wrong, np.nan, values) for name, values in found.items()}, [finding]

@@ -14,7 +14,7 @@ import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.atomic import replacing
-from femfit.core.sweep_columns import current_columns, inductance_columns
+from femfit.core.sweep_columns import current_columns, inductance_columns, resistance_column
 from femfit.tables.eddy_table import EddyTable, Transfers
 
 if TYPE_CHECKING:
@@ -66,8 +66,7 @@ def _impedances(
     for name, (j, k) in inductance_columns(circuits).items():
         inductance = found.flux_linkage[:, j, k]
         own = j == k
-        losses = -omega * inductance.imag
-        yield f"resistance{name.removeprefix('inductance').removesuffix('H')}ohm", losses + own * resistances_ohm[j]
+        yield resistance_column(name), own * resistances_ohm[j] - omega * inductance.imag
         yield name, inductance.real + own * series_H[j]
 
 

@@ -10,7 +10,7 @@ from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.distance_scale import even_scale
 from femfit.core.finding import Finding
-from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
+from femfit.tables.measurement import BenchTable
 from femfit.tables.outliers import isolated_outliers
 from femfit.tables.suspected_units import suspected_by_size
 
@@ -88,8 +88,7 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
 
     Single rows that could be equal by chance are kept.
     """
-    columns = [name for name in (*SETTINGS, *CHANNELS) if name in given]
-    copies = rows.duplicated(subset=columns).to_numpy()
+    copies = rows.duplicated(subset=list(given)).to_numpy()
     if not {"run", "order"} <= set(given):
         block = np.cumsum(np.concatenate([[False], copies[1:] != copies[:-1]]))
         copies = copies & (np.bincount(block)[block] >= _LEAST_COPIES)

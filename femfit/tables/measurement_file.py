@@ -159,7 +159,6 @@ def _has_impedance(raw: RawTable, said: Reading) -> bool:
 
 def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False) -> BenchTable:
     of_circuits, impedance = circuit_columns((*raw.headers, *said.columns.values())), _has_impedance(raw, said)
-    channels = (*CHANNELS, *(name for name in of_circuits if parts_of(name)[0] in CHANNELS))
     known = (*BENCH_COLUMNS, *of_circuits)
     known = impedance_columns(known) if impedance else known
     rows, used, findings = read_columns(raw, known, said.columns, said.units)
@@ -167,6 +166,8 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
     if impedance:
         rows, converted = in_series(rows, used, raw.source, raw.lines)
         declared += converted
+    of_circuits = tuple(str(name) for name in rows if parts_of(str(name))[1])
+    known, channels = (*BENCH_COLUMNS, *of_circuits), (*CHANNELS, *of_circuits)
     findings += declared
     unused, named = _unused(raw, used), [str(name) for name in rows]
     _require("bench table", named, path, unused, _about(findings, named))

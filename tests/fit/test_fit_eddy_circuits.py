@@ -4,43 +4,11 @@ import numpy as np
 
 import femfit as ff
 from femfit.device.load import actuator_from_toml
-from support.eddy_pot import POT
-
-WINDING = """[coils.winding]
-r_mm = [5.5, 9]
-z_mm = [-8.5, -2]
-turns = 200
-resistance_ohm = 5
-"""
-TWO = """[coils.inner]
-r_mm = [5.5, 7]
-z_mm = [-8.5, -2]
-turns = 120
-resistance_ohm = 3
-
-[coils.outer]
-r_mm = [7.2, 9]
-z_mm = [-8.5, -2]
-turns = 80
-resistance_ohm = 2
-
-[circuits.inner]
-coils = ["inner"]
-voltage_min_V = -12
-voltage_max_V = 12
-
-[circuits.outer]
-coils = ["outer"]
-voltage_min_V = -12
-voltage_max_V = 12
-"""
+from support.eddy_pot import TWO_WINDINGS
 
 
 def test_a_model_of_two_circuits_has_the_sweeps_eddy_currents(tmp_path):
-    text = POT.replace(WINDING, TWO).replace(
-        "current_A = [-1, 0, 1]", "current_A = { inner = [-1, 1], outer = [-1, 1] }"
-    )
-    text = text.replace("distance_mm = [1, 1.5, 2, 2.5]", "distance_mm = [1, 1.25, 1.5, 1.75, 2]")
+    text = TWO_WINDINGS.replace("distance_mm = [1, 1.5, 2, 2.5]", "distance_mm = [1, 1.25, 1.5, 1.75, 2]")
     table = ff.run_sweep(actuator_from_toml(text), tmp_path, workers=1)
     model = ff.fit_model(table).model
     frequencies, k = np.array([10.0, 100.0, 1000.0]), 2

@@ -1,4 +1,7 @@
-"""A pot of solid iron with a magnet beneath its disc: everything that induces currents, on few elements."""
+"""A pot of solid iron with a magnet beneath its disc: everything that induces currents, on few elements.
+
+The same with two windings side by side in place of its one.
+"""
 
 POT = """
 schema = 2
@@ -56,3 +59,42 @@ distance_mm = [1, 1.5, 2, 2.5]
 frequency_Hz = { start = 10, stop = 1000, per_decade = 2 }
 eddy_error = 0.02
 """
+
+_WINDING = """[coils.winding]
+r_mm = [5.5, 9]
+z_mm = [-8.5, -2]
+turns = 200
+resistance_ohm = 5
+"""
+
+_COILS = """[coils.inner]
+r_mm = [5.5, 7]
+z_mm = [-8.5, -2]
+turns = 120
+resistance_ohm = 3
+
+[coils.outer]
+r_mm = [7.2, 9]
+z_mm = [-8.5, -2]
+turns = 80
+resistance_ohm = 2
+"""
+
+_CIRCUIT = """
+[circuits.{name}]
+coils = [{coils}]
+voltage_min_V = -12
+voltage_max_V = 12
+"""
+
+
+def _wound(**circuits):
+    """The pot whose circuits have these coils."""
+    more = "".join(_CIRCUIT.format(name=name, coils=coils) for name, coils in circuits.items())
+    return POT.replace(_WINDING, _COILS + more)
+
+
+TWO_WINDINGS = _wound(inner='"inner"', outer='"outer"').replace(
+    "current_A = [-1, 0, 1]", "current_A = { inner = [-1, 1], outer = [-1, 1] }"
+)
+IN_SERIES = _wound(both='"inner", "outer"')

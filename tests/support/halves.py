@@ -16,6 +16,15 @@ NAMES = ("inner", "outer")
 STRAY_H = 1e-3
 
 
+def halves_with_eddies(model: ActuatorModel) -> ActuatorModel:
+    """The halves of a model with eddy currents: a pattern acts like the current C in both, as in the whole.
+
+    With L_ij of the halves, L_i1 C + L_i2 C is the half L C / 2 of what the pattern links with the whole.
+    """
+    halves, eddy = cut_in_two(model), model.eddy
+    return replace(halves, eddy=replace(eddy, circuits=NAMES, couplings=np.repeat(eddy.couplings, 2, axis=1)))
+
+
 def cut_in_two(model: ActuatorModel) -> ActuatorModel:
     """The halves of a model whose co-energy is one polynomial of second degree in the current."""
     spline, circuit, box = model.magnetics.spline, model.require_circuit(), model.validity

@@ -47,6 +47,67 @@ def test_every_way_to_write_an_impedance_gives_the_same_series_equivalent(tmp_pa
     assert not table.rows["branch"].any()
 
 
+def named(columns, circuit):
+    """The headers with a circuit's name before the unit."""
+    return {f"{header.rpartition('_')[0]}_{circuit}_{header.rpartition('_')[2]}": x for header, x in columns.items()}
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        {"resistance_ohm": RESISTANCE, "inductance_mH": 1e3 * INDUCTANCE},
+        {"impedance_kohm": np.abs(Z) / 1e3, "phase_rad": np.radians(DEGREES)},
+        {"resistance_ohm": RESISTANCE, "reactance_ohm": Z.imag},
+        {"parallel_resistance_ohm": RP, "parallel_inductance_H": LP},
+    ],
+    ids="+".join,
+)
+def test_the_impedances_of_several_circuits_carry_their_names(tmp_path, columns):
+    each = {"frequency_Hz": FREQUENCY, **named(columns, "lower"), **named(columns, "upper")}
+    table = read_measurement(written(tmp_path / "z.csv", each))
+    assert set(table.channels) == {*of_circuit("lower"), *of_circuit("upper")}
+    for name in ("lower", "upper"):
+        resistance, inductance = of_circuit(name)
+        np.testing.assert_allclose(table.rows[resistance], RESISTANCE, rtol=1e-9)
+        np.testing.assert_allclose(table.rows[inductance], INDUCTANCE, rtol=1e-9)
+
+
+def of_circuit(name):
+    return f"resistance_{name}_ohm", f"inductance_{name}_H"
+
+
+def test_one_winding_of_several_may_be_read_alone_and_a_header_says_which(tmp_path):
+    table = read_measurement(
+        written(tmp_path / "z.csv", FORMS["series"]),
+        columns={"Ls": "inductance_lower_H", "Rs": "resistance_lower_ohm"},
+    )
+    assert set(table.channels) == set(of_circuit("lower"))
+
+
+def test_a_mutual_impedance_is_of_either_sign(tmp_path):
+    """Windings against each other: the phase is beyond 90 degrees, as of no coil alone."""
+    columns = {"current_lower_A": 0.0, "current_upper_A": 0.0, "f [Hz]": FREQUENCY}
+    both = columns | {"impedance_lower_upper_ohm": np.abs(Z), "phase_lower_upper_deg": np.degrees(np.angle(-Z))}
+    table = read_measurement(written(tmp_path / "z.csv", both))
+    np.testing.assert_allclose(table.rows["inductance_lower_upper_H"], -INDUCTANCE, rtol=1e-9)
+    assert not [one for one in table.findings if one.code == "resonance"]
+    own = columns | {"resistance_lower_ohm": RESISTANCE, "inductance_lower_H": -INDUCTANCE}
+    with pytest.raises(TableError, match="none in inductance_lower_H"):
+        read_measurement(written(tmp_path / "z.csv", own))
+
+
+def test_readings_that_differ_in_a_circuits_current_alone_are_no_copies(tmp_path):
+    rows = {"current_lower_A": np.arange(8.0), "current_upper_A": 0.0, "flux_linkage_lower_Wb": 1e-3}
+    table = read_measurement(written(tmp_path / "b.csv", rows | {"flux_linkage_upper_Wb": 2e-3, "run": 1}))
+    assert len(table.rows) == 8
+
+
+def test_a_known_name_is_no_circuit(tmp_path):
+    columns = {"f [Hz]": FREQUENCY, "impedance_magnitude_ohm": np.abs(Z), "phase_angle_deg": DEGREES}
+    table = read_measurement(written(tmp_path / "z.csv", columns))
+    assert set(table.channels) == {"inductance_H", "resistance_ohm"}
+
+
 def test_two_resistances_must_be_told_apart(tmp_path):
     path = written(tmp_path / "z.csv", FORMS["angular"])
     with pytest.raises(TableError, match="one column for resistance_ohm"):

@@ -10,6 +10,7 @@ from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
 from femfit.identify.experiments.constants import GUESSED_NOISE
 from femfit.identify.noise.whitening import NoiseModel
 from femfit.identify.readings.observations import Observations
+from femfit.tables.circuit_columns import parts_of
 
 
 def planned_noise(observations: Observations) -> NoiseModel:
@@ -56,4 +57,4 @@ def assumed_noise(channel: str, nominal: Nominal) -> float:
         "inductance_H": nominal.inductance_H,
         "resistance_ohm": nominal.resistance_ohm,
     }
-    return GUESSED_NOISE * largest[channel]
+    return GUESSED_NOISE * largest[parts_of(channel)[0]]

@@ -107,8 +107,8 @@ def _direct(effects: Sequence[Effect]) -> list[Experiment]:
 def _impedances(observations: Observations) -> list[Experiment]:
     """Further impedances: the same again, a decade of frequencies on either side, other distances, a warm winding."""
     nominal, measured = observations.nominal, observations.channels
-    usual = observations.covariates[["distance_m", "current_A", "frequency_Hz"]].drop_duplicates()
-    places, f = usual[["distance_m", "current_A"]].drop_duplicates(), usual["frequency_Hz"]
+    usual = observations.covariates[list(observations.settings)].drop_duplicates()
+    places, f = usual.drop(columns="frequency_Hz").drop_duplicates(), usual["frequency_Hz"]
     decades = {"Go down": (0.1 * f.min(), f.min()), "Go up": (f.max(), 10.0 * f.max())}
     result = [_run("Measure the same range once more, on a new mount", _complete(usual), measured)]
     for words, ends in decades.items():

@@ -36,6 +36,7 @@ from femfit.identify.experiments.separation import (
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
+from femfit.identify.readings.currents import currents_in, with_currents
 from femfit.identify.readings.place import measurement_of
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.refit.refit import Refit
@@ -171,7 +172,8 @@ def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: 
     if found.campaign is None or len(explanations) < 2:
         unsure = [] if _certain(found) else [one.name for one in found.missing]
         return Advice(names, isolating=_isolating(unsure, found.observations.nominal), note=_nothing_to_separate(found))
-    if not isinstance(measured, BenchTable) or found.observations.nominal.circuits:  # trials are of one current
+    of_one = not found.observations.nominal.circuits or found.observations.of_impedances  # as trials are, but for these
+    if not isinstance(measured, BenchTable) or not of_one:
         used = [name for fit in every for name in fit.names]
         return Advice(
             tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used, found.observations.nominal)
@@ -219,8 +221,9 @@ def suggest_measurements(
     model: ActuatorModel, table: BenchTable, noise: NoiseModel, explanations: Sequence[Refit]
 ) -> list[Suggestion]:
     """Rank measurements by how cheaply they separate explanations."""
+    table = with_currents(model, table)
     observations = bench_observations(model, table)
-    d, i = (observations.covariates[name].to_numpy()[:1] for name in ("distance_m", "current_A"))
+    d, i = observations.covariates["distance_m"].to_numpy()[:1], currents_in(model, observations.covariates)[:1]
     available = tuple(predict_readings(model, d, i, Conditions(observations.nominal), channels=CHANNELS))
     named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
     result = []
@@ -264,7 +267,7 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     """A table with an experiment as its last run, on a new mount; its readings do not matter and are zero."""
     more = experiment.rows if experiment.rows is not None else table.rows.iloc[:0]
     more = more.assign(run=float(table.rows["run"].max()) + 1.0, order=np.arange(len(more), dtype=float))
-    more = more.assign(**{name: 0.0 if name in experiment.channels else np.nan for name in CHANNELS})
+    more = more.assign(**dict.fromkeys(CHANNELS, np.nan) | dict.fromkeys(experiment.channels, 0.0))
     given = (*table.given, *(n for n in experiment.channels if n not in table.given))
     mount = table.rows["mount"].where(table.rows["mount"].notna(), table.rows["run"])
     rows = pd.concat([table.rows.assign(mount=mount), more.assign(mount=float(mount.max()) + 1.0)], ignore_index=True)

@@ -20,7 +20,7 @@ from femfit.identify.readings.currents import (
     current_names,
     currents_in,
     hall_not_compared,
-    with_leading_current,
+    with_currents,
 )
 from femfit.identify.readings.impedance import weighed_by_magnitude
 from femfit.identify.readings.observations import InTheirRuns, Observations
@@ -36,8 +36,7 @@ from femfit.tables.measurement_checks import STILL_CURRENT
 
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     """Place a bench table beside a model: the rows in its validity domain, and the channels that it predicts."""
-    _require_current(model, table)
-    table = with_leading_current(model, table)
+    table = with_currents(model, table)
     findings: list[Finding] = []
     d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
     known = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
@@ -89,7 +88,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     )
     ahead, behind = moved(steps[0], 0.0), moved(-steps[0], 0.0)
     slope = (ahead - behind) / (2.0 * steps[0])
-    tolerance, declared = model_tolerance(model) | dict(weighing.tolerance), dict(table.declared_noise)
+    own, declared = model_tolerance(model), dict(table.declared_noise)
+    tolerance = {name: np.full(len(d), own.get(parts_of(name)[0], 0.0)) for name in channels} | dict(weighing.tolerance)
     uncertain = [slope * declared.get("distance_m", 0.0)]
     for direction, name in zip(current_directions(model), current_names(model) or ("current_A",), strict=True):
         step = steps[1] * direction
@@ -107,7 +107,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / steps[0] ** 2,
         nominal=nominal,
         declared_noise={name: sd for name, sd in (declared | dict(weighing.noise)).items() if name in channels},
-        tolerance=np.array([tolerance.get(parts_of(name)[0], 0.0) for name in channels])[channel],
+        tolerance=stacked(tolerance),
         setting_columns=np.stack(uncertain, axis=1),
         findings=(
             *table.findings,
@@ -158,28 +158,6 @@ class _BenchPrediction:
 def _coenergy(prediction: _BenchPrediction) -> RepeatedCoenergy:
     """The base model's."""
     return RepeatedCoenergy(base_coenergy(prediction.model))
-
-
-def _require_current(model: ActuatorModel, table: BenchTable) -> None:
-    """Refuse a table without currents beside a model with a circuit."""
-    several = current_names(model)
-    if several:
-        lacking = [name for name in several if name not in table.given]
-        if lacking:
-            raise TableError(
-                f"A bench table beside model {model.name!r} must have a current of each circuit; {table.source} lacks "
-                f"{', '.join(lacking)} (it has {', '.join(table.given)}). Add a column of zeros for one that carries "
-                "none."
-            )
-        return
-    if "current_A" in table.given or not model.circuits:
-        return
-    unused = " ".join(str(one) for one in table.findings if one.code == "unused-column")
-    raise TableError(
-        f"A bench table beside model {model.name!r}, which has a circuit, must have current_A with numbers in it; "
-        f"{table.source} has {', '.join(table.given)}. {unused}{' ' * bool(unused)}Rename a column, or say what it is "
-        "with --column HEADER=current_A."
-    )
 
 
 def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:

@@ -7,9 +7,13 @@ import numpy as np
 import pandas as pd
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import TableError
 from femfit.core.finding import Finding
-from femfit.core.sweep_columns import circuit_currents
+from femfit.core.sweep_columns import circuit_currents, resistance_column
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.impedance import impedances_by_column
+from femfit.tables.circuit_columns import parts_of
+from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import BenchTable
 
 
@@ -50,6 +54,71 @@ def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> 
     widths = np.ptp(model.validity.current_limits_A, axis=1)
     spread = np.nan_to_num([np.nanstd(columns[name]) for name in names]) / np.maximum(widths, 1e-300)
     return names[int(np.argmax(spread))]
+
+
+def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table with no current in any of several circuits where it has ``current_A`` alone, of 0 A."""
+    names = current_names(model)
+    if not names or "current_A" not in table.given:
+        return table
+    currents = currents_in(model, table.rows)
+    currents[np.isnan(currents).all(axis=1) & (table.rows["current_A"] == 0.0).to_numpy()] = 0.0
+    rows = table.rows.assign(**dict(zip(names, currents.T, strict=True)))
+    known = [name for name in names if name not in table.given and rows[name].notna().any()]
+    return replace(table, rows=rows, given=(*table.given, *known))
+
+
+def _require_currents(model: ActuatorModel, table: BenchTable) -> None:
+    """Refuse a table without currents beside a model with a circuit."""
+    several = current_names(model)
+    if several:
+        lacking = [name for name in several if name not in table.given]
+        if lacking:
+            raise TableError(
+                f"A bench table beside model {model.name!r} must have a current of each circuit; {table.source} lacks "
+                f"{', '.join(lacking)} (it has {', '.join(table.given)}). Add a column of zeros for one that carries "
+                "none."
+            )
+        return
+    if "current_A" in table.given or not model.circuits:
+        return
+    unused = " ".join(str(one) for one in table.findings if one.code == "unused-column")
+    raise TableError(
+        f"A bench table beside model {model.name!r}, which has a circuit, must have current_A with numbers in it; "
+        f"{table.source} has {', '.join(table.given)}. {unused}{' ' * bool(unused)}Rename a column, or say what it is "
+        "with --column HEADER=current_A."
+    )
+
+
+def _require_impedances_of(model: ActuatorModel, table: BenchTable) -> None:
+    """Refuse an impedance of which it is not said to which of several circuits it belongs."""
+    if not current_names(model):
+        return
+    circuits = model.without_effects.circuit_names
+    inductances = list(impedances_by_column(np.eye(len(circuits)), circuits))
+    known = {*inductances, *map(resistance_column, inductances)}
+    other = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in known]
+    if other:
+        raise TableError(
+            f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
+            f"{table.source} has {', '.join(other)}. Name each column after its circuit, all others open "
+            f"({inductances[0]}), or after two: the voltage of one over the current of the other ({inductances[1]}), "
+            f"or the one with the other shorted ({inductances[2]}). For example --column HEADER={inductances[0]}."
+        )
+
+
+def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table with the current of each circuit, and with ``current_A`` as the leading one of several.
+
+    Raises
+    ------
+    TableError
+        If a current is missing, or it is not said to which circuit an impedance belongs.
+    """
+    table = without_bias(model, table)
+    _require_currents(model, table)
+    _require_impedances_of(model, table)
+    return with_leading_current(model, table)
 
 
 def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:

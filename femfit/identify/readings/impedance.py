@@ -12,10 +12,13 @@ import numpy as np
 from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
+from femfit.core.sweep_columns import resistance_column
 from femfit.effects.conditions import Conditions
-from femfit.identify.constants import FREQUENCY_SLACK
+from femfit.identify.constants import FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.impedance import SHORTED
 from femfit.model.readings import predict_readings
+from femfit.tables.circuit_columns import parts_of
 from femfit.tables.impedance import SERIES
 from femfit.tables.measurement import CHANNEL_WORDS, IMPEDANCE_SHARE
 
@@ -27,7 +30,7 @@ class Weighing:
     weight: Mapping[str, FloatArray] = field(default_factory=dict)  # Of every row, shape (N,), by channel
     magnitude: Mapping[str, float] = field(default_factory=dict)  # At which a channel's readings are given, in its unit
     noise: Mapping[str, float] = field(default_factory=dict)  # Declared as a share of |Z|
-    tolerance: Mapping[str, float] = field(default_factory=dict)  # Of the model's eddy currents
+    tolerance: Mapping[str, FloatArray] = field(default_factory=dict)  # Of the model's eddy currents, of every row
     findings: tuple[Finding, ...] = ()
 
 
@@ -40,23 +43,44 @@ def weighed_by_magnitude(
     declared: Mapping[str, float],
 ) -> Weighing:
     """The weights of impedances, by the model's own magnitude; of a channel with a noise in its unit they are 1."""
-    names = [name for name in SERIES if name in channels and name not in declared]
+    names = [name for name in channels if parts_of(name)[0] in SERIES and name not in declared]
     nominal, w = conditions.nominal, 2.0 * np.pi * np.asarray(conditions.frequency_Hz)
     if not names or not np.isfinite(w).all():
         return Weighing()
-    read = predict_readings(model, distance, current, conditions, channels=SERIES)
-    magnitude = np.hypot(read.get("resistance_ohm", 0.0), w * read["inductance_H"])
-    size = {"resistance_ohm": magnitude, "inductance_H": magnitude / w}
-    usual = {name: float(getattr(nominal, name)) for name in names}
-    shares = {"noise": declared.get(IMPEDANCE_SHARE), "tolerance": _own_share(model)}
-    said = " and ".join(f"{amount(usual[name], name)} for the {CHANNEL_WORDS[name]}" for name in names)
+    magnitude = _magnitudes(model, distance, current, conditions)
+    largest = np.max(list(magnitude.values()), axis=0)
+    size, most = {}, {}
+    for name, z in magnitude.items():
+        read = np.maximum(z, LEAST_LINKED * largest)
+        off = largest * (OF_THREE if name.endswith(SHORTED) else 1.0)
+        for channel, scale in ((resistance_column(name), 1.0), (name, w)):
+            size[channel], most[channel] = read / scale, off / scale
+    usual = {name: float(getattr(nominal, parts_of(name)[0])) for name in names}
+    share, own = declared.get(IMPEDANCE_SHARE), _own_share(model)
+    quantities = dict.fromkeys(parts_of(name)[0] for name in names)
+    said = " and ".join(f"{amount(float(getattr(nominal, of)), of)} for the {CHANNEL_WORDS[of]}" for of in quantities)
     text = f"An instrument's errors of an impedance go with its magnitude |Z|. Errors in ohm and henry hold for {said}."
     return Weighing(
         {name: usual[name] / size[name] for name in names},
         usual,
-        **{key: {name: share * usual[name] for name in names if share} for key, share in shares.items()},
+        noise={name: share * usual[name] for name in names} if share else {},
+        # The eddy currents' misfit is a share of the largest of all impedances
+        tolerance={name: own * most[name] for name in names},
         findings=(Finding("weighed", "info", text), *_beyond_the_model(model, np.asarray(conditions.frequency_Hz))),
     )
+
+
+def _magnitudes(
+    model: ActuatorModel, distance: FloatArray, current: FloatArray, conditions: Conditions
+) -> dict[str, FloatArray]:
+    """|Z| of every row in ohm, by the column of its inductance."""
+    w = 2.0 * np.pi * np.asarray(conditions.frequency_Hz)
+    read = predict_readings(model, distance, current, conditions, channels=SERIES)
+    return {
+        name: np.hypot(read.get(resistance_column(name), 0.0), w * values)
+        for name, values in read.items()
+        if parts_of(name)[0] == "inductance_H"
+    }
 
 
 def _beyond_the_model(model: ActuatorModel, frequency: FloatArray) -> Iterator[Finding]:

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from femfit.core.finding import Finding
+from femfit.effects.of_circuits import effects_of
 from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
 from femfit.effects.words import describe
 from femfit.identify.constants import HARMS, HELPS, SETTLED
@@ -32,7 +33,8 @@ class CheckedRefit:
 def with_tolerances(whitening: Whitening, alone: CheckedRefit, base: Base) -> tuple[CheckedRefit, list[Finding]]:
     """The refit with the tolerances beside the effects, where wanted, and what was dropped."""
     observations = whitening.observations
-    testable = [e for e in TOLERANCES if e.name not in alone.fit.names and not why_untestable(e, observations)]
+    tolerances = effects_of({one.name: one for one in TOLERANCES}, observations.nominal.circuits).values()
+    testable = [e for e in tolerances if e.name not in alone.fit.names and not why_untestable(e, observations)]
     visible = [effect for effect in testable if effect_columns(effect, observations)]
     dropped = [
         Finding("tolerance-dropped", "info", f"{effect.name} changes no reading here, so it was not fitted beside.")

@@ -13,6 +13,7 @@ from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.stop_position import REST
 from femfit.identify.constants import COLUMN_STEP, ROUNDED
 from femfit.identify.readings.observations import Observations
+from femfit.tables.circuit_columns import parts_of
 
 _NO_MAGNET = "the drawing has no magnet"
 CHANGES_NOTHING = "it changes no reading at these settings"
@@ -105,7 +106,8 @@ def _given(name: str, observations: Observations) -> bool:
     if column in observations.covariates and name.startswith("~"):
         values = observations.covariates[column].to_numpy()
         return bool(np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values))
-    return column in observations.given or column in observations.channels
+    of_circuits = (parts_of(one)[0] for one in observations.channels)
+    return column in observations.given or column in of_circuits
 
 
 def _in_words(need: str) -> str:
