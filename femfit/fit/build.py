@@ -12,6 +12,7 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.constants import GRAVITY
 from femfit.core.errors import FitError, UsageError
+from femfit.fit.between import missed_between
 from femfit.fit.circuits_build import fit_several
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.constants import MAY_MISS, STORED
@@ -162,8 +163,11 @@ def fit_model(
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
     missed = None if law_fit or network or coenergy is None else coenergy.missed_N
-    notes = (*lacks, *not_held, *misfit_notes(model, rows, missed), *missed_by)
-    result = FitResult(model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network)
+    between = None if missed is None or coenergy is None else missed_between(coenergy, rows)
+    notes = (*lacks, *not_held, *misfit_notes(model, rows, missed, between), *missed_by)
+    result = FitResult(
+        model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network, between=between
+    )
     provenance = {
         "fit": result.to_dict(),
         "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},

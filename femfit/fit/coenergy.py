@@ -70,7 +70,7 @@ def fit_coenergy(
     table = coefficients.reshape(basis.shape)
     if rows.flux_linkage is None and open_inductance_H:
         table = table + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
-    magnetics = _gauged(basis, table, rows)
+    magnetics = gauged(basis, table, rows)
     missed = np.abs(magnetics.force(rows.distance, rows.current) - rows.force)
     left_out = np.maximum(missed, system.left_out_force_errors(basis))
     return CoenergyFit(
@@ -156,7 +156,9 @@ def _square_of_current(basis: CoenergyBasis) -> FloatArray:
     return np.asarray(np.linalg.lstsq(columns, points**2, rcond=None)[0])
 
 
-def _gauged(basis: CoenergyBasis, table: FloatArray, rows: FitRows) -> CoenergySpline:
+def gauged(basis: CoenergyBasis, table: FloatArray, rows: FitRows) -> CoenergySpline:
+    """The spline of coefficients, W' counted from the largest distance without current."""
+
     def spline(coefficients: FloatArray) -> CoenergySpline:
         inner = TensorSpline(basis.u_knots, basis.current_knots, U_DEGREE, basis.current_degree, coefficients)
         return CoenergySpline(basis.coordinate, inner)

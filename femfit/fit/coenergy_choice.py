@@ -40,7 +40,7 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     rows = system.rows
     currents = FEWEST_CURRENTS if rows.without_current else len(rows.currents)
     check_grid(currents, len(rows.distances), _fewest_distances(rows))
-    in_distance, in_current = _distance_trials(rows), _current_trials(rows)
+    in_distance, in_current = distance_trials(rows), _current_trials(rows)
     start = in_current[
         0 if rows.inductance is None else -1
     ]  # a bend that is not resolved hides what the distances show
@@ -132,7 +132,7 @@ def _bent_breaks(rows: FitRows) -> list[FloatArray]:
     return [thirds[np.rint(np.linspace(0.0, 3.0 * last, n + 1)).astype(int)] for n in counts]
 
 
-def _distance_trials(rows: FitRows) -> list[dict[str, Any]]:
+def distance_trials(rows: FitRows) -> list[dict[str, Any]]:
     """Coordinates of the distance, and knots in them."""
     trials = []
     for coordinate in distance_coordinates(rows.distances):

@@ -7,6 +7,7 @@ import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
+from femfit.fit.between import Between
 from femfit.fit.constants import COARSE, POOR_CIRCUIT
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel
@@ -76,7 +77,9 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     return tuple(f"{one.get('text', one.get('sentence', ''))} {one.get('remedy', '')}".strip() for one in grave)
 
 
-def misfit_notes(model: ActuatorModel, rows: FitRows, missed: FloatArray | None) -> tuple[str, ...]:
+def misfit_notes(
+    model: ActuatorModel, rows: FitRows, missed: FloatArray | None, between: Between | None = None
+) -> tuple[str, ...]:
     """Warnings where the model misses the table that it was fitted to.
 
     Parameters
@@ -87,12 +90,16 @@ def misfit_notes(model: ActuatorModel, rows: FitRows, missed: FloatArray | None)
         The table's.
     missed : array, shape (rows,), or None
         What a co-energy's force is judged by, in N; None of other models.
+    between : Between or None
+        What a co-energy may be off by between the points.
     """
     misfit = model.misfit
     assert misfit is not None  # noqa: S101  every fit computes it
     notes = []
     if missed is not None:
         notes += _finer_sweep(missed, misfit, rows)
+    if not notes and between is not None and between.poor:
+        notes.append(f"The steps of the sweep are too wide for a bend of the steel. {to_be_added(between.finer)}")
     poor = [
         f"{name} by {amount(share, '')}"
         for name, share in (
@@ -154,9 +161,6 @@ def _middles(axis: FloatArray, at: float) -> FloatArray:
 
 def to_be_added(finer: Mapping[str, Sequence[float]]) -> str:
     """What to do with finer settings, in a sentence."""
-    distances, currents = 1e3 * np.array(finer["distance_m"]), finer["current_A"]
-    beside = f" and the currents {' and '.join(f'{x:.4g}' for x in currents)} A" if currents else ""
-    return (
-        f"Add to [sweep] the distances {' and '.join(f'{x:.4g}' for x in distances)} mm{beside}, then sweep and fit "
-        "again."
-    )
+    axes = (("distances", 1e3 * np.array(finer["distance_m"]), "mm"), ("currents", finer["current_A"], "A"))
+    parts = [f"the {name} {' and '.join(f'{x:.4g}' for x in axis)} {unit}" for name, axis, unit in axes if len(axis)]
+    return f"Add to [sweep] {' and '.join(parts)}, then sweep and fit again."

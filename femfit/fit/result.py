@@ -7,6 +7,7 @@ from typing import Any
 
 from femfit.core.amount import amount, counted
 from femfit.core.printed import Printed
+from femfit.fit.between import Between
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, CoenergyFit
 from femfit.fit.hall import HallFit
@@ -48,6 +49,8 @@ class FitResult(Printed):
         The law of a plunger that saturates, where it was asked for or is better than every other law.
     circuits : CircuitsFit or None
         The quadratic form of several circuits; ``rows`` then has the first one's currents and flux linkages.
+    between : Between or None
+        Of a co-energy whose iron saturates: what it may be off by between the table's points.
 
     Examples
     --------
@@ -67,6 +70,7 @@ class FitResult(Printed):
     of_data: tuple[str, ...] = ()
     network: NetworkFit | None = None
     circuits: CircuitsFit | None = None
+    between: Between | None = None
 
     @property
     def misfit(self) -> Misfit:
@@ -91,6 +95,7 @@ class FitResult(Printed):
             "circuits": list(self.circuits.magnetics.names) if self.circuits else None,
             "ranking": self.ranking.to_dict() if self.ranking else None,
             "hall": _hall_data(self.hall) if self.hall else None,
+            "between_points": asdict(self.between) if self.between else None,
             "finer_sweep": finer_settings(spline.missed_N, self.rows) if spline else None,
             "notes": [*self.of_data, *self.notes],
         }
@@ -99,6 +104,7 @@ class FitResult(Printed):
 def _lines(result: FitResult) -> list[str]:
     lines = [
         *fit_lines(result.model),
+        *([] if result.between is None else [str(result.between)]),
         *([] if result.model.eddy is None else [eddy_line(result.model, result.model.eddy)]),
         *(f"note: {note}" for note in (*result.of_data, *result.notes)),
     ]
