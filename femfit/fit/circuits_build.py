@@ -1,6 +1,6 @@
 """From a sweep table of several circuits to an actuator model."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, TableError
 from femfit.core.sweep_columns import flux_columns
+from femfit.device.circuit import Circuit
 from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_fit import fit_circuits
 from femfit.fit.constants import COARSE
@@ -30,6 +31,7 @@ from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import SensedRows, fit_sensed
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.hall_sensor import HallSensor
 from femfit.model.misfit import Misfit
 from femfit.model.validity import ValidityBox
@@ -48,9 +50,13 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     """
     rows = circuit_rows(table)
     fit = fit_circuits(rows)
-    low, high = rows.currents.min(axis=0).tolist(), rows.currents.max(axis=0).tolist()
-    first, *further = zip(low, high, strict=True)
+    low, high = rows.currents.min(axis=0), rows.currents.max(axis=0)
     circuits, notes = circuits_of(entry, rows.names)
+    if isinstance(fit.magnetics, CoenergyMatrix):  # a quadratic form holds for currents of either sign
+        low, high = np.minimum(low, -high), np.maximum(high, -low)
+    else:
+        notes = (*notes, *_one_sided(circuits, low, high))
+    first, *further = zip(low.tolist(), high.tolist(), strict=True)
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
@@ -90,6 +96,19 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
     }
     return replace(result, model=replace(model, provenance=provenance))
+
+
+def _one_sided(circuits: Sequence[Circuit], low: FloatArray, high: FloatArray) -> list[str]:
+    """What to do about circuits that a simulation drives below zero at once, where the sweep says nothing."""
+    free = [one.drive.kind == "voltage" and one.drive.diode_V is None for one in circuits]
+    names = [one.name for one, own, a, b in zip(circuits, free, low, high, strict=True) if own and a * b == 0.0]
+    if not names:
+        return []
+    text = (
+        f"The sweep has currents of {' and '.join(names)} to one side of 0 A alone, and a simulation ends where other "
+        "circuits induce a current of the other sign. Sweep both sides, or draw diode_V for a driver that blocks."
+    )
+    return [text]
 
 
 def circuit_rows(table: SweepTable) -> CircuitRows:

@@ -65,7 +65,7 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
         hall_T_per_A=None if table.hall is None else parts[3],
     )
     _require_passive(eddy, table.distances_m)
-    return replace(eddy, error=_error(eddy, table, frequencies))
+    return replace(eddy, error=replace(_error(eddy, table, frequencies), **_static_errors(table, magnetics)))
 
 
 def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[DrawnEffect, ...]:
@@ -204,6 +204,18 @@ def _error(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> Edd
         else float(np.nan_to_num(table.braking_error)) + _unbraked(model, table),
         hall=float(worst[2]) if table.circuits and table.hall is not None else None,
     )
+
+
+def _static_errors(table: EddyTable, magnetics: Magnetics) -> dict[str, float]:
+    """The static model's at the currents about which the field was solved; nothing where it is linear."""
+    if table.bias_A is None or not table.circuits:
+        return {}
+    found, n = magnetics.state_of_circuits(table.distances_m, table.bias_A), len(table.circuits)
+    pairs = (
+        ("static_inductance", found.inductance, table.flux_linkage[:, :n, 1 : 1 + n]),
+        ("static_force", found.motional_constant, 2.0 * table.force[:, 0, 1 : 1 + n]),
+    )
+    return {name: float(np.abs(model - field).max() / np.abs(field).max()) for name, model, field in pairs}
 
 
 def _unbraked(model: EddyTable, table: EddyTable) -> float:

@@ -33,7 +33,10 @@ from femfit.model.distance_splines import DistanceSplines
 
 @dataclass(frozen=True)
 class EddyError:
-    """How far the patterns are off the field that they were taken from, relative, at the worst place and frequency."""
+    """How far the patterns are off the field that they were taken from, relative, at the worst place and frequency.
+
+    They stand beside the static model, whose own error at the same currents is told apart from theirs.
+    """
 
     frequency_min_Hz: float = limited(metadata={"lower": 0.0})
     frequency_max_Hz: float = limited(metadata={"not_below": "frequency_min_Hz"})
@@ -42,10 +45,14 @@ class EddyError:
     hall: float | None = limited(
         default=None, metadata={"lower": 0.0}
     )  # Of the Hall element's field for each ampere; None where there is none
+    # Where iron saturates: largest error of the static inductance and of dF/di at the currents about which the patterns
+    # were solved, most of which are between the sweep's, over the largest of these
+    static_inductance: float | None = limited(default=None, metadata={"lower": 0.0})
+    static_force: float | None = limited(default=None, metadata={"lower": 0.0})
 
     @property
     def largest(self) -> float:
-        """The worst of the three."""
+        """The worst of the patterns' three."""
         return max((one for one in (self.impedance, self.force, self.hall) if one is not None), default=0.0)
 
 

@@ -47,7 +47,10 @@ def eddy_line(model: "ActuatorModel", eddy: "EddyCurrents") -> str:
     if eddy.error is None:
         return text
     low, high = amount(eddy.error.frequency_min_Hz, "Hz"), amount(eddy.error.frequency_max_Hz, "Hz")
-    return f"{text}; within {amount(eddy.error.largest, '')} of the field from {low} to {high}"
+    text = f"{text}; within {amount(eddy.error.largest, '')} of the field from {low} to {high}"
+    parts = (("inductance", eddy.error.static_inductance), ("dF/di", eddy.error.static_force))
+    static = [f"{name} by {amount(off, '', 2)}" for name, off in parts if off is not None and off > eddy.error.largest]
+    return f"{text}, beside a static model that misses the {' and the '.join(static)}" if static else text
 
 
 def fit_lines(model: "ActuatorModel") -> list[str]:

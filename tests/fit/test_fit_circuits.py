@@ -218,3 +218,13 @@ def test_a_hall_element_that_is_left_out_is_said():
     fit = fit_model(table_of(entry={**ENTRY, "hall": {"sensitivity_V_per_T": 50.0}}))
     assert fit.model.sensor is None
     assert any("Hall element" in note for note in fit.notes)
+
+
+def test_currents_swept_to_one_side_alone_hold_on_the_other_where_nothing_saturates():
+    one_sided = fit_model(table_of(currents=np.array([0.0, 1.0, 2.0]))).model
+    np.testing.assert_allclose(one_sided.validity.current_limits_A, [[-2.0, 2.0], [-2.0, 2.0]])
+    d, i = BETWEEN
+    force, flux = TRUTH.force(d, i), TRUTH.flux_linkage(d, i)
+    # As of the table with both signs: the same distances
+    assert np.sqrt(np.mean((one_sided.force(d, i) - force) ** 2)) < 2e-3 * np.sqrt(np.mean(force**2))
+    assert np.sqrt(np.mean((one_sided.flux_linkage(d, i) - flux) ** 2)) < 5e-4 * np.sqrt(np.mean(flux**2))

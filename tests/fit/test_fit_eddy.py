@@ -10,6 +10,7 @@ from femfit.fit.eddy import _splines, as_table, conductivities, fit_eddy
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.magnetics import MagneticState
 from femfit.tables.eddy_table import EddyTable
 
 CIRCUITS = ("coil",)
@@ -150,3 +151,26 @@ def test_conductivities_are_numbers_of_the_drawing():
     assert (iron.key, copper.value) == ("materials.iron.conductivity_MS_per_m", 58.0)
     bare = made_up(circuits=0, hall=False)
     assert conductivities(bare, fit_eddy(bare, Plain(), 0.02)) == ()
+
+
+@pytest.mark.parametrize("circuits", [1, 2])
+def test_the_static_models_own_error_at_the_bias_stands_beside_that_of_the_patterns(circuits):
+    table = made_up(circuits=circuits)
+    currents = np.full((len(DISTANCES), circuits), 0.7)
+    names = ("coil", "other")[:circuits]
+    table = replace(table, circuits=names, bias_A=currents, rest=0.2 * table.flux_linkage[:, :, 0])
+
+    class Off(Plain):
+        def state_of_circuits(self, distance, current):
+            np.testing.assert_array_equal(distance, DISTANCES)
+            np.testing.assert_array_equal(current, currents)
+            inductance = table.flux_linkage[:, :circuits, 1 : 1 + circuits].copy()
+            inductance[2] *= 1.2
+            motional = 2.0 * table.force[:, 0, 1 : 1 + circuits]
+            return MagneticState(np.zeros(len(DISTANCES)), 0.6 * motional, inductance)
+
+    error = fit_eddy(table, Off(), 0.01).error
+    fields = table.flux_linkage[:, :circuits, 1 : 1 + circuits]
+    assert error.static_force == pytest.approx(0.4)
+    assert error.static_inductance == pytest.approx(0.2 * fields[2].max() / fields.max())
+    assert fit_eddy(made_up(), Plain(), 0.01).error.static_force is None

@@ -225,3 +225,14 @@ def test_a_circuit_beyond_its_currents_keeps_its_inductance(fit):
     step = np.array([1e-4, 0.0])
     rise = magnetics.flux_linkage(d, np.array([9.0, 0.7]) + step) - magnetics.flux_linkage(d, [9.0, 0.7] - step)
     np.testing.assert_allclose(rise / 2e-4, far[:, 0], rtol=1e-6, atol=1e-9)
+
+
+def test_currents_swept_to_one_side_alone_are_said_of_windings_without_a_diode():
+    one_sided = fit_model(table(currents=np.linspace(0.0, 2.0, 5)))
+    assert one_sided.model.validity.current_limits_A.min() == 0.0
+    (note,) = (note for note in one_sided.notes if "one side of 0 A" in note)
+    assert f"currents of {NAMES[0]} to one side" in note  # the other one's driver has a diode
+
+
+def test_currents_swept_to_both_sides_are_not_spoken_of(fit):
+    assert not any("one side of 0 A" in note for note in fit.notes)
