@@ -171,7 +171,8 @@ def _turns(data: dict[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]:
         ]
         alone = sum(one.circuit == coil.circuit for one in actuator.coils) == 1
         key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
-        yield _share(key, "turns", coil.turns, *ends, effect="turns" if alone else "")
+        effect = "turns" if len(actuator.circuits) == 1 else f"turns:{coil.circuit}"
+        yield _share(key, "turns", coil.turns, *ends, effect=effect if alone else "")
 
 
 def _with(parts: tuple[Any, ...], place: int, part: Any) -> tuple[Any, ...]:

@@ -16,6 +16,7 @@ from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_fit import fit_circuits
 from femfit.fit.constants import COARSE
 from femfit.fit.eddy import conductivities, fit_eddy
+from femfit.fit.impedance_numbers import with_impedances
 from femfit.fit.misfit import as_written, import_notes
 from femfit.fit.model_parts import (
     circuits_of,
@@ -85,7 +86,8 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     )
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
     eddy = fit_eddy(table.eddy, model.magnetics)
-    model = replace(model, sample_time_s=period, eddy=eddy, drawn=conductivities(table.eddy, eddy))
+    drawn = with_impedances((), table.impedance_slopes, model.magnetics, eddy)
+    model = replace(model, sample_time_s=period, eddy=eddy, drawn=(*drawn, *conductivities(table.eddy, eddy)))
     model = replace(model, misfit=misfit_of_circuits(as_written(model), rows, _hall_values(table)))
     first_rows = FitRows(
         rows.distance, rows.currents[:, 0], rows.force, rows.flux_linkage[:, 0], None, rows.force_error, None

@@ -1,8 +1,8 @@
 r"""What the numbers of a drawing change of an impedance beside W'(d, i), as splines of the model.
 
-With dL/dp by the field at frequencies, and dL_0/dp by the number's own change of W', a model in which L(f) = g(f) L_0
-follows a small current has g^2 dL_0/dp already. Between frequencies the rest's ratio to g^2 is followed, which varies
-less than the rest dL/dp - g^2 dL_0/dp itself.
+With dL/dp by the field at frequencies, and dL_0/dp by the number's own change of W', a model of n circuits in which
+L(f) = g(f) L_0 follows small currents has g dL_0/dp g^T already, since L^-1 - L_0^-1 is of the eddy currents alone.
+Between frequencies g^-1 (dL/dp) g^-T is followed, which varies less than dL/dp itself.
 """
 
 from collections.abc import Sequence
@@ -13,6 +13,7 @@ from scipy.interpolate import make_interp_spline
 
 from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.device.drawn_numbers import NumberFacts
+from femfit.device.tolerance_defaults import KINDS
 from femfit.fit.constants import EDDY_PER_DECADE
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents
@@ -29,27 +30,28 @@ def with_impedances(
     drawn: Sequence[DrawnEffect], slopes: ImpedanceSlopes | None, magnetics: Magnetics, eddy: EddyCurrents | None
 ) -> tuple[DrawnEffect, ...]:
     """The drawing's numbers with what they change of the impedance, and those that change nothing else."""
-    if slopes is None or eddy is None or slopes.slopes.shape[-1] != 1:
+    if slopes is None or eddy is None or not eddy.circuits:
         return tuple(drawn)
     order = np.argsort(slopes.distances_m)
     distance, frequency = slopes.distances_m[order], spline_frequencies(slopes.frequencies_Hz)
-    inductance = magnetics.inductance(distance, np.zeros_like(distance))
+    inductance = magnetics.state_of_circuits(distance, np.zeros((len(distance), len(eddy.circuits)))).inductance
     follows = _following(inductance, distance, frequency, eddy)
     at_probes = _following(inductance, distance, slopes.frequencies_Hz, eddy)
+    before = np.asarray(np.linalg.inv(at_probes), dtype=np.complex128)
     known, found = {one.key: one for one in drawn}, list(drawn)
-    for number, by_number in zip(slopes.numbers, slopes.slopes[..., 0, 0][:, order], strict=True):
+    for number, by_number in zip(slopes.numbers, slopes.slopes[:, order], strict=True):
         if number.effect or number.kind == CONDUCTIVITY or not by_number.any():
             continue
         one = known.get(number.key) or _without_terms(number)
-        ratio = by_number / at_probes**2 - _static(one, distance)[:, None]
-        rest = follows**2 * _along(np.log(slopes.frequencies_Hz), ratio, np.log(frequency))
+        ratio = _turned(before, by_number) - _static(one, distance)[:, None, None, None]
+        rest = _turned(follows, _along(np.log(slopes.frequencies_Hz), ratio, np.log(frequency)))
         change = impedance_change(
             one.parameter,
             eddy.coordinate,
             distance,
             np.zeros(1),
             frequency,
-            2j * np.pi * frequency * rest[:, None],
+            2j * np.pi * frequency[:, None, None] * rest[:, None],
             share=not one.unit,
         )
         changed = replace(one, impedance=change)
@@ -58,19 +60,27 @@ def with_impedances(
 
 
 def _without_terms(number: NumberFacts) -> DrawnEffect:
-    return DrawnEffect(number.key, number.also, number.subject, number.value, number.unit, number.tolerance, ())
+    at_rest = KINDS[number.kind].at_rest
+    return DrawnEffect(
+        number.key, number.also, number.subject, number.value, number.unit, number.tolerance, (), at_rest=at_rest
+    )
 
 
 def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArray, eddy: EddyCurrents) -> ComplexArray:
-    """The share g at distances and frequencies, shape (d, f)."""
+    """The share g at distances and frequencies, shape (d, f, n, n)."""
     at = np.broadcast_to(distance[:, None], (len(distance), len(frequency)))
-    alone, share = inductance[:, None, None, None], np.ones_like(at, dtype=np.complex128)
-    induced = induced_impedance(alone, frequency, share, eddy, at)[..., 0, 0]
-    return np.asarray(induced / (2j * np.pi * frequency * inductance[:, None]))
+    alone, share = inductance[:, None], np.ones_like(at, dtype=np.complex128)
+    induced = induced_impedance(alone, frequency, share, eddy, at)
+    return np.asarray(induced @ np.linalg.inv(alone) / (2j * np.pi * frequency[:, None, None]))
+
+
+def _turned(g: ComplexArray, inductance: ComplexArray) -> ComplexArray:
+    """G L G^T."""
+    return np.asarray(g @ inductance @ np.swapaxes(g, -1, -2))
 
 
 def _static(drawn: DrawnEffect, distance: FloatArray) -> FloatArray:
-    """d^2(dW'/dp)/di^2 of a number without a current, in H per unit."""
+    """d^2(dW'/dp)/di^2 of a number without a current, in H per unit; of one circuit, which alone has such terms."""
     still, result = np.zeros_like(distance), np.zeros_like(distance)
     for term in drawn.terms:
         if term.coenergy is not None:

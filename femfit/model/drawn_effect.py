@@ -45,6 +45,8 @@ class DrawnEffect:
     terms: tuple[FieldTerm, ...]  # In proportion to :attr:`parameter`
     impedance: ImpedanceChange | None = None  # Beside what the terms make of it
     conducts: bool = False  # Whether it is the conductivity of all that conducts
+    # Whether fields at rest depend on it though the model has no terms for that: impedances tell it, nothing carries it
+    at_rest: bool = False
 
     @property
     def parameter(self) -> str:
@@ -74,7 +76,7 @@ class DrawnEffect:
             f"{shown} are those of a device in which {self.key} is another number.",
             (change,),
             Carried(
-                FieldChange(self.terms) if self.terms else None,
+                FieldChange(self.terms) if self.terms or self.at_rest else None,
                 impedance=self.impedance,
                 conductivity=Conductivity(self.parameter) if self.conducts else None,
             ),

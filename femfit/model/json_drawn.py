@@ -7,6 +7,7 @@ from femfit.model.json_carried import impedance_from, impedance_to, term_from, t
 from femfit.model.json_section import Section
 
 _TEXTS = ("key", "subject", "unit")
+_TRUTHS = ("conducts", "at_rest")
 
 
 def drawn_to(drawn: DrawnEffect) -> dict[str, Any]:
@@ -18,20 +19,20 @@ def drawn_to(drawn: DrawnEffect) -> dict[str, Any]:
         "tolerance": drawn.tolerance,
         "magnetics": [term_to(term) for term in drawn.terms],
         **({} if drawn.impedance is None else {"impedance": impedance_to(drawn.impedance)}),
-        **({"conducts": True} if drawn.conducts else {}),
+        **{key: True for key in _TRUTHS if getattr(drawn, key)},
     }
 
 
 def drawn_from(section: Section) -> DrawnEffect:
     """The number of :func:`drawn_to`."""
-    section.refuse_others((*_TEXTS, "also", "value", "tolerance", "magnetics", "impedance", "conducts"))
+    section.refuse_others((*_TEXTS, *_TRUTHS, "also", "value", "tolerance", "magnetics", "impedance"))
     also = section.data.get("also", [])
     if not isinstance(also, list) or not all(isinstance(one, str) for one in also):
         raise section.refusal("also", "a list of key paths")
     texts = {key: section.text(key) for key in _TEXTS}
     known, impedance = {parameter_name(texts["unit"])}, section.optional_section("impedance")
-    conducts = "conducts" in section.data and section.truth("conducts")
-    beside = (impedance or conducts) and section.data.get("magnetics") == []
+    truths = {key: key in section.data and section.truth(key) for key in _TRUTHS}
+    beside = (impedance or truths["conducts"]) and section.data.get("magnetics") == []
     terms = () if beside else section.sections("magnetics")
     return DrawnEffect(
         **texts,
@@ -40,5 +41,6 @@ def drawn_from(section: Section) -> DrawnEffect:
         tolerance=section.number("tolerance", positive=True),
         terms=tuple(term_from(one, known) for one in terms),
         impedance=impedance_from(impedance, known) if impedance else None,
-        conducts=conducts,
+        conducts=truths["conducts"],
+        at_rest=truths["at_rest"],
     )

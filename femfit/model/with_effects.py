@@ -213,6 +213,12 @@ def _seen_by(sensor: HallSensor, dynamics: EffectDynamics) -> HallSensor:
 def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, ...], nominal: Nominal) -> ActuatorModel:
     """A base model of several circuits with effects."""
     known = [one.effect.name for one in effects if not _of_circuits(one.effect)]
+    unseen = [one.key for one in base.drawn if one.at_rest and one.key in known]
+    if unseen:
+        raise MissingPartError(
+            f"{', '.join(unseen)} changes force and flux linkage as well as impedances, which model {base.name!r} of "
+            "several circuits does not take up. femfit calibrate finds the number and writes the drawing, to be swept."
+        )
     if known:
         raise MissingPartError(
             f"The effects {', '.join(known)} are of a device with one circuit; model {base.name!r} has "

@@ -3,9 +3,10 @@
 import pytest
 
 from femfit.device.drawn_faces import drawn_faces
-from femfit.device.drawn_numbers import read_numbers
+from femfit.device.drawn_numbers import numbers_from_toml, read_numbers
 from femfit.device.load import parse, read_text
 from support.actuators import GEOMETRY
+from support.eddy_pot import TWO_WINDINGS
 
 
 def _keys(name):
@@ -37,6 +38,11 @@ def test_what_the_catalogue_has_exactly_is_left_to_it():
     numbers = read_numbers(GEOMETRY / "voice-coil.toml")
     left = {number.facts.key: number.facts.effect for number in numbers if number.facts.effect}
     assert left == {"coils.voice.turns": "turns", "materials.n42.remanence_T": "remanence"}
+
+
+def test_turns_of_several_circuits_are_effects_of_each():
+    left = {one.facts.key: one.facts.effect for one in numbers_from_toml(TWO_WINDINGS) if one.facts.kind == "turns"}
+    assert left == {"coils.inner.turns": "turns:inner", "coils.outer.turns": "turns:outer"}
 
 
 @pytest.mark.parametrize("name", ["solenoid", "bearing", "voice-coil"])

@@ -137,13 +137,28 @@ def test_without_a_bias_no_circuit_carries_a_current(model, tmp_path):
     assert compare(model, said).verdict == "agrees"
 
 
-@pytest.mark.parametrize(
-    ("column", "given"), [("inductance_H", "inductance_H"), ("inductance_innner_H", "inductance_innner_H")]
-)
-def test_an_impedance_of_no_known_circuit_is_refused(model, tmp_path, column, given):
+def test_inductances_at_a_low_frequency_are_a_bench_s_channels_too(model, tmp_path):
+    d, i = (one.ravel() for one in np.meshgrid(np.linspace(0.016, 0.044, 6), [0.2, 0.8, 1.2], indexing="ij"))
+    inductance = model.magnetics.state(d, np.stack([i, i], axis=1)).inductance
+    rows = {"distance_m": d, "current_inner_A": i, "current_outer_A": i}
+    rows |= {"inductance_inner_H": inductance[:, 0, 0], "inductance_outer_inner_H": inductance[:, 0, 1]}
+    runs, generator = [], np.random.default_rng(2)
+    for run in (1, 2):
+        noisy = pd.DataFrame(rows).assign(run=run)
+        for name in ("inductance_inner_H", "inductance_outer_inner_H"):
+            noisy[name] += 1e-6 * generator.standard_normal(len(d))
+        runs.append(noisy)
+    pd.concat(runs).to_csv(tmp_path / "l.csv", index=False)
+    comparison = compare(model, tmp_path / "l.csv")
+    assert comparison.verdict == "agrees"
+    assert [one.rms for one in comparison.channels] == pytest.approx([1e-6, 1e-6], rel=0.35)  # of 36 readings
+
+
+@pytest.mark.parametrize("column", ["inductance_H", "inductance_innner_H"])
+def test_an_impedance_of_no_known_circuit_is_refused(model, tmp_path, column):
     path = bench(model, tmp_path / "z.csv", ("inner",))
     pd.read_csv(path).assign(**{column: 5e-3}).to_csv(path, index=False)
-    with pytest.raises(TableError, match=given) as refused:
+    with pytest.raises(TableError, match=column) as refused:
         compare(model, path)
     said = str(refused.value)
     assert "circuits inner, outer" in said

@@ -76,8 +76,8 @@ def swept(drawing: Drawing, directory: Path, measured: Measurement, workers: int
     model = fit_model(table).model
     if not model.drawn:
         raise TableError(
-            "The model of this drawing takes up no numbers of it: it has several circuits, or its sweep is too "
-            "small for a co-energy. Sweep more distances and currents."
+            "The model of this drawing takes up no numbers of it: it has several circuits and no frequencies, or its "
+            "sweep is too small for a co-energy. Sweep more distances and currents."
         )
     return Redrawn(drawing, table, model, whitening_beside(placed(model, measured)), sweeps)
 
