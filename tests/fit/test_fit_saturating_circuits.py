@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FitError, MissingPartError, ModelFileError
+from femfit.core.errors import FitError, MissingPartError, ModelFileError, SimulationError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
@@ -16,6 +16,7 @@ from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jaco
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
+from femfit.open_loop.simulate import simulate
 from support.bearing import NAMES, grid, table_of
 
 ENERGY, REACH, LEAK = 0.02, 0.6e-3, 0.15
@@ -236,3 +237,13 @@ def test_currents_swept_to_one_side_alone_are_said_of_windings_without_a_diode()
 
 def test_currents_swept_to_both_sides_are_not_spoken_of(fit):
     assert not any("one side of 0 A" in note for note in fit.notes)
+
+
+def test_a_simulation_that_reaches_inductances_that_are_not_positive_definite_is_refused(fit):
+    def motion(volts):
+        command = dict.fromkeys(NAMES, volts)
+        return simulate(fit.model, voltage_V=command, start_m=0.5e-3, duration_s=2e-3, outside="extrapolate")
+
+    assert motion(3.5).end_s == 2e-3
+    with pytest.raises(SimulationError, match="Keep it within the validity domain"):
+        motion(24.0)

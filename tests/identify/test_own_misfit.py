@@ -15,6 +15,7 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.decision.magnitude import detectable_magnitudes
 from femfit.identify.decision.naming import decide
+from femfit.identify.decision.own_misfit import also_allowed
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.magnetics import Coefficient, LawMagnetics
@@ -92,6 +93,14 @@ def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levi
     for text in (str(found), str(compared), str(suggest(model, data, found))):
         assert said in text
         assert "1.25 and 2.75 mm and the currents 0.35 A" in text
+
+
+def test_a_test_that_passes_beside_a_channel_beyond_its_noise_says_what_it_allows_for(levitation_model):
+    model, table = coarse(levitation_model)
+    observations = bench_observations(model, table(1))
+    text = also_allowed(observations, {"force_N": "the force by 5 N"})
+    assert text == f"the model's own misfit in any pattern, {amount(model.misfit.force_rms_N, 'N')} rms of the force"
+    assert also_allowed(observations, {}) == ""
 
 
 def test_a_law_is_to_be_replaced_by_the_co_energy_rather_than_swept_again(solenoid):

@@ -7,7 +7,13 @@ from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.lag_text import lag_lines
-from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
+from femfit.identify.decision.own_misfit import (
+    also_allowed,
+    beyond_own_misfit,
+    finer_model,
+    granted_channels,
+    own_misfit_sentence,
+)
 from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed, not_judged
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.signatures.columns import CHANGES_NOTHING
@@ -48,9 +54,12 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
     if diagnosis.own_misfit and granted_channels(diagnosis.observations, _left(diagnosis)[2]):
         lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
-    allowed = allowed_for(diagnosis.observations, noise)
-    if allowed and allowed not in "".join(lines):
-        lines.append(f"The test allows for {allowed}.")
+    allowed, after = [allowed_for(diagnosis.observations, noise)], diagnosis.lack_of_fit_after
+    if after and after.p_value > LEVEL_AFTER:
+        allowed.append(also_allowed(diagnosis.observations, _left(diagnosis)[2]))
+    allowed = [one for one in allowed if one and one not in "".join(lines)]
+    if allowed:
+        lines.append(f"The test allows for {' and for '.join(allowed)}.")
     skip = diagnosis.findings[-1] if diagnosis.verdict == "compare_only" else None
     return [*lines, *notes(tuple(f for f in diagnosis.findings if f is not skip)), *_could_show(diagnosis)]
 
