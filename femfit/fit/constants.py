@@ -177,8 +177,13 @@ EDDY_FREQUENCIES, EDDY_DISTANCES, EDDY_LOWEST_HZ = 13, 6, 1e-3
 """Numerical: frequencies over the drawing's range, from the lowest on, at which a model's eddy currents are held
 against the field's, and distances at which their combinations are found; they are held against all."""
 
-EDDY_STEPS = 25
-"""Numerical: of least squares for combinations of patterns, of the departures and then of their third powers."""
+EDDY_POWERS, EDDY_STEPS = (1, 1, 3, 3), 25
+"""Numerical: powers of the departures whose least squares the combinations of patterns have, one after the other, with
+what they add to the Hall field found anew before each; and steps of each."""
+
+EDDY_LOOSER, EDDY_SINGULAR = 3.0, 1e-4
+"""Assumed, numerical: how much less the Hall field of currents that motion induces counts, over its largest, than that
+of an ampere; smallest singular value, over the largest, of the responses that a Hall field is fitted with."""
 
 EDDY_FEWER = 0.55
 """Numerical: of the principal patterns that meet an error, how many combinations may do; the search begins there."""

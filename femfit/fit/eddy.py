@@ -40,7 +40,7 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
         return None
     low, high = table.frequencies_Hz[[0, -1]]
     frequencies = np.geomspace(max(low, EDDY_LOWEST_HZ), high, EDDY_FREQUENCIES)
-    combined = table.combined(StateChoice(table, frequencies).combinations(error or table.asked_error))
+    combined = StateChoice(table, frequencies).table(error or table.asked_error)
     middle = len(table.distances_m) // 2
     n = len(table.circuits)
     _, modes = np.linalg.eigh(-combined.flux_linkage[middle, n:, 1 + n :])  # the slowest first

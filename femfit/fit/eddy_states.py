@@ -6,6 +6,10 @@ resistances stay one, so that the model stays passive. T is found by least squar
 force and Hall field of an ampere over the frequencies, and the force of motion, each at some distances. The
 number r is the smallest that meets the error at all of them.
 
+What the combinations add to the Hall field is a reading, which no energy depends on. It need not be T^T of what the
+patterns add, and follows by linear least squares of the responses at each distance: so 8 states do on a solid pot
+magnet where 9 would not.
+
 References
 ----------
 S. Gugercin, A. C. Antoulas and C. Beattie, SIAM J. Matrix Anal. Appl. 30 (2008) 609: optimal reduced models as
@@ -13,13 +17,13 @@ projections.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from femfit.core.arrays import ComplexArray, FloatArray
-from femfit.fit.constants import EDDY_DISTANCES, EDDY_FEWER, EDDY_STEPS
+from femfit.fit.constants import EDDY_DISTANCES, EDDY_FEWER, EDDY_LOOSER, EDDY_POWERS, EDDY_SINGULAR, EDDY_STEPS
 from femfit.tables.eddy_table import EddyTable
 
 
@@ -27,11 +31,54 @@ from femfit.tables.eddy_table import EddyTable
 class _Place:
     """One distance: what the patterns do there, and what all of them together do at the frequencies."""
 
+    s: ComplexArray  # 2 pi j f, and zero before, shape (f,)
     among: FloatArray  # N, shape (q, q)
     seen: FloatArray  # What each pattern gives to flux linkages, forces and Hall field, shape (q, k)
     driven: FloatArray  # What drives each pattern: flux linkages with the circuits and, by motion, the pull; (q, l)
     size: FloatArray  # Of each response at each frequency, shape (f, k, l)
     target: ComplexArray  # The responses; shape (f, k, l)
+    own: int  # Of k, how many do not follow from the energy: the last ones, of the Hall field
+
+    def departures(self, combinations: FloatArray) -> ComplexArray:
+        """Of the responses by combinations, over their sizes, shape (f, k, l)."""
+        turned = orthonormal(combinations)
+        found = np.einsum("rk,frl->fkl", turned.T @ self.seen, self._driven(turned))
+        return np.asarray((found - self.target) / self.size)
+
+    def slopes(self, combinations: FloatArray) -> ComplexArray:
+        """Of the departures along each entry of combinations T, shape (f, k, l, q, r).
+
+        With the response S^T T A^-1 T^T D, A = T^T B T and B = 1 + s N, the change by dT is
+        (S - B T Y)^T dT X + Y^T dT^T (D - B T X) with X = A^-1 T^T D and Y = A^-1 T^T S.
+        """
+        bent = combinations + self.s[:, None, None] * (self.among @ combinations)  # B T, (f, q, r)
+        inner = combinations.T @ bent
+        x, y = (np.linalg.solve(inner, (combinations.T @ one)[None]) for one in (self.driven, self.seen))
+        left, right = self.seen - bent @ y, self.driven - bent @ x
+        slopes = np.einsum("fqk,frl->fklqr", left, x) + np.einsum("frk,fql->fklqr", y, right)
+        return np.asarray(slopes / self.size[..., None, None])
+
+    def read(self, combinations: FloatArray) -> "_Place":
+        """The same with the Hall field that fits best what orthonormal combinations (q, r) add to it."""
+        if not self.own:
+            return self
+        target, size = self.target[:, -self.own :], self.size[:, -self.own :]
+        moved = np.abs(target).max(axis=0, keepdims=True)  # of what motion drives
+        size = np.where(np.isfinite(size), size, np.where(moved > 0.0, EDDY_LOOSER * moved, np.inf))
+        rows = self._driven(combinations).swapaxes(1, 2)[:, None] / size[..., None]  # (f, own, l, r)
+        seen = combinations.T @ self.seen[:, -self.own :]
+        for k in range(self.own):
+            a = rows[:, k].reshape(-1, combinations.shape[1])
+            off = (target[:, k] / size[:, k]).ravel() - a @ seen[:, k]
+            real = np.concatenate([a.real, a.imag]), np.concatenate([off.real, off.imag])
+            seen[:, k] += np.linalg.lstsq(*real, rcond=EDDY_SINGULAR)[0]
+        return replace(self, seen=np.concatenate([self.seen[:, : -self.own], combinations @ seen], axis=1))
+
+    def _driven(self, turned: FloatArray) -> ComplexArray:
+        """(1 + s T^T N T)^-1 T^T D, shape (f, r, l)."""
+        rates, vectors = np.linalg.eigh(turned.T @ self.among @ turned)
+        gain = 1.0 / (1.0 + self.s[:, None] * rates)
+        return np.asarray(vectors @ (gain[..., None] * (vectors.T @ turned.T @ self.driven)))
 
 
 class StateChoice:
@@ -41,8 +88,22 @@ class StateChoice:
         self._table, self._s = table, 2j * np.pi * np.concatenate([[0.0], frequencies])
         self._places = [self._place(k) for k in range(len(table.distances_m))]
 
-    def combinations(self, error: float) -> FloatArray:
-        """T, shape (q, r), with the fewest columns that meet a relative error; all patterns where none does."""
+    def table(self, error: float) -> EddyTable:
+        """Of the fewest combinations that meet a relative error; of all patterns where none does."""
+        combinations = self._combinations(error)
+        table = self._table.combined(combinations)
+        if table.hall is None:
+            return table
+        hall = [one.read(combinations).seen[:, -1] @ combinations for one in self._places]
+        return replace(table, hall=np.concatenate([table.hall[:, : -combinations.shape[1]], hall], axis=1))
+
+    def error(self, combinations: FloatArray) -> float:
+        """The largest relative departure at any distance and frequency, of orthonormal combinations."""
+        found = (one.read(combinations).departures(combinations) for one in self._places)
+        return float(max(np.abs(one).max(initial=0.0) for one in found))
+
+    def _combinations(self, error: float) -> FloatArray:
+        """T, shape (q, r)."""
         unit = np.eye(self._table.patterns)
         plain = (count for count in range(1, len(unit)) if self.error(unit[:, :count]) <= error)
         most = next(plain, len(unit))
@@ -58,55 +119,38 @@ class StateChoice:
                 return found
         return unit[:, :most]
 
-    def error(self, combinations: FloatArray) -> float:
-        """The largest relative departure at any distance and frequency."""
-        return float(max(np.abs(self._departures(one, combinations)).max(initial=0.0) for one in self._places))
-
     def _optimal(self, count: int) -> FloatArray:
         """So many combinations with the least squares of the departures, then of their third powers."""
         chosen = [self._places[k] for k in spread(len(self._places), EDDY_DISTANCES)]
-        q = self._table.patterns
+        whole = np.eye(self._table.patterns)
+        for power in EDDY_POWERS:
+            now, others = whole[:, :count], whole[:, count:]
+            read = [one.read(now) for one in chosen]
+            whole = np.linalg.qr(now + others @ self._better(read, now, others, power), mode="complete")[0]
+        return whole[:, :count]
+
+    def _better(self, places: Sequence[_Place], now: FloatArray, others: FloatArray, power: int) -> FloatArray:
+        """X, of combinations now + others X with the least squares of the departures' power."""
+        shape = others.shape[1], now.shape[1]
 
         def both(values: Sequence[ComplexArray]) -> FloatArray:
             flat = np.concatenate([one.reshape(-1, *one.shape[3:]) for one in values])
             return np.concatenate([flat.real, flat.imag])
 
-        def residuals(x: FloatArray, power: int) -> FloatArray:
-            found = both([self._departures(one, x.reshape(q, count)) for one in chosen])
-            return np.asarray(found * (np.abs(found) / scale) ** (power - 1))
+        def departures(x: FloatArray) -> FloatArray:
+            return both([one.departures(now + others @ x.reshape(shape)) for one in places]) / scale
 
-        def jacobian(x: FloatArray, power: int) -> FloatArray:
-            combinations = x.reshape(q, count)
-            found = both([self._departures(one, combinations) for one in chosen])
-            slopes = both([self._slopes(one, combinations) for one in chosen])
-            return np.asarray(power * (np.abs(found) / scale)[:, None] ** (power - 1) * slopes)
+        def residuals(x: FloatArray) -> FloatArray:
+            found = departures(x)
+            return np.asarray(found * np.abs(found) ** (power - 1))
 
-        x, scale = np.eye(q)[:, :count].ravel(), 1.0
-        for power in (1, 3):
-            scale = float(np.abs(residuals(x, 1)).max())
-            x = np.asarray(least_squares(residuals, x, jacobian, max_nfev=EDDY_STEPS, args=(power,)).x)
-        return orthonormal(x.reshape(q, count))
+        def jacobian(x: FloatArray) -> FloatArray:
+            slopes = both([others.T @ one.slopes(now + others @ x.reshape(shape)) for one in places]) / scale
+            return np.asarray(power * np.abs(departures(x))[:, None] ** (power - 1) * slopes.reshape(len(slopes), -1))
 
-    def _slopes(self, place: _Place, combinations: FloatArray) -> ComplexArray:
-        """Of the departures along each entry of combinations T, shape (f, k, l, q r).
-
-        With the response S^T T A^-1 T^T D, A = T^T B T and B = 1 + s N, the change by dT is
-        (S - B T Y)^T dT X + Y^T dT^T (D - B T X) with X = A^-1 T^T D and Y = A^-1 T^T S.
-        """
-        bent = combinations + self._s[:, None, None] * (place.among @ combinations)  # B T, (f, q, r)
-        inner = combinations.T @ bent
-        x, y = (np.linalg.solve(inner, (combinations.T @ one)[None]) for one in (place.driven, place.seen))
-        left, right = place.seen - bent @ y, place.driven - bent @ x
-        slopes = np.einsum("fqk,frl->fklqr", left, x) + np.einsum("frk,fql->fklqr", y, right)
-        return np.asarray(slopes.reshape(*slopes.shape[:3], -1) / place.size[..., None])
-
-    def _departures(self, place: _Place, combinations: FloatArray) -> ComplexArray:
-        turned = orthonormal(combinations)
-        rates, vectors = np.linalg.eigh(turned.T @ place.among @ turned)
-        turned = turned @ vectors
-        gain = 1.0 / (1.0 + self._s[:, None] * rates)
-        got = np.einsum("rk,fr,rl->fkl", turned.T @ place.seen, gain, turned.T @ place.driven)
-        return np.asarray((got - place.target) / place.size)
+        x, scale = np.zeros(shape).ravel(), 1.0
+        scale = float(np.abs(departures(x)).max()) or 1.0
+        return np.asarray(least_squares(residuals, x, jacobian, max_nfev=EDDY_STEPS).x.reshape(shape))
 
     def _place(self, k: int) -> _Place:
         table, n = self._table, 1 + len(self._table.circuits)
@@ -118,7 +162,7 @@ class StateChoice:
         rates, vectors = np.linalg.eigh(0.5 * (among + among.T))
         gain = 1.0 / (1.0 + self._s[:, None] * rates)
         target = np.einsum("rk,fr,rl->fkl", vectors.T @ seen, gain, vectors.T @ driven)
-        return _Place(among, seen, driven, self._sizes(k, target), target)
+        return _Place(self._s, among, seen, driven, self._sizes(k, target), target, hall.shape[1])
 
     def _sizes(self, k: int, target: FloatArray) -> FloatArray:
         """What departures are relative to: the whole response to a current, and that to motion when it is slow."""

@@ -66,6 +66,22 @@ def test_the_error_that_is_asked_for_is_met_with_fewer_states_where_it_is_larger
     assert eddy.count <= {0.1: 4, 0.01: 6, 0.001: 9}[error]
 
 
+def test_the_hall_field_of_the_states_is_the_one_that_fits_best():
+    table = made_up()
+    choice = StateChoice(table, FREQUENCIES)
+    found = choice.table(0.02)
+    held = table.patterns  # what the same combinations of the patterns' own Hall fields would be off
+    projected = table.combined(choice._combinations(0.02))
+    assert found.patterns == projected.patterns < held
+    off = np.zeros((2, len(DISTANCES)))
+    for k in range(len(DISTANCES)):
+        exact = table.transfers(k, FREQUENCIES)
+        off[:, k] = [one.transfers(k, FREQUENCIES).departures(exact)[:, 2].max() for one in (found, projected)]
+    assert off[0].max() <= 0.02
+    assert off[0].max() < 0.7 * off[1].max()
+    assert found.flux_linkage == pytest.approx(projected.flux_linkage)  # and the energy is what it was
+
+
 def test_as_many_states_are_kept_as_there_are_patterns_where_the_error_needs_them():
     assert fit_eddy(made_up(patterns=3), Plain(), 1e-9).count == 3
 
@@ -121,8 +137,8 @@ def test_slopes_of_the_departures_are_their_derivatives():
     rng = np.random.default_rng(2)
     place, combinations = choice._places[2], np.eye(12)[:, :4] + 0.1 * rng.normal(size=(12, 4))
     change = 1e-6 * rng.normal(size=(12, 4))
-    above, below = (choice._departures(place, combinations + side * change) for side in (1.0, -1.0))
-    along = choice._slopes(place, combinations) @ change.ravel()
+    above, below = (place.departures(combinations + side * change) for side in (1.0, -1.0))
+    along = (place.slopes(combinations) * change).sum(axis=(-2, -1))
     assert along == pytest.approx((above - below) / 2.0, rel=1e-6, abs=1e-12)
 
 
