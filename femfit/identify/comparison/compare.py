@@ -17,7 +17,7 @@ from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.constants import WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.naming import decide
+from femfit.identify.decision.naming import Decision, decide, fails_surely, lack_of_fit, times_own
 from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
@@ -247,13 +247,11 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     if isinstance(campaign, Finding):
         noise, findings = estimate_noise(observations), [campaign]
         whitening = Whitening(observations, noise or scatter_as_noise(observations), chains_of(observations))
-        decision, verdict = None, "compare_only"
+        test, times, verdict = None, math.inf, "compare_only"
     else:
         noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
-        decision = decide(campaign)
-        verdict = (
-            "fails" if decision.verdict != "nothing_missing" else "wrong_shape" if decision.own_misfit else "agrees"
-        )
+        test, times = lack_of_fit(campaign), times_own(campaign)
+        verdict = "fails" if fails_surely(campaign) else _searched(decide(campaign))
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
     floor = {one.channel: one.noise_floor for one in channels}
     beyond = beyond_noise(observations, noise, {one.channel: one.rms for one in channels})
@@ -262,17 +260,23 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         verdict=cast("CompareVerdict", verdict),
         channels=channels,
         where=agrees if verdict == "agrees" else where_it_fails(observations, whitening),
-        p_value=decision.lack_of_fit.p_value if decision else None,
-        structure=decision.lack_of_fit if decision else None,
+        p_value=test.p_value if test else None,
+        structure=test,
         noise=noise,
         shape=shape_misfit(model, floor.get("force_N")),
-        times_own=decision.times_own if decision else math.inf,
+        times_own=times,
         maps=misfit_maps(observations),
         observations=observations,
         model=model,
         findings=(*observations.findings, *findings),
         filter=filtered(model, data) if isinstance(data, TimeSeries) else None,
     )
+
+
+def _searched(decision: Decision) -> CompareVerdict:
+    if decision.verdict != "nothing_missing":
+        return "fails"
+    return "wrong_shape" if decision.own_misfit else "agrees"
 
 
 def _channel(observations: Observations, noise: NoiseModel | None, name: str) -> ChannelMisfit:

@@ -12,7 +12,7 @@ from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
 from femfit.identify.decision.diagnosis import Verdict
 from femfit.identify.decision.proposals import Explanation
-from femfit.identify.decision.search import Posterior, explain
+from femfit.identify.decision.search import Posterior, explain, most_of_nothing
 from femfit.identify.refit.refit import is_plausible
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
@@ -49,6 +49,22 @@ class Decision:
         return tuple(ranked(fits, lambda one: one.log_evidence, ROUNDING))
 
 
+def lack_of_fit(campaign: Campaign) -> LackOfFit:
+    """The lack of fit before anything is added."""
+    return campaign.patterns.test(campaign.whitened_residual)
+
+
+def times_own(campaign: Campaign) -> float:
+    """The model's misfit beyond noise over that to its table; infinite where that is none."""
+    known = campaign.known_misfit
+    return float(np.sqrt(campaign.misfit_as_recorded / known)) if known > 0.0 else np.inf
+
+
+def fails_surely(campaign: Campaign) -> bool:
+    """Whether something is missing, whatever a search for its name would find."""
+    return most_of_nothing(campaign) <= NOTHING_MISSING and not _as_its_own(campaign)
+
+
 def decide(campaign: Campaign) -> Decision:
     """Name what is missing, or say that nothing or nothing known is."""
     posterior = explain(campaign)
@@ -58,9 +74,7 @@ def decide(campaign: Campaign) -> Decision:
     else:
         verdict = max((word for word in _KINDS if word != "nothing_missing"), key=lambda word: probability[word])
     unknown = _KINDS[verdict][1]
-    test = campaign.patterns.test(campaign.whitened_residual)
-    known = campaign.known_misfit
-    times = float(np.sqrt(campaign.misfit_as_recorded / known)) if known > 0.0 else np.inf
+    test, times = lack_of_fit(campaign), times_own(campaign)
     chosen, after, near = None, None, list[frozenset[str]]()
     if _KINDS[verdict][0]:
         near = _near(posterior, unknown)

@@ -212,12 +212,22 @@ class _SeriesPrediction:
     def _at(self, effects: Sequence[AddedEffect], shift: float) -> FloatArray:
         values: dict[str, FloatArray] = {}
         base = self.model.without_effects
-        for view, coenergy, side in zip(self.views, self._coenergies, (model_balances, model_readings), strict=True):
+        for view, coenergy, side, seen in zip(
+            self.views, self._coenergies, (model_balances, model_readings), self._seen, strict=True
+        ):
+            if not seen:
+                continue
             motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
             values |= side(base, coenergy, motion, view.weights, effects)
         if shift and REST in values:
             values[REST] = values[REST] - shift  # what is recorded there is the distance itself
         return self.stacked(values)
+
+    @cached_property
+    def _seen(self) -> tuple[bool, bool]:
+        """Whether any balance, and any sensor, was recorded."""
+        balances = {FORCE_BALANCE, *voltage_balances(self.model.without_effects)}
+        return bool(self.rows.keys() & balances), bool(self.rows.keys() - balances)
 
     @cached_property
     def _without(self) -> FloatArray:
