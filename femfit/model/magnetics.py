@@ -237,13 +237,22 @@ class LawMagnetics(Magnetics):
                 columns[a] = -self._higher_columns(distance, a)
         result = []
         for a, b in orders:
-            weights = np.polynomial.polynomial.polyder(self._powers, b, axis=1) if b else self._powers
-            coefficient = np.polynomial.polynomial.polyval(current, weights.T)  # (columns, n)
+            coefficient = np.polynomial.polynomial.polyval(current, self._slopes(b))  # (columns, n)
             value = np.einsum("nk,kn->n", columns[a], coefficient)
             if a == 0:
                 value = value + self._constant_part(current, b)
             result.append(value)
         return result
+
+    def _slopes(self, order: int) -> FloatArray:
+        """The coefficients' derivatives in the current, shape (powers, columns); worked out once."""
+        while len(self._known_slopes) <= order:
+            self._known_slopes.append(np.asarray(np.polynomial.polynomial.polyder(self._known_slopes[-1])))
+        return self._known_slopes[order]
+
+    @cached_property
+    def _known_slopes(self) -> list[FloatArray]:
+        return [self._powers.T]
 
     def _higher_columns(self, distance: FloatArray, order: int) -> FloatArray:
         """Derivative of order - 1 >= 1 of the columns in d; from 2 on by differences of the law's own gradient.

@@ -63,9 +63,18 @@ class LinearController:
     order: int  # Of the plant, all of whose states are the readings where the state is known exactly
 
     def response(self, z: ComplexArray) -> ComplexArray:
-        """Commands over readings, of shape (frequencies, n, sensors)."""
-        inner = np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, self.B + 0j)
-        return np.asarray(self.C @ inner + self.D)
+        """Commands over readings, of shape (frequencies, n, sensors).
+
+        Of the commands on their way only the oldest acts, which is the newest so many samples ago: u solves
+        u = H z^-(latency + 1) u + K y with the small loop of observer and controller alone.
+        """
+        n, late = len(self.C), self.latency + 1
+        own, oldest = slice(0, len(self.A) - n * late), slice(len(self.A) - n, None)
+        inputs = np.concatenate([self.A[own, oldest], self.B[own]], axis=1)
+        states = np.linalg.solve(z[:, None, None] * np.eye(len(inputs)) - self.A[own, own], inputs + 0j)
+        both = self.C[:, own] @ states + np.concatenate([self.C[:, oldest], self.D], axis=1)
+        again = np.eye(n) - both[..., :n] * z[:, None, None] ** -late
+        return np.asarray(np.linalg.solve(again, both[..., n:]))
 
 
 def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[LoopSensor]) -> LinearPlant:
