@@ -23,7 +23,7 @@ CONVERGED = (
     (0.030, 0.0045700, 0.0046488, 2.745e-8, 0.0028688),
     (0.040, 0.0011833, 0.0025463, 9.18e-9, 0.0012600),
 )
-CHEBYSHEV_NODES = 24
+CHEBYSHEV_NODES = 12
 
 
 @cache
@@ -87,7 +87,7 @@ def test_reciprocity_holds():
 
 
 def test_force_is_smooth_on_a_stretched_mesh():
-    # A polynomial through 24 nodes predicts points between them: no remeshing jump, F(d) is analytic.
+    # A polynomial through 12 nodes predicts points between them: no remeshing jump, F(d) is analytic.
     nodes, solutions = solution_at_chebyshev_nodes()
     curve = chebyshev([s.force[0] for s in solutions], nodes)
     settings, actuator = SolverSettings(), paper_actuator()
@@ -191,6 +191,7 @@ def test_plunger_is_pulled_with_the_square_of_the_current():
     assert prepared(actuator, 0.005).layout.stretchable is False
 
 
+@pytest.mark.long  # of a plunger that saturates too: test_device_kinds.py
 def test_plungers_force_is_the_slope_of_its_inductance():
     # Remeshed at every distance, so a central difference over 0.2 mm instead of a Chebyshev derivative.
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")

@@ -27,7 +27,7 @@ def drawn(distances):
 
 def solved(actuator, distance, currents):
     """Columns of the sweep's table at a distance."""
-    settings = SolverSettings()
+    settings = SolverSettings(order=3)  # of both sides alike
     return LinearActuator(actuator, (distance,), layout_of(actuator, settings), settings, estimate=False).rows(
         distance, currents
     )
