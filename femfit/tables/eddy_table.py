@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from femfit.core.amount import amount, counted
-from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.core.arrays import ComplexArray, FloatArray, IntArray
 from femfit.tables.array_file import read_arrays, write_arrays
 
 NAME = "eddy.npz"
@@ -145,6 +145,18 @@ class EddyTable:
         """
         e = self.induced(k, frequencies) @ currents
         return np.asarray(np.einsum("fj,mjk,fk->fm", e.conj(), self.resistances, e).real)
+
+    def at(self, places: IntArray) -> "EddyTable":
+        """The table at some of its distances."""
+        return replace(
+            self,
+            distances_m=self.distances_m[places],
+            force=self.force[places],
+            flux_linkage=self.flux_linkage[places],
+            hall=None if self.hall is None else self.hall[places],
+            bias_A=None if self.bias_A is None else self.bias_A[places],
+            rest=None if self.rest is None else self.rest[places],
+        )
 
     def combined(self, combinations: FloatArray) -> "EddyTable":
         """The table of orthonormal combinations (q, r) of the patterns."""

@@ -82,6 +82,21 @@ def test_the_hall_field_of_the_states_is_the_one_that_fits_best():
     assert found.flux_linkage == pytest.approx(projected.flux_linkage)  # and the energy is what it was
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("kept", [(0, 3, 6), (0, 2, 4, 6), (0, 1, 4, 6), (0, 2, 3, 5, 6)])
+def test_the_stated_error_holds_what_the_splines_miss_between_the_distances(kept, seed):
+    table = made_up(patterns=4, seed=seed)
+    fewer, left = table.at(np.array(kept)), [k for k in range(len(DISTANCES)) if k not in kept]
+    magnetics = Plain()
+    magnetics.coordinate = DistanceCoordinate(1e-3, inverse=False)  # in which the field bends
+    eddy = fit_eddy(fewer, magnetics, 1e-9)
+    model = as_table(eddy, table)
+    off = [model.transfers(k, FREQUENCIES).departures(table.transfers(k, FREQUENCIES)) for k in left]
+    told = np.array([eddy.error.impedance, eddy.error.force, eddy.error.hall]) / np.max(off, axis=(0, 1))
+    assert (told > 0.4).all()
+    assert (told < 10.0).all()  # a force's slope happens to be missed by little half-way
+
+
 def test_as_many_states_are_kept_as_there_are_patterns_where_the_error_needs_them():
     assert fit_eddy(made_up(patterns=3), Plain(), 1e-9).count == 3
 

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from support import pot_transfers
 from support import validation_cases as cases
 from support.exact import axis_field_of_cylinder
 from support.reference import REFERENCE, needs_reference
@@ -56,6 +57,11 @@ def test_the_page_says_what_is_computed(name):
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if not row.default])
 def test_the_page_says_what_takes_longer_to_compute(name):
     check(name)
+
+
+@pytest.mark.long
+def test_the_solid_pot_has_as_many_states_as_the_page_says():
+    assert pot_transfers.states() == 8
 
 
 @needs_reference

@@ -32,9 +32,9 @@ def step_of_windings(inductances, resistances, volts, times):
     return currents[:, 0], currents @ inductances[0]
 
 
-def mesh_for(actuator, distance, highest_Hz):
+def mesh_for(actuator, distance, highest_Hz, order=ORDER):
     """A mesh with the moving part at a distance in m, whose elements resolve the skin at a frequency."""
-    settings = SolverSettings(order=ORDER, skin_frequency_Hz=highest_Hz)
+    settings = SolverSettings(order=order, skin_frequency_Hz=highest_Hz)
     return MovingMesh(actuator, (distance,), layout_of(actuator, settings), settings)
 
 
