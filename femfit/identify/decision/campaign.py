@@ -77,9 +77,9 @@ class Campaign:
 NO_NOISE = Finding(
     "no-noise",
     "warning",
-    "The noise is unknown: no settings were measured twice, none is declared, and too few readings stand on lines of "
-    "one distance or current to guess it from their smoothness.",
-    "Measure some settings twice, or declare the noise: --noise force_N=2e-4.",
+    "The noise is unknown: none is declared, repeats are missing or too few to tell it from offsets between runs, and "
+    "too few readings stand on lines of one distance or current to guess it from their smoothness.",
+    "Measure some settings twice in one run, or declare the noise: --noise force_N=2e-4.",
 )
 TOO_FEW = Finding(
     "too-few-readings",
@@ -168,10 +168,11 @@ def guessed_noises(noise: NoiseModel) -> list[Finding]:
     names = [CHANNEL_WORDS[name] for name, source in noise.source.items() if source == "guess"]
     said = ", ".join(f"{words} {sigma}" for words, sigma in zip(names, guesses, strict=True))
     text = (
-        "No settings were measured twice and no noise is declared. The noise of one reading was guessed, on the wide "
-        f"side, from how smoothly the misfit runs from setting to setting: {said}. All of this rests on it."
+        "No noise is declared, and repeats are missing or too few to tell it from offsets between runs. The noise of one "
+        f"reading was guessed, on the wide side, from how smoothly the misfit runs from setting to setting: {said}. All "
+        "of this rests on it."
     )
-    remedy = "Measure some settings twice, or declare the noise with --noise CHANNEL=STANDARD DEVIATION."
+    remedy = "Measure some settings twice in one run, or declare the noise with --noise CHANNEL=STANDARD DEVIATION."
     return [Finding("guessed-noise", "warning", text, remedy)]
 
 
