@@ -168,9 +168,9 @@ def guessed_noises(noise: NoiseModel) -> list[Finding]:
     names = [CHANNEL_WORDS[name] for name, source in noise.source.items() if source == "guess"]
     said = ", ".join(f"{words} {sigma}" for words, sigma in zip(names, guesses, strict=True))
     text = (
-        "No noise is declared, and repeats are missing or too few to tell it from offsets between runs. The noise of one "
-        f"reading was guessed, on the wide side, from how smoothly the misfit runs from setting to setting: {said}. All "
-        "of this rests on it."
+        "No noise is declared, and repeats are missing or too few to tell it from offsets between runs. The noise of "
+        "one reading was guessed, on the wide side, from how smoothly the misfit runs from setting to setting: "
+        f"{said}. All of this rests on it."
     )
     remedy = "Measure some settings twice in one run, or declare the noise with --noise CHANNEL=STANDARD DEVIATION."
     return [Finding("guessed-noise", "warning", text, remedy)]
