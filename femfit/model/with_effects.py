@@ -268,7 +268,9 @@ def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Ed
     if base.eddy is None:
         return None
     magnets, *currents = source_scales(effects, base.eddy.circuits)
-    found = base.eddy.scaled(magnets, np.array(currents))
+    found = base.eddy
+    if any(scale != 1.0 for scale in (magnets, *currents)):
+        found = found.scaled(magnets, np.array(currents))
     for one in effects:
         if one.effect.eddy is not None:
             found = replace(found, resistances_ohm=found.resistances_ohm * one.effect.eddy(one.parameters))

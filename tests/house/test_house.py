@@ -41,7 +41,7 @@ NO_DECISION = {
     "identify/comparison/curves.py": "what a picture shows",
     "identify/comparison/misfit_maps.py": "what a picture shows",
     "identify/decision/diagnosis_text.py": "how many names a sentence lists",
-    "identify/series/balances.py": "orders of a Taylor series that is kept for use again",
+    "identify/series/balances.py": "orders of a Taylor series, and how many motions, that are kept for use again",
 }
 
 

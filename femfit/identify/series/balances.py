@@ -17,8 +17,8 @@ References
 G. E. Blelloch, IEEE Transactions on Computers 38 (1989) 1526: linear recurrences as prefix sums.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -40,9 +40,10 @@ from femfit.effects.stages import (
 from femfit.effects.stop_position import REST
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.constants import SLOWEST
-from femfit.identify.series.eddies import eddies_along, pull_of
+from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.eddy_magnetics import acting
 from femfit.model.with_effects import eddy_with_sources, with_sources
 
@@ -83,10 +84,10 @@ class _Point:
 
 
 def model_balances(
-    base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
+    points: "RememberedPoints", motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
     """The right sides of the balances, each of shape (w,): of force with a motion, of voltage with a circuit."""
-    point, result = _excited(base, coenergy, motion, effects), {}
+    base, point, result = points.base, points.at(motion, effects), {}
     if base.motion is not None:
         share, inertia = _inertia(base.motion, motion, weights, point.distance, effects)
         result[FORCE_BALANCE] = share * (weights.mean @ point.force) + inertia
@@ -97,13 +98,13 @@ def model_balances(
 
 
 def model_readings(
-    base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
+    points: "RememberedPoints", motion: Motion, weights: Weights, effects: Sequence[AddedEffect]
 ) -> dict[str, FloatArray]:
     """What the sensors read, each of shape (w,): ``force_N``, a sensor's ``hall_V``, a motion's ``rest_distance_m``.
 
     Where a body rests, the recorded distance is that of the stop less the error of the recorded distance.
     """
-    point = _excited(base, coenergy, motion, effects)
+    base, coenergy, point = points.base, points.coenergy, points.at(motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None and point.series is not None:
         field = hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
@@ -118,17 +119,18 @@ def model_readings(
     return {name: weights.mean @ reading for name, reading in readings.items()}
 
 
-def _excited(base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
-    at = motion.at
+def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
+    base, coenergy, at = points.base, points.coenergy, motion.at
     d, i = true_setting(effects, motion.distance_m, motion.current_A, at)
     eddy = eddy_with_sources(base, effects)
     if at.nominal.circuits:
         magnetics, u, pull = with_sources(base, effects), i, np.zeros_like(d)
         if eddy is not None:
             inductance = magnetics.slopes_of_circuits(d, i).inductance
-            induced = eddies_along(eddy, motion.time_s, motion.first, d, magnetics.flux_linkage(d, i), inductance)
-            u = acting(i, eddy.forms(d)[0].coupling, induced)
-            pull = pull_of(eddy, d, magnetics.flux_linkage(d, u), induced)
+            along = points.eddies(eddy, d)
+            induced = induced_along(along, motion.time_s, motion.first, magnetics.flux_linkage(d, i), inductance)
+            u = acting(i, along.forms.coupling, induced)
+            pull = pull_of(along, magnetics.flux_linkage(d, u), induced)
         force = with_further_force(effects, magnetics.force(d, u) + pull, d, _first(i), at)
         return _Point(d, i, at, force, magnetics.flux_linkage(d, u), None)
     constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
@@ -136,16 +138,17 @@ def _excited(base: ActuatorModel, coenergy: CoenergySeries, motion: Motion, effe
     for added in effects:
         memory |= states_along(added, motion.time_s, d, i, constant, at, motion.first)
     at = replace(at, memory=memory)
-    changed, u = changed_coenergy(coenergy, effects, at), i
-    pull, seen = np.zeros((2, *d.shape))
+    changed = changed_coenergy(coenergy, effects, at)
     if eddy is not None:
         still = changed(d, i, 0, 2)
         flux, inductance = still.derivative(0, 1)[:, None], still.derivative(0, 2)[:, None, None]
-        induced = eddies_along(eddy, motion.time_s, motion.first, d, flux, inductance)
-        (forms,), ((_, own),) = eddy.forms(d), eddy.seen(d)
-        u, seen = acting(i[:, None], forms.coupling, induced)[:, 0], (own * induced).sum(axis=1)
-        pull = pull_of(eddy, d, changed(d, u, 0, 1).derivative(0, 1)[:, None], induced)
-    series = changed(d, u, 1, 1)
+        along = points.eddies(eddy, d)
+        induced = induced_along(along, motion.time_s, motion.first, flux, inductance)
+        u = acting(i[:, None], along.forms.coupling, induced)[:, 0]
+        series, seen = changed(d, u, 1, 1), (along.seen_T_per_A * induced).sum(axis=1)
+        pull = pull_of(along, series.derivative(0, 1)[:, None], induced)
+    else:
+        series, pull, seen = changed(d, i, 1, 1), np.zeros_like(d), np.zeros_like(d)
     at = replace(at, motional_V=-series.derivative(1, 1) * np.asarray(at.velocity_m_s))
     force = with_further_force(effects, -series.derivative(1, 0) + pull, d, i, at)
     return _Point(d, i, at, force, series.derivative(0, 1)[:, None], series, seen)
@@ -264,3 +267,46 @@ class RememberedCoenergy:
         if d is self.distance and i is self.current and in_distance <= _ORDERS[0] and in_current <= _ORDERS[1]:
             return self._series.truncated(in_distance, in_current)
         return self.coenergy(d, i, in_distance, in_current)
+
+
+_LAST_POINTS = 4
+"""Numerical: motions that are kept; derivatives of a fit return to the one that they start from."""
+
+
+@dataclass(frozen=True, eq=False)
+class RememberedPoints:
+    """A motion as effects make it, kept while only effects on mass, circuit or readings change."""
+
+    base: ActuatorModel
+    coenergy: CoenergySeries
+    # By motion and parameters, with the effects themselves, so that their addresses stay theirs
+    known: dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]] = field(default_factory=dict)
+    still: list[EddiesAlong] = field(default_factory=list)  # The last eddy currents and distances
+
+    def __getstate__(self) -> dict[str, object]:
+        """Without what is worked out again on demand."""
+        return {**self.__dict__, "known": {}, "still": []}
+
+    def eddies(self, eddy: EddyCurrents, distance: FloatArray) -> EddiesAlong:
+        """Eddy currents along distances, worked out once for these very arrays."""
+        if not any(one.eddy is eddy and one.distance is distance for one in self.still):
+            self.still[:] = [EddiesAlong.at(eddy, distance)]
+        return self.still[0]
+
+    def at(self, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
+        """The motion with the effects that act on it."""
+        acting = [one for one in effects if _moves(one)]
+        key = id(motion), *((id(one.effect), *one.parameters.items()) for one in acting)
+        found = self.known.pop(key, None) or (motion, acting, _excited(self, motion, acting))
+        self.known[key] = found
+        if len(self.known) > _LAST_POINTS:
+            self.known.pop(next(iter(self.known)))
+        return found[2]
+
+
+def _moves(added: AddedEffect) -> bool:
+    """Whether an effect changes setting, co-energy, further force, states or eddy currents."""
+    effect = added.effect
+    return any(
+        stage is not None for stage in (effect.setting, effect.coenergy, effect.force, effect.memory, effect.eddy)
+    )

@@ -9,20 +9,36 @@ Between two times b is taken as linear and A as constant, so that a step is exac
 stretch begins at rest.
 """
 
+from dataclasses import dataclass
+from typing import Self
+
 import numpy as np
+from scipy.linalg import lapack
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.identify.series.constants import SLOWEST
-from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_currents import EddyCurrents, EddyForms
 
 
-def eddies_along(
-    eddy: EddyCurrents,
-    time: FloatArray,
-    first: BoolArray,
-    distance: FloatArray,
-    flux_linkage: FloatArray,
-    inductance: FloatArray,
+@dataclass(frozen=True, eq=False)
+class EddiesAlong:
+    """The patterns' forms at N distances, their derivatives, and what the Hall element sees of an ampere, (N, r)."""
+
+    eddy: EddyCurrents
+    distance: FloatArray
+    forms: EddyForms
+    rising: EddyForms
+    seen_T_per_A: FloatArray
+
+    @classmethod
+    def at(cls, eddy: EddyCurrents, distance: FloatArray) -> Self:
+        """At distances (N,) in m."""
+        forms, rising = eddy.forms(distance, 0, 1)
+        return cls(eddy, distance, forms, rising, eddy.seen(distance)[0][1])
+
+
+def induced_along(
+    along: EddiesAlong, time: FloatArray, first: BoolArray, flux_linkage: FloatArray, inductance: FloatArray
 ) -> FloatArray:
     """Currents (N, r) of the patterns at N times, where stretches begin ``first``.
 
@@ -31,23 +47,33 @@ def eddies_along(
     flux_linkage, inductance : array, shapes (N, n) and (N, n, n)
         Of the circuits, without eddy currents.
     """
-    (at,), root = eddy.forms(distance), 1.0 / np.sqrt(eddy.resistances_ohm)
+    at, root = along.forms, 1.0 / np.sqrt(along.eddy.resistances_ohm)
     turned = np.swapaxes(at.coupling, -1, -2)
     beside = root * ((turned @ flux_linkage[..., None])[..., 0] + at.flux_linkage)
     own = root[:, None] * (turned @ inductance @ at.coupling + at.inductance) * root
     kept, gained = _steps(np.diff(time), 0.5 * (own[1:] + own[:-1]), -np.diff(beside, axis=0))
-    linked = np.zeros_like(beside)
-    for k in np.flatnonzero(~first[1:]):
-        linked[k + 1] = kept[k] @ linked[k] + gained[k]
+    kept[first[1:]], gained[first[1:]] = 0.0, 0.0
+    linked = _recurrence(kept, gained)
     return np.asarray(root * np.linalg.solve(own, linked[..., None])[..., 0])
 
 
-def pull_of(eddy: EddyCurrents, distance: FloatArray, flux_linkage: FloatArray, induced: FloatArray) -> FloatArray:
+def pull_of(along: EddiesAlong, flux_linkage: FloatArray, induced: FloatArray) -> FloatArray:
     """What induced currents (N, r) add to the force beside the static one, at the currents that act together."""
-    (rising,) = eddy.forms(distance, 1)
+    rising = along.rising
     acting = (rising.coupling @ induced[..., None])[..., 0]
     own = rising.flux_linkage + 0.5 * (rising.inductance @ induced[..., None])[..., 0]
     return -np.asarray((flux_linkage * acting).sum(axis=-1) + (own * induced).sum(axis=-1))
+
+
+def _recurrence(kept: FloatArray, gained: FloatArray) -> FloatArray:
+    """x_k = K_k x_(k-1) + g_k from x_0 = 0: a triangular system of bandwidth 2 r, which LAPACK solves in one pass."""
+    steps, r = gained.shape
+    below = np.zeros((2 * r, steps + 1, r))  # Entry (d, j) stands d rows below the diagonal in column j
+    row, column = np.indices((r, r)).reshape(2, -1)
+    below[r + row - column, :-1, column] = -kept[:, row, column].T
+    right = np.concatenate([np.zeros(r), gained.ravel()])
+    found, _ = lapack.dtbtrs(below.reshape(2 * r, -1), right[:, None], uplo="L", diag="U")
+    return np.asarray(found).reshape(steps + 1, r)
 
 
 def _steps(step: FloatArray, own: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from scipy import sparse
@@ -12,7 +13,7 @@ from femfit.effects.conditions import Nominal
 from femfit.effects.stop_position import REST
 from femfit.identify.series.balances import FORCE_BALANCE, voltage_balances
 from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
-from femfit.identify.series.eddies import eddies_along, pull_of
+from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.noise import SensorNoise, carried, propagated
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
@@ -56,11 +57,11 @@ def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
     flux, pull, seen = base.magnetics.flux_linkage(d, i).reshape(each.shape), np.zeros_like(d), np.zeros_like(d)
     if base.eddy is not None:
         first = np.diff(samples.run[here], prepend=np.nan) != 0.0
-        induced = eddies_along(base.eddy, samples.time[here], first, d, flux, slopes.inductance)
-        (at,), ((_, own),) = base.eddy.forms(d), base.eddy.seen(d)
-        i = acting(each, at.coupling, induced).reshape(i.shape)
+        along = EddiesAlong.at(base.eddy, d)
+        induced = induced_along(along, samples.time[here], first, flux, slopes.inductance)
+        i = acting(each, along.forms.coupling, induced).reshape(i.shape)
         flux = base.magnetics.flux_linkage(d, i).reshape(each.shape)
-        pull, seen = pull_of(base.eddy, d, flux, induced), (own * induced).sum(axis=1)
+        pull, seen = pull_of(along, flux, induced), (along.seen_T_per_A * induced).sum(axis=1)
     flux = flux + each @ series
     hall = [np.zeros_like(d)] * 3
     if base.sensor is not None and i.ndim == 1:  # as on a bench, a Hall element of several circuits is not compared
@@ -116,6 +117,21 @@ Noise = Mapping[str, SensorNoise]
 
 
 @dataclass(frozen=True, eq=False)
+class Prediction:
+    """The model's side of a balance without effects, linear in a part of its :class:`SampleField`."""
+
+    fixed: FloatArray | float  # What depends on no field
+    weights: sparse.csr_array
+    part: Literal["force", "flux", "hall"]
+    circuit: int | None = None  # Place of the circuit, of a flux linkage
+
+    def __call__(self, field: SampleField) -> FloatArray:
+        """The side in each of n windows."""
+        values: FloatArray = getattr(field, self.part)
+        return np.asarray(self.fixed + self.weights @ (values if self.circuit is None else values[:, self.circuit]))
+
+
+@dataclass(frozen=True, eq=False)
 class MeasuredChannel:
     """A channel's n windows: both sides of its balance, the model's without effects, and whether samples are enough.
 
@@ -124,7 +140,7 @@ class MeasuredChannel:
 
     name: str
     measured: FloatArray
-    predicted: FloatArray
+    predict: Prediction
     sigma: FloatArray
     valid: BoolArray
 
@@ -146,11 +162,12 @@ def measure_sensors(
     base: ActuatorModel, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
 ) -> list[MeasuredChannel]:
     """What every sensor read that the record and the model have, and what it should have read."""
-    sensors = [("force_N", field.force, field.force_d, field.force_i, nominal.force_N)]
+    parts: list[tuple[str, Literal["force", "hall"], FloatArray, FloatArray, float]]
+    parts = [("force_N", "force", field.force_d, field.force_i, nominal.force_N)]
     if base.sensor is not None and not nominal.circuits:
-        sensors.append(("hall_V", field.hall, field.hall_d, field.hall_i[:, None], nominal.hall_swing_V))
+        parts.append(("hall_V", "hall", field.hall_d, field.hall_i[:, None], nominal.hall_swing_V))
     result = []
-    for name, model, along_distance, along_current, scale in sensors:
+    for name, part, along_distance, along_current, scale in parts:
         values = samples.columns[name]
         if not np.isfinite(values).any():
             continue
@@ -162,11 +179,8 @@ def measure_sensors(
             *_of_currents(weights.mean, along_current, samples, noise),
         )
         measured = weights.mean @ np.nan_to_num(values)
-        result.append(
-            MeasuredChannel(
-                name, measured, weights.mean @ model, np.hypot(sigma, METHOD_ACCURACY * scale), weights.valid
-            )
-        )
+        predict, sigma = Prediction(0.0, weights.mean, part), np.hypot(sigma, METHOD_ACCURACY * scale)
+        result.append(MeasuredChannel(name, measured, predict, sigma, weights.valid))
     return [channel for channel in (*result, _rest(nominal, samples, noise, windows)) if channel.valid.any()]
 
 
@@ -178,7 +192,7 @@ def _rest(nominal: Nominal, samples: Samples, noise: Noise, windows: Windows) ->
     return MeasuredChannel(
         REST,
         weights.mean @ np.nan_to_num(samples.columns["distance_m"]),
-        weights.mean @ np.nan_to_num(samples.stop_m),
+        Prediction(weights.mean @ np.nan_to_num(samples.stop_m), sparse.csr_array(weights.mean.shape), "force"),
         np.hypot(sigma, METHOD_ACCURACY * nominal.travel_m),
         weights.valid,
     )
@@ -201,7 +215,7 @@ def _force_balance(
     return MeasuredChannel(
         FORCE_BALANCE,
         measured,
-        state.mean @ field.force,
+        Prediction(0.0, state.mean, "force"),
         np.hypot(sigma, METHOD_ACCURACY * nominal.force_N),
         state.valid,
     )
@@ -237,11 +251,11 @@ def _voltage_balance(
     step = np.median(np.diff(samples.time[here])) if len(here) > 1 else 0.0
     rate = np.linalg.pinv(np.median(field.inductance[here], axis=0))[k] * base.resistances_ohm
     settling = ohms * step**2 / 12.0 * (each @ rate)
-    predicted = ohms * (mean @ each[:, k]) + slope @ (field.flux[:, k] + settling)
+    fixed = ohms * (mean @ each[:, k]) + slope @ settling
     return MeasuredChannel(
         name,
         driven @ np.nan_to_num(volts),
-        predicted,
+        Prediction(fixed, slope, "flux", k),
         np.hypot(sigma, METHOD_ACCURACY * nominal.voltage_V),
         valid,
     )

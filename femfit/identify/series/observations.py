@@ -33,6 +33,7 @@ from femfit.identify.readings.observations import InTheirRuns, Observations
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedCoenergy,
+    RememberedPoints,
     model_balances,
     model_readings,
     voltage_balances,
@@ -40,13 +41,12 @@ from femfit.identify.series.balances import (
 from femfit.identify.series.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
     MeasuredChannel,
-    SampleField,
     measure_balances,
     measure_sensors,
     sample_field,
     sensor_noise,
 )
-from femfit.identify.series.noise import SensorNoise, successive_scatter
+from femfit.identify.series.noise import successive_scatter
 from femfit.identify.series.samples import Samples, take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
@@ -85,8 +85,11 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     sampled = sample_field(base, samples)
     noise = sensor_noise(base, samples, sampled, series.declared_noise)
     views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
-    record = _Record(base, nominal, samples, noise, views)
-    channels = record.beside(base, sampled)
+    given, (balances, sensors) = (base, nominal, samples, sampled, noise), views
+    channels = [
+        *((balances, one) for one in measure_balances(*given, balances.windows)),
+        *((sensors, one) for one in measure_sensors(*given, sensors.windows)),
+    ]
     if not channels:
         raise TableError(
             f"{series.source} must hold what a balance needs: distances of a moving body of known mass, the commanded "
@@ -94,39 +97,28 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
             f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
         )
     findings = (*series.findings, *samples.findings, *hall_not_compared(model, series.given))
-    return _with_scatter(_assembled(model, series, findings, views, channels, nominal, record.decaying))
+    exact = _Exact(base, samples, [channel for _, channel in channels])
+    exact.found[1.0] = {one.name: one.predict(sampled) for one in exact.channels}
+    return _with_scatter(_assembled(model, series, findings, views, channels, nominal, exact))
 
 
 @dataclass(frozen=True, eq=False)
-class _Record:
-    """What was recorded, to be placed beside a model whose eddy currents decay faster."""
+class _Exact:
+    """What the model predicts of each channel where its eddy currents decay so many times faster."""
 
     model: ActuatorModel
-    nominal: Nominal
     samples: Samples
-    noise: Mapping[str, SensorNoise]
-    views: tuple[View, View]
+    channels: Sequence[MeasuredChannel]
     found: dict[float, Mapping[str, FloatArray]] = field(default_factory=dict)
 
-    def beside(self, base: ActuatorModel, sampled: SampleField) -> list[tuple[View, MeasuredChannel]]:
-        """Every channel of a model in its view."""
-        balances, sensors = self.views
-        given = base, self.nominal, self.samples, sampled, self.noise
-        return [
-            *((balances, one) for one in measure_balances(*given, balances.windows)),
-            *((sensors, one) for one in measure_sensors(*given, sensors.windows)),
-        ]
-
-    def decaying(self, faster: float) -> Mapping[str, FloatArray]:
-        """What the model predicts of each channel where its eddy currents decay so many times faster."""
+    def __call__(self, faster: float) -> Mapping[str, FloatArray]:
         if faster not in self.found:
             eddy = self.model.eddy
             eddy = eddy and replace(eddy, resistances_ohm=faster * eddy.resistances_ohm)
-            other = replace(self.model, eddy=eddy)
             if len(self.found) >= REMEMBERED:
                 self.found.pop(next(iter(self.found)))
-            predicted = self.beside(other, sample_field(other, self.samples))
-            self.found[faster] = {one.name: one.predicted for _, one in predicted}
+            sampled = sample_field(replace(self.model, eddy=eddy), self.samples)
+            self.found[faster] = {one.name: one.predict(sampled) for one in self.channels}
         return self.found[faster]
 
 
@@ -137,7 +129,7 @@ def _assembled(
     views: tuple[View, View],
     channels: list[tuple[View, MeasuredChannel]],
     nominal: Nominal,
-    decaying: Callable[[float], Mapping[str, FloatArray]],
+    exact: Callable[[float], Mapping[str, FloatArray]],
 ) -> Observations:
     names = tuple(channel.name for _, channel in channels)
     pieces = [np.flatnonzero(channel.valid) for _, channel in channels]
@@ -153,8 +145,7 @@ def _assembled(
     predict = _SeriesPrediction(
         model,
         views,
-        {c.name: c.predicted for _, c in channels},
-        decaying,
+        exact,
         dict(zip(names, pieces, strict=True)),
         dict(zip(names, scale, strict=True)),
     )
@@ -189,8 +180,8 @@ class _SeriesPrediction:
 
     model: ActuatorModel
     views: tuple[View, View]
-    exact: Mapping[str, FloatArray]  # Per channel, from every sample, without effects
-    decaying: Callable[[float], Mapping[str, FloatArray]]  # The same where eddy currents decay so many times faster
+    # Per channel, from every sample, without effects but that eddy currents decay so many times faster
+    exact: Callable[[float], Mapping[str, FloatArray]]
     # Windows that count, and the factor that gives them one noise, per channel
     rows: Mapping[str, IntArray]
     scale: Mapping[str, FloatArray]
@@ -199,7 +190,7 @@ class _SeriesPrediction:
         together = (*self.model.effects, *effects)
         faster = prod(one.effect.eddy(one.parameters) for one in together if one.effect.eddy is not None)
         others = tuple(one for one in together if one.effect.eddy is None)
-        return self.stacked(self.exact if faster == 1.0 else self.decaying(faster)) + self.change(others)
+        return self.stacked(self.exact(faster)) + self.change(others)
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the windows as one vector, channel after channel."""
@@ -211,14 +202,13 @@ class _SeriesPrediction:
 
     def _at(self, effects: Sequence[AddedEffect], shift: float) -> FloatArray:
         values: dict[str, FloatArray] = {}
-        base = self.model.without_effects
-        for view, coenergy, side, seen in zip(
-            self.views, self._coenergies, (model_balances, model_readings), self._seen, strict=True
+        for view, points, side, seen in zip(
+            self.views, self._points, (model_balances, model_readings), self._seen, strict=True
         ):
             if not seen:
                 continue
             motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
-            values |= side(base, coenergy, motion, view.weights, effects)
+            values |= side(points, motion, view.weights, effects)
         if shift and REST in values:
             values[REST] = values[REST] - shift  # what is recorded there is the distance itself
         return self.stacked(values)
@@ -234,9 +224,13 @@ class _SeriesPrediction:
         return self._at((), 0.0)
 
     @cached_property
-    def _coenergies(self) -> list[RememberedCoenergy]:
-        base = base_coenergy(self.model.without_effects)
-        return [RememberedCoenergy(base, view.motion.distance_m, view.motion.current_A) for view in self.views]
+    def _points(self) -> list[RememberedPoints]:
+        base = self.model.without_effects
+        coenergy = base_coenergy(base)
+        return [
+            RememberedPoints(base, RememberedCoenergy(coenergy, view.motion.distance_m, view.motion.current_A))
+            for view in self.views
+        ]
 
 
 def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:
