@@ -23,7 +23,7 @@ _OF_IMPEDANCE = {
 }
 _QUANTITIES = {"current": "A", "voltage_balance": "V", "voltage": "V", "flux_linkage": "Wb", **_OF_IMPEDANCE}
 
-_OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z]\w*)_([A-Za-z]+)")
+_OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z][\w-]*)_([A-Za-z]+)")
 
 FEWEST = 2
 """Derived: circuits that are several."""

@@ -111,7 +111,7 @@ def match_score(header: Header, column: str, *, guess: bool = True) -> int:
     names: Collection[str] = COLUMN_NAMES.get(column, ())
     vague = header.name in NEEDS_UNIT
     if not guess:
-        named = header.name == stem.replace("_", "") or header.name in names
+        named = header.name == re.sub("[_-]", "", stem).casefold() or header.name in names
         if not named:
             return int(fits and bool(header.words) and all(word in names for word in header.words))
         return (2 - vague) * (fits or not (vague or len(header.name) == 1))

@@ -46,6 +46,9 @@ _PAIRS: Mapping[str, tuple[str, ...]] = {
 _DIRECT = frozenset({"rdc", "dcresistance"})
 """Names of a resistance that is measured with direct current."""
 
+_WITHOUT_NAME = ("Q", "D")
+"""What cannot carry a circuit's name."""
+
 _METER_DEG = 1.0
 """Assumed: an instrument's largest error of a phase, beyond which no coil is."""
 
@@ -73,7 +76,7 @@ def in_series(
 ) -> tuple[pd.DataFrame, list[Finding]]:
     """The rows with each circuit's :data:`SERIES` in place of other forms, and what was converted or set aside."""
     findings = [*_phase_in_radians(rows, used)]
-    named = {parts_of(str(name))[1] for name in rows}
+    carried = {parts_of(str(name))[1] for name in rows if parts_of(str(name))[0] not in _ALL}
     if not any(is_current(str(name)) for name in rows):
         rows = rows.assign(current_A=0.0)
         text, remedy = (
@@ -85,10 +88,14 @@ def in_series(
     findings += direct
     f = rows["frequency_Hz"].to_numpy()
     _require(f <= 0.0, "a frequency > 0", "frequency_Hz", f, source, lines, "Leave out what was read without one.")
-    circuits = (circuit for quantity, circuit in (parts_of(str(name)) for name in rows) if quantity in _ALL)
-    for circuit in dict.fromkeys(circuits):
-        given = {name: of for name in _ALL if (of := column_of(name, circuit)) in rows}
-        z, said = _one_in_series(_One(rows, given, source, lines), mutual=_is_of_two(circuit, named))
+    loose = [name for name in _WITHOUT_NAME if name in rows]
+    named = (parts_of(str(name)) for name in rows if name not in loose)
+    found = dict.fromkeys(circuit for quantity, circuit in named if quantity in _ALL)
+    alone = len(found) == 1  # a quality beside inductance_inner_H is that of inner
+    for circuit in found if alone or not loose else {**found, "": None}:
+        own = {name: name if alone and name in loose else column_of(name, circuit) for name in _ALL}
+        given = {name: of for name, of in own.items() if of in rows}
+        z, said = _one_in_series(_One(rows, given, source, lines), mutual=_may_be_of_two(circuit, carried))
         findings += said
         rows = rows.drop(columns=list(given.values()))
         rows = rows.assign(**{column_of(name, circuit): values for name, values in z.items()})
@@ -111,9 +118,9 @@ class _One:
         _require(wrong, what, self.given[name], self.values(name), self.source, self.lines, remedy)
 
 
-def _is_of_two(name: str, named: Collection[str]) -> bool:
-    """Whether a name is that of two circuits which the table has, as ``bias_control`` of bias and control."""
-    return any(name[:k] in named and name[k + 1 :] in named for k, letter in enumerate(name) if letter == "_")
+def _may_be_of_two(name: str, carried: Collection[str]) -> bool:
+    """Whether a name may be that of two circuits, as ``bias_control``; it is of one whose current the table has."""
+    return "_" in name and not name.endswith("_shorted") and name not in carried
 
 
 def _one_in_series(one: _One, *, mutual: bool) -> tuple[dict[str, FloatArray], list[Finding]]:
@@ -146,7 +153,7 @@ def _one_in_series(one: _One, *, mutual: bool) -> tuple[dict[str, FloatArray], l
     if mutual or "inductance_H" not in found:
         return found, findings
     column = column_of("inductance_H", parts_of(one.given[given[0]])[1])
-    kept, resonance = _without_capacitive(found, one, column)
+    kept, resonance = without_capacitive(found, one.rows["frequency_Hz"].to_numpy(), one.source, column)
     return kept, [*findings, *resonance]
 
 
@@ -195,8 +202,8 @@ def _phase_in_radians(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> Iterato
             yield suspicion(name, "rad", f"it goes up to {largest:.3g}")
 
 
-def _without_capacitive(
-    found: dict[str, FloatArray], one: _One, column: str
+def without_capacitive(
+    found: dict[str, FloatArray], frequency: FloatArray, source: str, column: str
 ) -> tuple[dict[str, FloatArray], list[Finding]]:
     """An impedance without readings that no inductance gives, those above the winding's own resonance."""
     wrong = found["inductance_H"] <= 0.0
@@ -204,10 +211,10 @@ def _without_capacitive(
         return found, []
     if wrong[np.isfinite(found["inductance_H"])].all():
         raise TableError(
-            f"An impedance of a coil must have an inductance > 0; {one.source} has none in {column}. If its imaginary "
+            f"An impedance of a coil must have an inductance > 0; {source} has none in {column}. If its imaginary "
             "part or its phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
         )
-    lowest = float(np.min(one.rows["frequency_Hz"].to_numpy()[wrong]))
+    lowest = float(np.min(frequency[wrong]))
     text = (
         f"{counted(int(wrong.sum()), 'reading was', 'readings were')} set aside whose inductance is not positive, from "
         f"{amount(lowest, 'frequency_Hz')} on: above the winding's own resonance, or too little to be measured."

@@ -172,3 +172,30 @@ def test_advice_for_several_circuits_names_the_frequencies_that_decide(model, tm
     advice = suggest(model, bench(wrong, tmp_path / "z.csv", ("inner",), **low))
     up = next(one for one in advice.suggestions if one.text.startswith("Go up to 500 Hz"))
     assert any({KEY, "distance_offset"} == set(pair[:2]) for pair in up.separates)
+
+
+def test_what_no_inductance_gives_is_set_aside_of_a_circuit_whose_name_could_be_that_of_two(model, tmp_path):
+    names, magnetics, eddy = ("coil_1", "coil_2"), model.magnetics, model.eddy
+    circuits = tuple(replace(one, name=name) for one, name in zip(model.circuits, names, strict=True))
+    renamed = replace(
+        model,
+        magnetics=replace(magnetics, names=names),
+        circuits=circuits,
+        eddy=replace(eddy, circuits=names),
+        drawn=(),
+    )
+    path = bench(renamed, tmp_path / "z.csv", ("coil_1", "coil_1_coil_2"), bias=(0.0,))
+    rows = pd.read_csv(path)
+    beyond = rows["f [kHz]"] > 5.0
+    rows.assign(phase_coil_1_deg=rows["phase_coil_1_deg"].where(~beyond, -80.0)).to_csv(path, index=False)
+    comparison = compare(renamed, path)
+    assert comparison.verdict == "agrees"
+    assert [one.size for one in comparison.findings if one.code == "resonance"] == [beyond.sum()]
+
+
+def test_currents_beyond_those_that_were_swept_are_said(model, tmp_path):
+    inside, outside = (
+        compare(model, bench(model, tmp_path / "z.csv", ("inner",), bias=bias)).findings for bias in ((0.5,), (5.0,))
+    )
+    assert not any(one.code == "extrapolated" for one in inside)
+    assert any(one.code == "extrapolated" and "A and " in one.text for one in outside)

@@ -234,3 +234,30 @@ def test_a_touchstone_file_of_another_kind_is_refused(tmp_path, text, said):
     (tmp_path / "z.s1p").write_text(text)
     with pytest.raises(TableError, match=said):
         read_measurement(tmp_path / "z.s1p", settings={"distance_mm": 1.0})
+
+
+@pytest.mark.parametrize("form", ["series", "polar"])
+def test_a_mutual_impedance_by_itself_is_of_either_sign(tmp_path, form):
+    columns = {
+        "series": {"inductance_lower_upper_H": -INDUCTANCE, "resistance_lower_upper_ohm": RESISTANCE},
+        "polar": {"impedance_lower_upper_ohm": np.abs(Z), "phase_lower_upper_deg": DEGREES - 180.0},
+    }[form]
+    table = read_measurement(written(tmp_path / "z.csv", {"frequency_Hz": FREQUENCY} | columns))
+    np.testing.assert_allclose(table.rows["inductance_lower_upper_H"], -INDUCTANCE, rtol=1e-9)
+    assert not any(one.code == "resonance" for one in table.findings)
+
+
+def test_a_quality_without_a_name_is_that_of_the_only_impedance(tmp_path):
+    path = written(tmp_path / "z.csv", {"f [Hz]": FREQUENCY, "Ls": INDUCTANCE, "Q": OMEGA * INDUCTANCE / RESISTANCE})
+    table = read_measurement(path, columns={"Ls": "inductance_lower_H"})
+    np.testing.assert_allclose(table.rows["resistance_lower_ohm"], RESISTANCE, rtol=1e-9)
+    columns = {"inductance_lower_H": INDUCTANCE, "inductance_upper_H": INDUCTANCE, "Q": 2.0}
+    with pytest.raises(TableError, match="two numbers"):
+        read_measurement(written(tmp_path / "z.csv", {"f [Hz]": FREQUENCY} | columns))
+
+
+@pytest.mark.parametrize("name", ["coil-1", "Coil", "upper_Coil"])
+def test_a_circuit_s_name_may_have_hyphens_and_capitals(tmp_path, name):
+    columns = {f"inductance_{name}_uH": 1e6 * INDUCTANCE, f"resistance_{name}_ohm": RESISTANCE}
+    table = read_measurement(written(tmp_path / "z.csv", {"f [Hz]": FREQUENCY} | columns))
+    np.testing.assert_allclose(table.rows[f"inductance_{name}_H"], INDUCTANCE, rtol=1e-9)

@@ -53,12 +53,12 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         findings.append(Finding("outside-domain", "info", text, "Sweep and fit a wider range to use them."))
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
-    if beyond.any() and i.ndim == 1:
+    if beyond.any():
         drawn = model.without_effects.kind is not None
         why = "the drawn iron is linear" if drawn else "the model's co-energy is quadratic in the current"
         text = (
             f"{int(beyond.sum())} of {int(inside.sum())} rows have currents outside of the model's range, "
-            f"{amount(box.current_min_A, 'A')} to {amount(box.current_max_A, 'A')}. They are compared all the same: "
+            f"{' and '.join(_range(*limits) for limits in box.current_limits_A)}. They are compared all the same: "
             f"{why}, and was carried on to them. Iron that saturates there shows as a misfit."
         )
         findings.append(Finding("extrapolated", "warning", text, "Sweep and fit a wider range."))
@@ -123,6 +123,10 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         magnitude=weighing.magnitude,
         weight=stacked(dict.fromkeys(channels, np.ones(len(d)))) if weighing.weight else None,
     )
+
+
+def _range(low: float, high: float) -> str:
+    return f"{amount(low, 'A')} to {amount(high, 'A')}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from femfit.core.sweep_columns import circuit_currents, resistance_column
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
 from femfit.tables.circuit_columns import parts_of
-from femfit.tables.impedance import SERIES
+from femfit.tables.impedance import SERIES, without_capacitive
 from femfit.tables.measurement import BenchTable
 
 
@@ -119,6 +119,18 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     _require_currents(model, table)
     _require_impedances_of(model, table)
     return with_leading_current(model, table)
+
+
+def inductive(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table without what no inductance gives; by its name alone it may take that of ``coil_1`` for one of two."""
+    circuits = model.without_effects.circuit_names if "frequency_Hz" in table.given else ()
+    for name in (one for one in map("inductance_{}_H".format, circuits) if one in table.given):
+        rows, of = table.rows, {SERIES[1]: name, SERIES[0]: resistance_column(name)}
+        found = {one: rows[column].to_numpy() for one, column in of.items() if column in rows}
+        kept, said = without_capacitive(found, rows["frequency_Hz"].to_numpy(), table.source, name)
+        rows = rows.assign(**{of[one]: values for one, values in kept.items()})
+        table = replace(table, rows=rows, findings=(*table.findings, *said))
+    return table
 
 
 def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:

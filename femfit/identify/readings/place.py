@@ -4,7 +4,7 @@ from pathlib import Path
 
 from femfit.core.finding import Finding
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.currents import without_bias
+from femfit.identify.readings.currents import inductive, without_bias
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.series.observations import series_observations
@@ -23,7 +23,7 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
     data = measurement_of(data)
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
-    return bench_observations(model, plausible_table(model, without_bias(model, data)))
+    return bench_observations(model, plausible_table(model, inductive(model, without_bias(model, data))))
 
 
 def suspicions(findings: tuple[Finding, ...]) -> list[str]:
