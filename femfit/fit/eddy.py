@@ -38,8 +38,8 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
     """
     if table is None:
         return None
-    low, high = table.frequencies_Hz[[0, -1]]
-    frequencies = np.geomspace(max(low, EDDY_LOWEST_HZ), high, EDDY_FREQUENCIES)
+    low, high = np.maximum(table.frequencies_Hz[[0, -1]], EDDY_LOWEST_HZ)
+    frequencies = np.geomspace(low, high, EDDY_FREQUENCIES)
     combined = StateChoice(table, frequencies).table(error or table.asked_error)
     middle = len(table.distances_m) // 2
     n = len(table.circuits)

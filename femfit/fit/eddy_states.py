@@ -105,6 +105,8 @@ class StateChoice:
     def _combinations(self, error: float) -> FloatArray:
         """T, shape (q, r)."""
         unit = np.eye(self._table.patterns)
+        if len(unit) == 1:
+            return unit
         plain = (count for count in range(1, len(unit)) if self.error(unit[:, :count]) <= error)
         most = next(plain, len(unit))
         count = max(1, round(EDDY_FEWER * most))

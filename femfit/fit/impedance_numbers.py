@@ -91,6 +91,8 @@ def _static(drawn: DrawnEffect, distance: FloatArray) -> FloatArray:
 def spline_frequencies(frequency: FloatArray) -> FloatArray:
     """Frequencies over the range of others, as near as the splines of an impedance's change need them."""
     low, high = frequency[[0, -1]]
+    if low == high:
+        return frequency[:1]
     return np.geomspace(low, high, 1 + max(CUBIC, round(EDDY_PER_DECADE * np.log10(high / low))))
 
 

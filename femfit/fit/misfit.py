@@ -114,7 +114,8 @@ def misfit_notes(
             off = model.magnetics.flux_linkage(rows.distance, rows.current) - rows.flux_linkage
             more = _middles(rows.currents, rows.current[np.argmax(np.abs(off))])
             finer = " and ".join(f"{x:.4g}" for x in more)
-            remedy = f"Add to [sweep] the currents {finer} A, then sweep and fit again."
+            wanted = f"Add to [sweep] the currents {finer} A" if len(more) else "Give [sweep] more than one current"
+            remedy = f"{wanted}, then sweep and fit again."
         notes.append(f"The model misses the table's {' and '.join(poor)}: do not simulate its circuit. {remedy}")
     return tuple(notes)
 

@@ -175,6 +175,14 @@ def test_a_model_whose_file_changes_its_inductance_alone_is_not_written(table, m
         fit_model(table, law="F1e")
 
 
+def test_a_sweep_without_current_is_told_to_have_some():
+    table = voice_coil()
+    table.rows["flux_linkage_Wb"] = 3e-3 * table.rows["distance_m"] / table.rows["distance_m"].max()
+    still = replace(table, rows=table.rows[table.rows["current_A"] == 0.0].reset_index(drop=True))
+    (note,) = (note for note in fit_model(still).notes if "do not simulate its circuit" in note)
+    assert note.endswith("Give [sweep] more than one current, then sweep and fit again.")
+
+
 def test_a_circuit_that_a_law_does_not_hold_is_said():
     table = voice_coil()
     table.rows["flux_linkage_Wb"] = 3e-3 * np.tanh(table.rows["current_A"])

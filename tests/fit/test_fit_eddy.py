@@ -101,6 +101,26 @@ def test_as_many_states_are_kept_as_there_are_patterns_where_the_error_needs_the
     assert fit_eddy(made_up(patterns=3), Plain(), 1e-9).count == 3
 
 
+def test_one_pattern_is_one_state():
+    table = made_up(patterns=1)
+    eddy = fit_eddy(table, Plain(), 0.01)
+    assert eddy.count == 1
+    assert eddy.error.largest < 1e-3
+
+
+@pytest.mark.parametrize("frequency", [100.0, 1e-5])
+def test_one_frequency_is_a_range(frequency):
+    only = np.array([max(frequency, 1e-3)])  # the least that the field is solved at
+    table = replace(made_up(), frequencies_Hz=np.array([frequency]), checked_Hz=only, errors=np.zeros((1, 3)))
+    eddy = fit_eddy(table, Plain(), 0.01)
+    assert (eddy.error.frequency_min_Hz, eddy.error.frequency_max_Hz) == (only[0], only[0])
+    change = conductivities(table, eddy)[0].impedance
+    d, f = DISTANCES[[1, 4]], np.full(2, only[0])
+    got = change(d, np.zeros(2), f, None, {change.parameter: np.expm1(1.0)})
+    expected = [table.conductivity_slope(0, k, only)[0, 0, 0] for k in (1, 4)]
+    np.testing.assert_allclose(got.ravel(), expected, rtol=1e-9)
+
+
 def test_splines_meet_the_field_at_the_distances_of_the_sweep():
     table = made_up(patterns=3)
     eddy = fit_eddy(table, Plain(), 1e-9)
