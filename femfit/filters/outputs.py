@@ -112,15 +112,13 @@ def _hall_slope(model: ActuatorModel, sensor: HallSensor, bias: int | None, stat
     hall, distance = model.eddy_hall, states[:, 0]
     acting = model.currents_of(states) if hall is None else hall.acting(distance, states[:, 2 : model.windings.end])
     _, in_distance, in_currents = sensor.field.derivatives(distance, acting)
-    result, n = np.zeros_like(states), len(model.circuits)
-    by_current = in_currents.reshape(len(states), -1)[:, :n]
+    result, n, end = np.zeros_like(states), len(model.circuits), model.windings.end
+    by_current = in_currents.reshape(len(states), 1, -1)[..., :n]
+    result[:, 0], result[:, 2 : 2 + n] = in_distance, by_current[:, 0]
     if model.eddy is not None:
-        end = model.windings.end
-        (coupling, field), (coupling_slope, field_slope) = model.eddy.seen(states[:, 0], 0, 1)
-        result[:, 2 + n : end] = np.einsum("pk,pkj->pj", by_current, coupling) + field
-        rising = np.einsum("pk,pkj->pj", by_current, coupling_slope) + field_slope
-        in_distance = in_distance + (rising * states[:, 2 + n : end]).sum(axis=1)
-    result[:, 0], result[:, 2 : 2 + n] = in_distance, by_current
+        own, rising = ((by_current @ at.coupling)[:, 0] + at.hall for at in model.eddy.whole_forms(distance, 0, 1))
+        result[:, 0] += (rising * states[:, 2:end]).sum(axis=1)
+        result[:, 2:end] = own
     result *= sensor.sensitivity_V_per_T
     if bias is not None:
         result[:, bias] = 1.0

@@ -203,15 +203,13 @@ def _require_passive(eddy: EddyCurrents, distances: FloatArray) -> None:
 
 def _errors(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> FloatArray:
     """Largest departures (3,) of impedance, force and Hall field from the field, with the field's own errors."""
-    model, of_field = as_table(eddy, table), table.error_at(frequencies)
-    if not table.circuits:
-        return np.array([0.0, float(np.nan_to_num(table.braking_error)) + _unbraked(model, table), 0.0])
-    found = np.array([_departures(model, table, k, frequencies) for k in range(len(table.distances_m))])
-    return np.asarray((found + of_field).max(axis=(0, 1)))
+    braking = np.array([0.0, np.nan_to_num(table.braking_error), 0.0])
+    of_field = table.error_at(frequencies) if table.circuits else braking
+    return np.asarray((_departures(as_table(eddy, table), table, frequencies) + of_field).max(axis=(0, 1)))
 
 
 def _between(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> FloatArray:
-    """How far the splines may be off between the distances, as :func:`_errors`.
+    """How far the splines may be off between the distances, as :func:`_errors`; nothing of two distances alone.
 
     It is a part of what they change by half-way to a distance's neighbours if the distance is left out: of splines of
     the order 2 p, a cell of width a beside one of width b then misses (1 + 2 b / a)^p times what it missed before.
@@ -225,19 +223,22 @@ def _between(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> F
         width = np.abs(np.diff(eddy.coordinate.with_slopes(near)[0]))
         left = 1.0 / ((1.0 + 2.0 * width[::-1] / width) ** (2 if table.bias_A is None else 1) - 1.0)
         beside = replace(table.at(np.array([k, k])), distances_m=0.5 * (near[1:] + near[:-1]))
-        with_it, without = as_table(eddy, beside), as_table(fewer, beside)
-        for side in (0, 1):
-            if table.circuits:
-                off = _departures(without, with_it, side, frequencies).max(axis=0)
-            else:
-                one = np.array([side])
-                off = np.array([0.0, _unbraked(without.at(one), with_it.at(one)), 0.0])
-            worst = np.maximum(worst, left[side] * off)
+        off = _departures(as_table(fewer, beside), as_table(eddy, beside), frequencies)
+        worst = np.maximum(worst, (left[:, None, None] * off).max(axis=(0, 1)))
     return worst
 
 
-def _departures(model: EddyTable, table: EddyTable, k: int, frequencies: FloatArray) -> FloatArray:
-    return model.transfers(k, frequencies).departures(table.transfers(k, frequencies))
+def _departures(model: EddyTable, table: EddyTable, frequencies: FloatArray) -> FloatArray:
+    """Of impedance, force and Hall field at each distance and frequency, relative, shape (d, f, 3).
+
+    Without circuits there is in place of the force the power that slow motion loses beside the magnets, (d, 1, 3).
+    """
+    if table.circuits:
+        at = range(len(table.distances_m))
+        return np.array([model.transfers(k, frequencies).departures(table.transfers(k, frequencies)) for k in at])
+    power, exact = ((one.force[:, 0, 1:] ** 2).sum(axis=1) for one in (model, table))
+    off = np.divide(np.abs(power - exact), exact, out=np.zeros_like(exact), where=exact > 0.0)
+    return np.asarray(off[:, None, None] * np.array([0.0, 1.0, 0.0]))
 
 
 def _static_errors(table: EddyTable, magnetics: Magnetics) -> dict[str, float]:
@@ -252,18 +253,11 @@ def _static_errors(table: EddyTable, magnetics: Magnetics) -> dict[str, float]:
     return {name: float(np.abs(model - field).max() / np.abs(field).max()) for name, model, field in pairs}
 
 
-def _unbraked(model: EddyTable, table: EddyTable) -> float:
-    """Largest relative departure of the power that slow motion loses beside the magnets."""
-    power, exact = (((one.force[:, 0, 1 + len(one.circuits) :]) ** 2).sum(axis=1) for one in (model, table))
-    off = np.abs(power - exact)
-    return float(np.divide(off, exact, out=np.zeros_like(off), where=exact > 0.0).max())
-
-
 def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
     """What a sweep's table would be if the field were as the splines say, with the circuits' part as it is there."""
-    here, rising = eddy.shifts(table.distances_m, 0, 1)
+    here, rising = eddy.whole_forms(table.distances_m, 0, 1)
     c, force = len(table.circuits), np.zeros((len(table.distances_m), *[1 + len(table.circuits) + eddy.count] * 2))
-    g, bend = here.shift, rising.shift
+    g, bend = here.coupling, rising.coupling
     turned, bent = np.swapaxes(g, 1, 2), np.swapaxes(bend, 1, 2)
     phi, inductance = np.split(table.flux_linkage[:, :c, : 1 + c], [1], axis=2)
     phi_1, inductance_1 = np.split(-2.0 * table.force[:, 1 : 1 + c, : 1 + c], [1], axis=2)
@@ -276,8 +270,6 @@ def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
         force[:, 1:, 1:] = -0.5 * (half + np.swapaxes(half, 1, 2) + turned @ inductance_1 @ g + rising.inductance)
     hall = None
     if table.hall is not None:
-        coupling, own = eddy.seen(table.distances_m)[0]
-        of_coils = table.hall[:, 1 : 1 + c]
-        seen = np.einsum("kc,kcr->kr", of_coils, coupling) + own
-        hall = np.concatenate([table.hall[:, : 1 + c], seen], axis=1)
+        seen = (table.hall[:, None, 1 : 1 + c] @ g)[:, 0] + here.hall
+        hall = np.concatenate([table.hall[:, :1], seen], axis=1)
     return replace(table, force=force, flux_linkage=flux, hall=hall)

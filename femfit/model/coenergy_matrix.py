@@ -42,34 +42,14 @@ class CoenergyMatrix(SeveralMagnetics):
     def _matrices(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
         return [entries[..., self._places] for entries in self._splines.derivatives(distance, *orders)]
 
-    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """F = -dW'/dd in N, of shape (...)."""
-        v = _with_one(current)
-        return np.asarray(-0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance, 1), v))
-
     def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """dW'/di_k in Wb, of shape (..., n)."""
         return np.asarray(np.einsum("...ab,...b->...a", self.matrix(distance)[..., 1:, :], _with_one(current)))
-
-    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
-        return np.asarray(-np.einsum("...ab,...b->...a", self.matrix(distance, 1)[..., 1:, :], _with_one(current)))
-
-    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
-        points = np.broadcast_shapes(np.shape(distance), np.shape(current)[:-1])
-        inductance = self.matrix(distance)[..., 1:, 1:]
-        return np.broadcast_to(inductance, (*points, *inductance.shape[-2:])).copy()
 
     def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
         v = _with_one(current)
         return np.asarray(0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance), v))
-
-    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/dd in N/m, of shape (...)."""
-        v = _with_one(current)
-        return np.asarray(-0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance, 2), v))
 
     def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n) and inductances (..., n, n) together."""

@@ -46,32 +46,14 @@ class CoenergyTensor(SeveralMagnetics):
             *(BasisPolynomials(*axis, PARABOLA) for axis in currents),
         )
 
-    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """F = -dW'/dd in N, of shape (...)."""
-        at = _Point(self, distance, current)
-        return -at.partial(1)
-
     def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """dW'/di_k in Wb, of shape (..., n)."""
         at = _Point(self, distance, current)
         return np.stack([at.partial(0, k) for k in range(len(self.names))], axis=-1)
 
-    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
-        at = _Point(self, distance, current)
-        return -np.stack([at.partial(1, k) for k in range(len(self.names))], axis=-1)
-
-    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
-        return _Point(self, distance, current).inductance(0)
-
     def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
         return _Point(self, distance, current).partial(0)
-
-    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/dd in N/m, of shape (...)."""
-        return -_Point(self, distance, current).partial(2)
 
     def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n) and inductances (..., n, n) together."""

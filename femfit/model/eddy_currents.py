@@ -22,7 +22,6 @@ keeps them passive.
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
-from math import prod
 
 import numpy as np
 
@@ -58,20 +57,16 @@ class EddyError:
 
 @dataclass(frozen=True, eq=False)
 class EddyForms:
-    """C, lambda and Q at distances, or a derivative of theirs in d."""
+    """C, lambda, Q and h at distances, or a derivative of theirs in d.
+
+    For all n + r currents w = (i, e) together G = (1, C) stands in place of C, u = G w, and the others are zero for the
+    circuits.
+    """
 
     coupling: FloatArray  # C, shape (..., n, r)
     flux_linkage: FloatArray  # lambda in Wb, shape (..., r)
     inductance: FloatArray  # Q in H, shape (..., r, r)
-
-
-@dataclass(frozen=True, eq=False)
-class EddyShift:
-    """The same for all currents w = (i, e): u = G w with G = (1, C), lambda and Q with zeros for the circuits."""
-
-    shift: FloatArray  # G, or its derivative, whose part of the circuits is 0; shape (..., n, n + r)
-    flux_linkage: FloatArray  # Shape (..., n + r)
-    inductance: FloatArray  # Shape (..., n + r, n + r)
+    hall: FloatArray  # h in T/A, shape (..., r); zeros without a Hall element
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,34 +105,24 @@ class EddyCurrents:
         return len(self.names)
 
     def forms(self, distance: FloatArray, *orders: int) -> list[EddyForms]:
-        """C, lambda and Q at distances, or their derivatives in d of the orders that are given, up to the second."""
-        found = self._motion.derivatives(distance, *(orders or (0,)))
-        n, r = len(self.circuits), self.count
-        return [
-            EddyForms(
-                one[..., : n * r].reshape(*one.shape[:-1], n, r),
-                one[..., n * r : (n + 1) * r],
-                one[..., (n + 1) * r :][..., self._places],
-            )
-            for one in found
-        ]
-
-    def shifts(self, distance: FloatArray, *orders: int) -> list[EddyShift]:
-        """As :meth:`forms`, for all currents."""
-        orders, (at_shift, at_linkage, at_inductance) = orders or (0,), self._whole_places
-        found = []
-        for order, entries in zip(orders, self._motion.derivatives(distance, *orders), strict=True):
-            whole = np.zeros((*entries.shape[:-1], entries.shape[-1] + 2))  # the last two are G's ones, and zeros
-            whole[..., :-2] = entries
-            whole[..., -2] = order == 0
-            found.append(EddyShift(whole[..., at_shift], whole[..., at_linkage], whole[..., at_inductance]))
+        """C, lambda, Q and h at distances, or their derivatives in d of the orders that are given, up to the second."""
+        found, n, r = [], len(self.circuits), self.count
+        for entries in self._splines.derivatives(distance, *(orders or (0,))):
+            coupling, linkage, hall, inductance = np.split(entries, [n * r, (n + 1) * r, (n + 2) * r], axis=-1)
+            coupling = coupling.reshape(*coupling.shape[:-1], n, r)
+            found.append(EddyForms(coupling, linkage, inductance[..., self._places], hall))
         return found
 
-    def seen(self, distance: FloatArray, *orders: int) -> list[tuple[FloatArray, FloatArray]]:
-        """C (..., n, r) and h (..., r), or their derivatives, as :meth:`forms`."""
-        found = self._sensed.derivatives(distance, *(orders or (0,)))
-        n, r = len(self.circuits), self.count
-        return [(one[..., : n * r].reshape(*one.shape[:-1], n, r), one[..., n * r :]) for one in found]
+    def whole_forms(self, distance: FloatArray, *orders: int) -> list[EddyForms]:
+        """As :meth:`forms`, for all currents."""
+        found, orders, n, m = [], orders or (0,), len(self.circuits), len(self.circuits) + self.count
+        for order, one in zip(orders, self.forms(distance, *orders), strict=True):
+            points = one.flux_linkage.shape[:-1]
+            coupling, linkage, inductance, hall = (np.zeros((*points, *size)) for size in ((n, m), (m,), (m, m), (m,)))
+            coupling[..., :n], coupling[..., n:] = np.eye(n) * (order == 0), one.coupling
+            linkage[..., n:], inductance[..., n:, n:], hall[..., n:] = one.flux_linkage, one.inductance, one.hall
+            found.append(EddyForms(coupling, linkage, inductance, hall))
+        return found
 
     def scaled(self, magnets: float, currents: FloatArray) -> "EddyCurrents":
         """The patterns beside magnets and numbers of turns that are scaled: W_s(d, s u) has u = i + C e / s."""
@@ -156,25 +141,8 @@ class EddyCurrents:
         return places
 
     @cached_property
-    def _whole_places(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Which entry stands where in G, lambda and Q of all currents; -2 is a one, -1 a zero."""
-        n, r = len(self.circuits), self.count
-        shift, linkage, inductance = (np.full(size, -1) for size in ((n, n + r), n + r, (n + r, n + r)))
-        shift[range(n), range(n)] = -2
-        shift[:, n:] = np.arange(n * r).reshape(n, r)
-        linkage[n:] = n * r + np.arange(r)
-        inductance[n:, n:] = (n + 1) * r + self._places
-        return shift, linkage, inductance
-
-    @cached_property
-    def _motion(self) -> DistanceSplines:
-        return self._splines(self.couplings, self.flux_linkages_Wb, self.inductances_H)
-
-    @cached_property
-    def _sensed(self) -> DistanceSplines:
+    def _splines(self) -> DistanceSplines:
         hall = np.zeros_like(self.flux_linkages_Wb) if self.hall_T_per_A is None else self.hall_T_per_A
-        return self._splines(self.couplings, hall)
-
-    def _splines(self, *parts: FloatArray) -> DistanceSplines:
-        entries = np.concatenate([one.reshape(len(one), prod(one.shape[1:])) for one in parts], axis=1)
+        couplings = self.couplings.reshape(len(hall), len(self.circuits) * self.count)
+        entries = np.concatenate([couplings, self.flux_linkages_Wb, hall, self.inductances_H], axis=1)
         return DistanceSplines(self.coordinate, self.u_knots, self.u_degree, entries)

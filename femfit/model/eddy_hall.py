@@ -41,15 +41,16 @@ class EddyHall:
 
     def acting(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """The circuits' currents u whose static field is there, in the shape that it takes."""
-        n = len(self.eddy.circuits)
-        ((coupling, _),) = self.eddy.seen(distance)
-        u = currents[:, :n] + (coupling @ currents[:, n:, None])[..., 0]
-        return (u if n > 1 else u[:, 0]) if n else np.zeros(len(distance))
+        return self._shaped((self.eddy.whole_forms(distance)[0].coupling @ currents[..., None])[..., 0])
 
     def _exact(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        ((_, own),) = self.eddy.seen(distance)
-        added = (own * currents[:, len(self.eddy.circuits) :]).sum(axis=1)
-        return np.asarray(self.static.field(distance, self.acting(distance, currents)) + added)
+        (at,) = self.eddy.whole_forms(distance)
+        u = self._shaped((at.coupling @ currents[..., None])[..., 0])
+        return np.asarray(self.static.field(distance, u) + (at.hall * currents).sum(axis=1))
+
+    def _shaped(self, u: FloatArray) -> FloatArray:
+        n = len(self.eddy.circuits)
+        return (u if n > 1 else u[:, 0]) if n else np.zeros(len(u))
 
     @cached_property
     def _table(self) -> DistanceTable | None:
@@ -61,11 +62,10 @@ class EddyHall:
         return distance_table(self._entries, ((self.eddy.coordinate, self.eddy.u_knots), spline), kinds)
 
     def _entries(self, distance: FloatArray) -> FloatArray:
-        n, points = len(self.eddy.circuits), len(distance)
-        value, _, by_current = self.static.derivatives(distance, np.zeros((points, n) if n > 1 else points))
-        ((coupling, own),) = self.eddy.seen(distance)
-        by_circuit = by_current.reshape(points, -1)[:, :n]
-        return np.concatenate([value[:, None], by_circuit, (by_circuit[:, None] @ coupling)[:, 0] + own], axis=1)
+        (at,), n = self.eddy.whole_forms(distance), len(self.eddy.circuits)
+        value, _, by_current = self.static.derivatives(distance, self._shaped(np.zeros((len(distance), n))))
+        by_circuit = by_current.reshape(len(distance), 1, -1)[..., :n]
+        return np.concatenate([value[:, None], (by_circuit @ at.coupling)[:, 0] + at.hall], axis=1)
 
 
 def _spline(field: HallField) -> tuple[DistanceCoordinate, FloatArray] | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from femfit.core.arrays import FloatArray
-from femfit.model.eddy_currents import EddyCurrents, EddyShift
+from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.magnetics import Magnetics, MagneticSlopes, MagneticState
 from femfit.model.several_magnetics import SeveralMagnetics
 
@@ -30,42 +30,22 @@ class EddyMagnetics(SeveralMagnetics):
         """Of the circuits, then of the patterns."""
         return (*self.eddy.circuits, *self.eddy.names)
 
-    def acting(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """The circuits' currents u = i + C e (..., n) that act on the static field like all currents together."""
-        return _times(self.eddy.shifts(distance)[0].shift, currents)
-
     def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        (at,), w = self.eddy.shifts(distance), np.asarray(current, dtype=np.float64)
-        static = self.static.coenergy(distance, self._of_static(_times(at.shift, w)))
+        (at,), w = self.eddy.whole_forms(distance), np.asarray(current, dtype=np.float64)
+        static = self.static.coenergy(distance, self._of_static(_times(at.coupling, w)))
         return np.asarray(static + ((at.flux_linkage + 0.5 * _times(at.inductance, w)) * w).sum(axis=-1))
 
     def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """dW'/dw in Wb, of shape (..., n + r)."""
-        (at,), w = self.eddy.shifts(distance), np.asarray(current, dtype=np.float64)
-        phi = self._static_flux(distance, _times(at.shift, w))
-        return _transposed(at.shift, phi) + at.flux_linkage + _times(at.inductance, w)
-
-    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """F = -dW'/dd in N, of shape (...)."""
-        return self.state(distance, current).force
-
-    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/dw in N/A, of shape (..., n + r)."""
-        return self.state(distance, current).motional_constant
-
-    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """d(flux linkages)/dw in H, of shape (..., n + r, n + r)."""
-        return self.state(distance, current).inductance
-
-    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/dd in N/m, of shape (...)."""
-        return self.slopes_of_circuits(distance, current).force_gradient
+        (at,), w = self.eddy.whole_forms(distance), np.asarray(current, dtype=np.float64)
+        phi = self._static_flux(distance, _times(at.coupling, w))
+        return _transposed(at.coupling, phi) + at.flux_linkage + _times(at.inductance, w)
 
     def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n + r) and inductances (..., n + r, n + r) together."""
-        (at, rising), w = self.eddy.shifts(distance, 0, 1), np.asarray(current, dtype=np.float64)
-        u = _times(at.shift, w)
+        (at, rising), w = self.eddy.whole_forms(distance, 0, 1), np.asarray(current, dtype=np.float64)
+        u = _times(at.coupling, w)
         if len(self.eddy.circuits) != 1:
             found = self.static.state_of_circuits(distance, u)
             return with_eddies(at, rising, w, found, self._static_flux(distance, u))
@@ -77,8 +57,8 @@ class EddyMagnetics(SeveralMagnetics):
 
     def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """The slopes of all currents."""
-        (at, rising, bent), w = self.eddy.shifts(distance, 0, 1, 2), np.asarray(currents, dtype=np.float64)
-        u, u_1, u_2 = (_times(one.shift, w) for one in (at, rising, bent))
+        (at, rising, bent), w = self.eddy.whole_forms(distance, 0, 1, 2), np.asarray(currents, dtype=np.float64)
+        u, u_1, u_2 = (_times(one.coupling, w) for one in (at, rising, bent))
         part, phi = self.static.slopes_of_circuits(distance, u), self._static_flux(distance, u)
         inductance, along = part.inductance, np.einsum("...jkl,...l->...jk", part.inductance_slope, u_1)
         # The first and second derivatives of phi in d at held w
@@ -92,14 +72,14 @@ class EddyMagnetics(SeveralMagnetics):
             - part.force_gradient
         )
         motional_gradient = -(
-            _transposed(bent.shift, phi)
-            + 2.0 * _transposed(rising.shift, risen)
-            + _transposed(at.shift, bending)
+            _transposed(bent.coupling, phi)
+            + 2.0 * _transposed(rising.coupling, risen)
+            + _transposed(at.coupling, bending)
             + bent.flux_linkage
             + further
         )
-        g = at.shift
-        half = np.swapaxes(rising.shift, -1, -2) @ inductance @ g
+        g = at.coupling
+        half = np.swapaxes(rising.coupling, -1, -2) @ inductance @ g
         gradient = half + np.swapaxes(half, -1, -2) + np.swapaxes(g, -1, -2) @ (part.inductance_gradient + along) @ g
         state = with_eddies(at, rising, w, MagneticState(part.force, part.motional_constant, inductance), phi)
         return MagneticSlopes(
@@ -132,30 +112,26 @@ class EddyMagnetics(SeveralMagnetics):
         return flux if len(self.eddy.circuits) > 1 else flux[..., None]
 
 
-def acting(i: FloatArray, coupling: FloatArray, e: FloatArray) -> FloatArray:
-    """U = i + C e, of shape (..., n)."""
-    return np.asarray(i + _times(coupling, e))
-
-
 def with_eddies(
-    at: EddyShift, rising: EddyShift, w: FloatArray, static: MagneticState, flux_linkage: FloatArray
+    at: EddyForms, rising: EddyForms, w: FloatArray, static: MagneticState, flux_linkage: FloatArray
 ) -> MagneticState:
     """Force (...), motional constants and inductances of all currents w from the static ones at u.
 
     Parameters
     ----------
-    at, rising : EddyShift
+    at, rising : EddyForms
         G, lambda and Q, and their derivatives in d.
     static : MagneticState
         Of the shapes (...), (..., n) and (..., n, n).
     flux_linkage : array, shape (..., n)
         The static one.
     """
-    u_1, further = _times(rising.shift, w), _times(rising.inductance, w)
+    u_1, further = _times(rising.coupling, w), _times(rising.inductance, w)
     pull = (flux_linkage * u_1).sum(axis=-1) + ((rising.flux_linkage + 0.5 * further) * w).sum(axis=-1)
     risen = _times(static.inductance, u_1) - static.motional_constant
-    motional = _transposed(rising.shift, flux_linkage) + _transposed(at.shift, risen) + rising.flux_linkage + further
-    inductance = np.swapaxes(at.shift, -1, -2) @ (static.inductance @ at.shift) + at.inductance
+    motional = _transposed(rising.coupling, flux_linkage) + _transposed(at.coupling, risen)
+    motional = motional + rising.flux_linkage + further
+    inductance = np.swapaxes(at.coupling, -1, -2) @ (static.inductance @ at.coupling) + at.inductance
     return MagneticState(np.asarray(static.force - pull), -motional, inductance)
 
 

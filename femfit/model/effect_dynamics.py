@@ -167,8 +167,8 @@ class EffectDynamics:
         assert self.eddy is not None  # noqa: S101  its caller asks
         end = 3 + self.eddy.count
         d, v, w = flat[:, 0], flat[:, 1], flat[:, 2:end]
-        shifted, rising = self.eddy.shifts(d, 0, 1)
-        g = shifted.shift[:, 0]
+        shifted, rising = self.eddy.whole_forms(d, 0, 1)
+        g = shifted.coupling[:, 0]
         u = (g * w).sum(axis=1)
         memory = dict(zip(self.names, flat[:, end:].T, strict=True))
         static, slopes, flux = self._magnetics(memory, d, u)
@@ -188,7 +188,7 @@ class EffectDynamics:
         driving += motional - resistances * w
         inductance = magnetic.inductance.copy()
         inductance[:, 0, 0] += self.series_H
-        drift = (rising.shift[:, 0] * w).sum(axis=1) * v  # of u at held currents
+        drift = (rising.coupling[:, 0] * w).sum(axis=1) * v  # of u at held currents
         rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, u, np.zeros_like(u), at)
@@ -285,8 +285,8 @@ class EffectDynamics:
         further: FloatArray | float = 0.0
         if self.eddy is not None:
             e = flat[:, 3 : 3 + eddies]
-            coupling, field = self.eddy.seen(then_d)[0]
-            then_i, further = then_i + (coupling[:, 0] * e).sum(axis=1), (field * e).sum(axis=1)
+            (own,) = self.eddy.forms(then_d)
+            then_i, further = then_i + (own.coupling[:, 0] * e).sum(axis=1), (own.hall * e).sum(axis=1)
         series = changed_coenergy(self.hall_coenergy, self.later, at)(then_d, then_i, 0, 0)
         volts = quiescent + sensitivity * (series.derivative(0, 0, 1) + further)
         return self.read(volts, d, i, at).reshape(state.shape[:-1])

@@ -8,7 +8,7 @@ currents the induced part is j w h L.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,8 +21,6 @@ from femfit.model.hall import HallField
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
-
-ArrayT = TypeVar("ArrayT", FloatArray, ComplexArray)
 
 SHORTED = "_shorted_H"
 """Ends the column of the inductance of a circuit beside another that is shorted."""
@@ -89,8 +87,8 @@ def with_further_impedance(
     return z
 
 
-def impedances_by_column(z: ArrayT, circuits: Sequence[str]) -> dict[str, ArrayT]:
-    """What is read of impedances (..., n, n), or of inductances, by the column of the inductance.
+def impedances_by_column(z: ComplexArray, circuits: Sequence[str]) -> dict[str, ComplexArray]:
+    """What is read of impedances (..., n, n) in ohm, by the column of the inductance.
 
     Each circuit with all others open, Z_jj; of two the voltage of the first over the current of the second, Z_jk; and
     the first with the second shorted, where 0 = Z_kj i_j + Z_kk i_k: Z_jj - Z_jk Z_kj / Z_kk.
@@ -160,7 +158,7 @@ class SmallSignal:
         """Field in T/A at a Hall element whose static one is given, (..., n) of several circuits."""
         _, _, along = static.derivatives(self.distance, self.current)
         eddy = self.model.eddy
-        return self._transfer(along) if eddy is None else self._transfer(along, eddy.seen(self.distance)[0][1])
+        return self._transfer(along) if eddy is None else self._transfer(along, eddy.forms(self.distance)[0].hall)
 
     @property
     def _several(self) -> bool:

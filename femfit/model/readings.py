@@ -21,6 +21,10 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import following_share, impedances_by_column, induced_impedance, with_further_impedance
 from femfit.model.with_effects import base_coenergy, eddy_with_sources, resistance_of, with_sources
 
+LOW_HZ = 1e-6
+"""Numerical: of an impedance at no frequency; its eddy currents have died out, and a winding that is shorted carries
+no current."""
+
 
 def predict_readings(
     model: ActuatorModel,
@@ -94,16 +98,14 @@ def _impedances(
     ohms: FloatArray,
 ) -> dict[str, FloatArray]:
     """Resistances and inductances in series of n circuits, of low inductances (rows, n, n) and ohms (rows, n)."""
-    f = np.nan_to_num(like(conditions.frequency_Hz, d))
+    f = np.fmax(like(conditions.frequency_Hz, d), LOW_HZ)
     share, eddy = following_share(added, f, conditions), eddy_with_sources(base, added)
-    induced = with_further_impedance(induced_impedance(low, f, share, eddy, d), added, d, currents[:, 0], f, conditions)
-    own, w = np.eye(low.shape[-1]), 2.0 * np.pi * f
-    still = low + own * ([one.inductance_H for one in base.circuits] or [0.0])
-    z = induced + own * ohms[:, None, :] + 1j * w[:, None, None] * (still - low)
-    at_rest, shown = impedances_by_column(still, base.circuit_names), {}
+    z = with_further_impedance(induced_impedance(low, f, share, eddy, d), added, d, currents[:, 0], f, conditions)
+    w, series = 2.0 * np.pi * f, [one.inductance_H for one in base.circuits] or [0.0]
+    z, shown = z + np.eye(low.shape[-1]) * (ohms + 1j * w[:, None] * series)[:, None, :], {}
     for name, one in impedances_by_column(z, base.circuit_names).items():
         shown[resistance_column(name)] = one.real
-        shown[name] = np.where(w > 0.0, one.imag / np.where(w > 0.0, w, 1.0), at_rest[name])
+        shown[name] = one.imag / w
     return shown
 
 

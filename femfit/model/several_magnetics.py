@@ -18,6 +18,22 @@ class SeveralMagnetics(Magnetics):
 
     names: tuple[str, ...]
 
+    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """F = -dW'/dd in N, of shape (...)."""
+        return self.state(distance, current).force
+
+    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
+        return self.state(distance, current).motional_constant
+
+    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
+        return self.state(distance, current).inductance
+
+    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+        """dF/dd in N/m, of shape (...)."""
+        return self.slopes_of_circuits(distance, current).force_gradient
+
     def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """As ``state``, whose currents have an axis of circuits already."""
         return self.state(distance, currents)

@@ -199,3 +199,15 @@ def test_currents_beyond_those_that_were_swept_are_said(model, tmp_path):
     )
     assert not any(one.code == "extrapolated" for one in inside)
     assert any(one.code == "extrapolated" and "A and " in one.text for one in outside)
+
+
+def test_at_a_low_frequency_a_shorted_winding_carries_nothing(model):
+    """At a high one it takes its flux linkage away: L_1 - M^2 / L_2, here of windings without eddy currents."""
+    bare, d, i = replace(model, eddy=None, drawn=()), np.full(2, 0.02), np.zeros((2, 2))
+    found = predict_readings(
+        bare, d, i, Conditions(nominal_of(bare), frequency_Hz=np.array([np.nan, 1e9])), channels=WANTED
+    )
+    inductance = bare.magnetics.inductance(d, i)[0] + bare.series_inductances_H
+    left = inductance[0, 0] - inductance[0, 1] ** 2 / inductance[1, 1]
+    assert found["inductance_inner_outer_shorted_H"] == pytest.approx([inductance[0, 0], left], rel=1e-9)
+    assert left < 0.9 * inductance[0, 0]

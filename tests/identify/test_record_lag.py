@@ -9,12 +9,13 @@ import pytest
 
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.observations import series_observations
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_magnetics import EddyMagnetics
 from support.closed_loop import recorded
 from support.conductivities import KEY, with_conductivity
-from support.eddies import with_eddies
+from support.eddies import eddies, with_eddies
 
 FINER = 20  # steps of the reference within a sample
 PERIOD_S = 1e-3
@@ -43,8 +44,8 @@ def held(model, seconds=2.0):
     flux = magnetics.flux_linkage(distance, whole)[:, 0]
     ohmic = model.circuit.resistance_ohm * 0.5 * (current[1:] + current[:-1])
     volts = (ohmic + np.diff(flux) / step).reshape(-1, FINER).mean(axis=1)  # held from sample to sample
-    seen = model.sensor.field.derivatives(distance, magnetics.acting(distance, whole)[:, 0])[0]
-    seen = seen + induced @ eddy.seen(d)[0][1]
+    seen = model.sensor.field.derivatives(distance, current + induced @ at.coupling[0])[0]
+    seen = seen + induced @ at.hall
     here = slice(None, n, FINER)
     noise = model.sensor.noise_V * np.random.default_rng(5).standard_normal(len(volts))
     hall = model.sensor.quiescent_V + model.sensor.sensitivity_V_per_T * seen[here] + noise
@@ -89,3 +90,17 @@ def test_a_lag_that_it_does_not_predict_is_named_with_its_size(model, share, wor
     assert float(said[1]) == pytest.approx(abs(share) * float(said[3]), rel=0.2)
     (effect,) = add_effects(model, record, KEY).model.effects
     assert effect.parameters["change"] == pytest.approx(share, abs=0.01)
+
+
+def test_a_magnet_without_a_circuit_is_braked_by_what_its_motion_induces():
+    """At a constant velocity v each e becomes -lambda' v / R: a force against it of v sum(lambda'^2 / R)."""
+    eddy, velocity = eddies((), (2e-3, 5e-3)), 1e-3
+    time = np.linspace(0.0, 0.1, 401)
+    distance, still = 0.02 + velocity * time, np.zeros((len(time), 1))
+    along = EddiesAlong.at(eddy, distance)
+    induced = induced_along(along, time, time == 0.0, still, still[..., None])
+    slope = along.rising.flux_linkage[-1]
+    assert pull_of(along, still, induced)[-1] == pytest.approx(
+        velocity * (slope**2 / eddy.resistances_ohm).sum(), rel=1e-3
+    )
+    assert not along.acting(still, induced).any()

@@ -135,14 +135,6 @@ def test_all_slopes_of_a_saturating_device_are_those_of_its_co_energy(saturating
     assert_close(slopes.inductance_slope, of_inductance[..., 1:], 1e-7)
 
 
-def test_currents_that_act_alike_are_those_of_all_windings(saturating):
-    d, w = points(len(saturating.eddy.circuits), 3)
-    (at,) = saturating.eddy.forms(d)
-    n = len(saturating.eddy.circuits)
-    wanted = w[:, :n] + np.einsum("pjk,pk->pj", at.coupling, w[:, n:])
-    np.testing.assert_allclose(saturating.acting(d, w), wanted, rtol=1e-12)
-
-
 def test_scaled_turns_leave_what_the_patterns_do_to_the_field():
     """W_s(d, s i + C e): the patterns' own field does not know how many turns a coil has."""
     patterns = eddies(("coil",), TIMES)

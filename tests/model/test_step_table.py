@@ -115,7 +115,7 @@ def test_the_field_from_its_table_is_that_of_the_splines(levitation_model, circu
     states, _ = states_of(model, 0.005, 0.06)
     hall, w = EddyHall(model.eddy, field), states[:, 2:]
     u = hall.acting(states[:, 0], w).reshape(len(states), -1).mean(axis=1)
-    own = model.eddy.seen(states[:, 0])[0][1] if circuits == 1 else np.zeros(3)
+    own = model.eddy.forms(states[:, 0])[0].hall if circuits == 1 else np.zeros(3)
     wanted = levitation_model.sensor.field.field(states[:, 0], u) + (own * w[:, circuits:]).sum(axis=1)
     for points in (slice(None), slice(0, 20)):
         found = hall.field(states[points, 0], w[points])

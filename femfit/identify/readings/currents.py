@@ -95,7 +95,7 @@ def _require_impedances_of(model: ActuatorModel, table: BenchTable) -> None:
     if not current_names(model):
         return
     circuits = model.without_effects.circuit_names
-    inductances = list(impedances_by_column(np.eye(len(circuits)), circuits))
+    inductances = list(impedances_by_column(np.eye(len(circuits), dtype=np.complex128), circuits))
     known = {*inductances, *map(resistance_column, inductances)}
     other = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in known]
     if other:

@@ -44,7 +44,6 @@ from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.eddy_magnetics import acting
 from femfit.model.with_effects import eddy_with_sources, with_sources
 
 FORCE_BALANCE = "force_balance_N"
@@ -129,7 +128,7 @@ def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[Added
             inductance = magnetics.slopes_of_circuits(d, i).inductance
             along = points.eddies(eddy, d)
             induced = induced_along(along, motion.time_s, motion.first, magnetics.flux_linkage(d, i), inductance)
-            u = acting(i, along.forms.coupling, induced)
+            u = along.acting(i, induced)
             pull = pull_of(along, magnetics.flux_linkage(d, u), induced)
         force = with_further_force(effects, magnetics.force(d, u) + pull, d, _first(i), at)
         return _Point(d, i, at, force, magnetics.flux_linkage(d, u), None)
@@ -144,8 +143,8 @@ def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[Added
         flux, inductance = still.derivative(0, 1)[:, None], still.derivative(0, 2)[:, None, None]
         along = points.eddies(eddy, d)
         induced = induced_along(along, motion.time_s, motion.first, flux, inductance)
-        u = acting(i[:, None], along.forms.coupling, induced)[:, 0]
-        series, seen = changed(d, u, 1, 1), (along.seen_T_per_A * induced).sum(axis=1)
+        u = along.acting(i[:, None], induced)[:, 0]
+        series, seen = changed(d, u, 1, 1), (along.forms.hall * induced).sum(axis=1)
         pull = pull_of(along, series.derivative(0, 1)[:, None], induced)
     else:
         series, pull, seen = changed(d, i, 1, 1), np.zeros_like(d), np.zeros_like(d)

@@ -22,19 +22,27 @@ from femfit.model.eddy_currents import EddyCurrents, EddyForms
 
 @dataclass(frozen=True, eq=False)
 class EddiesAlong:
-    """The patterns' forms at N distances, their derivatives, and what the Hall element sees of an ampere, (N, r)."""
+    """The patterns' forms at N distances and their derivatives.
+
+    Currents (N, n) without a circuit are a column of zeros, which no pattern acts like.
+    """
 
     eddy: EddyCurrents
     distance: FloatArray
     forms: EddyForms
     rising: EddyForms
-    seen_T_per_A: FloatArray
 
     @classmethod
     def at(cls, eddy: EddyCurrents, distance: FloatArray) -> Self:
         """At distances (N,) in m."""
         forms, rising = eddy.forms(distance, 0, 1)
-        return cls(eddy, distance, forms, rising, eddy.seen(distance)[0][1])
+        return cls(eddy, distance, forms, rising)
+
+    def acting(self, current: FloatArray, induced: FloatArray) -> FloatArray:
+        """Currents (N, n) that act on the static field like these and induced ones (N, r) together."""
+        result = current.copy()
+        result[:, : len(self.eddy.circuits)] += (self.forms.coupling @ induced[..., None])[..., 0]
+        return result
 
 
 def induced_along(
@@ -47,10 +55,10 @@ def induced_along(
     flux_linkage, inductance : array, shapes (N, n) and (N, n, n)
         Of the circuits, without eddy currents.
     """
-    at, root = along.forms, 1.0 / np.sqrt(along.eddy.resistances_ohm)
+    at, root, n = along.forms, 1.0 / np.sqrt(along.eddy.resistances_ohm), len(along.eddy.circuits)
     turned = np.swapaxes(at.coupling, -1, -2)
-    beside = root * ((turned @ flux_linkage[..., None])[..., 0] + at.flux_linkage)
-    own = root[:, None] * (turned @ inductance @ at.coupling + at.inductance) * root
+    beside = root * ((turned @ flux_linkage[:, :n, None])[..., 0] + at.flux_linkage)
+    own = root[:, None] * (turned @ inductance[:, :n, :n] @ at.coupling + at.inductance) * root
     kept, gained = _steps(np.diff(time), 0.5 * (own[1:] + own[:-1]), -np.diff(beside, axis=0))
     kept[first[1:]], gained[first[1:]] = 0.0, 0.0
     linked = _recurrence(kept, gained)
@@ -59,10 +67,10 @@ def induced_along(
 
 def pull_of(along: EddiesAlong, flux_linkage: FloatArray, induced: FloatArray) -> FloatArray:
     """What induced currents (N, r) add to the force beside the static one, at the currents that act together."""
-    rising = along.rising
+    rising, n = along.rising, len(along.eddy.circuits)
     acting = (rising.coupling @ induced[..., None])[..., 0]
     own = rising.flux_linkage + 0.5 * (rising.inductance @ induced[..., None])[..., 0]
-    return -np.asarray((flux_linkage * acting).sum(axis=-1) + (own * induced).sum(axis=-1))
+    return -np.asarray((flux_linkage[:, :n] * acting).sum(axis=-1) + (own * induced).sum(axis=-1))
 
 
 def _recurrence(kept: FloatArray, gained: FloatArray) -> FloatArray:

@@ -18,7 +18,6 @@ from femfit.identify.series.noise import SensorNoise, carried, propagated
 from femfit.identify.series.samples import Samples
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.eddy_magnetics import acting
 from femfit.records.noise import converter_step, white_noise
 
 
@@ -59,9 +58,9 @@ def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
         first = np.diff(samples.run[here], prepend=np.nan) != 0.0
         along = EddiesAlong.at(base.eddy, d)
         induced = induced_along(along, samples.time[here], first, flux, slopes.inductance)
-        i = acting(each, along.forms.coupling, induced).reshape(i.shape)
+        i = along.acting(each, induced).reshape(i.shape)
         flux = base.magnetics.flux_linkage(d, i).reshape(each.shape)
-        pull, seen = pull_of(along, flux, induced), (along.seen_T_per_A * induced).sum(axis=1)
+        pull, seen = pull_of(along, flux, induced), (along.forms.hall * induced).sum(axis=1)
     flux = flux + each @ series
     hall = [np.zeros_like(d)] * 3
     if base.sensor is not None and i.ndim == 1:  # as on a bench, a Hall element of several circuits is not compared
