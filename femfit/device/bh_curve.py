@@ -35,7 +35,6 @@ class BHCurve:
         )
         self._slope = self._field.derivative()
         self._energy = self._field.antiderivative()
-        self._saturated_energy = float(self._energy(self.saturated_T))
 
     def field(self, b: FloatArray) -> FloatArray:
         """H in A/m."""

@@ -45,10 +45,8 @@ class ConductorPoints:
         self.places = np.column_stack([self._interpolated(ng.x), self._interpolated(ng.y) - distance * self.moving])
         weight = 2.0 * math.pi * self.places[:, 0] * area
         self.weight = np.concatenate([weight, weight[self.sheets]])
-        named = dict(enumerate(dict.fromkeys(one.name for one in self._named.values())))
-        places = {name: float(k) for k, name in named.items()}
+        places = {name: float(k) for k, name in enumerate(dict.fromkeys(one.name for one in self._named.values()))}
         of_material = self._sampled({n: places[m.name] for n, m in self._named.items()}).round().astype(np.int64)
-        self.materials = tuple(named.values())
         self.material_rows = np.concatenate([of_material, of_material[self.sheets]])  # Which of the materials
         self.moving_rows = np.concatenate([self.moving, self.moving[self.sheets]])
         self._map = self._rows_map(area)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.core.arrays import ComplexArray, FloatArray, evenly_spread
 from femfit.core.errors import FieldSolverError, TableError
 from femfit.core.journal import Journal
 from femfit.device.drawn_numbers import DrawnNumber
@@ -149,13 +149,13 @@ class _Plan:
         layout, distances = layout_of(actuator, settings), actuator.sweep.distances_m
         groups = stretch_groups(distances, layout, settings)
         meshes = {d: EddyMesh(actuator, layout, settings, group) for group in groups for d in group}
-        probes = _spread(distances, PROBES)
+        probes = tuple(distances[k] for k in evenly_spread(len(distances), PROBES))
         between = [d for d in distances if d not in probes]
         return cls(
             meshes,
             meshes[probes[len(probes) // 2]],
             probes,
-            _spread(between, CHECKS),
+            tuple(between[k] for k in evenly_spread(len(between), CHECKS)),
             _decades(low, high, MOST_FREQUENCIES),
             tuple(2.0 * math.pi * one for one in _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)),
             biases,
@@ -230,14 +230,6 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
         np.array([one["braking"] for one in found.values()]),
         np.array([one.get("slopes", ()) for one in found.values()]).swapaxes(0, 1),
     )
-
-
-def _spread(distances: Sequence[float], count: int) -> tuple[float, ...]:
-    """At most so many of ascending distances, the first and the last among them."""
-    if not distances:
-        return ()
-    places = np.unique(np.linspace(0, len(distances) - 1, min(count, len(distances))).round().astype(int))
-    return tuple(distances[k] for k in places)
 
 
 def _decades(low: float, high: float, most: int) -> tuple[float, ...]:

@@ -16,13 +16,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import lstsq
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.fit.coenergy import CoenergyFit, gauged
 from femfit.fit.coenergy_choice import distance_trials
-from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem, coenergy_system, determined
+from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system
 from femfit.fit.constants import COARSE, COARSE_INDUCTANCE, MOVED_BREAKS, PARTED
 from femfit.fit.rows import FitRows, rms
 from femfit.model.magnetics import CoenergySpline
@@ -62,7 +61,7 @@ def missed_between(fit: CoenergyFit, rows: FitRows) -> Between | None:
     if rows.inductance is None or rows.flux_linkage is None:
         return None
     distance, current = halfway(rows)
-    found = fit.magnetics, *_others(fit.basis, coenergy_system(rows))
+    found = fit.magnetics, *_others(fit.basis, rows)
     values = np.array([_quantities(one, distance, current) for one in found])
     table = (rows.force, rows.flux_linkage, rows.inductance[np.isfinite(rows.inductance)])
     off = np.abs(values[1:] - values[0]) / np.array([[rms(column)] for column in table])
@@ -92,21 +91,15 @@ def _quantities(magnetics: CoenergySpline, distance: FloatArray, current: FloatA
     return [-slope, flux, inductance]
 
 
-def _others(basis: CoenergyBasis, system: CoenergySystem) -> Iterator[CoenergySpline]:
-    """The other splines: with each of the distance's trials the inner breaks in the current go up or down."""
+def _others(basis: CoenergyBasis, rows: FitRows) -> Iterator[CoenergySpline]:
+    """The other splines: with each of the distance's trials the inner breaks in the current go up or down.
+
+    They go without the shape constraints, which hold at the points and hardly act between them.
+    """
+    system, columns = coenergy_system(rows), np.array([rows.force, rows.flux_linkage, rows.inductance])[..., None]
     knots = basis.current_knots
     step = MOVED_BREAKS * np.diff(np.unique(knots)).min() * ((knots > knots[0]) & (knots < knots[-1]))
-    alike = [replace(basis, **trial) for trial in distance_trials(system.rows)]
-    for n, other in enumerate(one for one in alike if one.cells == basis.cells):
-        yield _fitted(replace(other, current_knots=knots + (-1) ** (n + 1) * step), system)
-
-
-def _fitted(basis: CoenergyBasis, system: CoenergySystem) -> CoenergySpline:
-    """Without the shape constraints, which hold at the points and hardly act between them."""
-    matrix, value, sigma = system.equations(basis)
-    keep = determined(basis, system.rows)
-    weighted = matrix[:, keep] / sigma[:, None]
-    norms = np.linalg.norm(weighted, axis=0)
-    coefficients = np.zeros(matrix.shape[1])
-    coefficients[keep] = lstsq(weighted / norms, value / sigma, cond=1e-12, lapack_driver="gelsy")[0] / norms
-    return gauged(basis, coefficients.reshape(basis.shape), system.rows)
+    alike = [replace(basis, **trial) for trial in distance_trials(rows)]
+    for n, one in enumerate(one for one in alike if one.cells == basis.cells):
+        other = replace(one, current_knots=knots + (-1) ** (n + 1) * step)
+        yield gauged(other, system.without_constraints(other, columns).reshape(other.shape), rows)

@@ -109,26 +109,27 @@ class CoenergySystem:
         """
         return self._equations(basis, self.channels)
 
-    def fit_changes(self, basis: CoenergyBasis, changes: FloatArray) -> FloatArray:
-        """Coefficients of small changes of W', from those of force and, where the table has it, of flux linkage.
+    def without_constraints(self, basis: CoenergyBasis, values: FloatArray) -> FloatArray:
+        """Coefficients of W' or of small changes of it, from what the first channels have of it.
 
         Parameters
         ----------
-        changes : array, shape (channels, rows, k)
+        values : array, shape (channels, rows, k)
+            Force, flux linkage and inductance, in N, Wb and H.
 
         Returns
         -------
         array, shape (functions, k)
         """
-        channels = self.channels[: len(changes)]
+        channels = self.channels[: len(values)]
         matrix, value, sigma = self._equations(basis, channels)
         keep = determined(basis, self.rows)
-        right = np.zeros((len(value), changes.shape[2]))
-        stacked = np.concatenate([one[c.which] for one, c in zip(changes, channels, strict=True)])
+        right = np.zeros((len(value), values.shape[2]))
+        stacked = np.concatenate([one[c.which] for one, c in zip(values, channels, strict=True)])
         right[: len(stacked)] = stacked
         weighted = matrix[:, keep] / sigma[:, None]
         norms = np.linalg.norm(weighted, axis=0)
-        result = np.zeros((matrix.shape[1], changes.shape[2]))
+        result = np.zeros((matrix.shape[1], values.shape[2]))
         result[keep] = np.linalg.lstsq(weighted / norms, right / sigma[:, None], rcond=1e-12)[0] / norms[:, None]
         return result
 

@@ -37,7 +37,7 @@ def drawn_effects(
     numbers, slopes = [signatures.numbers[k] for k in kept], slopes[:, :, kept]
     rows = rows.take(at)
     of_fields = 1 if rows.flux_linkage is None else 2
-    magnetic = coenergy_system(rows).fit_changes(coenergy.basis, slopes[:of_fields])
+    magnetic = coenergy_system(rows).without_constraints(coenergy.basis, slopes[:of_fields])
     sensed = None if hall is None or len(slopes) < 3 else _fit_hall(hall, rows, slopes[2])
     found, notes = [], []
     for k, number in enumerate(numbers):

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.core.arrays import ComplexArray, FloatArray, evenly_spread
 from femfit.fit.constants import EDDY_DISTANCES, EDDY_FEWER, EDDY_LOOSER, EDDY_POWERS, EDDY_SINGULAR, EDDY_STEPS
 from femfit.tables.eddy_table import EddyTable
 
@@ -123,7 +123,7 @@ class StateChoice:
 
     def _optimal(self, count: int) -> FloatArray:
         """So many combinations with the least squares of the departures, then of their third powers."""
-        chosen = [self._places[k] for k in spread(len(self._places), EDDY_DISTANCES)]
+        chosen = [self._places[k] for k in evenly_spread(len(self._places), EDDY_DISTANCES)]
         whole = np.eye(self._table.patterns)
         for power in EDDY_POWERS:
             now, others = whole[:, :count], whole[:, count:]
@@ -192,8 +192,3 @@ class StateChoice:
 def orthonormal(columns: FloatArray) -> FloatArray:
     """Orthonormal columns with the same span."""
     return np.asarray(np.linalg.qr(columns)[0])
-
-
-def spread(length: int, count: int) -> Sequence[int]:
-    """At most so many places of a sequence, its ends among them."""
-    return list(np.unique(np.linspace(0, length - 1, min(length, count)).round().astype(int)))

@@ -71,22 +71,14 @@ def time_until(
         heat = powers(temperatures) + network.outwards * ambient - network.laplacian @ temperatures
         return np.asarray(heat / network.capacities)
 
+    def crossing(_: float, temperatures: FloatArray) -> float:
+        return reached(temperatures)
+
+    crossing.terminal, crossing.direction = True, 1.0  # type: ignore[attr-defined]  # as solve_ivp wants
     start = np.full(len(network.capacities), ambient)
     if reached(start) >= 0.0:
         return 0.0
     horizon = HORIZON * slowest_s(network)
-    course = solve_ivp(slope, (0.0, horizon), start, "LSODA", events=_Crossing(reached), rtol=1e-8, atol=1e-6)
+    course = solve_ivp(slope, (0.0, horizon), start, "LSODA", events=crossing, rtol=1e-8, atol=1e-6)
     times = np.concatenate(course.t_events or [])
     return float(times[0]) if times.size else None
-
-
-@dataclass(frozen=True)
-class _Crossing:
-    """An event that ends the course, as solve_ivp wants it."""
-
-    reached: Callable[[FloatArray], float]
-    terminal: bool = True
-    direction: float = 1.0
-
-    def __call__(self, _: float, temperatures: FloatArray) -> float:
-        return self.reached(temperatures)

@@ -11,7 +11,7 @@ from math import perm
 import numpy as np
 
 from femfit.core.arrays import FloatArray, IntArray
-from femfit.model.bspline import continued_rows, taylor_rows
+from femfit.model.bspline import continued_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,21 +34,8 @@ class BasisPolynomials:
     beyond: int | None = None
 
     @cached_property
-    def _breaks(self) -> FloatArray:
-        """Where each cell's polynomials count from, and the last knot."""
-        breaks = np.unique(self.knots)
-        return breaks if self._ends is None else breaks[[0, *range(len(breaks)), -1]]
-
-    @property
-    def _ends(self) -> int | None:
-        """The degree of the continuation, where it is not that of the spline."""
-        return self.beyond if self.beyond is not None and self.beyond < self.degree else None
-
-    @cached_property
-    def _taylor(self) -> FloatArray:
-        if self._ends is None:
-            return taylor_rows(self._breaks[:-1], self.knots, self.degree)
-        return continued_rows(np.unique(self.knots), self.knots, self.degree, self._ends)
+    def _breaks_and_rows(self) -> tuple[FloatArray, FloatArray]:
+        return continued_rows(self.knots, self.degree, self.beyond)
 
     @cached_property
     def _tables(self) -> dict[int, FloatArray]:
@@ -56,9 +43,10 @@ class BasisPolynomials:
 
     def places(self, x: FloatArray) -> Places:
         """Where points of shape (n,) lie."""
-        cell = self._breaks[1:-1].searchsorted(x, "right")
+        breaks, _ = self._breaks_and_rows
+        cell = breaks[1:-1].searchsorted(x, "right")
         powers = np.ones((len(x), self.degree + 1))
-        powers[:, 1:] = (x - self._breaks[cell])[:, None]
+        powers[:, 1:] = (x - breaks[cell])[:, None]
         return Places(cell, np.multiply.accumulate(powers, axis=1))
 
     def values(self, at: Places, derivative: int = 0) -> FloatArray:
@@ -66,7 +54,7 @@ class BasisPolynomials:
         if derivative > self.degree:
             return np.zeros((len(at.cell), len(self.knots) - self.degree - 1))
         if derivative not in self._tables:
-            rows = self._taylor[:, derivative:]
+            rows = self._breaks_and_rows[1][:, derivative:]
             factors = [perm(power, derivative) for power in range(derivative, self.degree + 1)]
             self._tables[derivative] = rows * np.array(factors, dtype=np.float64)[:, None]
         powers = at.powers[:, None, : self.degree + 1 - derivative]

@@ -209,13 +209,9 @@ class TensorSpline:
     @cached_property
     def _cells(self) -> CellPolynomials:
         """One polynomial a cell, from the Taylor coefficients of the basis at its corner."""
-        x_breaks, y_breaks = np.unique(self.x_knots), np.unique(self.y_knots)
+        x_breaks = np.unique(self.x_knots)
         x_taylor = taylor_rows(x_breaks[:-1], self.x_knots, self.x_degree)
-        if self.y_degree > self.beyond:
-            y_taylor = continued_rows(y_breaks, self.y_knots, self.y_degree, self.beyond)
-            y_breaks = y_breaks[[0, *range(len(y_breaks)), -1]]  # the outermost cells have no end
-        else:
-            y_taylor = taylor_rows(y_breaks[:-1], self.y_knots, self.y_degree)
+        y_breaks, y_taylor = continued_rows(self.y_knots, self.y_degree, self.beyond)
         cells = np.einsum("xai,ij,ybj->xyab", x_taylor, self.coefficients, y_taylor)
         return CellPolynomials(x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1))
 
@@ -234,11 +230,15 @@ def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArra
     return np.stack(rows, axis=1)
 
 
-def continued_rows(breaks: FloatArray, knots: FloatArray, degree: int, beyond: int) -> FloatArray:
-    """As :func:`taylor_rows` at the lower ends of all cells, with a cell below and one above the knots.
+def continued_rows(knots: FloatArray, degree: int, beyond: int | None) -> tuple[FloatArray, FloatArray]:
+    """Breaks and the :func:`taylor_rows` at the lower ends of all cells.
 
-    Those count from the first and the last knot, and end with the power ``beyond``.
+    Where the degree is above ``beyond``, there is one cell below the knots and one above, without an end: they count
+    from the first and the last knot, and end with that power.
     """
+    breaks = np.unique(knots)
+    if beyond is None or degree <= beyond:
+        return breaks, taylor_rows(breaks[:-1], knots, degree)
     rows = taylor_rows(breaks[[0, *range(len(breaks))]], knots, degree)
     rows[[0, -1], beyond + 1 :] = 0.0
-    return rows
+    return breaks[[0, *range(len(breaks)), -1]], rows

@@ -18,7 +18,14 @@ from femfit.model.carried import (
 )
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.impedance_change import ImpedanceChange
-from femfit.model.json_magnetics import coordinate_from, coordinate_to, knots_from, spline_from, spline_to
+from femfit.model.json_magnetics import (
+    COORDINATE_KEYS,
+    coordinate_from,
+    coordinate_to,
+    knots_from,
+    spline_from,
+    spline_to,
+)
 from femfit.model.json_section import Section
 
 _TEXTS = ("symptom", "experiment", "reference")
@@ -140,8 +147,7 @@ def impedance_to(change: ImpedanceChange) -> dict[str, Any]:
 
 def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
     """The change of :func:`impedance_to`."""
-    place = ("coordinate", "reference_distance_m", "distance_shift_m")
-    section.refuse_others(("parameter", "share", *place, *_AXES, "real_H", "imaginary_H"))
+    section.refuse_others(("parameter", "share", *COORDINATE_KEYS, *_AXES, "real_H", "imaginary_H"))
     axes = [section.section(name) for name in _AXES]
     found = [knots_from(one, "knots", one.integer("degree", 0, 9)) for one in axes]
     shape = tuple(len(knots) - degree - 1 for knots, degree in found)
@@ -177,9 +183,7 @@ def _curves_from(section: Section | None, parameters: set[str]) -> dict[str, Cur
 def _curve_from(section: Section, parameters: set[str]) -> Curve:
     section.refuse_others(("parameter", "knots", "degree", "coefficients"))
     knots, degree = knots_from(section, "knots", section.integer("degree", 1, 9))
-    coefficients = section.array("coefficients", 1)
-    if len(coefficients) != len(knots) - degree - 1:
-        raise section.refusal("coefficients", f"{len(knots) - degree - 1} numbers, as the knots ask for")
+    coefficients = section.shaped("coefficients", (len(knots) - degree - 1,))
     return Curve(_parameter_of(section, parameters), knots, degree, coefficients)
 
 

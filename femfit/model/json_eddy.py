@@ -1,13 +1,11 @@
 """Eddy currents in a model file."""
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.model.eddy_currents import EddyCurrents, EddyError
-from femfit.model.json_magnetics import coordinate_from, coordinate_to, knots_from
+from femfit.model.json_magnetics import COORDINATE_KEYS, coordinate_from, coordinate_to, knots_from
 from femfit.model.json_section import Section
 
 _ARRAYS = ("resistances_ohm", "u_knots", "couplings", "flux_linkages_Wb", "inductances_H", "hall_T_per_A")
@@ -16,22 +14,20 @@ _ARRAYS = ("resistances_ohm", "u_knots", "couplings", "flux_linkages_Wb", "induc
 def eddy_to(eddy: EddyCurrents) -> dict[str, Any]:
     """The patterns as JSON-ready data."""
     arrays = {name: getattr(eddy, name) for name in _ARRAYS}
-    error = eddy.error and {one.name: getattr(eddy.error, one.name) for one in fields(EddyError)}
     return {
         "names": list(eddy.names),
         "circuits": list(eddy.circuits),
         **coordinate_to(eddy.coordinate),
         "u_degree": eddy.u_degree,
         **{name: one.tolist() for name, one in arrays.items() if one is not None},
-        "error": error,
+        "error": eddy.error and dict(vars(eddy.error)),
     }
 
 
 def eddy_from(section: Section, circuits: tuple[str, ...]) -> EddyCurrents:
     """The patterns of a model with these circuits."""
-    place = ("coordinate", "reference_distance_m", "distance_shift_m")
-    section.refuse_others(("names", "circuits", *place, "u_degree", *_ARRAYS, "error"))
-    names, of = (_names(section, key) for key in ("names", "circuits"))
+    section.refuse_others(("names", "circuits", *COORDINATE_KEYS, "u_degree", *_ARRAYS, "error"))
+    names, of = (section.names(key) for key in ("names", "circuits"))
     if circuits and of != circuits:
         raise section.refusal("circuits", f"those of the model ({', '.join(circuits)}), in their order")
     if len({*names, *of, ""}) <= len(names) + len(of):
@@ -49,27 +45,13 @@ def eddy_from(section: Section, circuits: tuple[str, ...]) -> EddyCurrents:
         coordinate=coordinate_from(section),
         u_knots=knots,
         u_degree=degree,
-        couplings=_array(section, "couplings", (functions, len(of), r)) if of else np.zeros((functions, 0, r)),
-        flux_linkages_Wb=_array(section, "flux_linkages_Wb", (functions, r)),
-        inductances_H=_array(section, "inductances_H", (functions, r * (r + 1) // 2)),
-        hall_T_per_A=_array(section, "hall_T_per_A", (functions, r)) if "hall_T_per_A" in section.data else None,
+        couplings=section.shaped("couplings", (functions, len(of), r)) if of else np.zeros((functions, 0, r)),
+        flux_linkages_Wb=section.shaped("flux_linkages_Wb", (functions, r)),
+        inductances_H=section.shaped("inductances_H", (functions, r * (r + 1) // 2)),
+        hall_T_per_A=section.shaped("hall_T_per_A", (functions, r)) if "hall_T_per_A" in section.data else None,
         error=error.record(EddyError) if error else None,
     )
     least = np.linalg.eigvalsh(found.forms(found.coordinate.distance(np.unique(knots)))[0].inductance).min()
     if not least > 0.0:
         raise section.refusal("inductances_H", "those of a positive definite matrix at every distance")
-    return found
-
-
-def _names(section: Section, key: str) -> tuple[str, ...]:
-    names = section.data.get(key)
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise section.refusal(key, "a list of names")
-    return tuple(names)
-
-
-def _array(section: Section, key: str, shape: tuple[int, ...]) -> FloatArray:
-    found = section.array(key, len(shape))
-    if found.shape != shape:
-        raise section.refusal(key, f"nested lists of {shape} numbers, as knots, circuits and names ask for")
     return found

@@ -21,17 +21,8 @@ INVERSE, PLAIN = "inverse_distance", "distance"
 
 NETWORK_KIND, MATRIX_KIND, TENSOR_KIND = "reluctance_network", "coenergy_matrix", "coenergy_tensor"
 
-_SPLINE_KEYS = (
-    "kind",
-    "coordinate",
-    "reference_distance_m",
-    "distance_shift_m",
-    "u_knots",
-    "current_knots_A",
-    "u_degree",
-    "current_degree",
-    "coefficients",
-)
+COORDINATE_KEYS = ("coordinate", "reference_distance_m", "distance_shift_m")
+_SPLINE_KEYS = "kind", *COORDINATE_KEYS, "u_knots", "current_knots_A", "u_degree", "current_degree", "coefficients"
 
 
 def magnetics_from(section: Section) -> Magnetics:
@@ -110,24 +101,11 @@ def matrix_to(matrix: CoenergyMatrix) -> dict[str, Any]:
 
 
 def _matrix_from(section: Section) -> CoenergyMatrix:
-    place = ("coordinate", "reference_distance_m", "distance_shift_m")
-    section.refuse_others(("kind", "circuits", *place, "u_knots", "u_degree", "coefficients"))
-    names = _circuits_from(section)
+    section.refuse_others(("kind", "circuits", *COORDINATE_KEYS, "u_knots", "u_degree", "coefficients"))
+    names = section.names("circuits", 2)
     knots, degree = knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
     needed = (len(knots) - degree - 1, (len(names) + 1) * (len(names) + 2) // 2)
-    coefficients = section.array("coefficients", 2)
-    if coefficients.shape != needed:
-        raise section.refusal(
-            "coefficients", f"{needed[0]} lists of {needed[1]} numbers, as knots and circuits ask for"
-        )
-    return CoenergyMatrix(names, coordinate_from(section), knots, degree, coefficients)
-
-
-def _circuits_from(section: Section) -> tuple[str, ...]:
-    names = section.data.get("circuits")
-    if not isinstance(names, list) or len(names) < 2 or not all(isinstance(name, str) for name in names):
-        raise section.refusal("circuits", "a list of two or more names")
-    return tuple(names)
+    return CoenergyMatrix(names, coordinate_from(section), knots, degree, section.shaped("coefficients", needed))
 
 
 def knots_from(section: Section, key: str, degree: int) -> tuple[FloatArray, int]:
@@ -187,18 +165,14 @@ def nested_from(
     named : bool
         Whether each current's section has a name.
     """
-    place = ("coordinate", "reference_distance_m", "distance_shift_m")
-    section.refuse_others((*others, *place, "u_knots", "u_degree", key, "coefficients"))
+    section.refuse_others((*others, *COORDINATE_KEYS, "u_knots", "u_degree", key, "coefficients"))
     for one in along:
         one.refuse_others((*(("name",) if named else ()), "knots_A", "degree"))
     knots, degree = knots_from(section, "u_knots", section.integer("u_degree", least_degree, 9))
     each = [knots_from(one, "knots_A", one.integer("degree", least_degree, 9)) for one in along]
     needed = tuple(len(inner) - power - 1 for inner, power in ((knots, degree), *each))
-    coefficients = section.array("coefficients", len(needed))
-    if coefficients.shape != needed:
-        raise section.refusal("coefficients", f"nested lists of {needed} numbers, as the knots ask for")
     inner, powers = tuple(one for one, _ in each), tuple(power for _, power in each)
-    return coordinate_from(section), knots, degree, inner, powers, coefficients
+    return coordinate_from(section), knots, degree, inner, powers, section.shaped("coefficients", needed)
 
 
 def coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
@@ -225,23 +199,10 @@ def spline_to(coordinate: DistanceCoordinate, spline: TensorSpline) -> dict[str,
 def spline_from(section: Section, beyond: int = PARABOLA) -> tuple[DistanceCoordinate, TensorSpline]:
     """Coordinate and spline of a co-energy or a Hall field, which goes on as a line beyond its currents."""
     section.refuse_others(_SPLINE_KEYS)
-    spline = TensorSpline(
-        x_knots=section.array("u_knots", 1),
-        y_knots=section.array("current_knots_A", 1),
-        x_degree=section.integer("u_degree", 1, 9),
-        y_degree=section.integer("current_degree", 0, 9),
-        coefficients=section.array("coefficients", 2),
-        beyond=beyond,
-    )
-    for key, knots, degree in (
-        ("u_knots", spline.x_knots, spline.x_degree),
-        ("current_knots_A", spline.y_knots, spline.y_degree),
-    ):
-        if not is_clamped(knots, degree):
-            raise section.refusal(key, f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
-    needed = (len(spline.x_knots) - spline.x_degree - 1, len(spline.y_knots) - spline.y_degree - 1)
-    if spline.coefficients.shape != needed:
-        raise section.refusal("coefficients", f"{needed[0]} lists of {needed[1]} numbers, as the knots ask for")
+    x_knots, x_degree = knots_from(section, "u_knots", section.integer("u_degree", 1, 9))
+    y_knots, y_degree = knots_from(section, "current_knots_A", section.integer("current_degree", 0, 9))
+    shape = len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1
+    spline = TensorSpline(x_knots, y_knots, x_degree, y_degree, section.shaped("coefficients", shape), beyond)
     return coordinate_from(section), spline
 
 

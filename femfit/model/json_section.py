@@ -132,6 +132,21 @@ class Section:
             raise self.refusal(key, "a list of objects, at least one")
         return tuple(Section(self.source, f"{self.where(key)}[{k}]", item) for k, item in enumerate(value))
 
+    def names(self, key: str, least: int = 0) -> tuple[str, ...]:
+        """Texts in a list, so many at least."""
+        names = self.data.get(key)
+        if not isinstance(names, list) or len(names) < least or not all(isinstance(name, str) for name in names):
+            raise self.refusal(key, f"a list of {f'{least} or more ' * (least > 0)}names")
+        return tuple(names)
+
+    def shaped(self, key: str, shape: tuple[int, ...]) -> FloatArray:
+        """An array of a shape that other entries ask for."""
+        found = self.array(key, len(shape))
+        if found.shape != shape:
+            numbers = " lists of ".join(map(str, shape))
+            raise self.refusal(key, f"{numbers} numbers, as the knots and names beside it ask for")
+        return found
+
     def array(self, key: str, *dimensions: int) -> FloatArray:
         """Finite numbers in nested lists of equal lengths, of one of some numbers of dimensions."""
         needed = f"an array of finite numbers with {' or '.join(counted(one, 'dimension') for one in dimensions)}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import FloatArray, IntArray, evenly_spread
 from femfit.core.errors import DomainError
 from femfit.filters.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
@@ -42,9 +42,9 @@ class SeveralCircuits:
         return np.asarray((share - np.eye(len(self.names))).max(axis=(1, 2)))
 
     @property
-    def levels(self) -> FloatArray:
+    def levels(self) -> IntArray:
         """Places of a table's distances."""
-        return np.unique(np.linspace(0, len(self.distance_m) - 1, LEVELS).round().astype(int))
+        return evenly_spread(len(self.distance_m), LEVELS)
 
     @property
     def line(self) -> list[tuple[str, str]]:

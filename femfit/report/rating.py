@@ -8,7 +8,7 @@ import shapely
 from scipy.interpolate import RegularGridInterpolator
 
 from femfit.audit.carried import WARM_C, resistance_at
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import FloatArray, IntArray, evenly_spread
 from femfit.device.bh_curve import BHCurve
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material
 from femfit.heat.result import Temperatures
@@ -60,7 +60,6 @@ class Rating:
 
     voltage_V: float
     cold_ohm: float
-    warm_ohm: float
     feeds: tuple[Feed, ...]
     distance_m: FloatArray
     forces_N: dict[str, FloatArray]
@@ -88,9 +87,9 @@ class Rating:
         return np.asarray((inductance_H + self.series_H) / self.cold_ohm)
 
     @property
-    def levels(self) -> FloatArray:
+    def levels(self) -> IntArray:
         """Places of the table's distances in the arrays."""
-        return np.unique(np.linspace(0, len(self.distance_m) - 1, LEVELS).round().astype(int))
+        return evenly_spread(len(self.distance_m), LEVELS)
 
 
 def rate(
@@ -142,7 +141,6 @@ def rate(
     return Rating(
         voltage_V=voltage,
         cold_ohm=cold,
-        warm_ohm=warm,
         feeds=tuple(feeds),
         distance_m=distance,
         forces_N=forces,

@@ -197,5 +197,5 @@ def test_damaged_data_are_refused(model):
         model_from_dict(data)
     term["parameter"], curve = "share", data["effects"][0]["carried"]["brake"]["against"]
     curve["coefficients"] = curve["coefficients"][1:]
-    with pytest.raises(ModelFileError, match="as the knots ask for"):
+    with pytest.raises(ModelFileError, match="as the knots and names beside it ask for"):
         model_from_dict(data)

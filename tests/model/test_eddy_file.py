@@ -43,7 +43,7 @@ def test_a_file_without_eddy_currents_is_as_before(levitation_model):
     [
         ("resistances_ohm", [1.0, -1.0, 1.0], "numbers > 0"),
         ("circuits", ["other"], "those of the model"),
-        ("couplings", [[[1.0]]], "nested lists"),
+        ("couplings", [[[1.0]]], "as the knots and names beside it ask for"),
         ("inductances_H", None, "positive definite"),
         ("names", "eddy", "list of names"),
         ("names", ["eddy_1", "eddy_1", "eddy_2"], "differ from each other"),

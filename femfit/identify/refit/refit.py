@@ -57,15 +57,6 @@ class Refit:
         """Weighted sum of squares."""
         return float(self.whitened_residual @ self.whitened_residual)
 
-    def contribution(self, k: int) -> FloatArray:
-        """What effect number k changes in the whitened residual, to first order in its amplitudes, shape (M,)."""
-        used = [j for j, (of, p) in enumerate(self.free) if of == k and not p.nonlinear]
-        values = [
-            (self.effects[k].parameters[p.name] - p.null) / (p.plausible[1] - p.plausible[0])
-            for p in (self.free[j][1] for j in used)
-        ]
-        return np.asarray(self.jacobian[:, used] @ np.array(values))
-
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects."""
