@@ -151,7 +151,7 @@ def _eddy_variances(model: ActuatorModel, inductance: FloatArray, distance: floa
     """
     eddy, box = model.eddy, model.validity
     assert eddy is not None  # noqa: S101  its caller asks
-    share = eddy.error.largest if eddy.error is not None else UNKNOWN_EDDY_ERROR
+    share = min(eddy.error.largest, 1.0) if eddy.error is not None else UNKNOWN_EDDY_ERROR
     jumps = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
     carried = eddy_currents_of(model, jumps, FIRST_VELOCITY_M_S, distance)
     times = np.diag(inductance)[len(model.circuits) :] / eddy.resistances_ohm

@@ -47,7 +47,9 @@ def eddy_line(model: "ActuatorModel", eddy: "EddyCurrents") -> str:
     if eddy.error is None:
         return text
     low, high = amount(eddy.error.frequency_min_Hz, "Hz"), amount(eddy.error.frequency_max_Hz, "Hz")
-    text = f"{text}; within {amount(eddy.error.largest, '')} of the field from {low} to {high}"
+    kinds = ("impedance", eddy.error.impedance), ("force", eddy.error.force), ("Hall field", eddy.error.hall)
+    off = [f"{amount(one, '', 2)} of its {name}" for name, one in kinds if one is not None]
+    text = f"{text}; from {low} to {high} off the field by at most {', '.join(off)}"
     parts = (("inductance", eddy.error.static_inductance), ("dF/di", eddy.error.static_force))
     static = [f"{name} by {amount(off, '', 2)}" for name, off in parts if off is not None and off > eddy.error.largest]
     return f"{text}, beside a static model that misses the {' and the '.join(static)}" if static else text

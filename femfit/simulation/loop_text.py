@@ -10,6 +10,7 @@ from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.quoted import quoted
 from femfit.model.sensors import HALL
+from femfit.simulation.adjust import gains_of
 from femfit.simulation.constants import WANTED_MODULUS
 from femfit.simulation.controllers import Backstepping, Controller
 from femfit.simulation.design import ControllerName, LoopDesign
@@ -143,6 +144,10 @@ def gains_text(design: LoopDesign, controller: Controller) -> str:
             f"derivative filter {parts['filter_rad_s']:.4g} rad/s"
             + (f", inner loop of the current {parts['current']:.4g} ohm" if parts["current"] else "")
         )
+    if isinstance(controller, StateFeedback) and len(controller.gains) == 1:
+        found = gains_of(design, controller)
+        units = {"distance": f"{unit}/m", "velocity": f"{unit} s/m", "integral": f"{unit}/(m s)"}
+        return ", ".join(f"{name} {value:.4g} {units.get(name, f'{unit}/A')}" for name, value in found.items())
     if isinstance(controller, StateFeedback):
         rows = [
             f"{row[0]:.4g} {unit}/m, {row[1]:.4g} {unit} s/m, "

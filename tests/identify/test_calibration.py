@@ -183,6 +183,7 @@ def test_noise_is_said_only_within_1_2_times_the_noise(found, bench):
     observations = whitening.observations
     quiet = replace(whitening.noise, mount_m=0.0, run=np.zeros(3))
     remounts, runs = replace(quiet, mount_m=5e-6, test_mount_m=6e-6), replace(quiet, run=2.0 * quiet.sigma)
+    two = replace(remounts, test_mount_m=1.0)  # Student's quantile of one difference: more than the stroke
 
     def said(noise, times, p_value=0.5):
         rms = {name: times * sd for name, sd in noise.known.items()}
@@ -192,6 +193,7 @@ def test_noise_is_said_only_within_1_2_times_the_noise(found, bench):
     assert said(quiet, 1.19).startswith("What is left is noise (p")
     assert "but the model misses the force by" in said(quiet, 1.5)
     assert "noise and the 6.0 µm by which the distance may differ" in said(remounts, 1.21)
+    assert "noise and any error of the distance that differs from" in said(two, 1.21)
     assert "differs from run to run" in said(runs, 1.5)
 
 

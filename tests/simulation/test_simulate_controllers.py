@@ -1,5 +1,6 @@
 """Controllers: poles where they were placed, stable over the whole range, clamped, without windup."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.loop_text import gains_text
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
@@ -127,3 +129,12 @@ def test_a_split_controller_gives_each_run_its_own(design):
 def test_no_integral_given_is_no_integral_told(design):
     """The gains of the recursion are sums of large numbers: what they leave of no integral is rounding."""
     assert adjusted(design, "pid", gains={"ki": 0.0}).pid.parts["ki"] == 0.0
+
+
+def test_the_gains_printed_are_those_to_give(design):
+    controller = design.controller("state-feedback")
+    printed = re.findall(r"(\w+) (-?[\d.e+-]+) ", gains_text(design, controller))
+    again = adjusted(design, "state-feedback", gains={name: float(value) for name, value in printed})
+    own = again.controller("state-feedback")
+    np.testing.assert_allclose(own.gains, controller.gains, rtol=1e-3)
+    np.testing.assert_allclose(own.integral, controller.integral, rtol=1e-3)

@@ -89,6 +89,8 @@ def allowed_for(observations: Observations, noise: NoiseModel | None) -> str:
     place = "mount to mount" if "mount" in observations.given else "run to run"
     source = "assumed, since there are few" if noise.mount_assumed else "estimated"
     said = [f"the {amount(noise.test_mount_m, 'mount_m')} by which the distance may differ from {place} ({source})"]
+    if noise.test_mount_m >= np.ptp(observations.column("distance_m")):
+        said = [f"any error of the distance that differs from {place} (too few of them say how large it is)"]
     return " and ".join(
         said[: noise.mount_m > 0.0]
         + at_stops[: bool(made.any())]
