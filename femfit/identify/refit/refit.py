@@ -115,20 +115,36 @@ def refit(
             AddedEffect(one.columns.effect, v, runs=one.columns.runs) for one, v in zip(start, values, strict=True)
         )
 
+    last: list[tuple[FloatArray, FloatArray]] = []  # slopes are asked for where the residual was
+
+    def predicted(x: FloatArray) -> FloatArray:
+        if not last or not np.array_equal(last[0][0], x):
+            last[:] = [(x.copy(), observations.predict(effects_at(x)))]
+        return last[0][1]
+
     def residual(x: FloatArray) -> FloatArray:
-        return whitening.full(observations.value - observations.predict(effects_at(x)))
+        return whitening.full(observations.value - predicted(x))
 
     def with_prior(x: FloatArray) -> FloatArray:
         return np.concatenate([residual(x), root * (x - expected)])
+
+    def slopes(x: FloatArray) -> FloatArray:
+        """All columns are whitened at once, which is several times as fast."""
+        here, columns = predicted(x), np.empty((len(observations.value), len(x)))
+        for j, step in enumerate(_steps(x, low, high)):
+            moved = x.copy()
+            moved[j] += step
+            columns[:, j] = (here - observations.predict(effects_at(moved))) / (moved[j] - x[j])
+        return np.concatenate([whitening.full(columns), np.diag(root)])
 
     inner = np.clip(x0, low + 1e-6, high - 1e-6)
     solution = optimize.least_squares(
         with_prior,
         inner,
+        slopes,
         bounds=(low, high),
         method="trf",
         x_scale="jac",
-        diff_step=np.full(len(x0), 1e-5),
         xtol=1e-6,
         ftol=1e-8,
         max_nfev=MOST_EVALUATIONS,
@@ -138,6 +154,14 @@ def refit(
     active, jacobian = (x == low) | (x == high), np.asarray(solution.jac)[: len(best)]
     fit = Refit(effects_at(x), free, best, jacobian, active, root**2, tuple(start), bool(solution.status > 0))
     return replace(fit, effects=_with_intervals(fit, x, width))
+
+
+def _steps(x: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+    """Steps of differences about x, shape (p,), away from a bound that is next to it."""
+    least = np.sqrt(np.finfo(np.float64).eps)
+    size = np.where(x == 0.0, least, 1e-5 * np.abs(x))
+    step = np.where(x < 0.0, -size, size)
+    return np.where((x + step > high) | (x + step < low), -step, step)
 
 
 def _at_bounds(
