@@ -37,7 +37,7 @@ def rig_sweep(tmp_path_factory):
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with (shared / "rig.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        return run_sweep(GEOMETRY / "emaws-rig.toml", shared / "rig-sweep")
+        return run_sweep(GEOMETRY / "emaws-rig.toml", shared / "rig-sweep", workers=1)  # a process starts in 3 s
 
 
 def _coenergy(d: np.ndarray, i: np.ndarray) -> np.ndarray:

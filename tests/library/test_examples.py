@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 import femfit
+from femfit.field.sweep_workers import solve_here
 from support.actuators import GEOMETRY
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
@@ -52,6 +53,14 @@ def write_records(place):
     field = 0.1 * (1.0 - np.cos(2 * np.pi * time))
     coil = {"time_s": time, "coil_voltage_V": 0.05 * np.gradient(field, time) + 1e-5, "hall_T": field}
     pd.DataFrame(coil).to_csv(place / "record.csv", index=False)
+
+
+@pytest.fixture(autouse=True)
+def one_process(monkeypatch):
+    """Sweeps are solved here: what an example prints does not depend on it, and a process takes 3 s to start."""
+    monkeypatch.setattr(
+        "femfit.field.sweep.solve_in_processes", lambda tasks, solve, done, _: solve_here(tasks, solve, done)
+    )
 
 
 @pytest.mark.parametrize("name", NAMES)
