@@ -1,5 +1,6 @@
 """Where a model fails: the right channel, the right covariates, and a sentence that one would say."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
+from femfit.identify.comparison.region import describe_region
 from femfit.identify.comparison.where import where_it_fails
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
@@ -60,6 +62,14 @@ def test_a_misfit_that_is_the_same_everywhere_has_no_covariate(levitation_model)
     where = located(levitation_model, 3, changed("hall_V", lambda hall, rows: 0.02))
     assert (where.channel, where.covariates) == ("hall_V", ())
     assert where.sentence == "Measured Hall output is 20 mV high everywhere, in both branches."
+
+
+def test_a_misfit_of_both_signs_without_a_place_is_not_said_to_be_everywhere_twice(levitation_model):
+    off = {"hall_V": lambda hall, rows: 0.02 * (-1.0) ** np.arange(len(hall))}
+    observations = bench_observations(levitation_model, campaign(levitation_model, 3, change=changed(*off.popitem())))
+    sentence = describe_region(observations, "hall_V", (), np.zeros(len(observations.value)))
+    assert "everywhere" not in sentence
+    assert re.search(r"20 mV (high|low) in some readings, in both branches, and 20 mV (high|low) in others", sentence)
 
 
 def test_a_share_of_a_hall_output_says_what_it_is_a_share_of(levitation_model):

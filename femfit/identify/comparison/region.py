@@ -85,20 +85,22 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     share = _is_share(misfit, base, scope)
     halves = [] if share else _region(values, s, scope, sign)
 
-    def described(halves: Sequence[_Half], sign: float) -> str:
+    opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
+    both = not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2)
+
+    def described(halves: Sequence[_Half], sign: float, some: str) -> str:
         rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
-        alike = "everywhere" if _is_alike(misfit[rows], base[rows]) else "on average"
+        alike = "on average" if not _is_alike(misfit[rows], base[rows]) else some if both else "everywhere"
         place = " and ".join(half.words() for half in halves) if halves else alike
         return f"{_size(misfit[rows], base[rows], channel)} {place}"
 
-    text = f"{subject} is {described(halves, sign)}"
+    text = f"{subject} is {described(halves, sign, 'in some readings')}"
     if branch is not None:
         text += _branch_clause(misfit, base, halves, branch, scope, channel)
     elif len(np.unique(sides)) > 1:
         text += ", in both branches"
-    opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
-    if not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2):
-        text += f", and {described(_region(values, s, scope, -sign), -sign)}"
+    if both:
+        text += f", and {described(_region(values, s, scope, -sign), -sign, 'in others')}"
     named = {half.name for half in halves}
     changing = [words for name, words in _CHANGES.items() if name in values and name not in named and not share]
     return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
