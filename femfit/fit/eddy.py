@@ -34,10 +34,15 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
     Raises
     ------
     FitError
-        If the splines are not passive between two distances.
+        If there is one distance alone, or the splines are not passive between two.
     """
     if table is None:
         return None
+    if len(table.distances_m) == 1:
+        raise FitError(
+            f"The eddy currents of a model need two distances or more; they were solved at "
+            f"{1e3 * table.distances_m[0]:.4g} mm alone. Sweep more distances."
+        )
     low, high = np.maximum(table.frequencies_Hz[[0, -1]], EDDY_LOWEST_HZ)
     frequencies = np.geomspace(low, high, EDDY_FREQUENCIES)
     combined = StateChoice(table, frequencies).table(error or table.asked_error)

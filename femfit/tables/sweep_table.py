@@ -3,7 +3,7 @@
 Written by the sweep and by the importer of FEMM tables, read by the fit; both kinds look the same.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from femfit.core.paths import path_of
 from femfit.core.printed import Printed
 from femfit.core.quoted import quoted
 from femfit.core.sweep_columns import is_current
+from femfit.tables.eddy_table import NAME as EDDY_NAME
 from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
 from femfit.tables.impedance_slopes import ImpedanceSlopes, read_slopes, write_slopes
 from femfit.tables.settings_file import read_settings
@@ -31,6 +32,10 @@ TABLE_STEM = "sweep"
 MANIFEST_NAME = "manifest.json"
 KINDS = ("sweep", "import")
 """Kinds of manifest; what such a table holds was checked when it was made."""
+
+
+SAME_DISTANCE = 1e-9
+"""Numerical: relative difference of a distance that was written as text and read again."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -158,8 +163,43 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     suspected = [] if manifest.get("kind") in KINDS else suspected_by_size(rows[["distance_m"]])
     if suspected:
         raise TableError(f"{file}: {suspected[0].text} Convert it with femfit import {file} --unit distance_m=mm.")
-    of_field = read_signatures(file.parent), read_eddy(file.parent), read_slopes(file.parent)
-    return SweepTable(rows, manifest, *of_field)
+    eddy = read_eddy(file.parent)
+    if eddy is not None:
+        _require_of_this_sweep(eddy, rows, manifest, file)
+    return SweepTable(rows, manifest, read_signatures(file.parent), eddy, read_slopes(file.parent))
+
+
+def _require_of_this_sweep(eddy: EddyTable, rows: "pd.DataFrame", manifest: Mapping[str, Any], file: Path) -> None:
+    """Refuse eddy currents of another sweep: of other circuits, or at distances that this one does not have."""
+    remedy = f"Sweep the drawing again, or remove {file.with_name(EDDY_NAME)} for a model without eddy currents."
+    circuits = _circuits(rows, manifest, eddy.circuits)
+    if eddy.circuits != circuits:
+        raise TableError(
+            f"{EDDY_NAME} beside {file} must be of its circuits ({listing(circuits) or 'none'}); it is of "
+            f"{listing(eddy.circuits) or 'none'}, from another sweep. {remedy}"
+        )
+    known = rows["distance_m"].to_numpy(dtype=float)
+    other = [one for one in eddy.distances_m if not np.isclose(one, known, rtol=SAME_DISTANCE, atol=0.0).any()]
+    if other:
+        raise TableError(
+            f"{EDDY_NAME} beside {file} must be at its distances ({_in_mm(np.unique(known))}); it has "
+            f"{_in_mm(other)} as well, from another sweep. {remedy}"
+        )
+
+
+def _circuits(rows: "pd.DataFrame", manifest: Mapping[str, Any], one: tuple[str, ...]) -> tuple[str, ...]:
+    """The circuits of a table; a single current column does not name its own, and without a manifest that is `one`."""
+    columns = current_names(rows)
+    if len(columns) > 1:
+        return tuple(column.removeprefix("current_").removesuffix("_A") for column in columns)
+    drawn = manifest.get("actuator", {}).get("circuits")
+    if not isinstance(drawn, list):
+        return one[:1]
+    return tuple(str(circuit.get("name")) for circuit in drawn if isinstance(circuit, dict))
+
+
+def _in_mm(distances: Iterable[float]) -> str:
+    return f"{listing((f'{1e3 * one:.6g}' for one in distances), 10)} mm"
 
 
 def _table_file(path: Path) -> Path:

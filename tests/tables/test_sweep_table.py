@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femfit.core.errors import TableError
+from femfit.tables.eddy_table import EddyTable, write_eddy
 from femfit.tables.sweep_table import SweepTable, read_sweep_table, write_sweep_table
 
 ROWS = pd.DataFrame(
@@ -104,3 +105,57 @@ def test_a_mutated_table_gives_finite_rows_or_a_table_error(tmp_path, data):
 def test_the_manifest_is_readable_json(tmp_path):
     write_sweep_table(SweepTable(ROWS, {"kind": "import"}), tmp_path)
     assert json.loads((tmp_path / "manifest.json").read_text()) == {"kind": "import"}
+
+
+def eddy_of(circuits, distances_m):
+    """One pattern."""
+    places, sources = len(distances_m), 2 + len(circuits)
+    return EddyTable(
+        circuits=circuits,
+        distances_m=np.array(distances_m),
+        frequencies_Hz=np.array([100.0]),
+        force=np.zeros((places, sources, sources)),
+        flux_linkage=np.ones((places, sources - 1, sources)),
+        hall=None,
+        checked_Hz=np.array([100.0]),
+        errors=np.zeros((1, 3)),
+        braking_error=0.0,
+        materials=("iron",),
+        conductivities_S_per_m=np.array([5e6]),
+        resistances=np.ones((1, 1, 1)),
+        asked_error=0.01,
+    )
+
+
+OF_ONE = SweepTable(ROWS, {"kind": "sweep", "actuator": {"circuits": [{"name": "coil"}]}})
+OF_TWO = SweepTable(ROWS.rename(columns={"current_A": "current_a_A"}).assign(current_b_A=0.0), {"kind": "sweep"})
+NO_MANIFEST = SweepTable(ROWS, {})
+
+
+@pytest.mark.parametrize(
+    ("table", "circuits", "distances", "words"),
+    [
+        (OF_ONE, ("coil",), [0.01, 0.015], "at its distances \\(10, 20 mm\\).*15 mm"),
+        (OF_ONE, ("coil",), [0.03], "30 mm"),
+        (OF_ONE, ("other",), [0.01, 0.02], "circuits \\(coil\\).*of other"),
+        (OF_ONE, (), [0.01, 0.02], "circuits \\(coil\\).*of none"),
+        (OF_TWO, ("coil",), [0.01, 0.02], "circuits \\(a, b\\).*of coil"),
+        (OF_TWO, ("b", "a"), [0.01, 0.02], "circuits \\(a, b\\).*of b, a"),
+        (NO_MANIFEST, ("a", "b"), [0.01, 0.02], "of a, b"),
+    ],
+)
+def test_eddy_currents_of_another_sweep_are_refused(tmp_path, table, circuits, distances, words):
+    write_sweep_table(table, tmp_path)
+    write_eddy(eddy_of(circuits, distances), tmp_path)
+    with pytest.raises(TableError, match=f"{words}.*Sweep the drawing again"):
+        read_sweep_table(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("table", "circuits"), [(OF_ONE, ("coil",)), (OF_TWO, ("a", "b")), (NO_MANIFEST, ("coil",)), (NO_MANIFEST, ())]
+)
+@pytest.mark.parametrize("distances", [[0.01, 0.02], [0.01 * (1.0 + 1e-15)]])
+def test_eddy_currents_at_some_of_a_sweeps_distances_are_its_own(tmp_path, table, circuits, distances):
+    write_sweep_table(table, tmp_path)
+    write_eddy(eddy_of(circuits, distances), tmp_path)
+    assert read_sweep_table(tmp_path).eddy.circuits == circuits
