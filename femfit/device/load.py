@@ -21,7 +21,7 @@ from femfit.device.decimals import scaled
 from femfit.device.drawing import Drawing, fixed_key, read_drawing
 from femfit.device.parameter_table import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, Region
-from femfit.device.read_electrics import read_circuits, read_coils, read_supply
+from femfit.device.read_electrics import check_circuit_names, read_circuits, read_coils, read_supply
 from femfit.device.read_mechanics import check_travel, read_mechanics
 from femfit.device.read_sensors import hall_places, read_sensors
 from femfit.device.read_solver import eddy_bias, frequencies
@@ -113,6 +113,7 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     coils = read_coils(data, drawing, problems)
     supply = read_supply(data, problems)
     circuits, coils = read_circuits(data, coils, supply, problems)
+    check_circuit_names([circuit.name for circuit in circuits], problems)
     eddy_bias_A = eddy_bias(solver, len(circuits), problems)
     mechanics = read_mechanics(data, body, problems)
     sensors = read_sensors(data, circuits, problems)

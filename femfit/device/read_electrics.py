@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import permutations
 from math import inf, isfinite
 from typing import Any
 
@@ -96,6 +97,23 @@ def read_circuits(
     if left and len(problems) == found:
         problems.append(f"circuits must connect every coil; {', '.join(left)} is in none. Name it in one of them.")
     return tuple(circuits), tuple(connected.get(coil.name, coil) for coil in coils)
+
+
+def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
+    """Report names of which two readings of impedances, as of :mod:`femfit.model.impedance`, have one column."""
+    of_reading = {name: f"circuit {name}" for name in names}
+    for one, other in permutations(names, 2):
+        for column, said in (
+            (f"{one}_{other}", f"{one} together with {other}"),
+            (f"{one}_{other}_shorted", f"{one} with {other} shorted"),
+        ):
+            if column in of_reading:
+                problems.append(
+                    f"Names of circuits must keep columns apart; inductance_{column}_H would be that of "
+                    f"{of_reading[column]} and that of {said}. Rename one of them."
+                )
+                return
+            of_reading[column] = said
 
 
 def _connect(

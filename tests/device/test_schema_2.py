@@ -4,14 +4,17 @@ import json
 import math
 from dataclasses import asdict
 
+import numpy as np
 import pytest
 
 from femfit.core.atomic import json_ready
 from femfit.core.errors import ActuatorFileError
 from femfit.device.load import actuator_from_toml
 from femfit.device.mechanics import ForceTable, Spring, Stop
+from femfit.device.read_electrics import check_circuit_names
 from femfit.device.sensors import CurrentSensor, HallElement, PickupCoil, PositionSensor
 from femfit.device.summary import actuator_from_record, sweep_manifest_entry
+from femfit.model.impedance import impedances_by_column
 
 VOICE_COIL = """
 schema = 2
@@ -223,7 +226,45 @@ def test_the_voltages_behind_an_amplifier_are_its_circuits_or_else_the_supplys()
     assert sweep_manifest_entry(own)["voltage_max_V"] == 48.0
 
 
+def named(*circuits):
+    """What a drawing with circuits of these names is told."""
+    problems = []
+    check_circuit_names(circuits, problems)
+    return problems
+
+
+@pytest.mark.parametrize(
+    ("names", "column"),
+    [
+        (("a", "b", "a_b"), "inductance_a_b_H"),
+        (("b_a", "a", "b"), "inductance_b_a_H"),
+        (("a", "b", "b_shorted"), "inductance_a_b_shorted_H"),
+        (("a", "b", "a_b_shorted"), "inductance_a_b_shorted_H"),
+        (("a", "b_c", "a_b", "c"), "inductance_a_b_c_H"),
+    ],
+)
+def test_circuits_of_which_two_impedances_had_one_column_are_refused(names, column):
+    (said,) = named(*names)
+    assert column in said
+    assert "Rename" in said
+
+
+def test_names_that_keep_all_impedances_apart_are_taken():
+    for names in ((), ("a",), ("coil_1", "coil_2", "coil_3"), ("a", "a_b"), ("a", "a_shorted"), ("upper", "lower")):
+        assert named(*names) == []
+        readings = impedances_by_column(np.eye(len(names)), names) if len(names) > 1 else {}
+        assert len(readings) == len(names) * (2 * len(names) - 1) * bool(readings)
+
+
 MISTAKES = {
+    "circuits of which two inductances had one column": (
+        BEARING,
+        (
+            "[supply]",
+            "[coils.lower_upper]\nr_mm = [40, 41]\nz_mm = [-80, -79]\nturns = 10\nresistance_ohm = 1\n[supply]",
+        ),
+        ["inductance_lower_upper_H"],
+    ),
     "spring given twice over": (
         VOICE_COIL,
         ("stiffness_N_per_mm = 1.5", "stiffness_N_per_mm = 1.5\nforce_N = [1, 2]"),
