@@ -23,7 +23,8 @@ _OF_IMPEDANCE = {
 }
 _QUANTITIES = {"current": "A", "voltage_balance": "V", "voltage": "V", "flux_linkage": "Wb", **_OF_IMPEDANCE}
 
-_OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z][\w-]*)_([A-Za-z]+)")
+_OF_CIRCUIT = re.compile(rf"({'|'.join(_QUANTITIES)})_([A-Za-z][\w-]*)_([^\W\d_]+|°)")
+_BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]+)[\])]$")
 
 FEWEST = 2
 """Derived: circuits that are several."""
@@ -35,22 +36,29 @@ _OTHER_NAMES = frozenset(name for names in COLUMN_NAMES.values() for name in nam
 def circuit_columns(names: Iterable[str], fewest: int = FEWEST) -> tuple[str, ...]:
     """The columns in SI that headers of several circuits mean.
 
-    There are none where fewer than so many circuits are named, and no impedance has a circuit's name.
+    There are none where fewer than so many circuits are named, and no impedance has a circuit's name. A unit in
+    brackets counts beside such an impedance alone: ``current_coil [A]`` and ``voltage_supply [V]`` are of one circuit.
 
     Examples
     --------
     >>> circuit_columns(["time_s", "current_bias_mA", "current_diff_A", "voltage_bias_V"])
     ('current_bias_A', 'current_diff_A', 'voltage_bias_V')
+    >>> circuit_columns(["frequency_Hz", "inductance_bias [uH]"])
+    ('inductance_bias_H',)
     """
     found: dict[str, str] = {}
+    in_brackets: dict[str, str] = {}
     several = False
     for name in names:
-        parts = _OF_CIRCUIT.fullmatch(name.strip())
+        plain = _BRACKETS.sub(r"_\1", name.strip())
+        parts = _OF_CIRCUIT.fullmatch(plain)
         if parts is None or parse_header(name).name in _OTHER_NAMES:
             continue
         if unit_factor(parts[3], _QUANTITIES[parts[1]]) is not None:
-            found[f"{parts[1]}_{parts[2]}_{_QUANTITIES[parts[1]]}"] = parts[2]
+            kind = found if plain == name.strip() else in_brackets
+            kind[f"{parts[1]}_{parts[2]}_{_QUANTITIES[parts[1]]}"] = parts[2]
             several |= parts[1] in _OF_IMPEDANCE
+    found |= in_brackets if several else {}
     return tuple(found) if several or len(set(found.values())) >= fewest else ()
 
 

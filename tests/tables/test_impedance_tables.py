@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
+from femfit.tables.circuit_columns import circuit_columns
 from femfit.tables.measurement_file import read_measurement
 
 FREQUENCY = np.geomspace(20.0, 20e3, 13)
@@ -261,3 +262,23 @@ def test_a_circuit_s_name_may_have_hyphens_and_capitals(tmp_path, name):
     columns = {f"inductance_{name}_uH": 1e6 * INDUCTANCE, f"resistance_{name}_ohm": RESISTANCE}
     table = read_measurement(written(tmp_path / "z.csv", {"f [Hz]": FREQUENCY} | columns))
     np.testing.assert_allclose(table.rows[f"inductance_{name}_H"], INDUCTANCE, rtol=1e-9)
+
+
+@pytest.mark.parametrize("units", [("[uH]", "[ohm]"), (" (µH)", " (Ω)")], ids=["square", "round"])
+def test_the_unit_behind_a_circuit_s_name_may_stand_in_brackets(tmp_path, units):
+    columns = {"current_lower [A]": 0.1, "current_upper [mA]": 200.0, "frequency [kHz]": 1e-3 * FREQUENCY}
+    for name, scale in (("lower", 1.0), ("upper", 2.0)):
+        columns[f"inductance_{name} {units[0]}"] = scale * 1e6 * INDUCTANCE
+        columns[f"resistance_{name} {units[1]}"] = scale * RESISTANCE
+    path = tmp_path / "z.csv"
+    pd.DataFrame({"distance [mm]": 3.0, **columns}).to_csv(path, index=False)
+    table = read_measurement(path)
+    np.testing.assert_allclose(table.rows["inductance_upper_H"], 2.0 * INDUCTANCE, rtol=1e-9)
+    np.testing.assert_allclose(table.rows["resistance_lower_ohm"], RESISTANCE, rtol=1e-9)
+    assert set(table.rows["current_upper_A"]) == {0.2}
+    assert not any(one.code == "unused-column" for one in table.findings)
+
+
+def test_brackets_name_no_circuits_without_an_impedance():
+    assert circuit_columns(["time [s]", "current_coil [A]", "voltage_supply [V]"]) == ()
+    assert circuit_columns(["impedance_coil [ohm]", "phase_coil [°]"]) == ("impedance_coil_ohm", "phase_coil_deg")
