@@ -42,8 +42,11 @@ class CircuitsFit:
         names, saturates = ", ".join(self.magnetics.names), isinstance(self.magnetics, CoenergyTensor)
         form = "spline in the distance and" if saturates else "quadratic form in"
         what = "points" if saturates else "distances"
+        text = f"{form} the currents of {names}"
+        if not np.isfinite(self.held_out):
+            return [f"{text}; the sweep has too few points to leave {what} out and see what the model misses there"]
         missed = f"misses force and flux linkages by {amount(self.held_out, '')} of their rms"
-        return [f"{form} the currents of {names}; with {what} left out it {missed}"]
+        return [f"{text}; with {what} left out it {missed}"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -94,6 +94,13 @@ def test_what_is_printed_names_each_circuit(fit, model):
     assert "1.20 ohm" in str(model)
 
 
+def test_a_sweep_of_too_few_points_to_leave_distances_out_says_so(fit):
+    few = str(fit_model(table_of(distances=np.linspace(0.4e-3, 0.6e-3, 5), currents=(-2.0, 2.0))))
+    assert "too few points to leave distances out" in few
+    assert "unknown" not in few
+    assert "with distances left out it misses" in str(fit)
+
+
 def test_what_needs_one_circuit_says_which_there_are(model):
     for call in (model.require_circuit, lambda: model.magnetics.coenergy_derivatives(0.5e-3, 0.0, ((0, 0),))):
         with pytest.raises(MissingPartError, match="lower, upper"):
