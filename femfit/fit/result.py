@@ -5,6 +5,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
 from femfit.core.amount import amount, counted
 from femfit.core.printed import Printed
 from femfit.fit.between import Between
@@ -20,6 +22,9 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.misfit import Misfit
 from femfit.model.model_text import eddy_line, fit_lines
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
+
+_FINE = 101
+"""Numerical: so many distances and currents are looked at between the sweep's points."""
 
 _LABELS_SHOWN = 4
 """So many active constraints are listed; more are counted."""
@@ -126,7 +131,8 @@ def _lines(result: FitResult) -> list[str]:
 
 
 def _derived_line(result: FitResult) -> str:
-    d, i = result.rows.distance, result.rows.current
+    swept = result.rows.distance, result.rows.current
+    d, i = (np.concatenate(pair) for pair in zip(swept, result.model.validity.grid(_FINE, _FINE), strict=True))
     state = result.model.magnetics.state(d, i)
     text = f"motional constant dF/di {state.motional_constant.min():.4g} to {state.motional_constant.max():.4g} N/A"
     if result.model.circuit is None and result.rows.flux_linkage is None:

@@ -1,6 +1,7 @@
 """From a table to a model: parts, misfits, notes, and every refusal."""
 
 import json
+import re
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -122,6 +123,18 @@ def voice_coil():
 @pytest.fixture(scope="module")
 def ranked_voice_coil():
     return fit_model(voice_coil(), law="all")
+
+
+def test_the_motional_constant_is_stated_over_the_whole_domain_and_not_at_the_swept_points_alone():
+    def force(d, i):
+        return 1.5e-3 / d * i / (1.0 + (i / 1.5) ** 2)  # rises most steeply at 0 A, between two currents
+
+    fit = fit_model(force_table(force, currents=np.linspace(-4.0, 4.0, 8)))
+    d = np.linspace(0.015, 0.045, 301)
+    at_rest = fit.model.magnetics.motional_constant(d, np.zeros_like(d)).max()
+    assert at_rest > 1.1 * fit.model.magnetics.motional_constant(fit.rows.distance, fit.rows.current).max()
+    found = re.search(r"motional constant dF/di \S+ to (\S+) N/A", str(fit))
+    assert float(found[1]) == pytest.approx(at_rest, rel=1e-3)
 
 
 def test_the_law_that_is_written_is_the_one_that_was_ranked(ranked_voice_coil, tmp_path):
