@@ -22,7 +22,7 @@ from femfit.fit.hall import fit_hall
 from femfit.fit.impedance_numbers import with_impedances
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
-from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows
+from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows, sheet_notes
 from femfit.fit.model_parts import (
     actuator_entry,
     kind_of,
@@ -164,7 +164,7 @@ def fit_model(
     _require_as_fitted(model, built, law_fit)
     missed = None if law_fit or network or coenergy is None else coenergy.missed_N
     between = None if missed is None or coenergy is None else missed_between(coenergy, rows)
-    notes = (*lacks, *not_held, *misfit_notes(model, rows, missed, between), *missed_by)
+    notes = (*lacks, *not_held, *sheet_notes(table), *misfit_notes(model, rows, missed, between), *missed_by)
     result = FitResult(
         model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network, between=between
     )

@@ -17,7 +17,7 @@ from femfit.fit.circuits_fit import fit_circuits
 from femfit.fit.constants import COARSE
 from femfit.fit.eddy import conductivities, fit_eddy
 from femfit.fit.impedance_numbers import with_impedances
-from femfit.fit.misfit import as_written, import_notes
+from femfit.fit.misfit import as_written, import_notes, sheet_notes
 from femfit.fit.model_parts import (
     circuits_of,
     hall_sensor_of,
@@ -62,7 +62,7 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
     others, not_held = other_sensors_of(entry, fit_pickups(table))
-    notes = (*notes, *not_held)
+    notes = (*notes, *not_held, *sheet_notes(table))
     hall, said = _hall(table, entry, rows)
     notes = (*notes, *said)
     if fit.force_share > COARSE:

@@ -7,6 +7,8 @@ import numpy as np
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
+from femfit.device.skin import thick_sheets
+from femfit.device.summary import actuator_from_record
 from femfit.fit.between import Between
 from femfit.fit.constants import COARSE, POOR_CIRCUIT
 from femfit.fit.rows import FitRows, rms
@@ -75,6 +77,14 @@ def import_notes(table: SweepTable) -> tuple[str, ...]:
     findings = [one for one in table.manifest.get("findings") or () if isinstance(one, dict)]
     grave = [one for one in findings if one.get("severity") == "warning" or one.get("code") == _UNITS_ASSUMED]
     return tuple(f"{one.get('text', one.get('sentence', ''))} {one.get('remedy', '')}".strip() for one in grave)
+
+
+def sheet_notes(table: SweepTable) -> tuple[str, ...]:
+    """Where eddy currents hold to a lower frequency than was swept: sheets of the drawing that are too thick."""
+    drawn = table.manifest.get("inputs")
+    if table.eddy is None or not isinstance(drawn, Mapping):
+        return ()
+    return tuple(thick_sheets(actuator_from_record(drawn, str(table.manifest.get("name") or "the sweep"))))
 
 
 def misfit_notes(

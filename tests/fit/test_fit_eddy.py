@@ -1,17 +1,22 @@
 """Eddy currents of a sweep in its model: how many states, how far off, and passive everywhere."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
+from femfit.core.atomic import json_ready
 from femfit.core.errors import FitError
+from femfit.device.load import actuator_from_toml
+from femfit.fit.build import fit_model
 from femfit.fit.eddy import _splines, as_table, conductivities, fit_eddy
 from femfit.fit.eddy_states import StateChoice
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import MagneticState
 from femfit.tables.eddy_table import EddyTable
+from support.eddy_pot import POT
+from support.sweeps import full_table
 
 CIRCUITS = ("coil",)
 DISTANCES = np.linspace(1e-3, 4e-3, 7)
@@ -165,6 +170,21 @@ def test_inductances_that_are_not_positive_are_refused():
     broken[3, 1:, 2:] *= -1.0
     with pytest.raises(FitError, match="Sweep more distances"):
         fit_eddy(replace(table, flux_linkage=broken), Plain(), 1e-9)
+
+
+def test_a_fit_repeats_up_to_which_frequency_thick_sheets_hold():
+    conducts = "conductivity_MS_per_m = 5"
+    drawn = actuator_from_toml(POT.replace(conducts, f"{conducts}\nlamination_mm = 5"))
+    table = full_table()
+    swept = replace(table, eddy=made_up(), manifest={**table.manifest, "inputs": json_ready(asdict(drawn))})
+    (note,) = (note for note in fit_model(swept).notes if "sheets" in note)
+    assert "up to 10 Hz" in note
+    assert not any("sheets" in note for note in fit_model(replace(swept, eddy=None)).notes)
+
+
+def test_eddy_currents_at_one_distance_make_no_model():
+    with pytest.raises(FitError, match="at 1 mm alone"):
+        fit_eddy(made_up().at(np.array([0])), Plain())
 
 
 def test_slopes_of_the_departures_are_their_derivatives():
