@@ -67,10 +67,14 @@ class CoilIntegral(Printed):
         idle = ("reference_gain", "reference_offset") if self.method in FEED_FORWARD else ("offset_voltage",)
         none = [name.replace("_", " ") for name, part in self.parts.items() if part == 0.0 and name not in idle]
         how = f"{self.method}, smoothed" if self.smoothed else self.method
+        told_by = "coil" if self.method in FEED_FORWARD else "reference"
+        exact = f", if the {told_by}'s gain is exact" if self.parts[f"{told_by}_gain"] == 0.0 else ""
+        if exact and any(finding.code == "gain" for finding in self.findings):
+            exact += ", which the record makes doubtful"
         lines = [
             (
                 f"{self.value:.9g} {unit} +- {self.expanded_uncertainty:.3g} {unit} (k = {self.coverage:g}) at "
-                f"{self.end_s:.6g} s, the record's end"
+                f"{self.end_s:.6g} s, the record's end{exact}"
             ),
             (
                 f"{how}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "

@@ -45,6 +45,10 @@ INNOVATION_BAND = 9.0
 """Mean square of 50 normalised innovations (1 in a true filter) beyond which they have left their band. Derived: its
 standard deviation is sqrt(2 / 50) = 0.2, so this is 40 of them; a reference that is wrong by 3 sigma reaches it."""
 
+GAIN_SIGMAS = 5.0
+"""So many standard uncertainties from 1 a ratio of reference to coil is found to differ. Chosen: an offset voltage that
+happens to wander with the ramps makes two or three."""
+
 PLATEAU_FOLLOWS = 0.9
 """Squared correlation from which the voltage of plateaus is put down to R i. Chosen: R i leaves no other cause."""
 

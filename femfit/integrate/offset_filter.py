@@ -102,8 +102,8 @@ class OffsetFilter:
         if raw is None:
             name = "hall_T" if self.field_model is None else "current_A"
             raise TableError(f"This filter needs {name}; instead received a record without it.")
-        field, variance, offset, innovation, spread, *answers = np.full((9, len(block)), np.nan)
-        out = FieldBlock(block.time, field, variance, offset, innovation, spread, Responses(*answers))
+        field, variance, offset, innovation, spread, of_gain, *answers = np.full((10, len(block)), np.nan)
+        out = FieldBlock(block.time, field, variance, offset, innovation, spread, of_gain, Responses(*answers))
         begin = 0
         if np.isnan(state.mean[0, 0]):  # nothing is known before the first reading
             begin = next(iter(np.flatnonzero(np.isfinite(raw)).tolist()), len(block))
@@ -183,6 +183,7 @@ class OffsetFilter:
             keep = np.eye(2) - np.outer(gain, H)
             covariance = keep @ prior @ keep.T + R * np.outer(gain, gain)  # Joseph's form keeps it positive
             out.innovation[row], out.innovation_variance[row] = innovation[0], spread
+            out.innovation_gain[row] = innovation[1]
         out.field[row], out.offset[row], out.variance[row] = mean[0, 0], mean[1, 0], covariance[0, 0]
         _write_responses(out, slice(row, row + 1), mean[0, 1:, None], np.zeros(1))
         if trace is not None:

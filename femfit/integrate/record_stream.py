@@ -1,6 +1,7 @@
 """A coil record streamed through an integrator: its rows kept or written, and what is wrong with it found."""
 
 import itertools
+import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -78,7 +79,8 @@ def stream_record(
     if smooth and isinstance(integrator, OffsetFilter):
         whole = joined_record(itertools.chain([first], blocks))
         pairs = iter([(whole, smoothed(integrator, whole))])
-    watch = _watch(options, columns, quantity, integrator.sample_time, known)
+    gain_sigma = math.hypot(systematics[1].coil_gain, systematics[1].reference_gain)
+    watch = _watch(options, columns, quantity, integrator.sample_time, known, gain_sigma)
     show(0, total or 0)
     samples, corrected = 0, False
     value, unit = quantity.rsplit("_", 1)
@@ -124,7 +126,12 @@ def _no_plateau(options: IntegrationOptions, corrected: bool) -> tuple[Finding, 
 
 
 def _watch(
-    options: IntegrationOptions, columns: tuple[str, ...], quantity: str, sample_time: float, known: CurrentField
+    options: IntegrationOptions,
+    columns: tuple[str, ...],
+    quantity: str,
+    sample_time: float,
+    known: CurrentField,
+    gain_sigma: float,
 ) -> RecordWatch:
     """Compare the coil with the reference that the method uses, or with one that the record has besides."""
     of_hall = options.method == "cs1-offset" or (options.method in FEED_FORWARD and "hall_T" in columns)
@@ -132,7 +139,7 @@ def _watch(
     scale = None if known.ratio is None else 1.0 / known.ratio
     if of_hall and quantity == "field_T":
         scale = 1.0
-    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, known.currents)
+    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, known.currents, gain_sigma)
 
 
 def _block(rows: pd.DataFrame) -> CoilBlock:

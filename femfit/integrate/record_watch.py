@@ -4,6 +4,7 @@ Each finding names the suspect. None stops the integration: a gap, for one, is b
 variance.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,6 +26,7 @@ from femfit.integrate.constants import (
     STUCK_SHARE,
     STUCK_TIME_S,
 )
+from femfit.integrate.gain_test import GainTest
 from femfit.integrate.uncertainty import FieldBlock
 from femfit.tables.coil_block import CoilBlock
 
@@ -54,6 +56,8 @@ class RecordWatch:
         area, 1/g for a current with the ratio g. None compares the signs alone.
     currents : (float, float) or None
         Between which a field model holds, A.
+    gain_sigma : float
+        What was declared of the ratio of the reference's gain to the coil's, relative.
     """
 
     def __init__(
@@ -63,15 +67,17 @@ class RecordWatch:
         reference: Reference | None = None,
         scale: float | None = None,
         currents: tuple[float, float] | None = None,
+        gain_sigma: float = 0.0,
     ) -> None:
         self.area, self.sample_time = area, sample_time
         self.reference, self.scale, self.currents = reference, scale, currents
+        self.gain_sigma, self._gain = gain_sigma, GainTest()
         self._tallies: dict[str, Tally] = {}
         self._time = self._voltage = float("nan")
         # The probe's last reading, how often it came in a row, how far the coil saw the field move meanwhile (T), the
         # largest |reading|, and the largest at which the probe stood still.
         self._reading, self._run, self._moved, self._highest, self._stuck_at = float("nan"), 0, 0.0, 0.0, 0.0
-        self._waiting = np.empty((2, 0))  # times and normalised squares of the latest innovations
+        self._waiting = np.empty((4, 0))  # times, normalised squares and what GainTest sums of the latest innovations
         self._products = np.zeros(3)  # sums of xx, xy, yy of the changes that coil (x, T) and reference (y) saw
 
     def see(self, block: CoilBlock, out: FieldBlock | None = None) -> None:
@@ -112,7 +118,7 @@ class RecordWatch:
                     amount=f"{seen.amount:.3g}",
                 )
                 found.append(Finding(code, "warning", said, _REMEDIES[code]))
-        found += self._disagreement()
+        found += self._disagreement() or self._gain_finding({one.code for one in found})
         if "innovations" in self._tallies:
             seen = self._tallies["innovations"]
             suspect = next((name for code, name in _SUSPECTS.items() if code in {one.code for one in found}), None)
@@ -135,10 +141,13 @@ class RecordWatch:
     def _watch_innovations(self, out: FieldBlock) -> None:
         """Hold means of normalised squares against the band; what is left over waits for more."""
         used = np.isfinite(out.innovation)
-        squares = out.innovation[used] ** 2 / out.innovation_variance[used]
-        seen = np.concatenate([self._waiting, [out.time[used], squares]], axis=1)
+        innovation, variance, of_gain = out.innovation[used], out.innovation_variance[used], out.innovation_gain[used]
+        latest = [out.time[used], innovation**2 / variance, innovation * of_gain / variance, of_gain**2 / variance]
+        seen = np.concatenate([self._waiting, latest], axis=1)
         whole = seen.shape[1] // INNOVATIONS_AVERAGED * INNOVATIONS_AVERAGED
-        times, means = seen[0, :whole:INNOVATIONS_AVERAGED], seen[1, :whole].reshape(-1, INNOVATIONS_AVERAGED).mean(1)
+        times, sums = seen[0, :whole:INNOVATIONS_AVERAGED], seen[1:, :whole].reshape(3, -1, INNOVATIONS_AVERAGED).sum(2)
+        means = sums[0] / INNOVATIONS_AVERAGED
+        self._gain.see(sums[0] - INNOVATIONS_AVERAGED, *sums[1:])
         outside = means > INNOVATION_BAND
         self._add("innovations", times[outside])
         if outside.any():
@@ -204,6 +213,24 @@ class RecordWatch:
             agree = f"{xy / xx:.6g} A/T, or {area}, would agree"
         text = f"The {name} shows {slope:.3g} times the changes that the coil sees: {wrong} is wrong; {agree}."
         return [Finding("gain", "warning", text, size=slope - 1.0)]
+
+    def _gain_finding(self, seen: set[str]) -> list[Finding]:
+        """Whether the innovations show that coil and Hall probe differ by a gain, where nothing else spoils them."""
+        result = self._gain.result()
+        if result is None or self.reference != "hall_T" or seen & {"stuck", "saturated", "clipped"}:
+            return []
+        ratio, sigma = result
+        expanded = 200.0 * sigma
+        digits = max(0, -math.floor(math.log10(expanded)))
+        text = (
+            f"The Hall probe shows {ratio:.5g} times the changes that the coil sees: the coil's area or the probe's "
+            f"gain is off by {100.0 * abs(ratio - 1.0):.{digits}f} +- {expanded:.{digits}f} % (k = 2)"
+        )
+        if abs(ratio - 1.0) <= 2.0 * (self.gain_sigma + sigma):
+            return [Finding("gain", "info", f"{text}, as was declared possible.", size=ratio - 1.0)]
+        text += f"; an area of {self.area / ratio:.6g} m2, or the probe's readings over {ratio:.5g}, would agree."
+        remedy = f"Calibrate one of them, or give --reference-gain-sigma {abs(ratio - 1.0):.2g}."
+        return [Finding("gain", "warning", text, remedy, size=ratio - 1.0)]
 
 
 _SENTENCES = {

@@ -95,6 +95,7 @@ class FieldBlock:
     # Reference minus prediction where a reading was used, NaN elsewhere; T and T^2
     innovation: FloatArray
     innovation_variance: FloatArray
+    innovation_gain: FloatArray  # What a relative gain of the reference adds to the innovation, T; NaN likewise
     responses: Responses
 
     def sigma(self, systematics: Systematics) -> FloatArray:

@@ -46,7 +46,7 @@ def test_independent_systematics_add_in_squares():
     given = Systematics(coil_gain=1e-3, reference_gain=2e-3, reference_offset_T=4e-3, offset_voltage_V=1e-5)
     expected = (2e-3, 6e-3, 2e-3, 1e-3)
     np.testing.assert_allclose([part[0] for part in responses.parts(given).values()], expected)
-    block = FieldBlock(*[16e-6 * one] * 6, responses)
+    block = FieldBlock(*[16e-6 * one] * 7, responses)
     assert block.sigma(given)[0] ** 2 == pytest.approx(16e-6 + sum(value**2 for value in expected))
 
 
