@@ -210,6 +210,21 @@ def test_a_channel_of_unknown_noise_is_said_not_to_be_judged(levitation_model):
     assert "Not judged" not in str(compare(levitation_model, table))
 
 
+@pytest.mark.parametrize(("times", "missed"), [(1.3, False), (1.8, False), (3.0, True)])
+def test_few_readings_that_scatter_as_by_chance_are_within_their_noise(levitation_model, times, missed):
+    """Three readings of noise have an rms of more than 1.94 sigma once in a hundred campaigns, of 1.3 in one of six."""
+    table = campaign(levitation_model, 24, mount_m=0.0, rho=0.0)
+    rows, kept = table.rows.copy(), table.rows.index[[5, 40, 75]]
+    distance, current = rows["distance_m"][kept].to_numpy(), rows["current_A"][kept].to_numpy()
+    rows["force_N"] = np.nan
+    off = times * NOISE["force_N"] * np.array([1.0, -1.0, 1.0])
+    rows.loc[kept, "force_N"] = levitation_model.force(distance, current) + off
+    comparison = compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE))
+    assert ("force_N" in comparison.beyond_noise) is missed
+    assert ("misses the force" in str(comparison) or comparison.verdict == "fails") is missed
+    assert by_channel(comparison)["force_N"].rms == pytest.approx(times * NOISE["force_N"], rel=1e-6)
+
+
 def test_a_single_run_without_mounts_has_no_freedom_to_be_put_back(levitation_model):
     table = campaign(levitation_model, 11, runs=1, mount_m=0.0)
     once = replace(table, given=tuple(name for name in table.given if name not in ("mount", "run")))

@@ -160,7 +160,7 @@ class Comparison(Printed):
 
     @property
     def beyond_noise(self) -> Mapping[str, float]:
-        """Channels whose error is more than 1.2 times what declared noise, or repeats, show.
+        """Channels whose error is more than 1.2 times what declared noise, or repeats, show, and more than by chance.
 
         How many times the noise of one reading it is, of each.
         """
@@ -205,9 +205,11 @@ class Comparison(Printed):
         if self.verdict == "wrong_shape" and granted_channels(self.observations, apart):
             lines.append(finer_model(self.model))
         if self.p_value is not None and self.structure is not None:
+            patterns = counted(self.structure.degrees_of_freedom, "smooth pattern")
             lines.append(
-                f"Lack of fit: {probability(self.p_value)}; misfit {rounded(self.structure.statistic)} times what "
-                f"noise gives in {self.structure.degrees_of_freedom} smooth patterns."
+                f"Lack of fit: {probability(self.p_value)}, the probability that noise alone makes such a misfit. "
+                f"Where that is least likely, in {patterns}, its mean "
+                f"square is {rounded(self.structure.statistic)} times what is expected of noise."
             )
         if freedom and not (scatter and self.verdict == "agrees"):
             lines.append(f"The test allows for {freedom}.")

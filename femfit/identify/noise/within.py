@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy import stats
 
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
-from femfit.identify.constants import WITHIN_NOISE
+from femfit.identify.constants import LEVEL, WITHIN_NOISE
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -18,7 +19,8 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
 
     Within the noise is what is at most 1.2 times what the declared noise, or repeats, show: of the readings, of
     settings, and of mounts and runs as far as the readings show these. What is assumed of them does not count, nor a
-    guess of the noise. A channel of unknown noise is in no list.
+    guess of the noise. Few readings may have more: what chance makes of so many, at the level of the tests. A channel
+    of unknown noise is in no list.
     """
     if noise is None:
         return {}
@@ -26,8 +28,13 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     return {
         name: error / float(noise.sigma[number[name]])
         for name, error in rms.items()
-        if name in noise.source and error > WITHIN_NOISE * shown[number[name]]
+        if name in noise.source and error > _most(int(np.sum(observations.of(name)))) * shown[number[name]]
     }
+
+
+def _most(readings: int) -> float:
+    """Rms error over the noise up to which so many readings are within it: few are far from 1 by chance."""
+    return max(WITHIN_NOISE, float(np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)))
 
 
 def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
