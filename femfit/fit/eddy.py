@@ -99,8 +99,10 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
     for j in range(len(table.materials)):
         at = range(len(table.distances_m))
         slope = np.array([table.conductivity_slope(j, k, frequencies) for k in at])
+        bend = np.array([table.conductivity_bend(j, k, frequencies) for k in at])
         if own is not None:
             slope -= [own.conductivity_slope(0, k, frequencies) for k in at]
+            bend -= [own.conductivity_bend(0, k, frequencies) for k in at]
         change = impedance_change(
             parameter_name(""),
             eddy.coordinate,
@@ -109,6 +111,7 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
             frequencies,
             slope[:, None],
             share=True,
+            bend=bend[:, None],
         )
         found.append(_conductivity(table, j, change))
     return tuple(found)

@@ -2,7 +2,8 @@
 
 Per unit of the number it is j w S(u(d), i, ln f), with a complex spline S in H over the unit. Outside of the grid that
 S was computed on, the values at its border hold. Z / w of one conducting part is a function of ln(f sigma), so that it
-goes with ln(1 + a) where a is a share of the number.
+goes with ln(1 + a) where a is a share of the number. Of one part beside others that is right to first order alone: a
+spline of its own times ln(1 + a)^2 / 2 adds the second.
 """
 
 from collections.abc import Sequence
@@ -29,6 +30,7 @@ class ImpedanceChange:
     degrees: tuple[int, int, int]
     coefficients: ComplexArray  # Of S, in H over the parameter's unit; the circuits last, where there are several
     share: bool = False  # Whether the parameter is a share of the number
+    bend: ComplexArray | None = None  # Of the second order in ln(1 + a), as the coefficients
 
     def __call__(
         self,
@@ -45,10 +47,11 @@ class ImpedanceChange:
             basis_matrix(np.clip(x, knots[0], knots[-1]), knots, degree)
             for x, knots, degree in zip(at, self.knots, self.degrees, strict=True)
         ]
-        spline = np.einsum("na,nb,nc,abc...->n...", *bases, self.coefficients)
         size = p[self.parameter]
         size = float(np.log1p(size)) if self.share else size
-        return np.asarray(size * 2j * np.pi * (frequency * spline.T).T)
+        along = size * self.coefficients + (0.0 if self.bend is None else 0.5 * size**2 * self.bend)
+        spline = np.einsum("na,nb,nc,abc...->n...", *bases, along)
+        return np.asarray(2j * np.pi * (frequency * spline.T).T)
 
 
 def impedance_change(
@@ -60,6 +63,7 @@ def impedance_change(
     slope: ComplexArray,
     *,
     share: bool = False,
+    bend: ComplexArray | None = None,
 ) -> ImpedanceChange:
     """The change through slopes d(Z)/d(number) on a grid.
 
@@ -71,9 +75,12 @@ def impedance_change(
         Of one circuit or of n, in ohm over the parameter's unit, without what the number's W' makes of it.
     share : bool
         Whether the parameter is a share of the number.
+    bend : array, or None
+        Its second derivatives by ln(1 + a), of the slopes' shape.
     """
     u = coordinate.of(distance)
-    values = slope / (2j * np.pi * frequency.reshape(-1, *[1] * (slope.ndim - 3)))
+    values = np.stack([slope] if bend is None else [slope, bend], axis=-1)
+    values = values / (2j * np.pi * frequency.reshape(-1, *[1] * (values.ndim - 3)))
     if len(u) > 1 and u[0] > u[-1]:
         u, values = u[::-1], values[::-1]
     axes: Sequence[FloatArray] = (u, current, np.log(frequency))
@@ -85,7 +92,8 @@ def impedance_change(
         values = np.moveaxis(np.tensordot(np.linalg.inv(matrix), values, axes=(1, axis)), 0, axis)
         knots.append(found)
         degrees.append(degree)
-    return ImpedanceChange(parameter, coordinate, tuple(knots), tuple(degrees), np.asarray(values), share)  # type: ignore[arg-type]
+    first, *second = np.moveaxis(values, -1, 0)
+    return ImpedanceChange(parameter, coordinate, tuple(knots), tuple(degrees), first, share, *second)  # type: ignore[arg-type]
 
 
 def interpolation_knots(levels: FloatArray, degree: int) -> FloatArray:

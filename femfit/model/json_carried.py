@@ -142,12 +142,13 @@ def impedance_to(change: ImpedanceChange) -> dict[str, Any]:
         **{name: {"knots": knots.tolist(), "degree": degree} for name, knots, degree in axes},
         "real_H": change.coefficients.real.tolist(),
         "imaginary_H": change.coefficients.imag.tolist(),
+        **({} if change.bend is None else {"bend_H": [change.bend.real.tolist(), change.bend.imag.tolist()]}),
     }
 
 
 def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
     """The change of :func:`impedance_to`."""
-    section.refuse_others(("parameter", "share", *COORDINATE_KEYS, *_AXES, "real_H", "imaginary_H"))
+    section.refuse_others(("parameter", "share", *COORDINATE_KEYS, *_AXES, "real_H", "imaginary_H", "bend_H"))
     axes = [section.section(name) for name in _AXES]
     found = [knots_from(one, "knots", one.integer("degree", 0, 9)) for one in axes]
     shape = tuple(len(knots) - degree - 1 for knots, degree in found)
@@ -155,6 +156,11 @@ def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
     for key, part in zip(("real_H", "imaginary_H"), parts, strict=True):
         if part.shape[:3] != shape or part.shape != parts[0].shape or len(set(part.shape[3:])) > 1:
             raise section.refusal(key, f"nested lists of {shape} numbers, as the knots ask for")
+    bend = None
+    if "bend_H" in section.data:
+        bend = section.array("bend_H", *(1 + dimensions for dimensions in _OF_CIRCUITS))
+        if bend.shape != (2, *parts[0].shape):
+            raise section.refusal("bend_H", "two nested lists, its real and its imaginary part, as those of real_H")
     (u, m), (i, n), (f, k) = found
     return ImpedanceChange(
         parameter=_parameter_of(section, parameters),
@@ -163,6 +169,7 @@ def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
         degrees=(m, n, k),
         coefficients=parts[0] + 1j * parts[1],
         share=section.truth("share"),
+        bend=None if bend is None else bend[0] + 1j * bend[1],
     )
 
 

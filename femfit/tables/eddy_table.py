@@ -180,6 +180,13 @@ class EddyTable:
         e = self.induced(k, frequencies)
         return np.asarray(-(e.swapaxes(1, 2) @ self.resistances[material] @ e))
 
+    def conductivity_bend(self, material: int, k: int, frequencies: FloatArray) -> ComplexArray:
+        """d^2Z/d(ln sigma)^2 as :meth:`conductivity_slope`: with v = R_m e, e^T v - 2 v^T (R + s N)^-1 v."""
+        e, c = self.induced(k, frequencies), len(self.circuits)
+        s, v = 2j * np.pi * np.asarray(frequencies)[:, None, None], self.resistances[material] @ e
+        moved = np.linalg.solve(np.eye(self.patterns) + s * self.flux_linkage[k][c:, 1 + c :], v)
+        return np.asarray(e.swapaxes(1, 2) @ v - 2.0 * v.swapaxes(1, 2) @ moved)
+
     def error_at(self, frequencies: FloatArray) -> FloatArray:
         """Relative errors of impedance, force and Hall field at frequencies, shape (f, 3)."""
         at = np.log(np.maximum(frequencies, self.checked_Hz[0]))

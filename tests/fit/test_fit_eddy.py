@@ -201,19 +201,36 @@ def test_a_table_without_eddy_currents_makes_a_model_without():
     assert fit_eddy(None, Plain()) is None
 
 
-def test_a_larger_conductivity_changes_the_impedance_by_its_slope():
-    table = made_up(patterns=5)
-    step = 1e-5
-    changed = []
-    for side in (1.0, -1.0):  # a conductivity times exp(step) takes its part of the resistance down
-        resistance = np.eye(5) + (np.exp(-side * step) - 1.0) * table.resistances[0]
-        turn = np.zeros((7, 7))
-        turn[:2, :2] = np.eye(2)
-        turn[2:, 2:] = np.linalg.inv(np.linalg.cholesky(resistance)).T  # patterns of one ohm again
-        flux = turn[1:, 1:].T @ table.flux_linkage @ turn
-        changed.append(replace(table, flux_linkage=flux).transfers(2, FREQUENCIES).flux_linkage)
-    expected = 2j * np.pi * FREQUENCIES[:, None, None] * (changed[0] - changed[1]) / (2.0 * step)
-    assert table.conductivity_slope(0, 2, FREQUENCIES) == pytest.approx(expected, rel=1e-6)
+def with_conductivity(table, share):
+    """The table of a first material that conducts better by a share, which takes its part of the resistance down."""
+    n = 1 + len(table.circuits)
+    turn = np.eye(n + table.patterns)
+    resistance = np.eye(table.patterns) + (1.0 / (1.0 + share) - 1.0) * table.resistances[0]
+    turn[n:, n:] = np.linalg.inv(np.linalg.cholesky(resistance)).T  # patterns of one ohm again
+    return replace(table, flux_linkage=turn[1:, 1:].T @ table.flux_linkage @ turn)
+
+
+def impedances(table, k):
+    return 2j * np.pi * FREQUENCIES[:, None, None] * table.transfers(k, FREQUENCIES).flux_linkage
+
+
+def test_a_larger_conductivity_changes_the_impedance_by_its_slope_and_its_bend():
+    table, step = made_up(patterns=5), 1e-4
+    more, as_drawn, less = (impedances(with_conductivity(table, np.expm1(x)), 2) for x in (step, 0.0, -step))
+    assert table.conductivity_slope(0, 2, FREQUENCIES) == pytest.approx((more - less) / (2.0 * step), rel=1e-6)
+    bend, error = (more - 2.0 * as_drawn + less) / step**2, 1e-15 * np.abs(as_drawn).max() / step**2
+    assert table.conductivity_bend(0, 2, FREQUENCIES) == pytest.approx(bend, rel=1e-5, abs=4.0 * error)
+
+
+def test_one_material_of_two_that_conducts_a_fifth_less_changes_mutual_impedances_as_much_as_it_should():
+    table = made_up(patterns=5, circuits=2)
+    table = replace(table, circuits=("coil", "other"))
+    change = conductivities(table, fit_eddy(table, Plain(), 1e-9))[0].impedance
+    at, place = {change.parameter: -0.2}, np.full(len(FREQUENCIES), DISTANCES[2])
+    got = change(place, np.zeros(len(FREQUENCIES)), FREQUENCIES, None, at)[:, 0, 1]
+    exact = (impedances(with_conductivity(table, -0.2), 2) - impedances(table, 2))[:, 0, 1]
+    # Third order in ln 0.8; to first order alone the first is off by 8 %
+    assert np.abs(got - exact).max() < 0.02 * np.abs(exact).max()
 
 
 def test_conductivities_are_numbers_of_the_drawing():
