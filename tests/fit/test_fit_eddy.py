@@ -121,9 +121,12 @@ def test_one_frequency_is_a_range(frequency):
     assert (eddy.error.frequency_min_Hz, eddy.error.frequency_max_Hz) == (only[0], only[0])
     change = conductivities(table, eddy)[0].impedance
     d, f = DISTANCES[[1, 4]], np.full(2, only[0])
-    got = change(d, np.zeros(2), f, None, {change.parameter: np.expm1(1.0)})
-    expected = [table.conductivity_slope(0, k, only)[0, 0, 0] for k in (1, 4)]
-    np.testing.assert_allclose(got.ravel(), expected, rtol=1e-9)
+    got = change(d, np.zeros(2), f, None, {change.parameter: np.expm1(-0.5)})
+    slope, bend = (
+        np.array([one(0, k, only)[0, 0, 0] for k in (1, 4)])
+        for one in (table.conductivity_slope, table.conductivity_bend)
+    )
+    np.testing.assert_allclose(got.ravel(), -0.5 * slope + 0.125 * bend, rtol=1e-9)
 
 
 def test_splines_meet_the_field_at_the_distances_of_the_sweep():

@@ -9,6 +9,7 @@ import pytest
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
+from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.plan import examine_plan
 from femfit.identify.experiments.suggest import suggest
@@ -109,6 +110,18 @@ def test_the_eddy_currents_own_error_is_not_missing_physics(levitation_model, tm
     exact = replace(model, eddy=replace(model.eddy, error=None))
     assert compare(exact, table).verdict == "fails"
     assert compare(model, table).verdict == "wrong_shape"
+
+
+def test_the_own_error_may_ripple_from_setting_to_setting(levitation_model, tmp_path):
+    """As that of reduced states does over the frequency: repeats share it, and nothing is missing."""
+    model, rng = with_eddies(levitation_model), np.random.default_rng(1)
+    observations = placed(model, impedance_table(model, tmp_path / "z.csv", share=1e-4))
+    keys = np.stack([observations.channel, *(observations.column(name) for name in observations.settings)])
+    setting = np.unique(keys, axis=1, return_inverse=True)[1].ravel()
+    ripple = observations.tolerance * rng.normal(size=setting.max() + 1)[setting]
+    found = gather(observations.with_values(observations.value + ripple), [])
+    # 150 settings of each channel: no more than independent ones make; smooth patterns alone leave hundreds of it
+    assert np.mean(found.whitened_residual**2) < 1.0
 
 
 def test_a_declared_share_is_the_noise_of_both_channels(levitation_model, tmp_path):

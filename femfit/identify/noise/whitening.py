@@ -19,7 +19,7 @@ from scipy import sparse
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import SAME_SETTING
 from femfit.identify.readings.observations import Observations, once_for_settings
-from femfit.identify.readings.repeats import levels
+from femfit.identify.readings.repeats import levels, setting_cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +74,18 @@ def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntA
         distance = stop_m * observations.distance_slope
     errors = [(stops(observations), distance), *((observations.row, one) for one in currents)]
     return [(number, size) for number, size in errors if size.any()]
+
+
+def rough_misfit(observations: Observations) -> list[tuple[IntArray, FloatArray]]:
+    """Of impedances the model's own misfit as no smooth pattern has it, as :func:`setting_errors`.
+
+    The states of eddy currents are chosen for the smallest largest error, which ripples over the frequency and from one
+    bias to the next. Repeats of a setting share it.
+    """
+    if not observations.of_impedances or not observations.tolerance.any():
+        return []
+    each = setting_cells(observations) * len(observations.channels) + observations.channel
+    return [(np.unique(each, return_inverse=True)[1], observations.tolerance)]
 
 
 def chains_of(observations: Observations) -> Chains:
@@ -152,7 +164,10 @@ class Whitening:
         """
         observations = self.observations
         maps: list[tuple[sparse.csr_array, FloatArray]] = []
-        for number, size in setting_errors(observations, self.noise.test_stop_m):
+        errors = setting_errors(observations, self.noise.test_stop_m)
+        if self.misfit is not None:
+            errors += rough_misfit(observations)
+        for number, size in errors:
             error = _shrunk(size / self.noise.sigma[observations.channel], maps)
             length = np.sqrt(np.bincount(number, error**2))
             unit = error / np.maximum(length, 1e-300)[number]
