@@ -22,3 +22,8 @@ COPPER_RESISTIVITY_20C = 1.7241e-8
 
 COPPER_TEMPERATURE_COEFFICIENT = 0.00393
 """Relative change of copper's resistivity per kelvin at 20 degC (IEC 60028)."""
+
+BIAS_SHARE = 2.0 / 3.0
+"""Numerical: of the largest flux linkage, at which eddy currents beside iron that saturates are solved. The pull-ins of
+a flat solenoid by 5, 12 and 24 V then end 1.3 % late, 0.1 % and 2.1 % early beside the nonlinear field in time; with a
+half 0.0, 1.2 and 3.0 % early, with 0.7 2.8, 2.0 and 0.5 % late."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.constants import BIAS_SHARE
 from femfit.device.parts import Actuator, SweepAxes
 
 if TYPE_CHECKING:
@@ -14,12 +15,6 @@ if TYPE_CHECKING:
 
 CurrentsLike: TypeAlias = float | Sequence[float] | FloatArray
 """Currents in A: of shape (points, circuits), or one number a point where there is one circuit at most."""
-
-
-BIAS_SHARE = 2.0 / 3.0
-"""Numerical: of the largest flux linkage. The pull-ins of a flat solenoid by 5, 12 and 24 V then end 1.3 % late, 0.1 %
-and 2.1 % early beside the nonlinear field in time; with a half 0.0, 1.2 and 3.0 % early, with 0.7 2.8, 2.0 and 0.5 %
-late."""
 
 
 def current_points(currents: CurrentsLike, circuits: int) -> FloatArray:

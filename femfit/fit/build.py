@@ -155,7 +155,7 @@ def fit_model(
         other_sensors=others,
         drawn=drawn,
     )
-    eddy = fit_eddy(table.eddy, model.magnetics)
+    eddy = fit_eddy(table.eddy, model.magnetics, saturating=table.saturating)
     drawn = with_impedances(model.drawn, table.impedance_slopes, model.magnetics, eddy)
     model = replace(model, eddy=eddy, drawn=(*drawn, *conductivities(table.eddy, eddy)))
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)

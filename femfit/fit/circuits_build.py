@@ -85,7 +85,7 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         other_sensors=others,
     )
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
-    eddy = fit_eddy(table.eddy, model.magnetics)
+    eddy = fit_eddy(table.eddy, model.magnetics, saturating=table.saturating)
     drawn = with_impedances((), table.impedance_slopes, model.magnetics, eddy)
     model = replace(model, sample_time_s=period, eddy=eddy, drawn=(*drawn, *conductivities(table.eddy, eddy)))
     model = replace(model, misfit=misfit_of_circuits(as_written(model), rows, _hall_values(table)))

@@ -8,6 +8,7 @@ lambda of both without any current, the model's co-energy (:mod:`femfit.model.ed
 The field gives all of them with their slopes over the distance, M' = -2 force, and the splines follow both.
 """
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -22,14 +23,21 @@ from femfit.fit.impedance_numbers import spline_frequencies
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
-from femfit.model.eddy_currents import EddyCurrents, EddyError
+from femfit.model.eddy_currents import EddyBias, EddyCurrents, EddyError
 from femfit.model.impedance_change import ImpedanceChange, impedance_change
 from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
 
 
-def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None = None) -> EddyCurrents | None:
+def fit_eddy(
+    table: EddyTable | None, magnetics: Magnetics, error: float | None = None, saturating: Collection[str] = ()
+) -> EddyCurrents | None:
     """The eddy currents to an error, the drawing's own where none is given; None where nothing conducts.
+
+    Parameters
+    ----------
+    saturating : collection of str
+        Names of the drawing's materials that saturate.
 
     Raises
     ------
@@ -64,7 +72,11 @@ def fit_eddy(table: EddyTable | None, magnetics: Magnetics, error: float | None 
         hall=float(errors[2]) if n and table.hall is not None else None,
         **_static_errors(table, magnetics),
     )
-    return replace(eddy, error=stated)
+    if table.bias_A is None or not n:
+        return replace(eddy, error=stated)
+    order = np.argsort(table.distances_m)
+    which = tuple(name for name in table.materials if name in saturating)
+    return replace(eddy, error=stated, bias=EddyBias(table.distances_m[order], table.bias_A[order], which))
 
 
 def _through(table: EddyTable, coordinate: DistanceCoordinate) -> EddyCurrents:

@@ -56,6 +56,19 @@ class EddyError:
 
 
 @dataclass(frozen=True, eq=False)
+class EddyBias:
+    """The currents about which the patterns beside iron that saturates were solved: elsewhere they are guesses."""
+
+    distances_m: FloatArray  # Ascending, shape (D,)
+    current_A: FloatArray  # Shape (D, n)
+    materials: tuple[str, ...] = ()  # Those that saturate and conduct
+
+    def at(self, distance: FloatArray) -> FloatArray:
+        """The currents in A at distances (...), between the sweep's by straight lines; shape (..., n)."""
+        return np.stack([np.interp(distance, self.distances_m, one) for one in self.current_A.T], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
 class EddyForms:
     """C, lambda, Q and h at distances, or a derivative of theirs in d.
 
@@ -98,6 +111,7 @@ class EddyCurrents:
     inductances_H: FloatArray  # Q_jk, j <= k, row by row; shape (N, r (r + 1) / 2)
     hall_T_per_A: FloatArray | None = None  # h, shape (N, r); None where the drawing has no Hall element
     error: EddyError | None = None
+    bias: EddyBias | None = None  # None where nothing saturates: the patterns hold for all currents
 
     @property
     def count(self) -> int:
@@ -126,8 +140,10 @@ class EddyCurrents:
 
     def scaled(self, magnets: float, currents: FloatArray) -> "EddyCurrents":
         """The patterns beside magnets and numbers of turns that are scaled: W_s(d, s u) has u = i + C e / s."""
+        bias = self.bias and replace(self.bias, current_A=self.bias.current_A / np.asarray(currents))
         return replace(
             self,
+            bias=bias,
             couplings=self.couplings / np.asarray(currents)[:, None],
             flux_linkages_Wb=magnets * self.flux_linkages_Wb,
         )

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.model.eddy_currents import EddyCurrents, EddyError
+from femfit.model.eddy_currents import EddyBias, EddyCurrents, EddyError
 from femfit.model.json_magnetics import COORDINATE_KEYS, coordinate_from, coordinate_to, knots_from
 from femfit.model.json_section import Section
 
@@ -21,12 +21,26 @@ def eddy_to(eddy: EddyCurrents) -> dict[str, Any]:
         "u_degree": eddy.u_degree,
         **{name: one.tolist() for name, one in arrays.items() if one is not None},
         "error": eddy.error and dict(vars(eddy.error)),
+        **({} if eddy.bias is None else {"bias": _bias_to(eddy.bias)}),
     }
+
+
+def _bias_to(bias: EddyBias) -> dict[str, Any]:
+    arrays = {name: getattr(bias, name).tolist() for name in ("distances_m", "current_A")}
+    return {**arrays, "materials": list(bias.materials)}
+
+
+def _bias_from(section: Section, circuits: int) -> EddyBias:
+    section.refuse_others(("distances_m", "current_A", "materials"))
+    distances = section.array("distances_m", 1)
+    if not len(distances) or not (np.diff(distances) > 0.0).all():
+        raise section.refusal("distances_m", "numbers that grow")
+    return EddyBias(distances, section.shaped("current_A", (len(distances), circuits)), section.names("materials"))
 
 
 def eddy_from(section: Section, circuits: tuple[str, ...]) -> EddyCurrents:
     """The patterns of a model with these circuits."""
-    section.refuse_others(("names", "circuits", *COORDINATE_KEYS, "u_degree", *_ARRAYS, "error"))
+    section.refuse_others(("names", "circuits", *COORDINATE_KEYS, "u_degree", *_ARRAYS, "error", "bias"))
     names, of = (section.names(key) for key in ("names", "circuits"))
     if circuits and of != circuits:
         raise section.refusal("circuits", f"those of the model ({', '.join(circuits)}), in their order")
@@ -37,7 +51,7 @@ def eddy_from(section: Section, circuits: tuple[str, ...]) -> EddyCurrents:
     resistances = section.array("resistances_ohm", 1)
     if not r or len(resistances) != r or not np.all(resistances > 0.0):
         raise section.refusal("resistances_ohm", "as many numbers > 0 as there are names, and one at least")
-    error = section.optional_section("error")
+    error, bias = (section.optional_section(key) for key in ("error", "bias"))
     found = EddyCurrents(
         names=names,
         resistances_ohm=resistances,
@@ -50,6 +64,7 @@ def eddy_from(section: Section, circuits: tuple[str, ...]) -> EddyCurrents:
         inductances_H=section.shaped("inductances_H", (functions, r * (r + 1) // 2)),
         hall_T_per_A=section.shaped("hall_T_per_A", (functions, r)) if "hall_T_per_A" in section.data else None,
         error=error.record(EddyError) if error else None,
+        bias=_bias_from(bias, len(of)) if bias else None,
     )
     least = np.linalg.eigvalsh(found.forms(found.coordinate.distance(np.unique(knots)))[0].inductance).min()
     if not least > 0.0:

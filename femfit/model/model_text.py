@@ -44,6 +44,10 @@ def eddy_line(model: "ActuatorModel", eddy: "EddyCurrents") -> str:
     root = np.sqrt(eddy.resistances_ohm)
     times = np.linalg.eigvalsh(own / (root[:, None] * root))
     text = f"eddy currents: {counted(eddy.count, 'state')}, {amount_range(times.min(), times.max(), 's', 2)}"
+    if eddy.bias is not None:
+        least, most = eddy.bias.current_A.min(axis=0), eddy.bias.current_A.max(axis=0)
+        about = [amount_range(float(a), float(b), "A") for a, b in zip(least, most, strict=True)]
+        text += f", linearised at {' and '.join(about)}"
     if eddy.error is None:
         return text
     low, high = amount(eddy.error.frequency_min_Hz, "Hz"), amount(eddy.error.frequency_max_Hz, "Hz")

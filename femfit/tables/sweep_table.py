@@ -76,6 +76,13 @@ class SweepTable(Printed):
         left = sorted(set(self.valid_rows()["distance_m"]) - set(self.eddy.distances_m))
         return tuple(float(f"{1e3 * one:.6g}") for one in left)
 
+    @property
+    def saturating(self) -> tuple[str, ...]:
+        """Names of the materials with a magnetisation curve, as the drawing in the manifest has them."""
+        inputs = self.manifest.get("inputs") or {}
+        regions = [*inputs.get("fixed", ()), *(inputs.get("moving") or {}).get("regions", ())]
+        return tuple(dict.fromkeys(one["material"]["name"] for one in regions if "flux_density_T" in one["material"]))
+
     def valid_rows(self) -> "pd.DataFrame":
         """The rows whose status is ``ok``."""
         if "status" not in self.rows:

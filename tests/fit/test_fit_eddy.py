@@ -260,8 +260,13 @@ def test_the_static_models_own_error_at_the_bias_stands_beside_that_of_the_patte
             motional = 2.0 * table.force[:, 0, 1 : 1 + circuits]
             return MagneticState(np.zeros(len(DISTANCES)), 0.6 * motional, inductance)
 
-    error = fit_eddy(table, Off(), 0.01).error
+    found = fit_eddy(table, Off(), 0.01, saturating=("iron", "other"))
+    error = found.error
+    assert found.bias.at(DISTANCES).tolist() == currents.tolist()
+    assert found.bias.materials == ("iron",)  # the other does not conduct
     fields = table.flux_linkage[:, :circuits, 1 : 1 + circuits]
     assert error.static_force == pytest.approx(0.4)
     assert error.static_inductance == pytest.approx(0.2 * fields[2].max() / fields.max())
-    assert fit_eddy(made_up(), Plain(), 0.01).error.static_force is None
+    linear = fit_eddy(made_up(), Plain(), 0.01)
+    assert linear.error.static_force is None
+    assert linear.bias is None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import ModelFileError
-from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.eddy_currents import EddyBias, EddyCurrents
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from support.eddies import with_eddies
 from support.halves import cut_in_two
@@ -32,6 +32,33 @@ def test_eddy_currents_are_read_as_they_were_written(model, tmp_path):
             assert before == after
     assert again.state_names == model.state_names
     assert again.order == 2 + len(model.circuits) + 3
+
+
+def test_the_bias_of_eddy_currents_is_kept_and_followed(levitation_model, tmp_path):
+    eddied = with_eddies(levitation_model)
+    bias = EddyBias(np.array([0.015, 0.045]), np.array([[0.4], [1.0]]), ("core",))
+    model = replace(eddied, eddy=replace(eddied.eddy, bias=bias))
+    write_model(model, tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json").eddy.bias
+    assert again.materials == ("core",)
+    assert again.at(np.array([0.0, 0.03, 0.045]))[:, 0] == pytest.approx([0.4, 0.7, 1.0])
+    assert "linearised at 0.4 to 1.0 A" in str(model)
+    more_turns = model.eddy.scaled(1.0, np.array([1.25])).bias
+    assert more_turns.current_A == pytest.approx(bias.current_A / 1.25)  # the same ampere-turns
+    assert "bias" not in model_to_dict(eddied)["eddy"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [("distances_m", [0.045, 0.015], "numbers that grow"), ("current_A", [[1.0]], "as the knots"), ("more", 1, "more")],
+)
+def test_a_damaged_bias_is_named(levitation_model, key, value, words):
+    eddied = with_eddies(levitation_model)
+    bias = EddyBias(np.array([0.015, 0.045]), np.array([[0.4], [1.0]]))
+    data = model_to_dict(replace(eddied, eddy=replace(eddied.eddy, bias=bias)))
+    data["eddy"]["bias"][key] = value
+    with pytest.raises(ModelFileError, match=words):
+        model_from_dict(json.loads(json.dumps(data)))
 
 
 def test_a_file_without_eddy_currents_is_as_before(levitation_model):

@@ -301,7 +301,7 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
         noise_readings=float(noise.repeats[c]) if noise and source == "repeats" else None,
-        model_misfit=float(np.sqrt(np.mean(observations.tolerance[here] ** 2))),
+        model_misfit=float(np.sqrt(np.mean(observations.own_misfit[here] ** 2))),
         lack_of_fit=pure_error_test(observations, noise, name) if noise and source else None,
         magnitude=observations.magnitude.get(name),
     )

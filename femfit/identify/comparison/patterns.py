@@ -59,14 +59,15 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
 
     Four kinds of misfit, each with the tolerance's variance at a reading on average, since nobody knows which it is: as
     large everywhere or a share of the prediction, and all patterns alike or finer ones smaller. Between the points of
-    its table a model is so granted twice the misfit that it has at them.
+    its table a model is so granted twice the misfit that it has at them. What eddy currents miss away from their bias
+    has a form of its own.
 
     References
     ----------
     M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (2001) 425: model discrepancy.
     """
     if not observations.tolerance.any():
-        return None
+        return observations.bias_columns
     patterns = smooth_patterns(observations)
     finer = FINER ** (2.0 * patterns.degree)
     readings, number, total = (
@@ -79,7 +80,8 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
     scaled = [
         columns * weight / np.maximum(np.sqrt(np.sum(columns**2, axis=0) / readings), 1e-300) for columns in kinds
     ]
-    return np.asarray(observations.tolerance[:, None] * np.concatenate(scaled, axis=1))
+    own = observations.tolerance[:, None] * np.concatenate(scaled, axis=1)
+    return own if observations.bias_columns is None else np.concatenate([own, observations.bias_columns], axis=1)
 
 
 def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:

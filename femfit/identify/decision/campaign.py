@@ -40,8 +40,8 @@ class Campaign:
     @property
     def known_misfit(self) -> float:
         """Squared length, in whitened units, of the model's own misfit to the table that it was fitted to."""
-        tolerance, sigma = self.observations.tolerance, self.noise.sigma[self.observations.channel]
-        return float(np.sum((tolerance / sigma) ** 2))
+        own, sigma = self.observations.own_misfit, self.noise.sigma[self.observations.channel]
+        return float(np.sum((own / sigma) ** 2))
 
     @property
     def misfit_as_recorded(self) -> float:

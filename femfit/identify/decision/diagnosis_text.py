@@ -51,7 +51,11 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
         lines.append(certainty_sentence(diagnosis))
     if diagnosis.where.channel:
         lines.append(f"Where: {diagnosis.where.sentence}")
-    if diagnosis.own_misfit and granted_channels(diagnosis.observations, _left(diagnosis)[2]):
+    if (
+        diagnosis.own_misfit
+        and not diagnosis.observations.away_from_bias
+        and granted_channels(diagnosis.observations, _left(diagnosis)[2])
+    ):
         lines.append(finer_model(diagnosis.model))
     lines += _evidence(diagnosis)
     allowed, after = [allowed_for(diagnosis.observations, noise)], diagnosis.lack_of_fit_after

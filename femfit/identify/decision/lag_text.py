@@ -16,14 +16,18 @@ if TYPE_CHECKING:
 
 
 def lag_lines(diagnosis: "Diagnosis", *, misses: bool) -> list[str]:
-    """The sentence, where the drawing has eddy currents, the data show them, and the model misses nothing else."""
+    """The sentence, where the drawing has eddy currents, the data show them, and the model misses nothing else.
+
+    The conductivity of one of several materials changes the lag, too, but the model's states do not say by how much.
+    """
     base = diagnosis.model.without_effects
     lags = {EDDY_CURRENT_LAG.name, *(one.key for one in base.drawn if one.conducts)}
     named = {one.name: one.parameters for one in diagnosis.missing if one.name in lags}
     alike = {name for one in diagnosis.missing for name in one.members if one.name not in lags}
     if base.eddy is None or len(base.circuits) != 1 or not (named or lags & diagnosis.detectable.keys()):
         return []
-    if lags & alike or misses:
+    parts = {one.key for one in base.drawn if one.key.endswith("conductivity_MS_per_m")} - lags
+    if (lags | parts) & alike or misses or diagnosis.observations.away_from_bias:
         return []
     at = diagnosis.observations.covariates[["distance_m", "current_A"]].mean()
     d, i = np.asarray(at["distance_m"]), np.asarray(at["current_A"])

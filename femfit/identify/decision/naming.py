@@ -149,7 +149,7 @@ def _as_its_own(campaign: Campaign) -> bool:
         missed = np.mean(observations.residual[here] ** 2)
         uncertain = sigma**2 * BEYOND_NOISE * np.sqrt(2.0 / np.count_nonzero(here))
         put_back = np.mean((observations.distance_slope[here] * noise.mount_m) ** 2)
-        own = OWN_MISFIT**2 * np.mean(observations.tolerance[here] ** 2)
+        own = OWN_MISFIT**2 * np.mean(observations.own_misfit[here] ** 2)
         # Where mounts make more than the own misfit, a misfit that they could make is no sign of it
         if missed > sigma**2 + uncertain + own + min(own, put_back):
             return False

@@ -19,6 +19,10 @@ _VERDICT = (
     "taken off, that is {times} times its own misfit. Of that no more than the size is known, so an error of up to "
     "{most} times it, {hidden}, could hide behind it."
 )
+_AWAY = (
+    "{nothing} is missing beyond what the model may miss by itself, since its eddy currents hold for other currents: "
+    "it misses {both}. An error of up to {most} times that, {hidden}, could hide behind it."
+)
 _FINER = "To see smaller errors, make the model's own misfit smaller. "
 
 
@@ -33,16 +37,17 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: Map
         Channels whose error is more than noise and own misfit, as :func:`beyond_own_misfit` has them: they are said
         first, and granted nothing.
     """
-    both, hidden = [], []
+    both, hidden, away = [], [], observations.away_from_bias
     for name in granted_channels(observations, apart):
         here, words = observations.of(name), CHANNEL_WORDS[name]
-        read, own = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.tolerance))
-        both.append(f"the {words} by {amount(read, name)} rms in these readings and {amount(own, name)} in that table")
+        read, own = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.own_misfit))
+        where = f"may miss {amount(own, name)}" if away else f"{amount(own, name)} in that table"
+        both.append(f"the {words} by {amount(read, name)} rms in these readings and {where}")
         hidden.append(f"{amount(OWN_MISFIT * own, name)} rms of the {words}")
     missed = [f"No effect is named, but the model misses {' and '.join(apart.values())}."] if apart else []
     if not both:
         return " ".join(missed)
-    granted = _VERDICT.format(
+    granted = (_AWAY if away else _VERDICT).format(
         nothing="Apart from that, nothing" if apart else "Nothing",
         both=", ".join(both),
         times=rounded(times_own, 2),
@@ -77,7 +82,7 @@ def beyond_own_misfit(
 def own_misfit(observations: Observations) -> dict[str, float]:
     """Rms error per channel, in its unit, up to which it is taken for the model's own misfit to its table."""
     return {
-        name: OWN_MISFIT * float(np.sqrt(np.mean(observations.tolerance[observations.of(name)] ** 2)))
+        name: OWN_MISFIT * float(np.sqrt(np.mean(observations.own_misfit[observations.of(name)] ** 2)))
         for name in observations.channels
     }
 

@@ -22,6 +22,7 @@ from femfit.identify.readings.currents import (
     hall_not_compared,
     with_currents,
 )
+from femfit.identify.readings.eddy_bias import away_from_bias, with_bias
 from femfit.identify.readings.impedance import weighed_by_magnitude
 from femfit.identify.readings.observations import InTheirRuns, Observations
 from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
@@ -79,7 +80,8 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         )
     channel = np.repeat(np.arange(len(channels)), [len(piece) for piece in pieces])
     rows = dict(zip(channels, pieces, strict=True))
-    weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise)
+    away = away_from_bias(model, d, i)
+    weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise, away)
     predict = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
     moved, stacked = predict.moved, predict.stacked
     steps = (
@@ -95,7 +97,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         step = steps[1] * direction
         along = (moved(0.0, step) - moved(0.0, -step)) / (2.0 * steps[1])
         uncertain.append(along * declared.get(name, 0.0))
-    return Observations(
+    observations = Observations(
         channels=channels,
         channel=channel,
         row=np.concatenate(pieces),
@@ -123,6 +125,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         magnitude=weighing.magnitude,
         weight=stacked(dict.fromkeys(channels, np.ones(len(d)))) if weighing.weight else None,
     )
+    return with_bias(observations, model, away.flux, i, current_names(model))
 
 
 def _range(low: float, high: float) -> str:

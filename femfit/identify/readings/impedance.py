@@ -15,6 +15,7 @@ from femfit.core.finding import Finding
 from femfit.core.sweep_columns import resistance_column
 from femfit.effects.conditions import Conditions
 from femfit.identify.constants import FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
+from femfit.identify.readings.eddy_bias import AwayFromBias
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import SHORTED
 from femfit.model.readings import predict_readings
@@ -41,6 +42,7 @@ def weighed_by_magnitude(
     conditions: Conditions,
     channels: Collection[str],
     declared: Mapping[str, float],
+    away: AwayFromBias,
 ) -> Weighing:
     """The weights of impedances, by the model's own magnitude; of a channel with a noise in its unit they are 1."""
     names = [name for name in channels if parts_of(name)[0] in SERIES and name not in declared]
@@ -49,12 +51,14 @@ def weighed_by_magnitude(
         return Weighing()
     magnitude = _magnitudes(model, distance, current, conditions)
     largest = np.max(list(magnitude.values()), axis=0)
-    size, most = {}, {}
+    size, most, turned = {}, {}, {}
+    induced = np.minimum(largest, w * away.of_circuits)  # eddy currents make it no larger
     for name, z in magnitude.items():
         read = np.maximum(z, LEAST_LINKED * largest)
         off = largest * (OF_THREE if name.endswith(SHORTED) else 1.0)
         for channel, scale in ((resistance_column(name), 1.0), (name, w)):
             size[channel], most[channel] = read / scale, off / scale
+            turned[channel] = away.inductance * induced / scale
     usual = {name: float(getattr(nominal, parts_of(name)[0])) for name in names}
     share, own = declared.get(IMPEDANCE_SHARE), _own_share(model)
     quantities = dict.fromkeys(parts_of(name)[0] for name in names)
@@ -65,7 +69,7 @@ def weighed_by_magnitude(
         usual,
         noise={name: share * usual[name] for name in names} if share else {},
         # The eddy currents' misfit is a share of the largest of all impedances
-        tolerance={name: own * most[name] for name in names},
+        tolerance={name: np.hypot(own * most[name], turned[name]) for name in names},
         findings=(Finding("weighed", "info", text), *_beyond_the_model(model, np.asarray(conditions.frequency_Hz))),
     )
 

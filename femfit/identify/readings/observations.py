@@ -51,6 +51,9 @@ class Observations:
     present: tuple[str, ...] = ()
     # What declares the noise: ``declared``, a sidecar; ``samples``, those within each window
     noise_source: str = "declared"
+    # Of impedances: what their distance from the bias of the model's eddy currents makes of each reading, by one
+    # standard deviation; shape (M, k)
+    bias_columns: FloatArray | None = None
     declared_distance_m: float | None = None  # Standard deviation to which stage and body are said to come back
     # Standard deviation by which all readings of a channel are said to differ from run to run
     declared_run: Mapping[str, float] = field(default_factory=dict)
@@ -101,6 +104,17 @@ class Observations:
         )
 
     @property
+    def away_from_bias(self) -> bool:
+        """Whether these are impedances at currents for which the model's eddy currents do not hold."""
+        return any(one.code == "eddy-bias" for one in self.findings)
+
+    @property
+    def own_misfit(self) -> FloatArray:
+        """What the model misses of itself by one standard deviation: its table, and away from its bias; shape (M,)."""
+        away = 0.0 if self.bias_columns is None else np.sum(self.bias_columns**2, axis=1)
+        return np.sqrt(self.tolerance**2 + away)
+
+    @property
     def residual(self) -> FloatArray:
         """Recorded minus predicted, shape (M,)."""
         return self.value - self.base
@@ -135,6 +149,7 @@ class Observations:
             tolerance=self.tolerance[keep],
             setting_columns=self.setting_columns[keep],
             weight=None if self.weight is None else self.weight[keep],
+            bias_columns=None if self.bias_columns is None else self.bias_columns[keep],
             predict=_Kept(self.predict, keep),
         )
 
