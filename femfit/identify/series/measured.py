@@ -12,7 +12,8 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
 from femfit.effects.stop_position import REST
 from femfit.identify.series.balances import FORCE_BALANCE, voltage_balances
-from femfit.identify.series.constants import EVEN, METHOD_ACCURACY
+from femfit.identify.series.commands import between_samples, held_from
+from femfit.identify.series.constants import METHOD_ACCURACY
 from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.noise import SensorNoise, carried, propagated
 from femfit.identify.series.samples import Samples
@@ -238,12 +239,14 @@ def _voltage_balance(
     windows: Windows,
 ) -> MeasuredChannel:
     """Of the circuit with the place k."""
-    ohms, volts = base.circuits[k].resistance_ohm, samples.columns[samples.commands[k]]
-    each = samples.current.reshape(len(volts), -1)
-    driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, _held(samples, k))
+    ohms, held = base.circuits[k].resistance_ohm, held_from(samples, k)
+    each = samples.current.reshape(len(held), -1)
+    driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, held)
     of_currents = _of_currents(slope, field.inductance[:, k], samples, noise)
     of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
     sigma = propagated(mean, *of_currents, (carried(slope, field.force_i[:, k]), noise["distance_m"]))
+    volts, variance = between_samples(samples, k, held, nominal.sample_time_s)
+    sigma = np.hypot(sigma, np.sqrt(driven.power(2) @ variance))
     here = np.flatnonzero(samples.usable)
     # Between samples currents settle towards the held commands, i'' = -L^-1 R i', by which a trapezoid over them is
     # h^2 i'' / 12 short
@@ -253,22 +256,8 @@ def _voltage_balance(
     fixed = ohms * (mean @ each[:, k]) + slope @ settling
     return MeasuredChannel(
         name,
-        driven @ np.nan_to_num(volts),
+        driven @ volts,
         Prediction(fixed, slope, "flux", k),
         np.hypot(sigma, METHOD_ACCURACY * nominal.voltage_V),
         valid,
     )
-
-
-def _held(samples: Samples, k: int) -> BoolArray:
-    """Whether the command of a circuit is known from each usable sample to the next one."""
-    here = np.flatnonzero(samples.usable)
-    result = np.zeros(len(samples.time), dtype=bool)
-    if len(here) < 2:
-        return result
-    step = np.diff(samples.time[here])
-    inside = np.diff(samples.segment[here]) == 0
-    usual = np.median(step[inside]) if inside.any() else 0.0
-    uneven = inside.any() and float(np.quantile(step[inside], 0.9)) > EVEN * usual
-    result[here[:-1]] = inside & (uneven | (step < EVEN * usual))
-    return np.asarray(result & np.isfinite(samples.columns[samples.commands[k]]))
