@@ -16,6 +16,11 @@ _MOST_DIGITS = 5  # Of the larger end of an interval
 _SHARES = {"", "1/K", "1/K^2"}
 
 
+def weighed_amount(value: float, name: str, magnitude: float | None, digits: int = 2) -> str:
+    """As :func:`amount`; of an impedance that is given at a magnitude |Z|, as a share of it."""
+    return f"{amount(value / magnitude, '', digits)} of |Z|" if magnitude else amount(value, name, digits)
+
+
 def amount(value: float | None, unit: str, digits: int = 2) -> str:
     """A value with its unit, rounded to so many digits; a value that is not finite is ``unknown``.
 

@@ -94,6 +94,19 @@ def test_an_effect_is_added_from_impedances(levitation_model, tmp_path):
     assert compare(added, table).verdict == "agrees"
 
 
+def test_errors_are_shares_of_the_magnitude_and_changes_are_true_henry(levitation_model, tmp_path):
+    path = impedance_table(levitation_model, tmp_path / "z.csv", wrong("eddy_current_lag", **LAG))
+    added = add_effects(levitation_model, path, "eddy_current_lag")
+    (size,) = (one for one in added.sizes if one.channel == "inductance_H")
+    observations = placed(levitation_model, path)
+    here = observations.of("inductance_H")
+    true = (observations.residual / observations.weight)[here]
+    assert abs(size.change) == pytest.approx(np.abs(true).max(), rel=0.02)
+    (fall,) = (one for one in added.fall.channels if one.channel == "inductance_H")
+    share = np.sqrt(np.mean(observations.residual[here] ** 2)) / observations.magnitude["inductance_H"]
+    assert f"from {100.0 * share:.3g} % of |Z|" in str(fall)
+
+
 def test_what_the_drawing_s_eddy_currents_explain_is_not_a_lag(levitation_model, tmp_path):
     model = with_eddies(levitation_model)
     table = impedance_table(model, tmp_path / "z.csv")

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.core.amount import amount, counted, rounded
+from femfit.core.amount import counted, rounded
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
@@ -138,7 +138,7 @@ class CalibrationResult(Printed):
         else:
             lines += ["As drawn, and calibrated without each run in turn:", str(self.unseen)]
             errors = [
-                f"{CHANNEL_WORDS[one.channel]} {amount(one.rms_after, one.channel, 3)}"
+                f"{CHANNEL_WORDS[one.channel]} {one.amount(one.rms_after)}"
                 + ("" if one.after_over_noise is None else f" ({one.after_over_noise:.3g} times the noise)")
                 for one in self.fitted.channels
             ]

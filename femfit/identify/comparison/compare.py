@@ -8,7 +8,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from femfit.core.amount import amount, counted, probability, rounded
+from femfit.core.amount import amount, counted, probability, rounded, weighed_amount
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
@@ -65,7 +65,7 @@ class ChannelMisfit:
 
     def _amount(self, value: float) -> str:
         """In the channel's unit, of an impedance as a share of its magnitude."""
-        return amount(value / self.magnitude, "") + " of |Z|" if self.magnitude else amount(value, self.channel)
+        return weighed_amount(value, self.channel, self.magnitude)
 
     def __str__(self) -> str:
         text = (
@@ -182,7 +182,7 @@ class Comparison(Printed):
     def __str__(self) -> str:
         freedom = allowed_for(self.observations, self.noise)
         rms, beyond = {one.channel: one.rms for one in self.channels}, self.beyond_noise
-        left = in_words(beyond, rms)
+        left = in_words(self.observations, beyond, rms)
         why = str(self.findings[-1]) if self.findings else ""
         more = any(one.rms > WITHIN_NOISE * one.noise_floor for one in self.channels if one.noise_floor)
         scatter = f"{'; the test allows for' if left else ' and'} {freedom}" if freedom and more else ""

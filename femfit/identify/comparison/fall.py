@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount, counted
+from femfit.core.amount import counted, weighed_amount
 from femfit.core.arrays import FloatArray
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -26,6 +26,7 @@ class ChannelFall:
     rms_before: float
     rms_after: float
     noise: float | None  # Standard deviation of one reading, from repeats or as declared; None where neither says it
+    magnitude: float | None = None  # Of impedances: |Z| in the channel's unit at which all of them are given
 
     @property
     def before_over_noise(self) -> float | None:
@@ -37,11 +38,15 @@ class ChannelFall:
         """The error after, in standard deviations of one reading."""
         return None if self.noise is None else self.rms_after / self.noise
 
+    def amount(self, rms: float) -> str:
+        """In the channel's unit, of an impedance as a share of its magnitude."""
+        return weighed_amount(rms, self.channel, self.magnitude, 3)
+
     def __str__(self) -> str:
         change = "rises" if self.rms_after > self.rms_before else "falls"
         text = (
-            f"{CHANNEL_WORDS[self.channel]}: the error {change} from {amount(self.rms_before, self.channel, 3)} to "
-            f"{amount(self.rms_after, self.channel, 3)} rms in {counted(self.readings, 'reading')}"
+            f"{CHANNEL_WORDS[self.channel]}: the error {change} from {self.amount(self.rms_before)} to "
+            f"{self.amount(self.rms_after)} rms in {counted(self.readings, 'reading')}"
         )
         if self.noise is None:
             return text
@@ -61,7 +66,8 @@ class ErrorFall:
         """As JSON-ready data, channel by channel, with the errors over the noise."""
         return {
             one.channel: {
-                **{key: value for key, value in asdict(one).items() if key != "channel"},
+                **{key: value for key, value in asdict(one).items() if key not in {"channel", "magnitude"}},
+                **({"magnitude": one.magnitude} if one.magnitude else {}),
                 "before_over_noise": one.before_over_noise,
                 "after_over_noise": one.after_over_noise,
             }
@@ -77,5 +83,6 @@ def error_fall(
     rows = []
     for name in observations.channels:
         rms = [float(np.sqrt(np.mean(misfit[observations.of(name)] ** 2))) for misfit in misfits]
-        rows.append(ChannelFall(name, int(observations.of(name).sum()), rms[0], rms[1], noise.get(name)))
+        count, magnitude = int(observations.of(name).sum()), observations.magnitude.get(name)
+        rows.append(ChannelFall(name, count, rms[0], rms[1], noise.get(name), magnitude))
     return ErrorFall(tuple(rows))

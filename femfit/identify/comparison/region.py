@@ -45,6 +45,10 @@ _CHANGES = {
 }
 
 
+_Said = Callable[[FloatArray, FloatArray], str]
+"""The size of a misfit beside a prediction, in words."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Half:
     """One side of a threshold."""
@@ -88,15 +92,18 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
     both = not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2)
 
+    def said(s: FloatArray, base: FloatArray) -> str:
+        return _size(s, base, observations, channel)
+
     def described(halves: Sequence[_Half], sign: float, some: str) -> str:
         rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
         alike = "on average" if not _is_alike(misfit[rows], base[rows]) else some if both else "everywhere"
         place = " and ".join(half.words() for half in halves) if halves else alike
-        return f"{_size(misfit[rows], base[rows], channel)} {place}"
+        return f"{said(misfit[rows], base[rows])} {place}"
 
     text = f"{subject} is {described(halves, sign, 'in some readings')}"
     if branch is not None:
-        text += _branch_clause(misfit, base, halves, branch, scope, channel)
+        text += _branch_clause(misfit, base, halves, branch, scope, said)
     elif len(np.unique(sides)) > 1:
         text += ", in both branches"
     if both:
@@ -207,7 +214,7 @@ def _is_relative(s: FloatArray, base: FloatArray) -> bool:
     return bool(_has_one_sign(base) and abs(share) < 1.0 and nearer)
 
 
-def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
+def _size(s: FloatArray, base: FloatArray, observations: Observations, channel: str) -> str:
     """In per cent of the prediction where that describes it better than a constant, else in SI.
 
     In per cent, high means larger in magnitude; in SI, larger with its sign.
@@ -216,11 +223,11 @@ def _size(s: FloatArray, base: FloatArray, channel: str) -> str:
     if _is_relative(s, base):
         of = " (of its difference from the quiescent voltage)" if channel == "hall_V" else ""
         return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}{of}"
-    return f"{amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
+    return f"{observations.amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
 
 
 def _branch_clause(
-    s: FloatArray, base: FloatArray, halves: Sequence[_Half], branch: FloatArray, scope: BoolArray, channel: str
+    s: FloatArray, base: FloatArray, halves: Sequence[_Half], branch: FloatArray, scope: BoolArray, said: _Said
 ) -> str:
     inside = _inside(halves, len(s))
     here, there = inside & scope, inside & ~scope & (branch != 0.0)
@@ -232,4 +239,4 @@ def _branch_clause(
         return ", in both branches"
     if ratio > -0.3:
         return f", on the {name} branch only"
-    return f" on the {name} branch, {_size(s[there], base[there], channel)} on the {rival} one"
+    return f" on the {name} branch, {said(s[there], base[there])} on the {rival} one"

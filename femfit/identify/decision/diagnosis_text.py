@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from femfit.core.amount import amount, counted, probability
+from femfit.core.amount import counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
@@ -170,7 +170,7 @@ def _in_runs(first: int, last: int) -> str:
 def _misfit(diagnosis: "Diagnosis") -> list[str]:
     lines = []
     for one in diagnosis.error_fall.channels:
-        size = amount(one.rms_before, one.channel, 3)
+        size = one.amount(one.rms_before)
         noise = "" if one.noise is None else f", {one.before_over_noise:.3g} times the noise of one"
         lines.append(f"{CHANNEL_WORDS[one.channel]}: error {size} rms in {counted(one.readings, 'reading')}{noise}")
     return lines

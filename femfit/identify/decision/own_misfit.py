@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from femfit.core.amount import amount, rounded
+from femfit.core.amount import rounded
 from femfit.fit.misfit import to_be_added
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.noise.within import in_words
@@ -37,13 +37,13 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: Map
         Channels whose error is more than noise and own misfit, as :func:`beyond_own_misfit` has them: they are said
         first, and granted nothing.
     """
-    both, hidden, away = [], [], observations.away_from_bias
+    both, hidden, away, said = [], [], observations.away_from_bias, observations.amount
     for name in granted_channels(observations, apart):
         here, words = observations.of(name), CHANNEL_WORDS[name]
         read, own = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.own_misfit))
-        where = f"may miss {amount(own, name)}" if away else f"{amount(own, name)} in that table"
-        both.append(f"the {words} by {amount(read, name)} rms in these readings and {where}")
-        hidden.append(f"{amount(OWN_MISFIT * own, name)} rms of the {words}")
+        where = f"may miss {said(own, name)}" if away else f"{said(own, name)} in that table"
+        both.append(f"the {words} by {said(read, name)} rms in these readings and {where}")
+        hidden.append(f"{said(OWN_MISFIT * own, name)} rms of the {words}")
     missed = [f"No effect is named, but the model misses {' and '.join(apart.values())}."] if apart else []
     if not both:
         return " ".join(missed)
@@ -61,7 +61,9 @@ def also_allowed(observations: Observations, beyond: Mapping[str, str]) -> str:
     """What lets a test pass that leaves channels beyond their noise: the model's own misfit there; empty for none."""
     most = own_misfit(observations)
     sizes = [
-        f"{amount(most[name] / OWN_MISFIT, name)} rms of the {CHANNEL_WORDS[name]}" for name in beyond if most[name]
+        f"{observations.amount(most[name] / OWN_MISFIT, name)} rms of the {CHANNEL_WORDS[name]}"
+        for name in beyond
+        if most[name]
     ]
     return f"the model's own misfit in any pattern, {' and '.join(sizes)}" if sizes else ""
 
@@ -76,7 +78,7 @@ def beyond_own_misfit(
 ) -> dict[str, str]:
     """Channels beyond the noise whose error the model's own misfit does not make either, in words."""
     most = own_misfit(observations)
-    return in_words({name: times for name, times in beyond.items() if rms[name] > most[name]}, rms)
+    return in_words(observations, {name: times for name, times in beyond.items() if rms[name] > most[name]}, rms)
 
 
 def own_misfit(observations: Observations) -> dict[str, float]:

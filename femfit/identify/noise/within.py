@@ -75,10 +75,10 @@ def if_mounts_are_assumed(
     )
 
 
-def in_words(beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str, str]:
+def in_words(observations: Observations, beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str, str]:
     """Each such channel as it is said of a model: what it misses, and by how much."""
     return {
-        name: f"the {CHANNEL_WORDS[name]} by {amount(rms[name], name, 3)} rms, "
+        name: f"the {CHANNEL_WORDS[name]} by {observations.amount(rms[name], name, 3)} rms, "
         f"{times:.3g} times the noise of one reading"
         for name, times in beyond.items()
     }

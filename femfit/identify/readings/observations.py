@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
+from femfit.core.amount import weighed_amount
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.finding import Finding
 from femfit.core.sweep_columns import is_current
@@ -127,6 +128,10 @@ class Observations:
         """A setting at every reading, on a scale along which equal steps count alike: a frequency's logarithm."""
         values = self.column(name)
         return np.log(np.maximum(values, 1e-3)) if name == "frequency_Hz" else values  # below a millihertz all is still
+
+    def amount(self, value: float, name: str, digits: int = 2) -> str:
+        """A value in a channel's unit in words; of impedances, which are weighed, as a share of their magnitude."""
+        return weighed_amount(value, name, self.magnitude.get(name), digits)
 
     def of(self, name: str) -> BoolArray:
         """Which readings belong to a channel."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from femfit.core.amount import amount, probability
+from femfit.core.amount import probability
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
 from femfit.effects.effect import AddedEffect
@@ -133,7 +133,9 @@ class AddResult(Printed):
 
     def _verdict(self) -> str:
         names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after
-        left = in_words(self.beyond_noise, {one.channel: one.rms_after for one in self.fall.channels})
+        left = in_words(
+            self.observations, self.beyond_noise, {one.channel: one.rms_after for one in self.fall.channels}
+        )
         if after.p_value > LEVEL_AFTER:
             tests = f"({probability(after.p_value)}; before, {probability(self.lack_of_fit_before.p_value)})"
             rest = f"what is left is noise {tests}."
@@ -164,7 +166,9 @@ class AddResult(Printed):
         )
 
     def _left_out(self) -> str:
-        errors = ", ".join(f"{CHANNEL_WORDS[name]} {amount(rms, name, 3)}" for name, rms in self.left_out.items())
+        errors = ", ".join(
+            f"{CHANNEL_WORDS[one.channel]} {one.amount(self.left_out[one.channel])}" for one in self.fall.channels
+        )
         part = f"each of the {self.runs} runs" if self.runs > 1 else "each quarter of the one run"
         return f"Fitted without {part} in turn, the error there is {errors} rms."
 

@@ -42,16 +42,18 @@ class EffectSize:
 
 def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ...]:
     """The largest change that each effect makes of each channel within the data, with its 95 % interval."""
-    largest = [float(np.abs(observations.base[observations.of(name)]).max()) for name in observations.channels]
+    weight = np.ones_like(observations.value) if observations.weight is None else observations.weight
+    base = observations.base / weight
+    largest = [float(np.abs(base[observations.of(name)]).max()) for name in observations.channels]
     result = []
     for k, added in enumerate(fit.effects):
-        change = _change(observations, fit.effects, k)
+        change = _change(observations, fit.effects, k) / weight
         for c, channel in enumerate(observations.channels):
             here = np.flatnonzero(observations.channel == c)
             at = here[np.argmax(np.abs(change[here]))] if len(here) else -1
             if at < 0 or abs(change[at]) < LEAST_CHANGE * largest[c]:
                 continue
-            half = stats.norm.isf(0.025) * _standard_error(observations, fit, k, int(at))
+            half = stats.norm.isf(0.025) * _standard_error(observations, fit, k, int(at)) / weight[at]
             result.append(
                 EffectSize(
                     effect=added.effect.name,
