@@ -15,9 +15,9 @@ from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.tables.measurement import CHANNEL_WORDS
 
 _VERDICT = (
-    "{nothing} is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. Noise "
-    "taken off, that is {times} times its own misfit. Of that no more than the size is known, so an error of up to "
-    "{most} times it, {hidden}, could hide behind it."
+    "{nothing} is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. {share} "
+    "Of its own misfit no more than the size is known, so an error of up to {most} times it, {hidden}, could hide "
+    "behind it."
 )
 _AWAY = (
     "{nothing} is missing beyond what the model may miss by itself, since its eddy currents hold for other currents: "
@@ -50,7 +50,9 @@ def own_misfit_sentence(observations: Observations, times_own: float, apart: Map
     granted = (_AWAY if away else _VERDICT).format(
         nothing="Apart from that, nothing" if apart else "Nothing",
         both=", ".join(both),
-        times=rounded(times_own, 2),
+        share=f"Noise taken off, that is {rounded(times_own, 2)} times its own misfit."
+        if times_own > 0.0
+        else "Noise alone makes as much.",
         most=f"{OWN_MISFIT:g}",
         hidden=" or ".join(hidden),
     )
