@@ -76,6 +76,8 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module 'femfit' has no attribute {name!r}; it has {', '.join(sorted(_PLACES))}")
     module, _, there = place.partition(":")
     value = getattr(import_module(module), there)
+    if not isinstance(value, type):
+        value = import_module("femfit.core.public").public(value, __name__, name)
     globals()[name] = value
     return value
 

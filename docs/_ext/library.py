@@ -52,9 +52,8 @@ These names are all that femfit promises. `import femfit` is quick: a name loads
 used. Files are given as `str` or `Path`, options are keywords, and randomness is `rng` (a seed or a numpy generator).
 Each result prints the lines that the command prints, and shows itself in a notebook. Scripts need no `__main__` guard.
 
-femfit's matrices are small, and threads inside of them only wait for each other on a busy machine. The command and the
-workers of a sweep therefore run with `OPENBLAS_NUM_THREADS=1`. A script of your own keeps your setting; set it to 1 in
-the environment before Python starts if other work shares the machine.
+femfit's matrices are small, and threads inside of them only wait for each other on a busy machine. While one of these
+functions works, the process has one thread for linear algebra, and your setting again after it.
 
 Every error that femfit raises on purpose is a `FemfitError`, and also the builtin error of its kind.
 

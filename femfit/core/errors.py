@@ -4,6 +4,7 @@
 
     FemfitError
     ├── UsageError (ValueError)           an argument that no file makes right, such as a name that there is not
+    │   └── ArgumentError (TypeError)     a keyword that a public function has not, or one that it needs
     ├── ActuatorFileError (ValueError)    an actuator .toml, every problem at once
     ├── FemFileError (ValueError)         a FEMM model that cannot become an actuator, every cause at once
     ├── TableError (ValueError)           a sweep, FEMM or bench table that cannot be used
@@ -42,6 +43,10 @@ class FemfitError(Exception):
 
 class UsageError(FemfitError, ValueError):
     """An argument that is wrong whatever the files hold: an unknown name, a text that is not in its form."""
+
+
+class ArgumentError(UsageError, TypeError):
+    """A public function called with an argument that it has not, or without one that it needs."""
 
 
 class ActuatorFileError(FemfitError, ValueError):

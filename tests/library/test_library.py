@@ -1,11 +1,13 @@
 """``import femfit``: the public names, what they load, and scripts as users write them."""
 
 import ast
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import femfit
 from support.actuators import GEOMETRY
@@ -77,6 +79,34 @@ def test_import_femfit_loads_nothing_heavy():
 def test_python_m_femfit_is_the_command():
     done = subprocess.run([sys.executable, "-m", "femfit", "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == femfit.__version__
+
+
+def blas_threads():
+    return {library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"}
+
+
+def test_a_public_function_works_with_one_blas_thread_and_gives_back_the_callers(levitation_model):
+    inside = []
+    with threadpool_limits(2, user_api="blas"):
+        assert blas_threads() == {2}
+        femfit.close_loop(levitation_model, runs=1, seconds=0.05, progress=lambda *_: inside.append(blas_threads()))
+        assert blas_threads() == {2}
+    assert inside
+    assert all(threads == {1} for threads in inside)
+
+
+def test_a_keyword_that_a_function_has_not_is_answered_with_the_nearest(levitation_model):
+    with pytest.raises(femfit.FemfitError, match="voltage_V") as wrong:
+        femfit.simulate(levitation_model, voltage=3)
+    assert isinstance(wrong.value, TypeError)
+    with pytest.raises(TypeError, match="model"):
+        femfit.simulate()
+
+
+def test_public_functions_are_found_again_by_pickle():
+    functions = [getattr(femfit, name) for name in femfit.__all__ if name[0].islower()]
+    found = [pickle.loads(pickle.dumps(function)) for function in functions]  # noqa: S301  our own
+    assert all(again is function for again, function in zip(found, functions, strict=True))
 
 
 # test_sweep_run has a shorter one.
