@@ -1,6 +1,5 @@
 """Settings of the documentation: ``python -m sphinx -W docs docs/_build`` builds it."""
 
-import os
 import sys
 from pathlib import Path
 
@@ -23,9 +22,7 @@ templates_path: list[str] = []
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 highlight_language = "none"  # a block without a language is what a command prints
-nb_execution_mode = os.environ.get("FEMFIT_DOCS_EXECUTION", "cache")  # "off" leaves the tutorials' results out
-nb_execution_timeout = 600
-nb_execution_raise_on_error = True
+nb_execution_mode = "off"  # the notebooks of tutorial/ hold their results: see _ext/run_notebooks.py
 nb_merge_streams = True
 
 # The library

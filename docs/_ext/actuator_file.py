@@ -10,7 +10,7 @@ from femfit.device import schema, schema_device, schema_materials, schema_solver
 from femfit.device.materials import LIBRARY
 
 REFERENCE = Path(__file__).parents[1] / "reference"
-EXAMPLES = [REFERENCE / "every-key-2.toml", REFERENCE / "every-key.toml"]  # the later one's come first
+EXAMPLES = [REFERENCE / "every-key-circuits.toml", REFERENCE / "every-key.toml"]  # the later one's come first
 
 # Table as it is written, what it describes, and the class of the schema that reads it
 TABLES = (
@@ -21,29 +21,23 @@ TABLES = (
         schema_materials.MaterialEntry,
     ),
     ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema_materials.CurveEntry),
-    (
-        "[fixed.regions.NAME]",
-        "A part that stands still; `[electromagnet.regions.NAME]` is the same, as schema 1 calls it.",
-        schema.RegionEntry,
-    ),
-    ("[coil]", "The winding, where there is one that stands still.", schema.CoilEntry),
-    ("[coils.NAME]", "One of several windings, or one that moves (schema 2).", schema_device.WindingEntry),
+    ("[fixed.regions.NAME]", "A part that stands still.", schema.RegionEntry),
+    ("[coils.NAME]", "A winding.", schema_device.WindingEntry),
     (
         "[circuits.NAME]",
-        "Coils in series and what feeds them (schema 2). Without it each coil has its own, fed by `[supply]`.",
+        "Coils in series and what feeds them. Without it each coil has its own, fed by `[supply]`.",
         schema_device.CircuitEntry,
     ),
-    ("[moving]", "The moving part.", schema.MovingEntry),
     ("[moving.regions.NAME]", "A magnetic part of the moving body.", schema.RegionEntry),
-    ("[mechanics]", "What acts on the moving part (schema 2).", schema_device.MechanicsEntry),
+    ("[mechanics]", "The mass and what else acts on the moving part.", schema_device.MechanicsEntry),
     ("[mechanics.springs.NAME]", "A spring, by its stiffness or as measured.", schema_device.SpringEntry),
     ("[mechanics.near_stop]", "A stop; `[mechanics.far_stop]` has the same keys.", schema_device.StopEntry),
-    ("[hall]", "A Hall element; in schema 2 also as `[sensors.NAME]`.", schema.HallEntry),
-    ("[sensors.NAME] current", "A sensor of a circuit's current (schema 2).", schema_device.CurrentSensorEntry),
-    ("[sensors.NAME] position", "A sensor of the distance (schema 2).", schema_device.PositionSensorEntry),
-    ("[sensors.NAME] pickup coil", "A winding without current (schema 2).", schema_device.PickupCoilEntry),
-    ("[sensors.NAME] acceleration", "An accelerometer (schema 2).", schema_device.AccelerationSensorEntry),
-    ("[sensors.NAME] force", "A load cell (schema 2).", schema_device.ForceSensorEntry),
+    ("[sensors.NAME] Hall element", "A Hall element.", schema.HallEntry),
+    ("[sensors.NAME] current", "A sensor of a circuit's current.", schema_device.CurrentSensorEntry),
+    ("[sensors.NAME] position", "A sensor of the distance.", schema_device.PositionSensorEntry),
+    ("[sensors.NAME] pickup coil", "A winding without current.", schema_device.PickupCoilEntry),
+    ("[sensors.NAME] acceleration", "An accelerometer.", schema_device.AccelerationSensorEntry),
+    ("[sensors.NAME] force", "A load cell.", schema_device.ForceSensorEntry),
     ("[supply]", "The driver of every circuit without limits of its own.", schema.SupplyEntry),
     ("[sweep]", "The points that are solved.", schema.SweepEntry),
     ("[sweep.parameters.NAME]", "A name of your own for one or more keys that are swept.", schema.NamedParameterEntry),
@@ -95,6 +89,7 @@ def _section(name: str, text: str, entry: type[schema.Entry], examples: dict[str
         f"| `{key}` | {_unit(key)} | {_cell(value['description'])} | {_range(value, described)} | "
         f"{'**required**' if key in required else _default(value)} | {_example(key, examples)} |\n"
         for key, value in described["properties"].items()
+        if "schema" not in value  # another schema's form of a table
     )
     title = f"`{name}`" if name else "The top of the file"
     heading = f"\n## {title}\n\n" if name != "[materials.NAME]" or entry is schema_materials.MaterialEntry else "\n"
@@ -188,17 +183,17 @@ _HEAD = """\
 # The actuator file
 
 An actuator file describes an axisymmetric actuator in [TOML](https://toml.io). Lengths are in mm and masses in g;
-everything else is in SI units, and each key ends in its unit. The axis is `r = 0`. The fixed part ends at the face
-`z = 0`, and the moving part lies above it: its distance is the height of its nearest face. Draw the moving part in its
-own coordinates, its nearest face at `z = 0`.
+everything else is in SI units, and each key ends in its unit. The axis is `r = 0`, and `z = 0` is the fixed part's
+reference face. The moving part is drawn in its own coordinates, its nearest face at `z = 0`; its distance is what the
+sweep adds to z. A moving coil that reaches into its gap has a negative distance.
 
 femfit reports every mistake in a file at once, with the key, what it found and what to write instead.
 
-`schema = 2` draws any actuator that moves along one axis. Files of `schema = 1`, with one coil, one Hall element and
-faces at `z = 0`, read as they did. `femfit new` writes a commented drawing to start from.
+`femfit new` writes a commented drawing to start from. Older files with `schema = 1` are still read: they have `[coil]`
+for `[coils.coil]`, `[hall]` for `[sensors.hall]`, `[electromagnet]` for `[fixed]`, and the mass in `[moving]`.
 
-[`every-key.toml`](../reference/every-key.toml) and [`every-key-2.toml`](../reference/every-key-2.toml) use every key
-below; the examples come from them.
+[`every-key.toml`](../reference/every-key.toml) and
+[`every-key-circuits.toml`](../reference/every-key-circuits.toml) use every key below; the examples come from them.
 """
 
 _TAIL = """
@@ -215,7 +210,7 @@ _TAIL = """
 :language: toml
 ```
 
-```{{literalinclude}} ../reference/every-key-2.toml
+```{{literalinclude}} ../reference/every-key-circuits.toml
 :language: toml
 ```
 """

@@ -4,7 +4,6 @@ They are written to ``docs/generated`` before each build, so that no page can sa
 """
 
 from pathlib import Path
-from shutil import copyfile
 
 import actuator_file
 import constants
@@ -27,21 +26,17 @@ def setup(app: Sphinx) -> dict[str, bool]:
 
 
 def _link_copies(_app: Sphinx, _name: str, source: list[str]) -> None:
-    """Link the copies of the notebooks in the site where a page links those of the repository, so that both work."""
-    source[0] = source[0].replace("](../../notebooks/", "](../generated/")
+    """Link the notebooks with their results in the site where a page links those of the repository: both work."""
+    source[0] = source[0].replace("](../../notebooks/", "](../tutorial/")
 
 
 def write_pages() -> None:
-    """Write every generated page and picture whose content has changed, and copy the notebooks."""
+    """Write every generated page and picture whose content has changed."""
     for name, text in _pages().items():
         path = GENERATED / name
         path.parent.mkdir(parents=True, exist_ok=True)
         if not path.is_file() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8")
-    for notebook in (DOCS.parent / "notebooks").glob("*.ipynb"):
-        target = GENERATED / notebook.name
-        if not target.is_file() or target.read_bytes() != notebook.read_bytes():
-            copyfile(notebook, target)
 
 
 def _pages() -> dict[str, str]:

@@ -152,7 +152,7 @@ def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]
         near = nearest_numbers(name, data)
         problems.append(
             f"{path} must be the key path of a number or a material in this file; {name[:100]!r} is none. "
-            + (f"Nearest: {', '.join(near)}." if near else 'An example: "coil.turns".')
+            + (f"Nearest: {', '.join(near)}." if near else 'An example: "coils.NAME.turns".')
         )
     return location
 

@@ -195,7 +195,7 @@ class Actuator(Printed):
         if len(self.coils) != 1:
             raise MissingPartError(
                 f"Actuator {self.name!r} must have one coil for this; it has {len(self.coils)}. Use a drawing with "
-                "one [coil] or one table in [coils]."
+                "one table in [coils]."
             )
         return self.coils[0]
 

@@ -6,7 +6,7 @@ A field's description is the remedy printed when its key is missing or wrong. Le
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, PlainValidator, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, JsonValue, PlainValidator, Tag
 from pydantic_core import PydanticCustomError
 
 SCHEMA_VERSION = 2
@@ -20,6 +20,10 @@ Interval = Annotated[list[Length], Field(min_length=2, max_length=2)]
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
 
 
+OLDER: dict[str, JsonValue] = {"schema": 1}
+"""Marks the forms of schema 1, which are read and no longer described."""
+
+
 class Entry(BaseModel):
     """A table of the file: unknown keys, coerced types, NaN and infinity are refused."""
 
@@ -29,21 +33,25 @@ class Entry(BaseModel):
 class FileEntry(Entry):
     """The top level; each table is read by its own entry so that one mistake hides no other."""
 
-    schema_version: int = Field(
-        alias="schema", ge=1, description="Write schema = 1, or 2 for several coils or sensors."
-    )
+    schema_version: int = Field(alias="schema", ge=1, description="Write schema = 2.")
     name: Name = Field(description="Give a short name of letters, digits, - and _; directories are named after it.")
     description: str = Field("", description="Give free text in quotes.")
     materials: dict[str, Any] = Field({}, description="Give each material as a table [materials.NAME].")
     fixed: dict[str, Any] = Field({}, description="Give fixed parts as [fixed.regions.NAME].")
-    electromagnet: dict[str, Any] = Field({}, description="The same as [fixed], as schema 1 calls it.")
+    electromagnet: dict[str, Any] = Field(
+        {}, description="Give fixed parts as [fixed.regions.NAME].", json_schema_extra=OLDER
+    )
     coils: dict[str, Any] = Field({}, description="Give each winding as a table [coils.NAME].")
-    coil: dict[str, Any] | None = Field(None, description="Give the winding as a table [coil].")
+    coil: dict[str, Any] | None = Field(
+        None, description="Give the winding as a table [coils.NAME].", json_schema_extra=OLDER
+    )
     circuits: dict[str, Any] = Field({}, description="Give each circuit as [circuits.NAME]; without, one a coil.")
-    moving: dict[str, Any] = Field({}, description="Give the moving part as [moving] and [moving.regions.NAME].")
+    moving: dict[str, Any] = Field({}, description="Give each magnetic part of the body as [moving.regions.NAME].")
     mechanics: dict[str, Any] | None = Field(None, description="Give mass, springs, friction and stops as [mechanics].")
     sensors: dict[str, Any] = Field({}, description="Give each sensor as a table [sensors.NAME] with its kind.")
-    hall: dict[str, Any] | None = Field(None, description="Give the Hall element as a table [hall], or leave it out.")
+    hall: dict[str, Any] | None = Field(
+        None, description="Give the Hall element as a table [sensors.NAME].", json_schema_extra=OLDER
+    )
     supply: dict[str, Any] | None = Field(None, description="Give the driver as a table [supply].")
     sweep: dict[str, Any] = Field(description="Give the grid as a table [sweep] with current_A and distance_mm.")
     solver: dict[str, Any] | None = Field(None, description="Give [solver] tolerance, or leave it out.")
@@ -94,7 +102,7 @@ MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinit
 
 
 class RegionEntry(OutlineEntry):
-    """``[electromagnet.regions.NAME]`` or ``[moving.regions.NAME]``."""
+    """``[fixed.regions.NAME]`` or ``[moving.regions.NAME]``."""
 
     material: str = Field(description="Name a material of [materials] or of the library.")
     magnetization: Annotated[Any, _direction("+z", "-z", "+r", "-r")] = Field(
@@ -108,13 +116,13 @@ class RegionEntry(OutlineEntry):
 
 
 class ElectromagnetEntry(Entry):
-    """``[electromagnet]``."""
+    """``[fixed]``, or ``[electromagnet]`` of schema 1."""
 
-    regions: dict[str, Any] = Field({}, description="Give each fixed part as a table [electromagnet.regions.NAME].")
+    regions: dict[str, Any] = Field({}, description="Give each fixed part as a table [fixed.regions.NAME].")
 
 
 class CoilEntry(OutlineEntry):
-    """``[coil]``."""
+    """``[coils.NAME]``, or ``[coil]`` of schema 1."""
 
     turns: float = Field(ge=1, le=1e7, description="Give the number of turns of the whole winding.")
     wire_diameter_mm: float | None = Field(None, ge=1e-3, le=1e3, description="Give the bare copper diameter in mm.")
@@ -130,7 +138,11 @@ class MovingEntry(Entry):
     """``[moving]``."""
 
     mass_g: float | None = Field(
-        None, ge=1e-6, le=1e9, description="Give the mass of the whole moving body in grams, or as mechanics.mass_g."
+        None,
+        ge=1e-6,
+        le=1e9,
+        description="Give the mass of the whole moving body as mechanics.mass_g.",
+        json_schema_extra=OLDER,
     )
     regions: dict[str, Any] = Field({}, description="Give each magnetic part of the body as [moving.regions.NAME].")
 
@@ -139,11 +151,11 @@ class HallPlace(Entry):
     """Where the Hall element sits."""
 
     r_mm: float = Field(ge=0, le=1e5, description="Give the radius of the element in mm, 0 on the axis.")
-    z_mm: Length = Field(description="Give the height of the element in mm, 0 at the electromagnet's face.")
+    z_mm: Length = Field(description="Give the height of the element in mm, 0 at the fixed part's reference face.")
 
 
 class HallEntry(HallPlace):
-    """``[hall]``, or ``[sensors.NAME]`` with ``kind = "hall"``; defaults as in :mod:`femfit.device.sensors`."""
+    """``[sensors.NAME]`` of kind hall, or ``[hall]`` of schema 1; defaults as in :mod:`femfit.device.sensors`."""
 
     kind: Literal["hall"] = Field("hall", description='Give "hall" in a table of [sensors].')
     direction: Annotated[Any, _direction("z", "r")] = Field(

@@ -77,7 +77,7 @@ def remarks(actuator: Actuator) -> list[str]:
         said.append(
             f"Hall element: taken with {hall.sensitivity_V_per_T:g} V/T, {hall.quiescent_V:g} V without field, an "
             f"output of {hall.output_min_V:g} to {hall.output_max_V:g} V, {hall.adc_bits} bits and no noise. Give "
-            "[hall] your own sensor's values."
+            "[sensors.hall] your own sensor's values."
         )
     return said
 

@@ -374,7 +374,9 @@ class ActuatorModel(Printed):
         box = self.validity
         winding = self.kind.coil if self.kind is not None else box.current_max_A > box.current_min_A
         if not self.circuits and winding:
-            raise MissingPartError(self._missing("circuit (winding resistance and supply)", "[coil] and [supply]"))
+            raise MissingPartError(
+                self._missing("circuit (winding resistance and supply)", "[coils.NAME] and [supply]")
+            )
         return self.circuits
 
     def require_circuit(self) -> Circuit:
@@ -388,7 +390,9 @@ class ActuatorModel(Printed):
         if not self.has_winding:
             raise MissingPartError(f"Model {self.name!r} must have a circuit for this; its drawing has no coil.")
         if self.circuit is None:
-            raise MissingPartError(self._missing("circuit (winding resistance and supply)", "[coil] and [supply]"))
+            raise MissingPartError(
+                self._missing("circuit (winding resistance and supply)", "[coils.NAME] and [supply]")
+            )
         return self.circuit
 
     def require_motion(self) -> Mechanics:
@@ -400,7 +404,11 @@ class ActuatorModel(Printed):
     def require_sensor(self) -> HallSensor:
         """The sensor, or :class:`MissingPartError` with the remedy."""
         if self.sensor is None:
-            raise MissingPartError(self._missing("sensor (field at a Hall element)", "[hall] and a sweep with hall_T"))
+            raise MissingPartError(
+                self._missing(
+                    "sensor (field at a Hall element)", "[sensors.NAME] of kind hall, and a sweep with hall_T"
+                )
+            )
         return self.sensor
 
     def require_dynamics(self) -> None:

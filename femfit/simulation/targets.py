@@ -113,6 +113,6 @@ def _refuse_hall(model: ActuatorModel, sensor: HallSensor, distance: FloatArray,
         f"The Hall element of model {model.name!r} must stay within its output range of {sensor.output_min_V:g}.."
         f"{sensor.output_max_V:g} V where the body is held; {1e3 * field[strongest]:.4g} mT at "
         f"{1e3 * distance[strongest]:.4g} mm and {sensor.sensitivity_V_per_T:g} V/T ask for "
-        f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give [hall] a smaller "
+        f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give the sensor a smaller "
         "sensitivity_V_per_T, or move the element."
     )

@@ -24,7 +24,7 @@ def swept(tmp_path_factory):
 def test_a_sweep_says_how_many_variants_there_are_and_what_failed(swept):
     directory, result = swept
     assert "45 points of 3 variants, 15 failed" in result.stdout
-    assert "15 points failed: coil.r_mm must ascend" in result.stdout
+    assert "15 points failed: coils.coil.r_mm must ascend" in result.stdout
     assert json.loads((directory / "summary.json").read_text())["failed"] == 15
 
 
@@ -38,7 +38,7 @@ def test_a_fit_is_of_the_variant_that_is_chosen(swept, tmp_path):
     directory, _ = swept
     result = femfit("fit", directory / "run", "--where", "variant=3", "-o", tmp_path / "model.json")
     assert result.returncode == 0, result.stderr
-    by_values = ("--where", "coil.turns=250", "--where", "sleeve_radius_m=0.011")
+    by_values = ("--where", "coils.coil.turns=250", "--where", "sleeve_radius_m=0.011")
     again = femfit("fit", directory / "run", *by_values, "-o", tmp_path / "again.json")
     assert again.returncode == 0, again.stderr
     models = [json.loads((tmp_path / name).read_text()) for name in ("model.json", "again.json")]

@@ -74,7 +74,7 @@ MISTAKES = {
     "unknown key in brackets": ("[reference]", '"<x>" = 1\n[reference]', ["sweep.'<x>' is no known key"]),
     "unknown key of a region": ("z_mm = [0, 5]", "z_mm = [0, 5]\nsize = 1", ["moving.regions.disc.size is no known"]),
     "unknown key of a range": ("step = 0.5", "step = 0.5, n = 3", ["sweep.distance_mm.n is no known key"]),
-    "missing schema": ("schema = 1", "", ["schema is missing", "schema = 1"]),
+    "missing schema": ("schema = 1", "", ["schema is missing", "schema = 2"]),
     "schema zero": ("schema = 1", "schema = 0", ["schema must be at least 1", "it is 0"]),
     "schema as text": ("schema = 1", 'schema = "1"', ["schema must be a valid integer", "'1'"]),
     "missing name": ('name = "test-rig"', "", ["name is missing"]),
@@ -279,9 +279,9 @@ PLUNGER = (Path(__file__).parents[2] / "geometry" / "plunger-solenoid.toml").rea
         ("r_mm = [5.5, 15]", "r_mm = [4.5, 15]", ["regions.plunger", "regions.upper_plate", "first at 0.5 mm"]),
         # A lid from 41.2 mm on meets the 35 mm plunger once the distance reaches 6.2 mm: 6.5 mm is the next point.
         (
-            "[coil]",
-            '[electromagnet.regions.lid]\nmaterial = "low_carbon_steel"\nr_mm = [0, 5]\nz_mm = [41.2, 42]\n[coil]',
-            ["regions.plunger collides with electromagnet.regions.lid first at 6.5 mm"],
+            "[coils.coil]",
+            '[fixed.regions.lid]\nmaterial = "low_carbon_steel"\nr_mm = [0, 5]\nz_mm = [41.2, 42]\n[coils.coil]',
+            ["regions.plunger collides with fixed.regions.lid first at 6.5 mm"],
         ),
     ],
 )

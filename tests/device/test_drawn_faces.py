@@ -15,8 +15,8 @@ def _keys(name):
 
 def test_parts_that_touch_share_the_face_between_them():
     keys = _keys("emaws-rig")
-    flange, sleeve = (f"electromagnet.regions.{name}" for name in ("upper_flange", "sleeve"))
-    assert keys[f"{flange}.z_mm[1]"] == (f"{sleeve}.z_mm[0]", "coil.z_mm[0]")
+    flange, sleeve = (f"fixed.regions.{name}" for name in ("upper_flange", "sleeve"))
+    assert keys[f"{flange}.z_mm[1]"] == (f"{sleeve}.z_mm[0]", "coils.coil.z_mm[0]")
     assert keys[f"{flange}.r_mm[1]"] == ()  # in line with the coil's outside, which it meets in a point
 
 

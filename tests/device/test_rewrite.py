@@ -39,12 +39,12 @@ def test_a_drawing_with_its_own_values_is_the_same_text():
 
 
 def test_a_face_moves_all_that_touches_it():
-    value = new_value(RIG, "electromagnet.regions.upper_flange.z_mm[1]", -19.9)
+    value = new_value(RIG, "fixed.regions.upper_flange.z_mm[1]", -19.9)
     assert value[0].also
     tables = tomllib.loads(rewritten(RIG, [value], "rig"))
-    assert tables["electromagnet"]["regions"]["upper_flange"]["z_mm"] == [-25, -19.9]
-    assert tables["electromagnet"]["regions"]["sleeve"]["z_mm"] == [-19.9, -5]
-    assert tables["coil"]["z_mm"] == [-19.9, -5]
+    assert tables["fixed"]["regions"]["upper_flange"]["z_mm"] == [-25, -19.9]
+    assert tables["fixed"]["regions"]["sleeve"]["z_mm"] == [-19.9, -5]
+    assert tables["coils"]["coil"]["z_mm"] == [-19.9, -5]
 
 
 def test_line_ends_stay():

@@ -1,6 +1,5 @@
 """The documentation is built without a warning, works from disk, and says only what femfit does."""
 
-import os
 import re
 import shlex
 import subprocess
@@ -25,18 +24,13 @@ FROM_A_NETWORK = re.compile(
 )
 
 
-def build(target, execution):
-    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", str(DOCS), str(target)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, check=False, env=os.environ | {"FEMFIT_DOCS_EXECUTION": execution}
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return target
-
-
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    return build(tmp_path_factory.mktemp("site"), "off")
+    target = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", str(DOCS), str(target)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return target
 
 
 def test_every_page_can_be_read_from_disk(site):
@@ -62,16 +56,15 @@ def test_every_link_of_a_page_leads_somewhere_in_a_clone_without_the_site(page):
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
-@pytest.mark.long
-def test_the_tutorials_run_in_the_site(tmp_path):
-    site = build(tmp_path / "site", "force")
-    assert "output_png" in (site / "generated" / "from_drawing_to_levitation.html").read_text() or list(
-        (site / "_images").glob("*.png")
-    )
+def test_every_tutorial_shows_what_its_notebook_answered(site):
+    for notebook in (ROOT / "notebooks").glob("*.ipynb"):
+        page = (site / "tutorial" / f"{notebook.stem}.html").read_text(encoding="utf-8")
+        assert 'class="cell_output' in page
+        assert "<img" in page
 
 
 def test_the_example_file_uses_every_key():
-    paths = [DOCS / "reference" / name for name in ("every-key.toml", "every-key-2.toml")]
+    paths = [DOCS / "reference" / name for name in ("every-key.toml", "every-key-circuits.toml")]
     assert not [variant for path in paths for variant in read_variants(path).variants if variant.problem]
     text = "\n".join(path.read_text() for path in paths)
     keys = set(re.findall(r"[\w.]+(?= *=)", text))
@@ -80,7 +73,8 @@ def test_the_example_file_uses_every_key():
     known = [*vars(schema).values(), *vars(schema_device).values()]
     entries = [value for value in known if isinstance(value, type) and issubclass(value, schema.Entry)]
     for entry in entries:
-        wanted |= set(entry.model_json_schema(by_alias=True).get("properties", {}))
+        properties = entry.model_json_schema(by_alias=True).get("properties", {})
+        wanted |= {key for key, value in properties.items() if "schema" not in value}  # another schema's forms
     assert wanted - keys - tables <= {"regions", "parameters"}
 
 
@@ -88,15 +82,14 @@ def test_a_key_of_the_actuator_file_has_an_example_from_its_own_table(site):
     page = (site / "generated" / "actuator_file.html").read_text(encoding="utf-8")
     sections = {part.split('"')[0]: part for part in page.split('<section id="')}
     example = tomllib.loads((DOCS / "reference" / "every-key.toml").read_text())
-    later = tomllib.loads((DOCS / "reference" / "every-key-2.toml").read_text())
+    later = tomllib.loads((DOCS / "reference" / "every-key-circuits.toml").read_text())
     fixed, magnet = later["fixed"]["regions"]["magnet"], example["moving"]["regions"]["magnet"]
     for section, table, key in (
         ("fixed-regions-name", fixed, "r_mm"),
-        ("coil", example["coil"], "r_mm"),
-        ("coil", example["coil"], "temperature_C"),
+        ("coils-name", example["coils"]["coil"], "temperature_C"),
         ("moving-regions-name", magnet, "z_mm"),
         ("moving-regions-name", magnet, "temperature_C"),
-        ("hall", example["hall"], "z_mm"),
+        ("sensors-name-hall-element", later["sensors"]["gap"], "z_mm"),
     ):
         (row,) = [row for row in sections[section].split("<tr") if f">{key}<" in row]
         assert re.sub("<[^>]*>", "", row.split("<td>")[-1]).strip() == str(table[key]), (section, key)

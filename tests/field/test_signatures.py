@@ -70,11 +70,11 @@ def test_scaling_of_all_lengths_and_currents(name, distance, current):
             0.022,
             [0.0, 1.4],
             {
-                "electromagnet.regions.lower_flange.r_mm[1]": 0.05,
-                "electromagnet.regions.sleeve.z_mm[1]": 0.05,
+                "fixed.regions.lower_flange.r_mm[1]": 0.05,
+                "fixed.regions.sleeve.z_mm[1]": 0.05,
                 "moving.regions.magnet.z_mm[1]": 0.05,
                 "materials.n52.relative_permeability": 0.01,
-                "hall.z_mm": 0.02,
+                "sensors.hall.z_mm": 0.02,
             },
         ),
         pytest.param(

@@ -23,7 +23,7 @@ from support.saturating import STEEL
 
 QUICK = SolverSettings(order=3)
 TEXT = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
-NAMES = ["coil.turns", "magnet_temperature_C", "sleeve_radius_m"]
+NAMES = ["coils.coil.turns", "magnet_temperature_C", "sleeve_radius_m"]
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_each_variant_has_the_rows_that_its_own_file_gives(whole, tmp_path):
     for number, (turns, temperature, radius) in enumerate([(308, 20, 10), (308, 80, 10), (250, 20, 11)], 1):
         data = parse(TEXT.replace("stop = 45, step = 5", "stop = 25, step = 5"), "text")
         data["sweep"] = {key: data["sweep"][key] for key in ("current_A", "distance_mm")}
-        data["coil"] |= {"turns": turns, "r_mm": [radius, 20]}
+        data["coils"]["coil"] |= {"turns": turns, "r_mm": [radius, 20]}
         data["electromagnet"]["regions"]["sleeve"]["r_mm"] = [2.5, radius]
         data["moving"]["regions"]["magnet"]["temperature_C"] = temperature
         alone = run_sweep(actuator_from_tables(data, "text"), tmp_path / str(number), workers=1, settings=QUICK)

@@ -96,11 +96,11 @@ def dealt(drawing):
 
 
 def test_faces_that_touch_move_together_and_nothing_else_does():
-    drawn, key = read_actuator(DRAWING), "electromagnet.regions.sleeve.r_mm[1]"
+    drawn, key = read_actuator(DRAWING), "fixed.regions.sleeve.r_mm[1]"
     truth = dealt("emaws-rig")[key]
     ((family, forms),) = truth.families(drawn).items()
     assert family == key
-    assert truth.build(None, None).names == (key, "coil.r_mm[0]")
+    assert truth.build(None, None).names == (key, "coils.coil.r_mm[0]")
     for change, form in forms.items():
         radius = 10e-3 + 1e-3 * change
         assert max(r for r, _ in form.fixed[1].vertices_m) == pytest.approx(radius)

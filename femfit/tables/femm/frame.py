@@ -38,7 +38,6 @@ class FemFrame:
     up: float
     distance_mm: float
     field_sign: float
-    at_corner: bool  # Whether a corner of the fixed parts lies at the face, as schema 1 has it
 
     def placed(self, outline: Sequence[Edge], *, moving: bool) -> list[Edge]:
         """An outline of the file where the actuator file draws it; the moving part at distance 0."""
@@ -69,7 +68,7 @@ def find_frame(bodies: FemBodies, windings: Sequence[FemWinding], options: FemOp
     face = round(face, DIGITS)
     corners = sorted({round(float(z), DIGITS) + 0.0 for z in shapely.get_coordinates(fixed)[:, 1]}, reverse=True)
     distance = round(moving.bounds[1] - face, DIGITS) + 0.0
-    frame = FemFrame(up * face + 0.0, up, distance, _polarity(bodies), face in corners)
+    frame = FemFrame(up * face + 0.0, up, distance, _polarity(bodies))
     nearest = sorted((z for z in corners if z != face), key=lambda z: abs(moving.bounds[1] - z))
     _say(frame, windings, [] if options.face_mm is not None else [up * z + 0.0 for z in nearest], notes)
     return frame

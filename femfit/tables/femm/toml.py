@@ -21,45 +21,29 @@ Outlines = Mapping[int, Sequence[Sequence[Edge]]]
 
 
 def actuator_toml(device: FemDevice) -> str:
-    """The text of an actuator file, of schema 1 where that can say it."""
+    """The text of an actuator file."""
     outlines = device.outlines()
-    first = _schema_1(device, outlines)
-    taken: set[str] = {"air", "coil"}
+    taken: set[str] = {"air"}
     bodies = device.bodies
-    body = "electromagnet" if first else "fixed"
     lines = [
         *_head(device),
         "",
-        f"schema = {1 if first else 2}",
+        "schema = 2",
         f"name = {string(device.name)}",
         f"description = {string(f'From the FEMM model {plain(device.model.source)}')}",
         *_materials([*bodies.fixed, *bodies.moving]),
-        *(line for part in bodies.fixed for line in _regions(part, body, device.frame, outlines, taken)),
-        *(_coil(device, outlines) if first else _coils(device, outlines, taken)),
-        *("", "[moving]" if first else "[mechanics]"),
+        *(line for part in bodies.fixed for line in _regions(part, "fixed", device.frame, outlines, taken)),
+        *_coils(device, outlines, taken),
+        *("", "[mechanics]"),
         *_mass(bodies, device.options),
         *(line for part in bodies.moving for line in _regions(part, "moving", device.frame, outlines, taken)),
         *_supply(device),
         "",
         "[sweep] # holds the file's own point",
-        *_currents(device, first),
+        *_currents(device),
         f"distance_mm = {axis(device.distances_mm)}",
     ]
     return "\n".join(lines) + "\n"
-
-
-def _schema_1(device: FemDevice, outlines: Outlines) -> bool:
-    """Whether schema 1 has words for it: one fixed coil, a face, a gap, straight lines, axial magnets."""
-    bodies, frame = device.bodies, device.frame
-    directions = [frame.direction(part) for part in (*bodies.fixed, *bodies.moving)]
-    return (
-        [len(winding.coils) for winding in device.windings] == [1]
-        and not bodies.moving_coils
-        and frame.at_corner
-        and min(device.distances_mm) > 0.0
-        and all(direction is None or direction[0] == 0.0 for direction in directions)
-        and not any(angle for pieces in outlines.values() for outline in pieces for _, _, angle in outline)
-    )
 
 
 def _head(device: FemDevice) -> Iterator[str]:
@@ -108,14 +92,7 @@ def _direction(r: float, z: float) -> str:
     return f"[{number(r)}, {number(z)}]"
 
 
-def _coil(device: FemDevice, outlines: Outlines) -> Iterator[str]:
-    (winding,) = device.windings
-    yield from ("", "[coil]")
-    yield from _winding(device, winding, winding.coils[0], outlines)
-
-
 def _coils(device: FemDevice, outlines: Outlines, taken: set[str]) -> Iterator[str]:
-    taken = taken - {"coil"}
     names = {id(coil): free_name(winding.circuit.name, taken) for winding in device.windings for coil in winding.coils}
     for winding in device.windings:
         for coil in winding.coils:
@@ -179,9 +156,9 @@ def _supply(device: FemDevice) -> Iterator[str]:
     yield f"voltage_max_V = {number(high if high > low else max(resistances), 3)}"
 
 
-def _currents(device: FemDevice, first: bool) -> Iterator[str]:
+def _currents(device: FemDevice) -> Iterator[str]:
     axes = [axis(device.currents(winding)) for winding in device.windings]
-    if first or len(axes) == 1:
+    if len(axes) == 1:
         yield f"current_A = {axes[0]}"
     elif axes:
         pairs = (f"{name} = {values}" for name, values in zip(_circuit_names(device), axes, strict=True))
