@@ -59,7 +59,7 @@ def test_each_variant_has_the_rows_that_its_own_file_gives(whole, tmp_path):
         data = parse(TEXT.replace("stop = 45, step = 5", "stop = 25, step = 5"), "text")
         data["sweep"] = {key: data["sweep"][key] for key in ("current_A", "distance_mm")}
         data["coils"]["coil"] |= {"turns": turns, "r_mm": [radius, 20]}
-        data["electromagnet"]["regions"]["sleeve"]["r_mm"] = [2.5, radius]
+        data["fixed"]["regions"]["sleeve"]["r_mm"] = [2.5, radius]
         data["moving"]["regions"]["magnet"]["temperature_C"] = temperature
         alone = run_sweep(actuator_from_tables(data, "text"), tmp_path / str(number), workers=1, settings=QUICK)
         own = whole.rows[whole.rows["variant"] == number].drop(columns=["variant", *NAMES]).reset_index(drop=True)

@@ -63,5 +63,16 @@ def test_notebook_keeps_no_outputs(path):
     assert all(not cell.get("outputs") and cell.get("execution_count") is None for cell in cells)
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_the_copy_beside_the_pages_is_this_notebook_as_it_ran(path):
+    cells = nbformat.read(path, as_version=4).cells
+    shown = nbformat.read(ROOT / "docs" / "tutorial" / path.name, as_version=4).cells
+    # Where this fails, or femfit answers otherwise: python docs/_ext/run_notebooks.py
+    assert [(cell.cell_type, cell.source) for cell in shown] == [(cell.cell_type, cell.source) for cell in cells]
+    outputs = [output for cell in shown for output in cell.get("outputs", [])]
+    assert any("image/png" in output.get("data", {}) for output in outputs)
+    assert not any(output.output_type == "error" or output.get("name") == "stderr" for output in outputs)
+
+
 def test_there_is_a_notebook_for_the_main_job():
     assert "from_drawing_to_levitation" in {path.stem for path in NOTEBOOKS}
