@@ -34,7 +34,7 @@ def sweep(
         end it, and another one gets its task.
     signatures : bool
         Solve what each number of the drawing changes, too, about as long again at most; femfit fit keeps it in the
-        model, and a diagnosis asks whether one of them is wrong.
+        model, and a diagnosis asks whether one of them is wrong. What the directory has of them stays without it.
     json : Path
         File for a summary as JSON.
     """
@@ -59,7 +59,7 @@ def sweep(
     start = perf_counter()
     with sweep_progress(name) as progress:
         table = run_sweep(
-            actuator if signatures else variants,
+            actuator,
             directory,
             workers=workers or len(os.sched_getaffinity(0)),
             scheduler=scheduler,

@@ -8,7 +8,7 @@ import pytest
 from femfit.core.errors import RunDirectoryError
 from femfit.core.journal import JOURNAL_NAME, Journal, JournalHeader
 
-HEADER = JournalHeader("a" * 64)
+HEADER = JournalHeader("a" * 64, {"the drawing": "a"})
 RESULTS = {str(n): {"status": "ok", "force_N": n / 3.0} for n in range(5)}
 
 
