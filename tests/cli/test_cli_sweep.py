@@ -4,8 +4,10 @@ import json
 
 import pytest
 
+import femfit as ff
 from support.actuators import GEOMETRY
 from support.command import femfit
+from support.small_drawing import SLEEVED
 
 TEXT = (GEOMETRY / "emaws-variants.toml").read_text(encoding="utf-8")
 SMALL = TEXT.replace("{ start = 15, stop = 45, step = 5 }", "[15, 19, 24, 31, 45]")
@@ -90,3 +92,19 @@ def test_an_error_far_below_a_thousandth_of_a_per_cent_is_not_printed_as_nothing
     from femfit.cli.sweep import _force
 
     assert _force({"force_min_N": 0.0, "force_max_N": 1.0, "force_error_relative_max": 1.7e-6}).endswith("0.00017 %")
+
+
+def test_a_table_needs_no_stop_and_a_model_ends_where_its_sweep_does(tmp_path):
+    """Of two stops the sweep reaches one: the table is whole, and a simulation towards the other ends with the model."""
+    (tmp_path / "drawing.toml").write_text(SLEEVED.replace("mass_g = 2", "mass_g = 2\ntravel_mm = [1, 8]"))
+    swept = femfit("sweep", "drawing.toml", "-o", "run", "--workers", 1, cwd=tmp_path)
+    assert swept.returncode == 0, swept.stderr
+    fitted = femfit("fit", "run", "-o", "model.json", cwd=tmp_path)
+    assert "The near stop at 1.00 mm lies beyond the swept distances" in fitted.stdout
+    assert "far stop" not in fitted.stdout
+    model = ff.read_model(tmp_path / "model.json")
+    assert (model.validity.distance_min_m, model.motion.ends) == (4e-3, (float("-inf"), 8e-3))
+    pulled = ff.simulate(model, voltage_V=0.5)
+    assert [name for name, _ in pulled.left_domain] == ["distance"]
+    assert pulled.table["distance_m"].min() >= 4e-3
+    assert "--" not in str(pulled)  # an option of the command is no advice for a library
