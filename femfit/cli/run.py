@@ -183,13 +183,13 @@ def _sweep(
     from femfit.cli.progress import sweep_progress
     from femfit.device.variants import only
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import clipped_hall, summarise
+    from femfit.field.sweep_rows import clipped_hall, failed_points, summarise
 
     with steps.timed("sweep", told=False), sweep_progress(parts.name) as progress:
         table = run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
     summary = summarise(table)
     steps.say(_solved(summary))
-    _print_lines(clipped_hall(only(parts), table))
+    _print_lines([*failed_points(table), *clipped_hall(only(parts), table)])
     return table, summary
 
 
