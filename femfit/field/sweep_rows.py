@@ -195,9 +195,10 @@ def failed_points(table: SweepTable) -> list[str]:
         if len(failed) < len(rows) and VARIANT not in rows:
             text += f"; at {'; '.join(_at_distance(rows, *one) for one in failed.groupby('distance_m'))}"
         if reason in {NO_CONVERGENCE, NO_INDUCTANCE}:
+            places = failed["distance_m"].unique()
             solved = {tuple(one) for one in rows.loc[rows["status"] == "ok", currents].to_numpy()}
             elsewhere = solved.issuperset(tuple(one) for one in failed[currents].to_numpy())
-            text += f". {THIS_DISTANCE if failed['distance_m'].nunique() == 1 and elsewhere else STEEL}"
+            text += f". {THIS_DISTANCE if len(places) == 1 and elsewhere else STEEL}"
         lines.append(text)
     return lines
 

@@ -96,7 +96,5 @@ def _missed(
     if left <= DRAWN_MISFIT * size or number.tolerance * left <= np.median(rows.force_error):
         return []
     share = amount(left / size, "")
-    return [
-        f"The change of force by {number.key} is known within {share} only: the swept distances are too few to follow "
-        "it. Sweep more of them."
-    ]
+    few = "the swept distances are too few to follow it. Sweep more of them."
+    return [f"The change of force by {number.key} is known within {share} only: {few}"]

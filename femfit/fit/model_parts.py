@@ -17,6 +17,7 @@ from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AnySensor, HallElement, PickupCoil, Sensor
 from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
+from femfit.fit.constants import STOP_ROUNDING_M
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.fit.sensed_field import SensedFit
@@ -28,9 +29,6 @@ from femfit.model.other_sensor import OtherSensor
 from femfit.model.pickup import PickupSensor
 
 Part = TypeVar("Part")
-
-ROUNDING_M = 1e-12
-"""Numerical: of a stop that is drawn at an end of the sweep."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mecha
     """The mechanics without the stops that lie beyond the swept distances in m, where the model ends, and a note."""
     if motion is None:
         return None, ()
-    low, high = float(distances.min()) - ROUNDING_M, float(distances.max()) + ROUNDING_M
+    low, high = float(distances.min()) - STOP_ROUNDING_M, float(distances.max()) + STOP_ROUNDING_M
     near, far = motion.ends
     beyond = {"near": near} if -np.inf < near < low else {}
     beyond |= {"far": far} if high < far < np.inf else {}

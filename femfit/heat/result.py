@@ -204,8 +204,8 @@ class Temperatures(Printed):
             settles = f"the windings settle at {each}"
         return (
             f"{self._fed()} for ever: {settles}, {amount(float(self.hottest_C.max()), 'C')} in the hottest strand. "
-            f"The first {_time(self.settling_s)} bring 63 % of the rise. How well air cools is known within a factor of "
-            f"1.5: it may {spread}."
+            f"The first {_time(self.settling_s)} bring 63 % of the rise. How well air cools is known within a factor "
+            f"of 1.5: it may {spread}."
         )
 
     def _electric(self) -> str:

@@ -98,7 +98,7 @@ def test_an_error_far_below_a_thousandth_of_a_per_cent_is_not_printed_as_nothing
 
 
 def test_a_table_needs_no_stop_and_a_model_ends_where_its_sweep_does(tmp_path):
-    """Of two stops the sweep reaches one: the table is whole, and a simulation towards the other ends with the model."""
+    """Of two stops the sweep reaches one: the table is whole, a simulation towards the other ends with the model."""
     (tmp_path / "drawing.toml").write_text(SLEEVED.replace("mass_g = 2", "mass_g = 2\ntravel_mm = [1, 8]"))
     swept = femfit("sweep", "drawing.toml", "-o", "run", "--workers", 1, cwd=tmp_path)
     assert swept.returncode == 0, swept.stderr
