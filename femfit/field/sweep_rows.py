@@ -191,11 +191,10 @@ def failed_points(table: SweepTable) -> list[str]:
     rows, lines = table.rows, []
     currents = current_names(rows)
     for reason, failed in rows[rows["status"] != "ok"].groupby("status", sort=False):
-        text = f"{counted(len(failed), 'point')} {reason}"
+        text, places = f"{counted(len(failed), 'point')} {reason}", failed["distance_m"].unique()
         if len(failed) < len(rows) and VARIANT not in rows:
-            text += f"; at {'; '.join(_at_distance(rows, *one) for one in failed.groupby('distance_m'))}"
+            text += f"; at {listing(_at_distance(rows, failed, place) for place in places)}"
         if reason in {NO_CONVERGENCE, NO_INDUCTANCE}:
-            places = failed["distance_m"].unique()
             solved = {tuple(one) for one in rows.loc[rows["status"] == "ok", currents].to_numpy()}
             elsewhere = solved.issuperset(tuple(one) for one in failed[currents].to_numpy())
             text += f". {THIS_DISTANCE if len(places) == 1 and elsewhere else STEEL}"
@@ -203,10 +202,10 @@ def failed_points(table: SweepTable) -> list[str]:
     return lines
 
 
-def _at_distance(rows: "pd.DataFrame", distance: float, failed: "pd.DataFrame") -> str:
+def _at_distance(rows: "pd.DataFrame", failed: "pd.DataFrame", distance: float) -> str:
     """A distance with the currents that failed there."""
-    amperes = failed[current_names(rows)].to_numpy()
-    everything = len(failed) == (rows["distance_m"] == distance).sum()
+    amperes = failed.loc[failed["distance_m"] == distance, current_names(rows)].to_numpy()
+    everything = len(amperes) == (rows["distance_m"] == distance).sum()
     each = "all currents" if everything else listing([" and ".join(f"{one:g}" for one in point) for point in amperes])
     return f"{1e3 * distance:g} mm ({each}{'' if everything else ' A'})"
 

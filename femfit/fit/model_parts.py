@@ -127,7 +127,8 @@ def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mecha
         "simulation with it. Sweep up to the stop for one that gets there."
         for side, place in beyond.items()
     )
-    return replace(motion, **{f"{side}_stop": None for side in beyond}), notes
+    kept = {"near": motion.near_stop, "far": motion.far_stop} | dict.fromkeys(beyond)
+    return replace(motion, near_stop=kept["near"], far_stop=kept["far"]), notes
 
 
 def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:

@@ -154,7 +154,7 @@ def test_currents_that_fail_at_several_distances_are_named_and_the_curve_is_aske
     given_up(monkeypatch, lambda _, distance: distance < 5.5e-3)
     result = femfit("sweep", "steel.toml", "-o", "run", "--workers", 1, cwd=steel)
     (line,) = [line for line in result.stdout.splitlines() if "converge" in line]
-    assert "at 4 mm (all currents); 5 mm (all currents)" in line
+    assert "at 4 mm (all currents), 5 mm (all currents)" in line
     assert "B-H curve" in line
 
 
