@@ -145,7 +145,9 @@ def holds(directory: Path, configuration_hash: str) -> bool:
 
 
 def _changed(header: JournalHeader, parts: Mapping[str, str]) -> tuple[str, ...]:
-    """Names of the parts that are other than those of an earlier journal, and of all where it does not have them."""
+    """Names of the parts that are other than those of an earlier journal, where that has them."""
+    if not parts:
+        return ("the version of femfit",)
     return tuple(name for name, content in header.parts.items() if parts.get(name) != content)
 
 

@@ -52,6 +52,20 @@ def test_a_disk_that_is_full_from_the_start_holds_nothing_and_loses_nothing(tmp_
     assert len(written(tmp_path)) == 3
 
 
+def test_only_the_parts_that_differ_have_changed_and_of_an_earlier_version_no_part_is_known(tmp_path):
+    settings = {"the settings": "s"}
+    for hashed, parts, changed in (
+        ("a", {"the drawing": "1", **settings}, ()),
+        ("b", {"the drawing": "2", **settings}, ("the drawing",)),
+        ("a", {"the drawing": "1", **settings}, ()),  # which is taken up again
+    ):
+        with Journal(tmp_path, JournalHeader(64 * hashed, parts)) as journal:
+            assert journal.changed == changed
+    (tmp_path / JOURNAL_NAME).write_text(json.dumps({"configuration_hash": 64 * "c"}) + "\n")
+    with Journal(tmp_path, JournalHeader(64 * "d", settings)) as journal:
+        assert journal.changed == ("the version of femfit",)
+
+
 def test_a_directory_in_use_is_refused_until_its_process_ends(tmp_path):
     with Journal(tmp_path, HEADER), pytest.raises(RunDirectoryError, match="in use by another femfit process"):
         Journal(tmp_path, HEADER)
