@@ -34,12 +34,16 @@ def status(text: str) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def _lines(text: str) -> Iterator[Callable[[str], None]]:
-    """Print every ten seconds what is being done; work of a few seconds prints nothing."""
+    """Print what is being done after ten seconds, and whenever that reads otherwise; short work prints nothing."""
     doing, ended, start = [text], Event(), monotonic()
 
     def tell() -> None:
+        printed = ""
         while not ended.wait(INTERVAL_S):
-            print(f"{doing[0]}, {duration(monotonic() - start)} so far", file=sys.stderr, flush=True)
+            line = f"{doing[0]}, {duration(monotonic() - start)} so far"
+            if line != printed:
+                print(line, file=sys.stderr, flush=True)
+            printed = line
 
     teller = Thread(target=tell, daemon=True)
     teller.start()

@@ -34,15 +34,15 @@ def progress(text: str, unit: str) -> Iterator[Show]:
 
 @contextmanager
 def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
-    """Show how far the sweep of an actuator is, and say where an edited drawing makes it begin anew."""
+    """Show how far the sweep of an actuator is, and say what changed where it begins anew."""
     said = False
     with progress(f"sweep {name}", "points") as show:
 
         def update(state: "SweepProgress") -> None:
             nonlocal said
-            if state.redrawn and not said:
+            if state.changed and not said:
                 said = True
-                text = "the drawing, the solver's settings or versions are not those of this directory's last sweep"
+                text = f"not as in this directory's last sweep: {', '.join(state.changed)}"
                 print(f"sweep {name}: {text}; it is solved anew", file=sys.stderr, flush=True)
             show(state.points_done, state.points)
 

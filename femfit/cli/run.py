@@ -50,7 +50,8 @@ def run(
     seed : int
         Of the noise in the closed loop.
     signatures : bool
-        Solve what each number of the drawing changes, too, so that a diagnosis can ask for them.
+        Solve what each number of the drawing changes, too, so that a diagnosis can ask for them. What the directory
+        has of them stays without it.
     json : Path
         File for the results as JSON.
     """
@@ -71,8 +72,7 @@ def run(
     require_outputs([actuator], (model_file, MODEL), (law_file, MODEL), (page, PAGE), (json, RESULT))
     steps = _Steps()
     _print_lines(remarks(parts))
-    drawing = actuator if signatures else None
-    table, summary = _sweep(steps, parts, directory, workers or len(os.sched_getaffinity(0)), drawing)
+    table, summary = _sweep(steps, actuator, parts, directory, workers or len(os.sched_getaffinity(0)), signatures)
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
@@ -178,21 +178,18 @@ class _Steps:
 
 
 def _sweep(
-    steps: _Steps, parts: "Actuator", directory: Path, workers: int, drawing: Path | None
+    steps: _Steps, actuator: Path, parts: "Actuator", directory: Path, workers: int, signatures: bool
 ) -> "tuple[SweepTable, dict[str, Any]]":
-    """Sweep the parts; with the signatures of their drawing where it is given."""
     from femfit.cli.progress import sweep_progress
     from femfit.device.variants import only
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import clipped_hall, summarise
+    from femfit.field.sweep_rows import clipped_hall, failed_points, summarise
 
     with steps.timed("sweep", told=False), sweep_progress(parts.name) as progress:
-        table = run_sweep(
-            drawing or parts, directory, workers=workers, signatures=drawing is not None, progress=progress
-        )
+        table = run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
     summary = summarise(table)
     steps.say(_solved(summary))
-    _print_lines(clipped_hall(only(parts), table))
+    _print_lines([*failed_points(table), *clipped_hall(only(parts), table)])
     return table, summary
 
 

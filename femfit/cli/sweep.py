@@ -34,7 +34,7 @@ def sweep(
         end it, and another one gets its task.
     signatures : bool
         Solve what each number of the drawing changes, too, about as long again at most; femfit fit keeps it in the
-        model, and a diagnosis asks whether one of them is wrong.
+        model, and a diagnosis asks whether one of them is wrong. What the directory has of them stays without it.
     json : Path
         File for a summary as JSON.
     """
@@ -49,7 +49,7 @@ def sweep(
     from femfit.device.summary import remarks
     from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import clipped_hall, summarise, variants_without_a_point
+    from femfit.field.sweep_rows import clipped_hall, failed_points, summarise, variants_without_a_point
     from femfit.tables.impedance_table import NAME as IMPEDANCE
 
     require_outputs([actuator], (json, RESULT))
@@ -59,7 +59,7 @@ def sweep(
     start = perf_counter()
     with sweep_progress(name) as progress:
         table = run_sweep(
-            actuator if signatures else variants,
+            actuator,
             directory,
             workers=workers or len(os.sched_getaffinity(0)),
             scheduler=scheduler,
@@ -83,8 +83,8 @@ def sweep(
     if table.signatures is not None:
         print("  By one standard deviation of each number of the drawing, root mean square over the sweep:")
         print("\n".join(f"    {line}" for line in str(table.signatures).splitlines()))
-    for reason, count in summary["failures"].items():
-        print(f"  {counted(count, 'point')} {reason}")
+    for line in failed_points(table):
+        print(f"  {line}")
     if beyond := summary.get("points_beyond_bh_curve"):
         lie = counted(beyond, "point lies", "points lie")
         print(f"  {lie} beyond the last point of a B-H curve: extrapolated")

@@ -12,7 +12,7 @@ import os
 import re
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -26,23 +26,25 @@ NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 @dataclass(frozen=True)
 class JournalHeader:
-    """What a journal belongs to."""
+    """What a journal belongs to: the hash of a whole configuration, and of each of its parts by name."""
 
     configuration_hash: str
+    parts: Mapping[str, str]
 
 
 class Journal:
     """Append-only record of finished items, used as a context manager; one process at a time.
 
     A journal of another configuration, an edited drawing's say, is kept under a name of its own and taken up again when
-    that configuration comes back; ``replaced`` says that there was one.
+    that configuration comes back; ``changed`` names the parts that made this one start empty instead, none where it
+    goes on.
     """
 
     def __init__(self, directory: Path, header: JournalHeader) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         self.finished: dict[str, Any] = {}
         self._waiting: list[bytes] = []
-        self.replaced = False
+        self.changed: tuple[str, ...] = ()
         self._file = (directory / JOURNAL_NAME).open("a+b", buffering=0)
         try:
             self._lock(directory)
@@ -53,7 +55,7 @@ class Journal:
             self._file.close()
             raise
         if not self._length:
-            self._write_line({"configuration_hash": header.configuration_hash})
+            self._write_line(asdict(header))
 
     @property
     def on_disk(self) -> int:
@@ -107,7 +109,7 @@ class Journal:
         first = _parse(self._file.readline())
         own = _kept(directory, header.configuration_hash)
         if first is not None and first.get("configuration_hash") != header.configuration_hash:
-            self.replaced = True
+            self.changed = () if own.exists() else _changed(header, first.get("parts", {}))
             self._file.seek(0)
             _kept(directory, str(first.get("configuration_hash"))).write_bytes(self._file.read())
             self._file.truncate(0)
@@ -130,6 +132,23 @@ class Journal:
             first = False
             length += len(line)
         return length
+
+
+def holds(directory: Path, configuration_hash: str) -> bool:
+    """Whether a directory has a configuration's journal, be it put aside."""
+    try:
+        with (directory / JOURNAL_NAME).open("rb") as file:
+            first = _parse(file.readline()) or {}
+    except FileNotFoundError:
+        return False
+    return first.get("configuration_hash") == configuration_hash or _kept(directory, configuration_hash).exists()
+
+
+def _changed(header: JournalHeader, parts: Mapping[str, str]) -> tuple[str, ...]:
+    """Names of the parts that are other than those of an earlier journal, where that has them."""
+    if not parts:
+        return ("the version of femfit",)
+    return tuple(name for name, content in header.parts.items() if parts.get(name) != content)
 
 
 def _kept(directory: Path, configuration_hash: str) -> Path:

@@ -48,15 +48,14 @@ def read_mechanics(data: Mapping[str, Any], body: MovingEntry | None, problems: 
 
 
 def check_travel(mechanics: Mechanics, distances: Sequence[float], problems: list[str]) -> None:
-    """Report stops that the sweep, of distances in mm, does not reach: the model would be asked beyond its table."""
-    if not distances:
-        return
-    for name, stop in (("near_stop", mechanics.near_stop), ("far_stop", mechanics.far_stop)):
-        if stop is not None and not distances[0] - 1e-9 <= 1e3 * stop.distance_m <= distances[-1] + 1e-9:
-            problems.append(
-                f"mechanics.{name} must lie within sweep.distance_mm, {distances[0]:g} to {distances[-1]:g} mm; it is "
-                f"at {1e3 * stop.distance_m:g} mm. Sweep up to it, or move it."
-            )
+    """Report stops that keep the body away from all distances of the sweep, in mm."""
+    near, far = (1e3 * end for end in mechanics.ends)
+    if distances and (near > distances[-1] + 1e-9 or far < distances[0] - 1e-9):
+        name, place = ("near_stop", near) if near > distances[-1] else ("far_stop", far)
+        problems.append(
+            f"mechanics.{name} must leave distances of the sweep, {distances[0]:g} to {distances[-1]:g} mm, to the "
+            f"body; it is at {place:g} mm. Sweep beyond it, or move it."
+        )
 
 
 def _gravity(entry: MechanicsEntry, problems: list[str]) -> float:

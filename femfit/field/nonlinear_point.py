@@ -34,9 +34,9 @@ from femfit.field.layout import Layout
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
 from femfit.field.newton import NewtonResult
-from femfit.field.nonlinear_system import RESPONSE_LIMIT, NonlinearSystem
+from femfit.field.nonlinear_system import NonlinearSystem
 from femfit.field.pickup import PickupCoils
-from femfit.field.point_rows import NonlinearPoint, PointSolution, table_rows
+from femfit.field.point_rows import NO_CONVERGENCE, NO_INDUCTANCE, NonlinearPoint, PointSolution, table_rows
 from femfit.field.settings import SolverSettings
 from femfit.field.signature_rows import SignatureRows
 from femfit.field.weak_form import hall_field
@@ -111,13 +111,13 @@ class NonlinearActuator:
             start, solutions, statuses = np.zeros_like(self.fine.circuits), {}, {}
             finest = {}
             for key, result in along_currents(self.fine, left, bases, self._tolerance):
-                finest[key], statuses[key] = result, self._status(result)
+                finest[key], statuses[key] = result, _status(result)
                 if result.converged:  # the derivative that was kept for it serves its inductance, too
                     start, found = self.fine.response(result.state, start)
                     if found:
                         solutions[key] = evaluate(np.array(key), result.state, coarse[key], start)
                     else:
-                        start, statuses[key] = np.zeros_like(self.fine.circuits), _NO_INDUCTANCE
+                        start, statuses[key] = np.zeros_like(self.fine.circuits), NO_INDUCTANCE
         self._solved = {distance: {key: one.state for key, one in solutions.items()}}
         return [self._point(tuple(point), [*results, finest], statuses, solutions) for point in points]
 
@@ -192,24 +192,13 @@ class NonlinearActuator:
         """How a point was solved, from the lowest order to the one at which it ended."""
         ended = [of_order[key] for of_order in results if key in of_order]
         iterations = sum(result.iterations for result in ended)
-        status = statuses.get(key) or self._status(ended[-1])
+        status = statuses.get(key) or _status(ended[-1])
         return NonlinearPoint(iterations, ended[-1].residual, status, solutions.get(key))
 
-    def _status(self, result: NewtonResult) -> str:
-        if result.converged:
-            return "ok"
-        return (
-            f"failed: Newton's iteration left a residual of {result.residual:.1e} after {result.iterations} "
-            f"iterations; {self._tolerance:.0e} is needed. Check the B-H curve for kinks, or sweep the current in "
-            "smaller steps"
-        )
+
+def _status(result: NewtonResult) -> str:
+    return "ok" if result.converged else NO_CONVERGENCE
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:
     return {key: result.state for key, result in results.items() if result.converged}
-
-
-_NO_INDUCTANCE = (
-    f"failed: the inductance did not converge in {RESPONSE_LIMIT} iterations. Check the B-H curve for kinks, or sweep "
-    "the current in smaller steps"
-)

@@ -30,6 +30,11 @@ BEYOND_CURVE = "beyond_bh_curve"
 """Not a column of the table; the sweep's manifest counts it."""
 
 
+NO_CONVERGENCE = "failed: Newton's iteration did not converge"
+NO_INDUCTANCE = "failed: the inductance did not converge"
+"""The status of points that a saturating part made fail; the table's Newton columns say how near they came."""
+
+
 @dataclass(frozen=True, eq=False)
 class DistanceSolution:
     """One distance; in N, Wb, T, J and A, with m = 1 + circuits sources."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FieldSolverError, RunDirectoryError, UsageError
-from femfit.core.journal import Journal, JournalHeader
+from femfit.core.journal import Journal, JournalHeader, holds
 from femfit.core.paths import path_of
 from femfit.device.drawn_numbers import DrawnNumber, read_numbers
 from femfit.device.parts import Actuator
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SweepProgress:
-    """How far a sweep is; ``redrawn`` where the directory held a sweep of another drawing, which is solved anew."""
+    """How far a sweep is; ``changed`` names what makes it begin anew where the directory holds another one."""
 
     points_done: int
     points: int
-    redrawn: bool
+    changed: tuple[str, ...]
 
 
 Progress = Callable[[SweepProgress], None]
@@ -68,7 +68,8 @@ def run_sweep(
         Order and element sizes; the defaults with the actuator's tolerance otherwise.
     signatures : bool or sequence of DrawnNumber
         Whether to solve what each number of the drawing changes, too, which takes about as long again at most; the
-        sweep is then given as an actuator file, or its numbers are.
+        sweep is then given as an actuator file, or its numbers are. Those that the directory has of the same file are
+        kept without being asked for.
     progress : callable, optional
         Called with a :class:`SweepProgress` before the start and after each distance.
 
@@ -96,6 +97,7 @@ def run_sweep(
     (50, {'ok'})
     """
     numbers = _numbers(sweep) if signatures is True else tuple(signatures or ())
+    drawing = sweep
     sweep = only(sweep) if isinstance(sweep, Actuator) else sweep
     if not isinstance(sweep, VariantSweep):
         sweep = read_variants(path_of(sweep, "The actuator file of a sweep"))
@@ -103,24 +105,26 @@ def run_sweep(
     directory = path_of(directory, "The run directory")
     settings = settings or settings_for(sweep.actuator)
     tasks, failed = _plan(sweep, settings)
+    if not numbers and isinstance(drawing, str | Path) and not sweep.columns:
+        drawn = _numbers(drawing)
+        numbers = drawn if holds(directory, _configuration(sweep, settings, drawn)["hash"]) else ()
+    configuration = _configuration(sweep, settings, numbers)
     at_rest = tuple(one for one in numbers if KINDS[one.facts.kind].at_rest)
     tasks = [replace(task, numbers=at_rest) for task in tasks]
     of_impedances = numbers if harmonic and not sweep.actuator.saturates else ()
-    numbers = of_impedances or at_rest
-    configuration = _configuration(sweep, settings, numbers)
     currents = len(swept_currents(sweep.variants[0].sweep))
     names = {task.key for task in tasks}
 
     def report() -> None:
         if progress is not None:
-            progress(SweepProgress(len(finished) * currents, len(tasks) * currents, journal.replaced))
+            progress(SweepProgress(len(finished) * currents, len(tasks) * currents, journal.changed))
 
     def record(task: SweepTask, result: Result) -> None:
         journal.record(task.key, result)
         finished.update(names & {task.key})
         report()
 
-    with Journal(directory, JournalHeader(configuration["hash"])) as journal:
+    with Journal(directory, JournalHeader(configuration["hash"], configuration["parts"])) as journal:
         finished = names & journal.finished.keys()
         report()
         left = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
@@ -260,18 +264,23 @@ def _numbers(sweep: str | Path | Actuator | VariantSweep) -> tuple[DrawnNumber, 
 
 
 def _configuration(sweep: VariantSweep, settings: SolverSettings, numbers: Sequence[DrawnNumber]) -> dict[str, Any]:
-    content = {
-        "actuator": _cold(asdict(sweep.actuator)),
-        "variants": [_cold(asdict(variant)) for variant in sweep.variants],
-        "settings": asdict(settings),
-        "versions": versions(),
-    } | ({"signatures": [asdict(number.facts) for number in numbers]} if numbers else {})
-    text = json.dumps(content, sort_keys=True)
-    return {**content, "hash": hashlib.sha256(text.encode()).hexdigest()}
+    """What a sweep is of: its ``hash``, and those of its ``parts``, under the names that a user knows them by."""
+    configuration = {"settings": asdict(settings), "versions": versions()}
+    parts = {
+        "the drawing": _of_field([asdict(sweep.actuator), [asdict(variant) for variant in sweep.variants]]),
+        "the solver's settings": configuration["settings"],
+        "the programs' versions": configuration["versions"],
+        "the signatures asked for": _of_field([asdict(number.facts) for number in numbers]),
+    }
+    return {**configuration, "parts": {name: _hash(content) for name, content in parts.items()}, "hash": _hash(parts)}
 
 
-def _cold(data: Any) -> Any:
-    """The same without what temperatures alone depend on, so that a field need not be solved again for these."""
+def _hash(content: Any) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _of_field(data: Any) -> Any:
+    """The same without temperatures and a number's tolerance, so that a field need not be solved again for these."""
     if isinstance(data, dict):
-        return {key: _cold(value) for key, value in data.items() if key != "thermal"}
-    return [_cold(value) for value in data] if isinstance(data, list | tuple) else data
+        return {key: _of_field(value) for key, value in data.items() if key not in {"thermal", "tolerance"}}
+    return [_of_field(value) for value in data] if isinstance(data, list | tuple) else data

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from femfit.core.amount import counted
+from femfit.core.finding import listing
 from femfit.core.sweep_columns import VARIANT, current_columns, flux_columns, sweep_columns
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.hall_range import REMEDY, where_clipped
@@ -15,6 +17,7 @@ from femfit.device.sensors import HallElement, PickupCoil
 from femfit.device.summary import sweep_manifest_entry
 from femfit.device.variants import VariantSweep
 from femfit.field.currents import swept_currents
+from femfit.field.point_rows import NO_CONVERGENCE, NO_INDUCTANCE
 from femfit.field.tolerance import SMALL
 from femfit.tables.signatures import Signatures
 from femfit.tables.sweep_table import SweepTable, current_names
@@ -23,6 +26,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Result = Mapping[str, Any]
+THIS_DISTANCE = (
+    "The same currents were solved at other distances, so it is the mesh of this one, also where its elements are "
+    "smaller. Look there for a narrow gap or a thin sliver of a part, move the distance a little, or leave it out."
+)
+STEEL = "Check the B-H curve for kinks, or sweep the current in smaller steps."
+
 NEWTON_COLUMNS = ("newton_iterations", "newton_residual")
 """Columns of actuators with saturating parts alone."""
 
@@ -175,6 +184,30 @@ def summarise(table: SweepTable) -> dict[str, Any]:
         "force_error_relative_max": float(relative.max()) if len(relative) else 0.0,
         **notes,
     }
+
+
+def failed_points(table: SweepTable) -> list[str]:
+    """What failed, where, and what to do about it, a sentence or two for each reason."""
+    rows, lines = table.rows, []
+    currents = current_names(rows)
+    for reason, failed in rows[rows["status"] != "ok"].groupby("status", sort=False):
+        text, places = f"{counted(len(failed), 'point')} {reason}", failed["distance_m"].unique()
+        if len(failed) < len(rows) and VARIANT not in rows:
+            text += f"; at {listing(_at_distance(rows, failed, place) for place in places)}"
+        if reason in {NO_CONVERGENCE, NO_INDUCTANCE}:
+            solved = {tuple(one) for one in rows.loc[rows["status"] == "ok", currents].to_numpy()}
+            elsewhere = solved.issuperset(tuple(one) for one in failed[currents].to_numpy())
+            text += f". {THIS_DISTANCE if len(places) == 1 and elsewhere else STEEL}"
+        lines.append(text)
+    return lines
+
+
+def _at_distance(rows: "pd.DataFrame", failed: "pd.DataFrame", distance: float) -> str:
+    """A distance with the currents that failed there."""
+    amperes = failed.loc[failed["distance_m"] == distance, current_names(rows)].to_numpy()
+    everything = len(amperes) == (rows["distance_m"] == distance).sum()
+    each = "all currents" if everything else listing([" and ".join(f"{one:g}" for one in point) for point in amperes])
+    return f"{1e3 * distance:g} mm ({each}{'' if everything else ' A'})"
 
 
 def variants_without_a_point(table: SweepTable) -> list[int]:

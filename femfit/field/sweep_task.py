@@ -2,7 +2,8 @@
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,10 @@ _ONE_AT_A_TIME = threading.Lock()
 """A cluster's worker may have several threads, but a mesh has one state: it is stretched to one distance."""
 
 
+FINER = 0.8
+"""Numerical: share of the elements' size of a mesh that is to be another one at about the same cost."""
+
+
 @dataclass(frozen=True)
 class MeshGroup:
     """What a mesh is made from; picklable."""
@@ -37,6 +42,12 @@ class MeshGroup:
     def of(self, distance: float) -> "MeshGroup":
         """The group of a distance alone, in m."""
         return replace(self, distances=(distance,), choice=None)
+
+    def finer(self, distance: float) -> "MeshGroup":
+        """That with a mesh of smaller elements."""
+        settings = self.settings
+        corners, regions = FINER * settings.corner_fraction, FINER * settings.region_fraction
+        return replace(self.of(distance), settings=replace(settings, corner_fraction=corners, region_fraction=regions))
 
 
 @dataclass(frozen=True)
@@ -63,6 +74,12 @@ class DistanceTask:
             problem = MESHES.problem(self.mesh.of(self.distance))
         currents = swept_currents(self.mesh.actuator.sweep)
         rows = problem.rows(self.distance, currents)
+        if failed := _failed(rows):  # which may be for a mesh that is badly shaped here
+            with suppress(FieldSolverError):
+                other = MESHES.problem(self.mesh.finer(self.distance))
+                again = other.rows(self.distance, currents)
+                if _failed(again) < failed:
+                    problem, rows = other, again
         result = {"rows": {name: [_json_ready(value) for value in values] for name, values in rows.items()}}
         if not self.numbers:
             return result
@@ -99,6 +116,11 @@ class LevelTask:
             return [replace(task, mesh=self.mesh.of(task.distance)) for task in tasks]
         mesh = replace(self.mesh, choice=LevelChoice.from_json(result["choice"]))
         return [replace(task, mesh=mesh) for task in tasks]
+
+
+def _failed(rows: Mapping[str, Sequence[Any]]) -> int:
+    """How many points have no field; a linear actuator's rows, of one solution, have no status."""
+    return sum(status != "ok" for status in rows.get("status", ()))
 
 
 SweepTask = DistanceTask | LevelTask

@@ -31,6 +31,7 @@ from femfit.fit.model_parts import (
     number,
     other_sensors_of,
     sample_time,
+    within_sweep,
 )
 from femfit.fit.network_fit import NetworkFit, better_network, fit_network
 from femfit.fit.pickup import fit_pickups
@@ -138,6 +139,7 @@ def fit_model(
     one_current = len(rows.currents) < 2 and not rows.without_current
     hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
     circuits, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
+    motion, beyond = within_sweep(motion, rows.distances)
     others, not_held = other_sensors_of(entry, fit_pickups(table))
     drawn, missed_by = drawn_effects(table.signatures, rows, coenergy, hall)
     model = ActuatorModel(
@@ -164,7 +166,7 @@ def fit_model(
     _require_as_fitted(model, built, law_fit)
     missed = None if law_fit or network or coenergy is None else coenergy.missed_N
     between = None if missed is None or coenergy is None else missed_between(coenergy, rows)
-    notes = (*lacks, *not_held, *sheet_notes(table), *misfit_notes(model, rows, missed, between), *missed_by)
+    notes = (*lacks, *beyond, *not_held, *sheet_notes(table), *misfit_notes(model, rows, missed, between), *missed_by)
     result = FitResult(
         model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network, between=between
     )

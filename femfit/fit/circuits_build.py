@@ -26,6 +26,7 @@ from femfit.fit.model_parts import (
     number,
     other_sensors_of,
     sample_time,
+    within_sweep,
 )
 from femfit.fit.pickup import fit_pickups
 from femfit.fit.result import FitResult
@@ -61,8 +62,9 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
+    motion, beyond = within_sweep(motion, rows.distances)
     others, not_held = other_sensors_of(entry, fit_pickups(table))
-    notes = (*notes, *not_held, *sheet_notes(table))
+    notes = (*notes, *beyond, *not_held, *sheet_notes(table))
     hall, said = _hall(table, entry, rows)
     notes = (*notes, *said)
     if fit.force_share > COARSE:

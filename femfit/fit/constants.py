@@ -194,3 +194,6 @@ checked to be passive."""
 
 EDDY_PER_DECADE = 10
 """Numerical: frequencies at which the change of an impedance by a conductivity is kept."""
+
+STOP_ROUNDING_M = 1e-12
+"""Numerical: by what rounding may keep a stop that is drawn at an end of the sweep from it."""

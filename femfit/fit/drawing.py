@@ -96,4 +96,5 @@ def _missed(
     if left <= DRAWN_MISFIT * size or number.tolerance * left <= np.median(rows.force_error):
         return []
     share = amount(left / size, "")
-    return [f"What {number.key} changes of the force is followed to {share} of it only. Sweep more distances."]
+    few = "the swept distances are too few to follow it. Sweep more of them."
+    return [f"The change of force by {number.key} is known within {share} only: {few}"]

@@ -2,19 +2,22 @@
 
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from femfit.core.amount import amount
+from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError, UsageError
 from femfit.device.circuit import Circuit
 from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics
 from femfit.device.sensors import AnySensor, HallElement, PickupCoil, Sensor
 from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
+from femfit.fit.constants import STOP_ROUNDING_M
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
 from femfit.fit.sensed_field import SensedFit
@@ -109,6 +112,23 @@ def circuit_and_motion(
 def mechanics_of(entry: Mapping[str, Any]) -> Mechanics:
     """The mechanics of a manifest's actuator entry; the mass alone where it is of an earlier version."""
     return _recorded(Mechanics, "mechanics", {**(entry.get("mechanics") or {}), "mass_kg": number(entry, "mass_kg")})
+
+
+def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mechanics | None, tuple[str, ...]]:
+    """The mechanics without the stops that lie beyond the swept distances in m, where the model ends, and a note."""
+    if motion is None:
+        return None, ()
+    low, high = float(distances.min()) - STOP_ROUNDING_M, float(distances.max()) + STOP_ROUNDING_M
+    near, far = motion.ends
+    beyond = {"near": near} if -np.inf < near < low else {}
+    beyond |= {"far": far} if high < far < np.inf else {}
+    notes = tuple(
+        f"The {side} stop at {amount(place, 'm', 3)} lies beyond the swept distances: the model ends before it, and a "
+        "simulation with it. Sweep up to the stop for one that gets there."
+        for side, place in beyond.items()
+    )
+    kept = {"near": motion.near_stop, "far": motion.far_stop} | dict.fromkeys(beyond)
+    return replace(motion, near_stop=kept["near"], far_stop=kept["far"]), notes
 
 
 def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:

@@ -35,12 +35,15 @@ class HeatNetwork:
     capacities, volumes_m3 : arrays, shape (n,)
         The first in J/K.
     between : array, shape (n, n)
-        Conductances between the parts in W/K, symmetric, with zeros on the diagonal.
+        Conductances between the parts in W/K, symmetric, with zeros on the diagonal. A winding's stand for its mean:
+        where that is kept, a warmer face means a colder one opposite, so that one past a winding may be negative.
     outwards : array, shape (n,)
-        Conductances to the surroundings in W/K.
+        The same to the surroundings.
     inside : array, shape (windings, n + 1)
         How far a winding's mean is warmer than the faces that its heat leaves by, as a sum over the temperatures of
         the parts and the surroundings.
+    released : array, shape (n, n + 1)
+        Heat in W that each part's own faces and the mounting give to the surroundings, as such a sum.
     """
 
     coils: tuple[Coil, ...]
@@ -51,6 +54,7 @@ class HeatNetwork:
     between: FloatArray
     outwards: FloatArray
     inside: FloatArray
+    released: FloatArray
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -97,12 +101,12 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     if standing:
         held = max(standing, key=lambda k: (k >= count, volumes[k]))
         _join(whole, held, n, around.mounting_W_per_K)
-    left, inside = _reduced(whole, n, leaving)
+    left, inside, released = _reduced(whole, n, leaving)
     between = -left[:n, :n]
     np.fill_diagonal(between, 0.0)
     stored = [cast("float", one.heat_capacity_J_per_m3_K) for one in materials] * volumes[count:]
     capacities = np.array([*(one.heat_capacity_J_per_K for one in windings), *stored])
-    return HeatNetwork(coils, regions, windings, capacities, volumes, between, -left[:n, n], inside)
+    return HeatNetwork(coils, regions, windings, capacities, volumes, between, -left[:n, n], inside, released)
 
 
 def _require_apart(names: list[str], sections: list[shapely.Polygon], moves: list[bool], distance: float) -> None:
@@ -142,8 +146,8 @@ def _join(whole: FloatArray, one: int, other: int, conductance: float) -> None:
     whole[other, one] += conductance
 
 
-def _reduced(whole: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The Laplacian of parts and surroundings, (n + 1, n + 1), and :attr:`HeatNetwork.inside`.
+def _reduced(whole: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The Laplacian of parts and surroundings, (n + 1, n + 1), ``inside`` and ``released`` of :class:`HeatNetwork`.
 
     Faces and stars, by which heat leaves with these conductances, store none and are eliminated.
     """
@@ -155,4 +159,8 @@ def _reduced(whole: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray
         if share.any():
             inside[k] = -(share / share.sum()) @ follow[OWN * k : OWN * (k + 1)]
             inside[k, k] += 1.0
-    return full[kept, kept] + full[kept, gone] @ follow, inside
+    nodes = np.vstack([np.eye(n + 1), follow])  # temperatures of all, as sums over the parts and the surroundings
+    released = np.zeros((n + 1, n + 1))
+    owners = [*range(n + 1), *np.repeat(np.arange(len(inside)), OWN)]
+    np.add.at(released, owners, whole[n][:, None] * (nodes - nodes[n]))
+    return full[kept, kept] + full[kept, gone] @ follow, inside, released[:n]

@@ -131,6 +131,11 @@ class Temperatures(Printed):
         """Mean temperatures of the windings."""
         return self.temperatures_C[: self.count]
 
+    @property
+    def released_W(self) -> FloatArray:  # noqa: N802  the unit
+        """Heat that each part's own faces and the mounting give to the surroundings, shape (parts,)."""
+        return np.asarray(self.network.released @ np.append(self.temperatures_C, self.surroundings.ambient_C))
+
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         left_out = {"network", "magnets", "at_limit", "surroundings"}
@@ -138,6 +143,7 @@ class Temperatures(Printed):
         return {
             **data,
             "allowed_A": _plain(self.allowed_A),
+            "released_W": _plain(self.released_W),
             "settles": self.settles,
             "lasts": self.lasts,
             "at_limit": self.at_limit and self.at_limit.to_dict(),
@@ -192,14 +198,14 @@ class Temperatures(Printed):
     def _answer(self) -> str:
         each = ", ".join(f"{name} {amount(mean, 'C')}" for name, mean in zip(self.names, self.windings_C, strict=False))
         low, high = self.spread_C
-        spread = amount_range(low, high, "C", 3) if np.isfinite(high) else f"{amount(low, 'C')} to no end"
+        spread = f"be {amount_range(low, high, 'C', 3)}" if np.isfinite(high) else f"be {amount(low, 'C')} or run away"
         settles = f"the winding settles at {amount(self.windings_C[0], 'C')}"
         if self.count > 1:
             settles = f"the windings settle at {each}"
         return (
-            f"{self._fed()} for ever: {settles} ({spread} where free faces give off half as much again or a third "
-            f"less), 63 % of it after {_time(self.settling_s)}. The hottest strand is near "
-            f"{amount(float(self.hottest_C.max()), 'C')}."
+            f"{self._fed()} for ever: {settles}, {amount(float(self.hottest_C.max()), 'C')} in the hottest strand. "
+            f"The first {_time(self.settling_s)} bring 63 % of the rise. How well air cools is known within a factor "
+            f"of 1.5: it may {spread}."
         )
 
     def _electric(self) -> str:
@@ -215,9 +221,10 @@ class Temperatures(Printed):
         if not self.limiting:
             return "No winding is heated."
         currents = " and ".join(amount(float(one), "A", 3) for one in self.allowed_A)
-        known = [one.working_C for one in self.magnets if one.part == self.limiting]
-        limit = amount(known[0] if known and known[0] is not None else self.surroundings.winding_limit_C, "C")
-        return f"The largest current that may last is {currents}: {self.limiting} is then at its limit of {limit}."
+        of_magnets = {one.part: one.working_C for one in self.magnets if one.working_C is not None}
+        limit = amount(of_magnets.get(self.limiting, self.surroundings.winding_limit_C), "C")
+        limited = self.limiting if self.limiting in of_magnets else f"the hottest strand of {self.limiting}"
+        return f"The largest current that may last is {currents}: {limited} is then at its limit of {limit}."
 
 
 def _instead(changes: Iterable[tuple[float, float]], unit: str) -> str:

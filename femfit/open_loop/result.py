@@ -111,7 +111,7 @@ class OpenLoop(Printed):
                 "m" if name == "distance" else "A",
                 3,
             )
-            then = "The simulation ends there: give the body stops, sweep wider, or extrapolate (--extrapolate)."
+            then = "The simulation ends there: give the body stops within the sweep, sweep wider, or extrapolate."
             if self.extrapolated:
                 then = "What follows is extrapolated."
             lines.append(

@@ -48,7 +48,7 @@ from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 
-NO_HEAT = 1e-9  # numerical: watts and watts per kelvin that are none
+NO_HEAT = 1e-9  # numerical: watts that are none
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
@@ -197,12 +197,19 @@ def _stroke_rows(rating: Rating) -> list[tuple[str, ...]]:
 
 
 def _warm_parts(heat: Temperatures) -> list[tuple[str, ...]]:
-    """A row for each part: temperature, heat, what it stores and what it gives off to the surroundings."""
-    network = heat.network
-    columns = zip(heat.names, heat.temperatures_C, heat.heat_W, network.capacities, network.outwards, strict=True)
+    """A row for each part: mean and hottest temperature, heat, what it stores and gives off to the surroundings."""
+    nothing = np.full(len(heat.names) - heat.count, np.nan)  # of parts without a winding no hottest place is known
+    columns = zip(
+        heat.temperatures_C,
+        np.append(heat.hottest_C, nothing),
+        heat.heat_W,
+        heat.network.capacities,
+        heat.released_W,
+        strict=True,
+    )
     return [
-        (name, *(significant(float(value), 3) if abs(value) > NO_HEAT else "0" for value in values))
-        for name, *values in columns
+        (name, *("0" if abs(value) <= NO_HEAT else significant(float(value), 3) for value in values))
+        for name, values in zip(heat.names, columns, strict=True)
     ]
 
 

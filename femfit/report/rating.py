@@ -69,7 +69,6 @@ class Rating:
     series_H: float  # In series with the coil, outside of the field
     motor_constant: FloatArray  # dF/di over the root of the cold resistance at the rated current, N/sqrt(W)
     cold_C: float = REFERENCE_TEMPERATURE
-    warm_C: float = WARM_C
 
     def feed(self, name: str) -> Feed | None:
         """The feed of a name; None where the actuator has none."""
@@ -102,7 +101,10 @@ def rate(
     circuit, box = model.circuit, model.validity
     if circuit is None:
         return None
-    cold, warm = circuit.resistance_ohm, resistance_at(circuit.resistance_ohm, WARM_C)
+    cold = circuit.resistance_ohm
+    # As warm as the supply makes it, where that may last
+    warm_C = float(heat.windings_C[0]) if heat is not None and heat.lasts else WARM_C
+    warm = resistance_at(cold, warm_C)
     distance = np.linspace(*model.travel_m, POINTS)
     missed = _missed(model, grid)
 
@@ -117,7 +119,7 @@ def rate(
     # Where a supply is the same in both directions, the direction that attracts more
     voltage = max(ends, key=lambda end: (abs(end), float(force(end / warm)[0])))
     other = min(ends) if voltage == max(ends) else max(ends)
-    wanted = [("cold", voltage / cold, REFERENCE_TEMPERATURE), ("warm", voltage / warm, WARM_C)]
+    wanted = [("cold", voltage / cold, REFERENCE_TEMPERATURE), ("warm", voltage / warm, warm_C)]
     magnet = model.has_magnet
     if magnet and voltage * other < 0.0 and box.current_min_A < 0.0 < box.current_max_A:
         wanted.append(("reversed", other / cold, REFERENCE_TEMPERATURE))

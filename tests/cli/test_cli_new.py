@@ -1,5 +1,6 @@
 """``femfit new``."""
 
+import tomllib
 from typing import get_args
 
 import pytest
@@ -21,6 +22,10 @@ def test_a_drawing_is_read_under_the_name_of_its_file(kind, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "femfit run" in done.stdout
     assert read_actuator(path).name == "mine"
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert tables["schema"] == 2
+    assert not {"electromagnet", "coil", "hall"} & set(tables)  # the tables of schema 1
+    assert "mass_g" not in tables.get("moving", {})
 
 
 def test_a_file_that_is_there_is_kept(tmp_path):

@@ -60,6 +60,7 @@ def test_work_of_unknown_length_says_now_and_then_what_is_being_done(monkeypatch
     said = lines(capsys)
     assert said[0] == "Reading, 1 s so far"
     assert said[-1] == "Estimating the noise, 1 s so far"
+    assert len(said) == 2  # no line says again what the one before it said
 
 
 def test_a_short_command_says_nothing_of_what_it_does(capsys):

@@ -8,7 +8,7 @@ import pytest
 from femfit.core.errors import RunDirectoryError
 from femfit.core.journal import JOURNAL_NAME, Journal, JournalHeader
 
-HEADER = JournalHeader("a" * 64)
+HEADER = JournalHeader("a" * 64, {"the drawing": "a"})
 RESULTS = {str(n): {"status": "ok", "force_N": n / 3.0} for n in range(5)}
 
 
@@ -50,6 +50,20 @@ def test_a_disk_that_is_full_from_the_start_holds_nothing_and_loses_nothing(tmp_
         journal.record("1", RESULTS["1"])
         assert journal.on_disk == 2
     assert len(written(tmp_path)) == 3
+
+
+def test_only_the_parts_that_differ_have_changed_and_of_an_earlier_version_no_part_is_known(tmp_path):
+    settings = {"the settings": "s"}
+    for hashed, parts, changed in (
+        ("a", {"the drawing": "1", **settings}, ()),
+        ("b", {"the drawing": "2", **settings}, ("the drawing",)),
+        ("a", {"the drawing": "1", **settings}, ()),  # which is taken up again
+    ):
+        with Journal(tmp_path, JournalHeader(64 * hashed, parts)) as journal:
+            assert journal.changed == changed
+    (tmp_path / JOURNAL_NAME).write_text(json.dumps({"configuration_hash": 64 * "c"}) + "\n")
+    with Journal(tmp_path, JournalHeader(64 * "d", settings)) as journal:
+        assert journal.changed == ("the version of femfit",)
 
 
 def test_a_directory_in_use_is_refused_until_its_process_ends(tmp_path):

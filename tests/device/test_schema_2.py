@@ -275,7 +275,11 @@ MISTAKES = {
         ("stiffness_N_per_mm = 1.5", "stiffness_N_per_mm = 1.5\npreload_N = 2"),
         ["preload_at_mm is missing"],
     ),
-    "stop beyond the sweep": (VOICE_COIL, ("travel_mm = [-4, 2]", "travel_mm = [-4, 3]"), ["far_stop must lie within"]),
+    "stops that keep the body from the sweep": (
+        VOICE_COIL,
+        ("travel_mm = [-4, 2]", "travel_mm = [3, 5]"),
+        ["near_stop must leave distances of the sweep, -4 to 2 mm"],
+    ),
     "circuit of an unknown coil": (VOICE_COIL, ('["-voice"]', '["-voise"]'), ["Did you mean 'voice'?"]),
     "sensor of an unknown kind": (VOICE_COIL, ('kind = "hall"', 'kind = "holl"'), ["Did you mean 'hall'?"]),
     "converter without a range": (VOICE_COIL, ("range_V = [-5, 5]\n", ""), ["range_V is missing"]),

@@ -12,7 +12,7 @@ from femfit.field import current_path, nonlinear_system, sweep_task
 from femfit.field import sweep as sweep_module
 from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
-from femfit.field.sweep_rows import summarise
+from femfit.field.sweep_rows import failed_points, summarise
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import magnet
 from support.saturating import bobbin, rows_at
@@ -82,8 +82,10 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(actuator, 
     few = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.008,)))
     table = run_sweep(few, tmp_path, workers=1, settings=QUICK)
     rows = table.rows.set_index("current_A")
-    assert rows.loc[2.0, "status"].startswith("failed: Newton's iteration left a residual of")
-    assert "sweep the current in smaller steps" in rows.loc[2.0, "status"]
+    assert rows.loc[2.0, "status"] == "failed: Newton's iteration did not converge"
+    (line,) = failed_points(table)
+    assert "at 8 mm (2 A)" in line
+    assert "sweep the current in smaller steps" in line
     assert rows.loc[2.0, "newton_iterations"] == 2
     assert np.isnan(rows.loc[2.0, ["force_N", "flux_linkage_Wb", "hall_T"]].astype(float)).all()
     good = rows.drop(index=2.0)

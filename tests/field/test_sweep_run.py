@@ -80,10 +80,10 @@ def test_a_finished_sweep_is_not_solved_again(few, tmp_path, monkeypatch):
 def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_costs_nothing(few, tmp_path):
     states = []
     first = run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=states.append)
-    assert not any(state.redrawn for state in states)
+    assert not any(state.changed for state in states)
     other = dataclasses.replace(few, coils=(dataclasses.replace(few.coil, turns=100),))
     edited = run_sweep(other, tmp_path, workers=1, settings=QUICK, progress=states.append)
-    assert states[-1].redrawn
+    assert states[-1].changed == ("the drawing",)
     assert not edited.rows["force_N"].equals(first.rows["force_N"])
     back = []
     again = run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=back.append)

@@ -119,7 +119,7 @@ def test_other_values_of_a_parameter_are_another_configuration(whole, directory,
     )
     states = []
     run_sweep(other, tmp_path, workers=1, settings=QUICK, progress=states.append)
-    assert states[0].redrawn
+    assert states[0].changed == ("the drawing",)
     assert states[0].points_done == 0
 
 

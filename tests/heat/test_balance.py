@@ -14,7 +14,15 @@ G, C = 0.1, 50.0
 
 def one_node():
     return HeatNetwork(
-        (), (None,), (), np.array([C]), np.array([1e-6]), np.zeros((1, 1)), np.array([G]), np.zeros((0, 2))
+        (),
+        (None,),
+        (),
+        np.array([C]),
+        np.array([1e-6]),
+        np.zeros((1, 1)),
+        np.array([G]),
+        np.zeros((0, 2)),
+        np.zeros((1, 2)),
     )
 
 

@@ -135,7 +135,7 @@ def test_the_result_says_value_error_tolerance_and_the_fall(found):
     assert f"{found.numbers[0].value:.3f} ± {found.numbers[0].sd:.3f} mm" in text
     assert "What is left is noise (p = " in text
     assert f"± {found.numbers[0].sd_as_drawn:.5f} mm" in text
-    assert "Most of these errors is what the numbers that were not fitted may be off by" in text
+    assert "These errors come mostly from the numbers that were not fitted" in text
     assert "Fitted beside, not in the drawing: hall_offset" in text
     assert "As drawn, and calibrated without each run in turn:" in text
     data = found.to_dict()

@@ -26,8 +26,11 @@ def rating(plunger_content):
 def test_a_warm_coil_takes_less_current_at_the_same_voltage(rating, plunger_content):
     ohm = plunger_content.actuator.coil.resistance_ohm
     cold, warm = rating.feed("cold"), rating.feed("warm")
+    settled = plunger_content.heat
     assert cold.current_A == pytest.approx(4.0 / ohm)
-    assert warm.current_A == pytest.approx(4.0 / (ohm * (1.0 + 80.0 * COPPER_TEMPERATURE_COEFFICIENT)))
+    assert (warm.temperature_C, warm.current_A) == pytest.approx((settled.windings_C[0], settled.currents_A[0]))
+    unknown = rate(plunger_content.model, plunger_content.actuator).feed("warm")
+    assert unknown.current_A == pytest.approx(4.0 / (ohm * (1.0 + 80.0 * COPPER_TEMPERATURE_COEFFICIENT)))
     assert warm.power_W == pytest.approx(4.0 * warm.current_A)
 
 

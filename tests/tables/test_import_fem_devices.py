@@ -382,7 +382,21 @@ def test_the_outside_of_a_kelvin_transformation_is_left_out(flagged):
     drawing.points.append((0.0, 250.0, 1))
     result = imported(drawing)
     assert "kelvin" in codes(result)
+    assert "near-boundary" not in codes(result)
     assert result.actuator == imported(suspension()).actuator
+
+
+def test_an_outside_that_nothing_joins_is_said_to_have_ended_femms_field_at_a_wall():
+    """FEMM solves such a file inside of its natural boundary, the outside drawn beside it has no field."""
+    drawing = suspension(boundary=0)
+    drawing.boundaries = {}
+    drawing.line((0, 90), (0, 250))
+    drawing.arc((0, 90), (0, 250), 180)
+    drawing.label(20, 150, AIR, flags=1)
+    wall = said(imported(drawing), "near-boundary")
+    assert "natural" in wall.text
+    assert wall.size == pytest.approx(80.0 - math.hypot(9.0, 11.0), abs=0.3)  # mm, coil's corner to arc's chords
+    assert "3.3 %" in wall.remedy
 
 
 # What is offered

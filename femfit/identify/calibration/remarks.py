@@ -82,8 +82,8 @@ def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], left: Sequence[C
             )
     if any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers):
         yield (
-            "Most of these errors is what the numbers that were not fitted may be off by within their tolerances. Fit "
-            "more of them (--numbers), or measure them."
+            "These errors come mostly from the numbers that were not fitted, each of which may be off by its "
+            "tolerance. Fit more of them (--numbers), or measure them."
         )
     for number, facts in zip(numbers, now.choice.numbers, strict=True):
         away, whole = abs(number.value - number.drawn) / number.tolerance, round(number.value)

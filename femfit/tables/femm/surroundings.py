@@ -5,7 +5,7 @@ ended, since FEMM's own numbers contain that.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
@@ -19,6 +19,10 @@ _SHELL_NAME = re.compile(r"u\d+", re.IGNORECASE)
 
 _DUAL_IMAGE = 3
 """FEMM's number of the boundary that averages A = 0 and a natural one, so that images of either sign cancel."""
+
+
+_PERIODIC = {4, 5}
+"""FEMM's numbers of the boundaries that join two lines; the outside of a Kelvin transformation counts by them alone."""
 
 
 def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -> tuple[FemFace, ...] | None:
@@ -43,8 +47,8 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -
         for face in parts
         if face.polygon.distance(rim) <= GRID
     )
-    _check_boundaries(model, domain, kelvin, notes)
-    _say(model, domain, shells, parts, kelvin, notes)
+    boundaries = _check_boundaries(model, domain, kelvin, notes)
+    _say(boundaries, domain, shells, parts, kelvin, notes)
     return parts
 
 
@@ -104,7 +108,10 @@ def _off_axis(domain: Polygon | MultiPolygon) -> shapely.Geometry:
     return shapely.union_all(outlines).difference(LineString([(0.0, z0 - 1.0), (0.0, z1 + 1.0)]))
 
 
-def _check_boundaries(model: FemModel, domain: Polygon, kelvin: Sequence[FemFace], notes: Notes) -> None:
+def _check_boundaries(
+    model: FemModel, domain: Polygon, kelvin: Sequence[FemFace], notes: Notes
+) -> Collection[FemBoundary]:
+    """The boundaries on the domain's lines, each of them checked."""
     rim = _off_axis(domain)
     places: dict[FemBoundary, bool] = {}
     for line in model.lines:
@@ -116,9 +123,9 @@ def _check_boundaries(model: FemModel, domain: Polygon, kelvin: Sequence[FemFace
             places[line.boundary] = places.get(line.boundary, True) and outer
     for boundary, outer in places.items():
         name = f"boundary {boundary.name!r}"
-        if boundary.kind in {4, 5} and kelvin and outer:
+        if boundary.kind in _PERIODIC and kelvin and outer:
             continue
-        if boundary.kind in {4, 5}:
+        if boundary.kind in _PERIODIC:
             notes.problem(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
         elif boundary.kind not in {0, 2, _DUAL_IMAGE}:
             notes.problem(
@@ -128,10 +135,11 @@ def _check_boundaries(model: FemModel, domain: Polygon, kelvin: Sequence[FemFace
             notes.problem(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
         elif not outer:
             notes.problem(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
+    return places
 
 
 def _say(
-    model: FemModel,
+    boundaries: Collection[FemBoundary],
     domain: Polygon,
     shells: Sequence[FemFace],
     parts: Sequence[FemFace],
@@ -144,7 +152,8 @@ def _say(
             f"What lies outside of the field's domain, as for a Kelvin transformation (blocks: {len(kelvin)}), is left "
             "out: femfit's domain is open by itself.",
         )
-        return
+        if any(boundary.kind in _PERIODIC for boundary in boundaries):
+            return
     if shells:
         names = sorted({face.label.material.name for face in shells if face.label.material})
         notes.info(
@@ -153,7 +162,6 @@ def _say(
             "femfit's domain is open by itself.",
         )
         return
-    boundaries = {line.boundary for line in model.lines if line.boundary is not None}
     if any(boundary.kind == _DUAL_IMAGE for boundary in boundaries):
         notes.info("dual-image", "The strategic dual image boundary is left out: femfit's domain is open.")
         return
@@ -166,6 +174,7 @@ def _say(
         "near-boundary",
         f"The drawing ends at a plain {wall} boundary, {nearest:.4g} mm from the nearest part; it is left out, "
         "for femfit's domain is open.",
-        "FEMM's own numbers for this file contain the error of that boundary; compare with an open one.",
+        "FEMM's own numbers for this file contain the error of that boundary, which was 0.2 to 3.3 % of the flux "
+        "linkage in seven published files; compare with an open one.",
         nearest,
     )
