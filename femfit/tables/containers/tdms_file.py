@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from femfit.tables.columns import match_column
-from femfit.tables.containers.named_table import NamedTable, library
-from femfit.tables.containers.nested import nested_tables, with_unit
+from femfit.tables.containers.named_table import NamedTable, require_library
+from femfit.tables.containers.nested import nested_tables
+from femfit.tables.header import with_unit
 
 _NO_CLOCK = (0.0, 1.0)
 """Increments that LabVIEW writes where there is no clock."""
@@ -15,9 +16,11 @@ _NO_CLOCK = (0.0, 1.0)
 
 def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """Tables of a TDMS file, one a group; a waveform's increment gives its time."""
-    nptdms = library("nptdms", "npTDMS", source)
+    require_library("nptdms", "npTDMS", source)
+    from nptdms import TdmsFile  # noqa: PLC0415
+
     tree: dict[str, Any] = {}
-    for group in nptdms.TdmsFile.read(io.BytesIO(content)).groups():
+    for group in TdmsFile.read(io.BytesIO(content)).groups():
         channels = {
             with_unit(channel.name, channel.properties.get("unit_string")): np.asarray(channel[:])
             for channel in group.channels()

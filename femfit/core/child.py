@@ -1,0 +1,66 @@
+"""A function in a process of its own, for libraries in C that a damaged file makes crash or hang.
+
+Such a library holds the interpreter's lock while it hangs: neither a thread nor a signal's handler could end it from
+inside.
+"""
+
+import math
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from femfit.core.errors import FemfitError
+
+_GRACE_S = 2
+"""After which an alarm ends a child whose parent was killed and cannot. Chosen."""
+
+
+class ChildError(Exception):
+    """A child that died or took too long, or whose function failed. The message is the bare reason: callers say more."""
+
+
+def in_child(function: Callable[..., Any], *arguments: Any, timeout: float) -> Any:
+    """Call a function in a child process, which is killed after ``timeout`` seconds and by a Ctrl-C here.
+
+    The function is imported there by its name; it, its arguments and its result must be picklable. An error of femfit
+    is raised as it is, each other one as ChildError.
+    """
+    command = [sys.executable, "-P", "-m", "femfit.core.child", str(math.ceil(timeout) + _GRACE_S)]
+    task = pickle.dumps((function, arguments))
+    path = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    try:
+        child = subprocess.run(  # noqa: S603 - our own
+            command, input=task, capture_output=True, timeout=timeout, check=False, env={**os.environ, **path}
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ChildError(f"no end within {timeout:.0f} s") from error
+    if child.returncode:
+        how = f"signal {-child.returncode}" if child.returncode < 0 else f"code {child.returncode}"
+        raise ChildError(f"the library that reads it ended with {how}")
+    result, error = pickle.loads(child.stdout)  # noqa: S301 - our own child wrote it
+    if error is not None:
+        raise error if isinstance(error, FemfitError) else ChildError(error)
+    return result
+
+
+def _answer() -> None:
+    """Call what the parent asks for on standard input, and write its result and its error to standard output."""
+    signal.alarm(int(sys.argv[1]))  # the kernel's own end of this process, which no library holds up
+    with os.fdopen(os.dup(1), "wb") as out:
+        os.dup2(2, 1)  # what a library prints is no answer
+        function, arguments = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it
+        try:
+            answer = pickle.dumps((function(*arguments), None))
+        except FemfitError as error:
+            answer = pickle.dumps((None, error))
+        except Exception as error:  # noqa: BLE001  whatever a library raises; its own classes may not be picklable
+            answer = pickle.dumps((None, f"{type(error).__name__}: {error}"))
+        out.write(answer)
+
+
+if __name__ == "__main__":
+    _answer()
