@@ -50,6 +50,15 @@ class RawTable:
         """Return the cells of a column."""
         return self.texts[self.headers.index(header)]
 
+    def frame(self) -> pd.DataFrame:
+        """Return the columns by their headers, as text where a cell that is not empty is no number."""
+        columns = {}
+        for k, header in enumerate(self.headers):
+            cells = self.texts[k]
+            worded = any(np.isnan(number) and cell for number, cell in zip(self.numbers[:, k], cells, strict=True))
+            columns[header] = list(cells) if worded else self.numbers[:, k]
+        return pd.DataFrame(columns)
+
 
 def file_content(path: str | Path, what: str) -> bytes:
     """Read a file whole."""
