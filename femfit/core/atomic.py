@@ -28,8 +28,8 @@ def replacing(path: str | Path) -> Iterator[Path]:
     ...     rows.to_csv(partial)
     """
     target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file() and not target.is_dir():
-        yield target
+    if Path(path).exists() and not Path(path).is_file() and not target.is_dir():
+        yield Path(path)  # a pipe behind /dev/stdout has no path of its own
         return
     # A name that nobody can foresee, of a file that must be new: a link laid in its place would be written through
     partial = target.with_name(f".{target.stem}.{secrets.token_hex(8)}.partial{target.suffix}")

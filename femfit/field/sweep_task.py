@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError, FieldSolverError
+from femfit.core.interrupts import kept_interrupts
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.currents import swept_currents
@@ -120,10 +121,12 @@ def solve_task(task: SweepTask) -> dict[str, Any]:
         the drawing at fault.
     """
     try:
-        with _ONE_AT_A_TIME:
+        with _ONE_AT_A_TIME, kept_interrupts():
             return {"status": "ok"} | task.result()
-    except _failures() as error:
+    except BaseException as error:
         MESHES.clear()  # what was interrupted half-way must not serve the next distance
+        if not isinstance(error, _failures()):
+            raise
         return _failure(error)
 
 
