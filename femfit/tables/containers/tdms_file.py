@@ -1,10 +1,12 @@
 """TDMS files of LabVIEW and DIAdem: groups of channels, each with its unit and its step of time."""
 
 import io
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from femfit.core.finding import listing
 from femfit.tables.columns import match_column
 from femfit.tables.containers.named_table import NamedTable, require_library
 from femfit.tables.containers.nested import nested_tables
@@ -18,15 +20,24 @@ def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """Tables of a TDMS file, one a group; a waveform's increment gives its time."""
     require_library("nptdms", "npTDMS", source)
     from nptdms import TdmsFile  # noqa: PLC0415
+    from nptdms.log import log_manager  # noqa: PLC0415
 
+    said = io.StringIO()
+    terminal = log_manager.console_handler.setStream(said)  # npTDMS prints what it made of damage
+    try:
+        file = TdmsFile.read(io.BytesIO(content))
+    finally:
+        log_manager.console_handler.setStream(terminal)
     tree: dict[str, Any] = {}
-    for group in TdmsFile.read(io.BytesIO(content)).groups():
+    for group in file.groups():
         channels = {
             with_unit(channel.name, channel.properties.get("unit_string")): np.asarray(channel[:])
             for channel in group.channels()
         }
         tree[group.name] = _with_time(channels, [dict(channel.properties) for channel in group.channels()])
-    return nested_tables(tree, source, "TDMS", separator="/"), ""
+    remarks = [f"the file seems to be damaged: {listing(lines, 3)}"] if (lines := said.getvalue().splitlines()) else []
+    tables = nested_tables(tree, source, "TDMS", separator="/")
+    return [replace(table, raw=replace(table.raw, notes=(*table.raw.notes, *remarks))) for table in tables], ""
 
 
 def _with_time(channels: dict[str, Any], properties: list[dict[str, Any]]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ def read_xlsx(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """Tables of a workbook's sheets, and which sheets are none."""
     require_library("openpyxl", "openpyxl", source)
     with ZipFile(io.BytesIO(content)) as book:
-        size = sum(part.file_size for part in book.infolist())
+        size = sum(part.file_size for part in book.infolist() if part.filename.endswith(".xml"))
     if size > _LARGEST:
         raise TableError(
             f"{source} holds {size / 1e6:.0f} MB of cells, and a workbook is read up to {_LARGEST / 1e6:.0f} MB. Save "
