@@ -1,4 +1,4 @@
-"""A function in a process of its own, for libraries in C that a damaged file makes crash or hang.
+"""A function in a process of its own, for libraries in C that a damaged file makes crash, hang or fill the memory.
 
 Such a library holds the interpreter's lock while it hangs: neither a thread nor a signal's handler could end it from
 inside.
@@ -7,6 +7,7 @@ inside.
 import math
 import os
 import pickle
+import resource
 import signal
 import subprocess
 import sys
@@ -23,13 +24,14 @@ class ChildError(Exception):
     """A child that died or took too long, or whose function failed. The message is the bare reason: callers say more."""
 
 
-def in_child(function: Callable[..., Any], *arguments: Any, timeout: float) -> Any:
-    """Call a function in a child process, which is killed after ``timeout`` seconds and by a Ctrl-C here.
+def in_child(function: Callable[..., Any], *arguments: Any, timeout: float, memory: float) -> Any:
+    """Call a function in a child process of so many bytes, which is killed after ``timeout`` s and by a Ctrl-C here.
 
     The function is imported there by its name; it, its arguments and its result must be picklable. An error of femfit
     is raised as it is, each other one as ChildError.
     """
-    command = [sys.executable, "-P", "-m", "femfit.core.child", str(math.ceil(timeout) + _GRACE_S)]
+    limits = [str(math.ceil(timeout) + _GRACE_S), str(math.ceil(memory))]
+    command = [sys.executable, "-P", "-m", "femfit.core.child", *limits]
     task = pickle.dumps((function, arguments))
     path = {"PYTHONPATH": os.pathsep.join(sys.path)}
     try:
@@ -49,7 +51,9 @@ def in_child(function: Callable[..., Any], *arguments: Any, timeout: float) -> A
 
 def _answer() -> None:
     """Call what the parent asks for on standard input, and write its result and its error to standard output."""
-    signal.alarm(int(sys.argv[1]))  # the kernel's own end of this process, which no library holds up
+    seconds, memory = map(int, sys.argv[1:])
+    signal.alarm(seconds)  # the kernel's own end of this process, which no library holds up
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)  # what a library prints is no answer
         function, arguments = pickle.load(sys.stdin.buffer)  # noqa: S301 - our own parent wrote it

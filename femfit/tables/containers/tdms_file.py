@@ -35,9 +35,11 @@ def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
             for channel in group.channels()
         }
         tree[group.name] = _with_time(channels, [dict(channel.properties) for channel in group.channels()])
-    remarks = [f"the file seems to be damaged: {listing(lines, 3)}"] if (lines := said.getvalue().splitlines()) else []
     tables = nested_tables(tree, source, "TDMS", separator="/")
-    return [replace(table, raw=replace(table.raw, notes=(*table.raw.notes, *remarks))) for table in tables], ""
+    if not (lines := said.getvalue().splitlines()):
+        return tables, ""
+    remark = f"The file seems to be damaged: {listing(lines, 3)}"
+    return [replace(table, raw=replace(table.raw, notes=(*table.raw.notes, remark))) for table in tables], remark
 
 
 def _with_time(channels: dict[str, Any], properties: list[dict[str, Any]]) -> dict[str, Any]:
