@@ -36,9 +36,10 @@ def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
         }
         tree[group.name] = _with_time(channels, [dict(channel.properties) for channel in group.channels()])
     tables = nested_tables(tree, source, "TDMS", separator="/")
-    if not (lines := said.getvalue().splitlines()):
+    lines = [line.partition("] ")[2] for line in said.getvalue().splitlines()]
+    if not lines:
         return tables, ""
-    remark = f"The file seems to be damaged: {listing(lines, 3)}"
+    remark = f"The file seems to be damaged: {listing(lines, 3)}."
     return [replace(table, raw=replace(table.raw, notes=(*table.raw.notes, remark))) for table in tables], remark
 
 
