@@ -21,7 +21,7 @@ _GRACE_S = 2
 
 
 class ChildError(Exception):
-    """A child that died or took too long, or whose function failed. The message is the bare reason: callers say more."""
+    """A child that died or took too long, or whose function failed; callers say more than its bare reason."""
 
 
 def in_child(function: Callable[..., Any], *arguments: Any, timeout: float, memory: float) -> Any:

@@ -44,7 +44,7 @@ class UsageError(FemfitError, ValueError):
     """An argument that is wrong whatever the files hold: an unknown name, a text that is not in its form."""
 
 
-class _FileProblems(ValueError):
+class _ProblemsError(ValueError):
     """A file with one or more problems, of which the message shows the first ones.
 
     Parameters
@@ -67,15 +67,15 @@ class _FileProblems(ValueError):
     def _head(self) -> str:
         return f"{self.source} has {len(self.problems)} problem{'s' if len(self.problems) != 1 else ''}:"
 
-    def __reduce__(self) -> tuple[type["_FileProblems"], tuple[str, tuple[str, ...]]]:
+    def __reduce__(self) -> tuple[type["_ProblemsError"], tuple[str, tuple[str, ...]]]:
         return type(self), (self.source, self.problems)
 
 
-class ActuatorFileError(_FileProblems, FemfitError):
+class ActuatorFileError(_ProblemsError, FemfitError):
     """An actuator file with one or more problems, each with its key path."""
 
 
-class FemFileError(_FileProblems, FemfitError):
+class FemFileError(_ProblemsError, FemfitError):
     """A FEMM ``.fem`` file that cannot be read, or holds what an actuator file cannot say."""
 
     def _head(self) -> str:

@@ -19,7 +19,6 @@ from loky import ProcessPoolExecutor
 from femfit.core.errors import DomainError
 from femfit.core.quoted import quoted
 
-
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 

@@ -108,7 +108,7 @@ def test_a_file_that_is_cut_is_said_to_be_damaged(tmp_path, make):
     for length in (len(content) // 2, len(content) - 200):
         path = tmp_path / ("a.mat" if make is mat_file else "a.h5")
         path.write_bytes(content[:length])
-        with pytest.raises(ff.FemfitError, match="damaged|no table"):
+        with pytest.raises(ff.FemfitError, match=r"damaged|no table"):
             ff.read_measurement(path)
 
 
@@ -170,7 +170,7 @@ def test_a_workbook_of_hours_is_refused_at_once_with_the_remedy(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "old, new", [(b'"name"', b'"nome"'), (b'"pandas_type"', b'"pandas_tipe"'), (b'"numpy_type"', b'"numpi_type"')]
+    ("old", "new"), [(b'"name"', b'"nome"'), (b'"pandas_type"', b'"pandas_tipe"'), (b'"numpy_type"', b'"numpi_type"')]
 )
 def test_damaged_metadata_of_a_parquet_table_are_said(folder, old, new):
     time_s = np.arange(200) / 1000.0
