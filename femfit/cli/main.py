@@ -109,7 +109,7 @@ def _run() -> None:
         _fail(str(error), USAGE)
     except FemfitError as error:
         _fail(str(error))
-    except BrokenPipeError:  # of a file such as --csv /dev/stdout, into whose reader no more goes
+    except BrokenPipeError:  # of standard error, or of a file such as --csv /dev/stdout: nobody reads why
         sys.exit(1)
     except OSError as error:
         _fail(": ".join(filter(None, [error.strerror or str(error), str(error.filename or "")])))
@@ -164,8 +164,8 @@ def _print_what_the_terminal_can_show() -> None:
     codecs.register_error("femfit", _plain)
     if sys.stdout is not None and sys.stdout is sys.__stdout__:
         reader = io.BufferedWriter(_Reader(sys.stdout.fileno(), "w", closefd=False))
-        lines = sys.stdout.line_buffering
-        sys.stdout = io.TextIOWrapper(reader, sys.stdout.encoding, line_buffering=lines)
+        at_once = sys.stdout.line_buffering or sys.stdout.write_through
+        sys.stdout = io.TextIOWrapper(reader, sys.stdout.encoding, line_buffering=at_once)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="femfit")

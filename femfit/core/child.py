@@ -33,19 +33,20 @@ def in_child(function: Callable[..., Any], *arguments: Any, timeout: float, memo
     limits = [str(math.ceil(timeout) + _GRACE_S), str(math.ceil(memory))]
     command = [sys.executable, "-P", "-m", "femfit.core.child", *limits]
     task = pickle.dumps((function, arguments))
-    path = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    # Libraries are found as here; a thread of linear algebra for each core would take the memory alone
+    settings = {"PYTHONPATH": os.pathsep.join(map(str, sys.path)), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     try:
         child = subprocess.run(  # noqa: S603 - our own
-            command, input=task, capture_output=True, timeout=timeout, check=False, env={**os.environ, **path}
+            command, input=task, capture_output=True, timeout=timeout, check=False, env={**os.environ, **settings}
         )
     except subprocess.TimeoutExpired as error:
         raise ChildError(f"no end within {timeout:.0f} s") from error
     if child.returncode:
         how = f"signal {-child.returncode}" if child.returncode < 0 else f"code {child.returncode}"
         raise ChildError(f"the library that reads it ended with {how}")
-    result, error = pickle.loads(child.stdout)  # noqa: S301 - our own child wrote it
-    if error is not None:
-        raise error if isinstance(error, FemfitError) else ChildError(error)
+    result, failure = pickle.loads(child.stdout)  # noqa: S301 - our own child wrote it
+    if failure is not None:
+        raise failure if isinstance(failure, FemfitError) else ChildError(failure)
     return result
 
 

@@ -32,10 +32,10 @@ def kept_interrupts() -> Iterator[None]:
 
         return note
 
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    handlers = {number: handler for number, handler in handlers.items() if callable(handler)}
-    for number, handler in handlers.items():
-        signal.signal(number, noting(handler))
+    before = {}
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if callable(handler := signal.getsignal(number)):
+            before[number] = signal.signal(number, noting(handler))
     try:
         yield
     except Exception as error:
@@ -43,7 +43,7 @@ def kept_interrupts() -> Iterator[None]:
             raise raised[0] from error
         raise
     finally:
-        for number, handler in handlers.items():
+        for number, handler in before.items():
             signal.signal(number, handler)
     if raised:
         raise raised[0]
