@@ -97,3 +97,29 @@ def test_a_reader_that_has_seen_enough_is_no_error(levitation_model, tmp_path):
     _, said = command.communicate(timeout=60.0)
     assert (command.returncode, said) == (0, "")
     assert json.loads((tmp_path / "audit.json").read_text())
+
+
+IMPORTING = """
+import atexit, builtins, signal, sys
+from femfit.cli import main
+load = builtins.__import__
+def hit(name, *rest, **named):
+    if name == "ngslib":  # of NGSolve in C++, within the import of NGSolve
+        builtins.__import__ = load
+        signal.raise_signal(signal.SIGINT)
+    return load(name, *rest, **named)
+builtins.__import__ = hit
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv = ["femfit", "sweep", "a.toml", "-o", "run", "--workers", "1"]
+atexit.register(lambda: print("loaded" if "ngsolve.ngslib" in sys.modules else "not loaded"))
+main.main()
+"""
+
+
+def test_a_ctrl_c_waits_until_the_solver_is_loaded_which_would_print_it_as_its_own_error(tmp_path):
+    (tmp_path / "a.toml").write_text(SMALL)
+    command = [sys.executable, "-c", IMPORTING]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 130
+    assert "not loaded" not in done.stdout  # nothing is printed where it loads for longer than a signal waits
+    assert done.stderr == "femfit: interrupted; what was finished is kept\n"
