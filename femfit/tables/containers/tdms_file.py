@@ -22,8 +22,8 @@ def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     from nptdms import TdmsFile  # noqa: PLC0415
     from nptdms.log import log_manager  # noqa: PLC0415
 
-    said = io.StringIO()
-    terminal = log_manager.console_handler.setStream(said)  # npTDMS prints what it made of damage
+    log = io.StringIO()
+    terminal = log_manager.console_handler.setStream(log)  # npTDMS prints what it made of damage
     try:
         file = TdmsFile.read(io.BytesIO(content))
     finally:
@@ -36,7 +36,7 @@ def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
         }
         tree[group.name] = _with_time(channels, [dict(channel.properties) for channel in group.channels()])
     tables = nested_tables(tree, source, "TDMS", separator="/")
-    lines = [line.partition("] ")[2] for line in said.getvalue().splitlines()]
+    lines = [line.partition("] ")[2] for line in log.getvalue().splitlines()]
     if not lines:
         return tables, ""
     remark = f"The file seems to be damaged: {listing(lines, 3)}."
