@@ -1,15 +1,21 @@
 """The ``femfit`` command: names and one-line helps; each command's file is imported when it runs."""
 
 import codecs
+import io
 import os
 import signal
 import sys
+from typing import TYPE_CHECKING
 
 from cyclopts import App, CycloptsError
 
 from femfit import __version__
 from femfit.cli.signals import WORDS, EndedError, ending_on_signals
 from femfit.core.errors import FemfitError, UsageError
+from femfit.core.interrupts import kept_interrupts
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     # name, target, one line of help
@@ -91,16 +97,19 @@ def main() -> None:
 def _run() -> None:
     """Run the command; the one place that catches errors."""
     try:
-        build_app()(sys.argv[1:], exit_on_error=False)
+        with kept_interrupts():
+            try:
+                build_app()(sys.argv[1:], exit_on_error=False)
+            finally:
+                if sys.stdout is not None:
+                    sys.stdout.flush()  # here, where a full disk is told
     except CycloptsError:
         sys.exit(USAGE)  # cyclopts has printed what is wrong with the arguments
     except UsageError as error:
         _fail(str(error), USAGE)
     except FemfitError as error:
         _fail(str(error))
-    except BrokenPipeError:
-        # The reader, head say, has seen enough; what is still buffered must not fail at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # of standard error, or of a file such as --csv /dev/stdout: nobody reads why
         sys.exit(1)
     except OSError as error:
         _fail(": ".join(filter(None, [error.strerror or str(error), str(error.filename or "")])))
@@ -137,9 +146,27 @@ def _bug(error: Exception) -> str:
     )
 
 
+class _Reader(io.FileIO):
+    """Standard output whose reader, head say, may have seen enough: it gets no more, and the command goes on."""
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), self.fileno())  # what is buffered must not fail again at exit
+            if not isinstance(error, BrokenPipeError):
+                raise
+            return len(memoryview(data))
+
+
 def _print_what_the_terminal_can_show() -> None:
     """Let a character that the terminal's encoding lacks be replaced instead of ending the command."""
     codecs.register_error("femfit", _plain)
+    own = sys.__stdout__
+    if own is not None and sys.stdout is own:
+        reader = io.BufferedWriter(_Reader(own.fileno(), "w", closefd=False))
+        at_once = own.line_buffering or own.write_through
+        sys.stdout = io.TextIOWrapper(reader, own.encoding, line_buffering=at_once)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="femfit")

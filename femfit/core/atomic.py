@@ -8,6 +8,7 @@ import errno
 import json
 import math
 import os
+import secrets
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,14 +28,16 @@ def replacing(path: str | Path) -> Iterator[Path]:
     ...     rows.to_csv(partial)
     """
     target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file() and not target.is_dir():
-        yield target
+    if Path(path).exists() and not Path(path).is_file() and not target.is_dir():
+        yield Path(path)  # a pipe behind /dev/stdout has no path of its own
         return
-    partial = target.with_name(f".{target.stem}.partial{target.suffix}")
+    # A name that nobody can foresee, of a file that must be new: a link laid in its place would be written through
+    partial = target.with_name(f".{target.stem}.{secrets.token_hex(8)}.partial{target.suffix}")
     try:
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "Is a directory, where a file is to be written", str(target))
         target.parent.mkdir(parents=True, exist_ok=True)
+        os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # less what the umask denies
         yield partial
         partial.replace(target)
     except OSError as error:

@@ -49,42 +49,42 @@ class ArgumentError(UsageError, TypeError):
     """A public function called with an argument that it has not, or without one that it needs."""
 
 
-class ActuatorFileError(FemfitError, ValueError):
-    """An actuator file with one or more problems.
+class _ProblemsError(ValueError):
+    """A file with one or more problems, of which the message shows the first ones.
 
     Parameters
     ----------
     problems : sequence of str
-        One line a problem: key path, what was given, what is needed.
+        One line a problem: what was given, what is needed, what to do.
     """
+
+    _SHOWN, _LONGEST = 20, 300  # Problems, and characters of one: chosen for a screen
 
     def __init__(self, source: str, problems: Sequence[str]) -> None:
         self.source = source
         self.problems = tuple(problems)
-        count = f"{len(self.problems)} problem{'s' if len(self.problems) != 1 else ''}"
-        super().__init__("\n".join([f"{source} has {count}:", *(f"  - {line}" for line in self.problems)]))
+        cut = self._LONGEST
+        lines = [line if len(line) <= cut else f"{line[:cut]}..." for line in self.problems[: self._SHOWN]]
+        if len(self.problems) > self._SHOWN:
+            lines.append(f"and {len(self.problems) - self._SHOWN} more, which may follow from these.")
+        super().__init__("\n".join([self._head(), *(f"  - {line}" for line in lines)]))
 
-    def __reduce__(self) -> tuple[type["ActuatorFileError"], tuple[str, tuple[str, ...]]]:
+    def _head(self) -> str:
+        return f"{self.source} has {len(self.problems)} problem{'s' if len(self.problems) != 1 else ''}:"
+
+    def __reduce__(self) -> tuple[type["_ProblemsError"], tuple[str, tuple[str, ...]]]:
         return type(self), (self.source, self.problems)
 
 
-class FemFileError(FemfitError, ValueError):
-    """A FEMM ``.fem`` file that cannot be read, or holds what an actuator file cannot say.
+class ActuatorFileError(_ProblemsError, FemfitError):
+    """An actuator file with one or more problems, each with its key path."""
 
-    Parameters
-    ----------
-    problems : sequence of str
-        One line a problem: what the file has, why it cannot be taken, what to do.
-    """
 
-    def __init__(self, source: str, problems: Sequence[str]) -> None:
-        self.source = source
-        self.problems = tuple(problems)
-        lines = (f"  - {line}" for line in self.problems)
-        super().__init__("\n".join([f"{source} cannot be imported:", *lines]))
+class FemFileError(_ProblemsError, FemfitError):
+    """A FEMM ``.fem`` file that cannot be read, or holds what an actuator file cannot say."""
 
-    def __reduce__(self) -> tuple[type["FemFileError"], tuple[str, tuple[str, ...]]]:
-        return type(self), (self.source, self.problems)
+    def _head(self) -> str:
+        return f"{self.source} cannot be imported:"
 
 
 class TableError(FemfitError, ValueError):

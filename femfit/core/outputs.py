@@ -9,6 +9,7 @@ import json
 import os
 import tomllib
 from collections.abc import Iterable
+from os.path import realpath
 from pathlib import Path
 from typing import Any
 
@@ -78,17 +79,17 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
 
     A path of None stands for an option that was not given, a kind of None for that of the file's suffix.
     """
-    read = {path.resolve(): path for path in inputs if path is not None}
-    written: dict[Path, Path] = {}
+    read = {realpath(path) for path in inputs if path is not None}  # of a link to itself, too
+    written: set[str] = set()
     for path, kind in outputs:
         if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
             continue
-        place = path.resolve()
+        place = realpath(path)
         if place in read:
             raise OutputError(f"{path} is what this command reads; its result would replace it. Choose another name.")
         if place in written:
             raise OutputError(f"{path} is to hold two results of this command. Give each a name of its own.")
-        written[place] = path
+        written.add(place)
         if path.is_dir():
             raise OutputError(f"{path} is a directory, where a file is to be written. Give a file's name.")
         _require_suffix(path, kind)

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError, FieldSolverError
+from femfit.core.interrupts import held_interrupts, kept_interrupts
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.currents import swept_currents
@@ -142,10 +143,12 @@ def solve_task(task: SweepTask) -> dict[str, Any]:
         the drawing at fault.
     """
     try:
-        with _ONE_AT_A_TIME:
+        with _ONE_AT_A_TIME, kept_interrupts():
             return {"status": "ok"} | task.result()
-    except _failures() as error:
+    except BaseException as error:
         MESHES.clear()  # what was interrupted half-way must not serve the next distance
+        if not isinstance(error, _failures()):
+            raise
         return _failure(error)
 
 
@@ -159,9 +162,10 @@ class MeshCache:
     def problem(self, group: MeshGroup) -> "FieldProblem":
         """The group's field problem, made where it is not the one that was asked for last."""
         if self._problem is None or group != self._group:
-            from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
+            with held_interrupts():  # NGSolve prints a stack where a signal hits its import
+                from ngsolve import SetNumThreads  # noqa: PLC0415  the field solver loads in the workers only
 
-            from femfit.field.problem import prepare  # noqa: PLC0415
+                from femfit.field.problem import prepare  # noqa: PLC0415
 
             SetNumThreads(1)  # the rows are the parallel axis; threads inside a factorisation halve its speed
             self.clear()

@@ -11,7 +11,7 @@ import pandas as pd
 
 from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
-from femfit.core.atomic import replacing, write_text
+from femfit.core.atomic import replacing
 from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.outputs import BENCH, NOTES, require_outputs
@@ -133,10 +133,10 @@ def make_bench_table(
     )
     result = BenchFlux(made, sigma, notes, (*findings, *([] if level is None else [level])), output)
     if output is not None:
-        with replacing(output) as partial:
-            made.to_csv(partial, index=False)
         noted = " ".join([notes, *map(str, result.findings)])
-        write_text(output.with_suffix(".toml"), f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(noted)}\n")
+        with replacing(output) as table_file, replacing(output.with_suffix(".toml")) as sidecar:  # both or neither
+            made.to_csv(table_file, index=False)
+            sidecar.write_text(f"flux_linkage_Wb = {sigma:.6g}\nnotes = {dumps(noted)}\n", encoding="utf-8")
     return result
 
 

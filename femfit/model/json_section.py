@@ -1,6 +1,5 @@
 """Values of a JSON object, each checked where it is read and named by its key path in every message."""
 
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
@@ -16,6 +15,9 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Record = TypeVar("Record", bound="DataclassInstance")
+
+_LARGEST = 1e60
+"""Derived: products of five such numbers are finite. No quantity of an actuator comes near it."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,8 @@ class Section:
         needed = "a finite number" + (" > 0" if positive else f" >= {lower:g}" if np.isfinite(lower) else "")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.refusal(key, needed)
-        if not abs(value) <= sys.float_info.max or value < lower or (positive and value <= 0):
+        needed += f", of less than {_LARGEST:g}" * (abs(value) >= _LARGEST)
+        if not abs(value) < _LARGEST or value < lower or (positive and value <= 0):
             raise self.refusal(key, needed)
         return float(value)
 
@@ -149,7 +152,8 @@ class Section:
 
     def array(self, key: str, *dimensions: int) -> FloatArray:
         """Finite numbers in nested lists of equal lengths, of one of some numbers of dimensions."""
-        needed = f"an array of finite numbers with {' or '.join(counted(one, 'dimension') for one in dimensions)}"
+        shape = " or ".join(counted(one, "dimension") for one in dimensions)
+        needed = f"an array of finite numbers (below {_LARGEST:g}) with {shape}"
         value = self.data.get(key)
         if not isinstance(value, list):
             raise self.refusal(key, needed)
@@ -160,7 +164,7 @@ class Section:
         if result.size and result.dtype.kind not in "if":
             raise self.refusal(key, needed)
         result = result.astype(np.float64)
-        if result.ndim not in dimensions or not np.all(np.isfinite(result)):
+        if result.ndim not in dimensions or not np.all(np.abs(result) < _LARGEST):
             raise self.refusal(key, needed)
         return result
 

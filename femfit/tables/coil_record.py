@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from femfit.core.amount import counted
@@ -23,6 +22,7 @@ from femfit.core.paths import path_of
 from femfit.core.quoted import quoted
 from femfit.tables.coil_block import CoilBlock
 from femfit.tables.columns import UsedColumn, recognise
+from femfit.tables.decoding import decoding
 from femfit.tables.measured_columns import has_columns, read_raw_table
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
 from femfit.tables.raw_table import RawTable, check_width, decode, typed_numbers
@@ -93,17 +93,15 @@ class CoilRecord:
             for first in range(0, len(self.held.lines), rows):
                 yield {name: column[first : first + rows] for name, column in values.items()}
             return
-        if self.path.suffix in RAW_SUFFIXES:
-            yield from self._raw_tables(rows)
-            return
-        try:
-            tables = self._parquet_tables(rows) if self.path.suffix == ".parquet" else self._text_tables(rows)
-            for table in tables:
-                yield {c.name: c.factor * self._numbers(table[c.header], c.header) for c in self.used}
-        except (OSError, ValueError, pa.ArrowException) as error:
-            if isinstance(error, TableError):
-                raise
-            raise TableError(f"Coil record {self.path} is damaged: {quoted(error, 300)}.") from error
+        kinds = {".parquet": self._parquet_tables, **dict.fromkeys(RAW_SUFFIXES, self._raw_tables)}
+        tables = kinds.get(self.path.suffix, self._text_tables)(rows)
+        while True:
+            with decoding(self.path, "a coil record"):
+                table = next(tables, None)
+                if table is None:
+                    return
+                values = {c.name: c.factor * self._numbers(table[c.header], c.header) for c in self.used}
+            yield values
 
     def _parquet_tables(self, rows: int) -> Iterator[pd.DataFrame]:
         headers, first = [column.header for column in self.used], None
@@ -139,15 +137,15 @@ class CoilRecord:
             )
         return values
 
-    def _raw_tables(self, rows: int) -> Iterator[dict[str, FloatArray]]:
+    def _raw_tables(self, rows: int) -> Iterator[pd.DataFrame]:
         names, rate, begin = self.layout["columns"], self.layout["sample_rate_Hz"], self.layout["start_s"]
         done = 0
         with self.path.open("rb") as file:
             while len(values := np.fromfile(file, RAW, rows * len(names))):
-                table = values.reshape(-1, len(names)).astype(np.float64)
-                time = begin + (done + np.arange(len(table))) / rate
+                table = pd.DataFrame(values.reshape(-1, len(names)).astype(np.float64), columns=names)
+                table["time_s"] = begin + (done + np.arange(len(table))) / rate
                 done += len(table)
-                yield {"time_s": time, **{name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}}
+                yield table
 
 
 def open_coil_record(
@@ -171,7 +169,7 @@ def open_coil_record(
     held = None
     layout: dict[str, Any] = {}
     samples = None
-    try:
+    with decoding(path, "a coil record"):
         if path.suffix in RAW_SUFFIXES:
             layout = _raw_layout(path)
             headers = ["time_s", *layout["columns"]]
@@ -184,10 +182,6 @@ def open_coil_record(
             headers, samples = list(held.headers), len(held.lines)
         else:
             headers, layout = _text_layout(path)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        if isinstance(error, TableError):
-            raise
-        raise TableError(f"Coil record {path} cannot be read: {quoted(error, 300)}.") from error
     check_width(len(headers), str(path))
     used, _ = recognise(headers, str(path), ("time_s", *COLUMNS), columns, units)
     missing = [name for name in sorted(_NEEDED) if name not in {column.name for column in used}]

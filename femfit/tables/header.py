@@ -79,6 +79,13 @@ def parse_header(text: str) -> Header:
     return Header(stripped, words, unit, known)
 
 
+def with_unit(name: str, unit: object) -> str:
+    """Return a column's name with its unit in brackets, where it does not say one itself."""
+    text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit
+    known = isinstance(text, str) and text.strip() and parse_header(name).unit is None
+    return f"{name} [{str(text).strip()}]" if known else name
+
+
 def same_header(key: str, header: str) -> bool:
     """Tell whether a user means a header: as it is written, but for case, or without its unit."""
     return key.strip().casefold() in {header.strip().casefold(), " ".join(parse_header(header).words)}

@@ -16,7 +16,10 @@ from femfit.tables.measurement import OF_RUNS
 from femfit.tables.settings_file import finite_number, read_settings
 
 _EXAMPLE = "force_N = 2e-4"
-_EXAMPLES = {"columns": "force_N", "units": "gf"}
+_EXAMPLES: Mapping[str, tuple[tuple[type, ...], str]] = {
+    "columns": ((str,), '"Kanal 3" = "force_N"'),
+    "units": ((str, int, float), '"Kanal 3" = "gf", or "channel 1" = 2.5'),
+}
 
 _OF_DRAWINGS = frozenset({"schema", "sweep"})
 """Keys that an actuator file has and a sidecar does not."""
@@ -57,14 +60,11 @@ def reading_of(
 ) -> Reading:
     """Return what the caller says of a table, before what its sidecar says."""
     file, data = _sidecar_file(measurement)
-    said: dict[str, dict[str, str]] = {}
-    for key in ("columns", "units"):
+    said: dict[str, dict[str, Any]] = {}
+    for key, (kinds, example) in _EXAMPLES.items():
         value = data.get(key, {})
-        if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
-            raise TableError(
-                f'[{key}] of {file} must hold lines like "Kanal 3" = "{_EXAMPLES[key]}"; instead received '
-                f"{quoted(value)}."
-            )
+        if not isinstance(value, dict) or not all(isinstance(meant, kinds) for meant in value.values()):
+            raise TableError(f"[{key}] of {file} must hold lines like {example}; instead received {quoted(value)}.")
         said[key] = value
     if not isinstance(data.get("table", ""), str):
         raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(data["table"])}.')
@@ -102,6 +102,8 @@ def read_sidecar(
 
 def _sidecar_file(measurement: Path) -> tuple[Path | None, dict[str, Any]]:
     """The sidecar and what is in it; a drawing of the same name is none."""
+    if not measurement.is_file():  # a directory such as . has no name
+        return None, {}
     for file in (measurement.with_name(f"{measurement.name}.toml"), measurement.with_suffix(".toml")):
         if file.is_file() and file != measurement:
             data = read_settings(file, _EXAMPLE)

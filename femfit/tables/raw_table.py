@@ -9,11 +9,10 @@ from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.core.quoted import quoted
+from femfit.tables.decoding import decoding
 from femfit.tables.number_text import LARGEST
 
 PARQUET_MAGIC = b"PAR1"
@@ -50,6 +49,15 @@ class RawTable:
     def text(self, header: str) -> Sequence[str]:
         """Return the cells of a column."""
         return self.texts[self.headers.index(header)]
+
+    def frame(self) -> pd.DataFrame:
+        """Return the columns by their headers, as text where a cell that is not empty is no number."""
+        columns = {}
+        for k, header in enumerate(self.headers):
+            cells = self.texts[k]
+            worded = any(np.isnan(number) and cell for number, cell in zip(self.numbers[:, k], cells, strict=True))
+            columns[header] = list(cells) if worded else self.numbers[:, k]
+        return pd.DataFrame(columns)
 
 
 def file_content(path: str | Path, what: str) -> bytes:
@@ -100,10 +108,8 @@ def _guess(content: bytes) -> str:
 
 def parse_parquet(content: bytes, source: str) -> RawTable:
     """Read a Parquet table."""
-    try:
+    with decoding(source, "Parquet"):
         frame = pd.read_parquet(io.BytesIO(content))
-    except (OSError, ValueError, TypeError, pa.ArrowException) as error:
-        raise TableError(f"{source} cannot be read as Parquet: {quoted(error, 300)}.") from error
     if any(level is not None for level in frame.index.names):
         frame = frame.reset_index()
     return raw_table_of(frame, source, "Parquet")

@@ -1,5 +1,6 @@
 """Records over time as files, written block by block: CSV, Parquet, raw float32 with a sidecar."""
 
+import json
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -11,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from femfit.core.arrays import FloatArray
-from femfit.core.atomic import replacing, write_json
+from femfit.core.atomic import replacing
 from femfit.core.errors import OutputError, TableError
 from femfit.tables.coil_record import RAW, RAW_SUFFIXES
 
@@ -46,12 +47,17 @@ class RecordWriter:
         self._parquet: pq.ParquetWriter | None = None
 
     def __enter__(self) -> Self:
+        sidecar = None
+        if self.path.suffix in RAW_SUFFIXES:  # which appears with the record, or not at all
+            sidecar = self._open.enter_context(replacing(self.path.with_suffix(".json")))
         partial = self._open.enter_context(replacing(self.path))
         if self.path.suffix == ".parquet":
             schema = pa.schema([(name, pa.float64()) for name in self.columns])
             self._parquet = self._open.enter_context(pq.ParquetWriter(partial, schema))
         else:
             self._file = self._open.enter_context(partial.open("wb"))
+        if sidecar is not None:
+            self._open.callback(self._describe, sidecar)
         return self
 
     def write(self, block: Mapping[str, FloatArray]) -> None:
@@ -65,7 +71,7 @@ class RecordWriter:
             header = ",".join(self.columns) + "\n" if self._rows == len(block["time_s"]) else ""
             self._file.write((header + self._lines(block)).encode())
         elif self._file is not None:
-            self._evenly_spaced(block).astype(RAW).tofile(self._file)
+            self._file.write(self._evenly_spaced(block).astype(RAW).tobytes())
 
     def _lines(self, block: Mapping[str, FloatArray]) -> str:
         """The rows of a CSV file: one format for all numbers, three times as quick as a call for each."""
@@ -94,10 +100,9 @@ class RecordWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._open.__exit__(kind, error, trace)
-        if error is None and self.path.suffix in RAW_SUFFIXES:
-            side = {
-                "sample_rate_Hz": round(1.0 / self.sample_time, 6),
-                "start_s": self._start,
-                "columns": self.columns[1:],
-            }
-            write_json(self.path.with_suffix(".json"), side)
+
+    def _describe(self, sidecar: Path) -> None:
+        """Write a raw record's sidecar."""
+        rate = round(1.0 / self.sample_time, 6)
+        side = {"sample_rate_Hz": rate, "start_s": self._start, "columns": self.columns[1:]}
+        sidecar.write_text(json.dumps(side, indent=1) + "\n", encoding="utf-8")

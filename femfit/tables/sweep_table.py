@@ -146,21 +146,23 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     50 points: 5 currents 0 to 1.4 A, 10 distances 15 to 45 mm
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
-    import pyarrow as pa  # noqa: PLC0415
 
+    from femfit.tables.decoding import decoding  # noqa: PLC0415
     from femfit.tables.raw_table import check_width  # noqa: PLC0415
     from femfit.tables.suspected_units import suspected_by_size  # noqa: PLC0415
+    from femfit.tables.table_file import is_container, parse_table  # noqa: PLC0415
 
     file = _table_file(path_of(path, "A sweep table"))
-    try:
-        if file.suffix != ".parquet":
+    with decoding(file, "a sweep table"):
+        if file.suffix == ".parquet":
+            rows = pd.read_parquet(file)
+        elif is_container(file):
+            raw = parse_table(file.read_bytes(), str(file), wanted=lambda raw: set(REQUIRED[1:]) <= set(raw.headers))
+            rows = raw.frame()
+        else:
             with file.open("rb") as head:
                 check_width(head.readline().count(b",") + 1, str(file))
-        rows = pd.read_parquet(file) if file.suffix == ".parquet" else pd.read_csv(file)
-    except (OSError, ValueError, pa.ArrowException) as error:
-        if isinstance(error, TableError):
-            raise
-        raise TableError(f"Sweep table {file} cannot be read: {quoted(error, 300)}") from error
+            rows = pd.read_csv(file)
     manifest_file = file.with_name(MANIFEST_NAME)
     manifest = read_settings(manifest_file, '"kind": "sweep"') if manifest_file.is_file() else {}
     _check(rows, file, swept=manifest.get("kind") == "sweep")

@@ -1,16 +1,16 @@
 """The one place that decides how a file of numbers is read: by its first bytes, else as text."""
 
-import struct
-import zipfile
-import zlib
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
 from femfit.tables.containers.named_table import NamedTable
+from femfit.tables.decoding import decoding
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, parse_parquet
 from femfit.tables.text_table import parse_text
 from femfit.tables.touchstone import parse_touchstone
@@ -33,12 +33,6 @@ SUFFIXES = (
 """What is taken for a table where a directory is read."""
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-_DAMAGED = (
-    *(OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError, EOFError),
-    *(struct.error, zipfile.BadZipFile, zlib.error),
-)
-"""What the libraries that read these files raise over a damaged one."""
-
 Wanted = Callable[[RawTable], bool]
 Reader = Callable[[bytes, str], tuple[list[NamedTable], str]]
 
@@ -106,10 +100,6 @@ def _reader(kind: str) -> Reader:
         from femfit.tables.containers.xlsx_file import read_xlsx  # noqa: PLC0415
 
         return read_xlsx
-    if kind == "HDF5":
-        from femfit.tables.containers.hdf5_file import read_hdf5  # noqa: PLC0415
-
-        return read_hdf5
     if kind == "TDMS":
         from femfit.tables.containers.tdms_file import read_tdms  # noqa: PLC0415
 
@@ -118,20 +108,17 @@ def _reader(kind: str) -> Reader:
         from femfit.tables.containers.wav_file import read_wav  # noqa: PLC0415
 
         return read_wav
-    from femfit.tables.containers.mat_file import read_mat, read_mat73  # noqa: PLC0415
+    from femfit.tables.containers.apart import read_apart  # noqa: PLC0415
 
-    return read_mat if kind == "MAT" else read_mat73
+    return partial(read_apart, kind)
 
 
 def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: Wanted | None) -> RawTable:
     """The table of a file that is asked for, or the only one that has what is needed."""
     reader = _reader(kind)
-    try:
+    with decoding(source, kind), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a file's styles, titles or index, which no number depends on
         tables, remark = reader(content, source)
-    except TableError:
-        raise
-    except _DAMAGED as error:
-        raise TableError(f"{source} cannot be read as {kind}: {quoted(error, 300)}.") from error
     if table is not None:
         return _named(tables, table, source, wanted)
     if not tables:

@@ -288,7 +288,12 @@ def _axis_line(above: list[Line], width: int, delimiter: str) -> tuple[tuple[str
 
 def _passed_over(above: list[Line], used: frozenset[int]) -> tuple[str, ...]:
     numbers = [line.number for line in above if line.number not in used]
-    return (f"free text at line {listing(numbers)} passed over",) if numbers else ()
+    if not numbers:
+        return ()
+    lines = "line {} above the readings is text, such as a title, and was"
+    if len(numbers) > 1:
+        lines = "lines {} above the readings are text, such as titles, and were"
+    return (f"{lines.format(listing(numbers))} ignored",)
 
 
 def _is_units_line(cells: tuple[str, ...]) -> bool:

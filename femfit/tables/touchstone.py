@@ -10,6 +10,7 @@ import numpy as np
 from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.core.errors import TableError
 from femfit.core.quoted import quoted
+from femfit.tables.number_text import LARGEST
 from femfit.tables.raw_table import RawTable, decode
 
 _HERTZ = {"HZ": 1.0, "KHZ": 1e3, "MHZ": 1e6, "GHZ": 1e9}
@@ -35,8 +36,10 @@ def parse_touchstone(content: bytes, source: str) -> RawTable:
     if not rows:
         raise TableError(f"{source} must have lines of a frequency and two numbers; it has none.")
     table = np.array([values for _, values in rows])
-    z = _impedance(_complex(table[:, 1], table[:, 2], form), kind, reference)
-    numbers = np.stack([hertz * table[:, 0], z.real, z.imag], axis=1)
+    with np.errstate(all="ignore"):  # the impedance of an open port, and of numbers that nobody measures
+        z = _impedance(_complex(table[:, 1], table[:, 2], form), kind, reference)
+        numbers = np.stack([hertz * table[:, 0], z.real, z.imag], axis=1)
+        numbers = np.where(np.abs(numbers) < LARGEST, numbers, np.nan)
     return RawTable(
         source=source,
         headers=("frequency_Hz", "resistance_ohm", "reactance_ohm"),
@@ -92,7 +95,6 @@ def _complex(a: FloatArray, b: FloatArray, form: str) -> ComplexArray:
 
 
 def _impedance(value: ComplexArray, kind: str, reference: float) -> ComplexArray:
-    """In ohm; not a number of an open port."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = value if kind == "Z" else 1.0 / value if kind == "Y" else (1.0 + value) / (1.0 - value)
-    return np.asarray(np.where(np.isfinite(z), reference * z, np.nan))
+    """In ohm; no finite number of an open port."""
+    z = value if kind == "Z" else 1.0 / value if kind == "Y" else (1.0 + value) / (1.0 - value)
+    return np.asarray(reference * z)

@@ -43,6 +43,7 @@ def export_estimator(model: ActuatorModel, directory: Path) -> tuple[Path, ...]:
     shutil.rmtree(new, ignore_errors=True)
     absent = not directory.exists()
     try:
+        new.mkdir(parents=True)  # refused where somebody laid a link in its place
         for name, text in texts.items():
             (new / name).parent.mkdir(parents=True, exist_ok=True)
             (new / name).write_text(text, encoding="utf-8")

@@ -307,3 +307,36 @@ def test_the_record_is_never_replaced_and_outputs_have_a_format(record, tmp_path
     assert clash.returncode == 1
     assert not (tmp_path / "o.csv").exists()
     assert "is written as .csv" in integrate(record, "-o", tmp_path / "o.xlsx").stderr
+
+
+def test_a_hall_probe_that_reads_one_value_throughout_is_said_to_stand_still(experiment, tmp_path):
+    rows = table(experiment).iloc[:30_000].assign(hall_T=0.25)
+    rows.to_csv(tmp_path / "stuck.csv", index=False)
+    words = ("--coil-area", AREA, "--json", tmp_path / "s.json")
+    result = integrate(tmp_path / "stuck.csv", "-o", tmp_path / "o.csv", *words)
+    assert result.returncode == 0, result.stderr
+    codes = {one["code"] for one in json.loads((tmp_path / "s.json").read_text())["findings"]}
+    assert codes & {"stuck", "saturated"}
+    assert len(pd.read_csv(tmp_path / "o.csv")) == len(rows)
+
+
+@pytest.mark.parametrize(
+    ("columns", "factors"),
+    [
+        (["coil_voltage_mV", "hall_mT"], [1e3, 1e3]),
+        (["coil_voltage [uV]", "hall [G]"], [1e6, 1e4]),
+        (["coil_voltage_V", "hall_T"], [1.0, 1.0]),
+    ],
+)
+def test_the_units_of_a_raw_records_columns_are_read(experiment, tmp_path, columns, factors):
+    rows = table(experiment).iloc[:5000]
+    values = rows[["coil_voltage_V", "hall_T"]].to_numpy() * factors
+    values.astype("<f4").tofile(tmp_path / "r.bin")
+    rate = 1.0 / (rows["time_s"].iloc[1] - rows["time_s"].iloc[0])
+    (tmp_path / "r.toml").write_text(f"sample_rate_Hz = {rate}\ncolumns = {json.dumps(columns)}\n")
+    result = integrate(tmp_path / "r.bin", "--coil-area", AREA, "-o", tmp_path / "o.csv", "--method", "cs1-offset")
+    assert result.returncode == 0, result.stderr
+    written = pd.read_csv(tmp_path / "o.csv")
+    plain = integrate_coil(rows, coil_area_m2=float(AREA), method="cs1-offset").rows
+    scale = float(np.ptp(rows["hall_T"]))  # float32 has 7 digits
+    np.testing.assert_allclose(written["field_T"], plain["field_T"], atol=1e-5 * scale)

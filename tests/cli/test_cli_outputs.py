@@ -1,9 +1,12 @@
 """The files of a user survive every command that is given them, or their neighbours, as an output."""
 
+import contextlib
 import hashlib
+import resource
 import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from femfit.model.json_file import write_model
@@ -82,3 +85,47 @@ def test_a_name_that_promises_another_format_is_refused_and_nothing_is_written(f
     assert done.returncode == 1
     assert "new." in done.stderr
     assert not list(files.glob("new.*"))
+
+
+def test_a_link_laid_where_a_result_is_begun_is_not_written_through(files, tmp_path):
+    other = tmp_path / "other.json"
+    other.write_text("kept")
+    (tmp_path / ".audit.partial.json").symlink_to(other)
+    assert femfit("audit", files / "model.json", "--json", tmp_path / "audit.json").returncode == 0
+    assert other.read_text() == "kept"
+    assert not (tmp_path / "audit.json").is_symlink()
+    assert (tmp_path / "audit.json").stat().st_size > 100
+
+
+@contextlib.contextmanager
+def room_for(size):
+    """Files of at most so many bytes, as a disk that fills up allows."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_a_full_disk_leaves_no_bench_table_without_its_sidecar(tmp_path):
+    current = np.repeat([0.0, 1.0, 0.0], 20)
+    columns = {"time_s": 0.05 * np.arange(60), "coil_voltage_V": 0.0 * current, "current_A": current}
+    pd.DataFrame({**columns, "distance_m": 0.02}).to_csv(tmp_path / "rec.csv", index=False)
+    with room_for(300):  # of a table of three rows and its notes, the table alone
+        done = femfit("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "too large" in done.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["rec.csv"]
+    assert femfit("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "b.csv").stat().st_size < 300 < (tmp_path / "b.toml").stat().st_size
+
+
+@pytest.mark.parametrize("name", ["i.bin", "i.csv", "i.parquet"])
+def test_a_full_disk_says_its_reason_and_leaves_no_half_of_a_record(files, tmp_path, name):
+    with room_for(4000):
+        done = femfit("integrate", files / "rec.csv", "--method", "trapezoid", "-o", tmp_path / name)
+    assert done.returncode == 1
+    assert "too large" in done.stderr
+    assert name in done.stderr
+    assert not list(tmp_path.iterdir())

@@ -2,6 +2,8 @@
 
 import errno
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -76,3 +78,17 @@ def test_json_that_is_written_is_strict(tmp_path):
 
     text = (tmp_path / "result.json").read_text()
     assert json.loads(text, parse_constant=refuse) == {"share": None, "sizes": [1.0, None], "name": "a"}
+
+
+def test_the_names_that_files_begin_with_differ_and_are_new(tmp_path):
+    with replacing(tmp_path / "a.csv") as first, replacing(tmp_path / "a.csv") as second:
+        assert first != second
+        assert first.read_bytes() == second.read_bytes() == b""
+        (tmp_path / "plain").touch()
+        assert first.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_what_is_written_to_a_pipe_arrives(tmp_path):
+    code = "from femfit.core.atomic import write_text; write_text('/dev/stdout', 'whole')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "whole"

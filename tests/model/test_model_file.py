@@ -217,7 +217,7 @@ def test_a_damaged_coefficient_is_named(law_model, change, message):
 def test_values_that_overflow_in_the_box_are_refused(levitation_model):
     data = model_to_dict(levitation_model)
     data["magnetics"]["coefficients"][0] = [1e308, -1e308, 1e308]
-    with pytest.raises(ModelFileError, match="not finite everywhere"):
+    with pytest.raises(ModelFileError, match="finite"):
         model_from_dict(data, "m.json")
 
 

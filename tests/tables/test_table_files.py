@@ -1,6 +1,6 @@
 """Every kind of file that a lab has: MAT, XLSX, HDF5, TDMS and WAV, read like CSV."""
 
-import importlib
+import sys
 
 import h5py
 import numpy as np
@@ -270,12 +270,7 @@ def test_a_damaged_file_is_refused_in_a_sentence(tmp_path, name):
 def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch, name, package):
     WRITERS[name](tmp_path / name, {"bench": BENCH})
 
-    def without(module):
-        if module == package:
-            raise ModuleNotFoundError(module)
-        return importlib.import_module(module)
-
-    monkeypatch.setattr("femfit.tables.containers.named_table.import_module", without)
+    monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(TableError, match=rf"(?i){package}.*femfit\[files\]"):
         read_measurement(tmp_path / name)
 

@@ -5,15 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from femfit.tables.containers.named_table import NamedTable, library
-from femfit.tables.containers.nested import nested_tables, with_unit
+from femfit.tables.header import with_unit
 
 
-def read_hdf5(content: bytes, source: str) -> tuple[list[NamedTable], str]:
-    """Tables of an HDF5 file."""
-    h5py = library("h5py", "h5py", source)
+def hdf5_tree(content: bytes) -> tuple[dict[str, Any], str]:
+    """Arrays of an HDF5 file by their names, a dictionary a group."""
+    import h5py  # noqa: PLC0415  in the child alone
+
     with h5py.File(io.BytesIO(content)) as file:
-        return nested_tables(_tree(file, h5py), source, "HDF5", separator="/"), ""
+        return _tree(file, h5py), ""
 
 
 def _tree(group: Any, h5py: Any) -> dict[str, Any]:

@@ -10,31 +10,27 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat
-from scipy.io.matlab import MatlabFunction, MatlabOpaque, MatReadError
 
 from femfit.core.finding import listing
-from femfit.tables.containers.named_table import NamedTable, library
-from femfit.tables.containers.nested import nested_tables
 
 _OWN = frozenset(("__header__", "__version__", "__globals__", "__function_workspace__"))
 
 
-def read_mat(content: bytes, source: str) -> tuple[list[NamedTable], str]:
-    """Tables of a MAT file up to v7, and what in it cannot be read."""
-    try:
-        tree = loadmat(io.BytesIO(content), simplify_cells=True)  # type: ignore[arg-type]  # stubs know no open file
-    except MatReadError as error:  # of no standard kind
-        raise ValueError(str(error)) from error
+def mat_tree(content: bytes) -> tuple[dict[str, Any], str]:
+    """Variables of a MAT file up to v7 by their names, and what in it cannot be read."""
+    from scipy.io import loadmat  # noqa: PLC0415  in the child alone
+    from scipy.io.matlab import MatlabFunction, MatlabOpaque  # noqa: PLC0415
+
+    tree = loadmat(io.BytesIO(content), simplify_cells=True)  # type: ignore[arg-type]  # stubs know no open file
     tree = {name: value for name, value in tree.items() if name not in _OWN}
     objects = [name for name, value in tree.items() if isinstance(value, MatlabOpaque | MatlabFunction)]
-    kept = {name: value for name, value in tree.items() if name not in objects}
-    return nested_tables(kept, source, "MAT"), _objects(objects)
+    return {name: value for name, value in tree.items() if name not in objects}, _objects(objects)
 
 
-def read_mat73(content: bytes, source: str) -> tuple[list[NamedTable], str]:
-    """Tables of a MAT file of v7.3, and what in it cannot be read."""
-    h5py = library("h5py", "h5py", source)
+def mat73_tree(content: bytes) -> tuple[dict[str, Any], str]:
+    """Variables of a MAT file of v7.3 by their names, and what in it cannot be read."""
+    import h5py  # noqa: PLC0415
+
     objects: list[str] = []
     with h5py.File(io.BytesIO(content)) as file:
         tree: dict[str, Any] = {}
@@ -45,7 +41,7 @@ def read_mat73(content: bytes, source: str) -> tuple[list[NamedTable], str]:
                 objects.append(name)
             else:
                 tree[name] = _value(node, file, h5py)
-    return nested_tables(tree, source, "MAT 7.3"), _objects(objects)
+    return tree, _objects(objects)
 
 
 def _objects(names: list[str]) -> str:

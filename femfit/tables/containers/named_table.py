@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -36,12 +36,10 @@ def _frame(columns: Columns) -> pd.DataFrame:
     return pd.DataFrame(native)
 
 
-def library(module: str, package: str, source: str) -> Any:
-    """Import an optional library that a kind of file needs."""
-    try:
-        return import_module(module)
-    except ImportError as error:
+def require_library(module: str, package: str, source: str) -> None:
+    """Refuse a file where the optional library that its kind needs is not installed."""
+    if find_spec(module) is None:
         raise TableError(
             f"To read {source}, femfit needs the package {package}, which is not installed. Install it with "
             "pip install 'femfit[files]', or export the table as CSV."
-        ) from error
+        )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from femfit.tables.containers.named_table import Columns, NamedTable, table_of_columns
-from femfit.tables.header import parse_header
+from femfit.tables.header import with_unit
 
 Tree = Mapping[str, Any]
 TOP = "/"
@@ -42,13 +42,6 @@ def nested_tables(
     for name, branch in below.items():
         tables += nested_tables(branch, source, kind, separator, f"{path}{separator}{name}" if path else name, around)
     return tables
-
-
-def with_unit(name: str, unit: object) -> str:
-    """Return a column's name with its unit in brackets, where it does not say one itself."""
-    text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit
-    known = isinstance(text, str) and text.strip() and parse_header(name).unit is None
-    return f"{name} [{str(text).strip()}]" if known else name
 
 
 def _sorted(tree: Tree) -> tuple[dict[str, NDArray[Any]], dict[str, Tree]]:

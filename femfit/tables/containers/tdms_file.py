@@ -1,13 +1,16 @@
 """TDMS files of LabVIEW and DIAdem: groups of channels, each with its unit and its step of time."""
 
 import io
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from femfit.core.finding import listing
 from femfit.tables.columns import match_column
-from femfit.tables.containers.named_table import NamedTable, library
-from femfit.tables.containers.nested import nested_tables, with_unit
+from femfit.tables.containers.named_table import NamedTable, require_library
+from femfit.tables.containers.nested import nested_tables
+from femfit.tables.header import with_unit
 
 _NO_CLOCK = (0.0, 1.0)
 """Increments that LabVIEW writes where there is no clock."""
@@ -15,15 +18,29 @@ _NO_CLOCK = (0.0, 1.0)
 
 def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """Tables of a TDMS file, one a group; a waveform's increment gives its time."""
-    nptdms = library("nptdms", "npTDMS", source)
+    require_library("nptdms", "npTDMS", source)
+    from nptdms import TdmsFile  # noqa: PLC0415
+    from nptdms.log import log_manager  # noqa: PLC0415
+
+    log = io.StringIO()
+    terminal = log_manager.console_handler.setStream(log)  # npTDMS prints what it made of damage
+    try:
+        file = TdmsFile.read(io.BytesIO(content))
+    finally:
+        log_manager.console_handler.setStream(terminal)
     tree: dict[str, Any] = {}
-    for group in nptdms.TdmsFile.read(io.BytesIO(content)).groups():
+    for group in file.groups():
         channels = {
             with_unit(channel.name, channel.properties.get("unit_string")): np.asarray(channel[:])
             for channel in group.channels()
         }
         tree[group.name] = _with_time(channels, [dict(channel.properties) for channel in group.channels()])
-    return nested_tables(tree, source, "TDMS", separator="/"), ""
+    tables = nested_tables(tree, source, "TDMS", separator="/")
+    lines = [line.partition("] ")[2] for line in log.getvalue().splitlines()]
+    if not lines:
+        return tables, ""
+    remark = f"The file seems to be damaged: {listing(lines, 3)}."
+    return [replace(table, raw=replace(table.raw, notes=(*table.raw.notes, remark))) for table in tables], remark
 
 
 def _with_time(channels: dict[str, Any], properties: list[dict[str, Any]]) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """WAV recordings of a sound card: channels in parts of full scale, the time from the sample rate."""
 
 import io
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +14,7 @@ _FULL_SCALE = {"int16": 2.0**15, "int32": 2.0**31, "int64": 2.0**63}
 
 def read_wav(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """The one table of a recording: ``time_s`` and ``channel 1`` to ``channel n``, each from -1 to 1."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks that hold no samples, such as a title
-        rate, samples = wavfile.read(io.BytesIO(content))
+    rate, samples = wavfile.read(io.BytesIO(content))
     samples = samples.reshape(len(samples), -1)
     if samples.dtype == np.uint8:
         scaled = (samples - 128.0) / 128.0
