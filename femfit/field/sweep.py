@@ -265,7 +265,7 @@ def _configuration(sweep: VariantSweep, settings: SolverSettings, numbers: Seque
         "variants": [_cold(asdict(variant)) for variant in sweep.variants],
         "settings": asdict(settings),
         "versions": versions(),
-    } | ({"signatures": [asdict(number.facts) for number in numbers]} if numbers else {})
+    } | ({"signatures": [number.facts.solved for number in numbers]} if numbers else {})
     text = json.dumps(content, sort_keys=True)
     return {**content, "hash": hashlib.sha256(text.encode()).hexdigest()}
 
