@@ -87,7 +87,7 @@ class ToleranceAnalysis(Printed):
             facts = one.number
             per = f"{amount(one.gradient, self.quantity)} per {facts.unit or 'one whole'}"
             lines.append(
-                f"  {rounded(100.0 * one.share, 2)} %  {facts.key} +- {amount(facts.tolerance, facts.unit)}: {per}"
+                f"  {rounded(100.0 * one.share, 2)} %  {facts.title} +- {amount(facts.tolerance, facts.unit)}: {per}"
             )
         if left := len(self.shares) - len(shown):
             lines.append(f"  {counted(left, 'further number')}: less than {rounded(100.0 * SHOWN, 1)} % each")
@@ -137,12 +137,13 @@ def analyse_tolerances(
     if quantity not in known:
         raise UsageError(f"quantity must be one of {', '.join(known)}; got {quantity!r}.")
     value = _at(rows, names, point, quantity)
-    gradients = [_at(table.signatures.of(one), names, point, quantity) for one in table.signatures.numbers]
-    scatters = [abs(g) * one.tolerance for g, one in zip(gradients, table.signatures.numbers, strict=True)]
+    numbers = [one for one in table.signatures.numbers if not one.is_contour]  # their corners are numbers themselves
+    gradients = [_at(table.signatures.of(one), names, point, quantity) for one in numbers]
+    scatters = [abs(g) * one.tolerance for g, one in zip(gradients, numbers, strict=True)]
     variance = float(np.sum(np.square(scatters)))
     shares = [
         NumberShare(one, g, s, s**2 / variance if variance else 0.0)
-        for one, g, s in zip(table.signatures.numbers, gradients, scatters, strict=True)
+        for one, g, s in zip(numbers, gradients, scatters, strict=True)
     ]
     return ToleranceAnalysis(
         quantity,

@@ -8,6 +8,7 @@ from cyclopts import Parameter, validators
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from femfit.device.drawn_numbers import NumberFacts
     from femfit.device.parts import Actuator
     from femfit.field.settings import SolverSettings
 
@@ -27,6 +28,8 @@ def view(
     json: Path | None = None,
 ) -> None:
     """Draw geometry, mesh, flux lines, |B| and permeability at a point, and write the field for ParaView.
+
+    The geometry marks the numbers of the drawing and lists what they are: faces, bores, corners.
 
     Parameters
     ----------
@@ -49,9 +52,11 @@ def view(
     from femfit.cli.output import status, write_json
     from femfit.core.errors import UsageError
     from femfit.core.outputs import RESULT, require_outputs
+    from femfit.device.drawn_numbers import in_picture
     from femfit.device.load import read_actuator
     from femfit.report.field_figures import point_title, write_views
     from femfit.report.field_sample import solve_point
+    from femfit.tables.signatures import read_signatures
 
     if row is not None and (not source.is_dir() or distance_mm is not None or current_A):
         raise UsageError(
@@ -62,16 +67,23 @@ def view(
     place: tuple[float, float | tuple[float, ...]] | None = None
     if source.is_dir():
         actuator, settings, place = _swept(source, row)
+        signatures = read_signatures(source)
+        numbers = () if signatures is None else in_picture(signatures.numbers)
     else:
         actuator = read_actuator(source)
+        numbers = _numbers(source)
     distance, current = place or _within(actuator, distance_mm, current_A)
     files = _files(output or Path(f"{Path(actuator.name).name}-view"), what)
     require_outputs([source], *((path, None) for _, path in files), (json, RESULT))
     with status(f"solve {actuator.name}") as say:
         point = solve_point(actuator, distance, current, settings)
         say("draw")
-        sample = write_views(point, files)
+        sample = write_views(point, files, numbers)
     print(f"{actuator.name}: {point_title(sample)}")
+    if numbers and "geometry" in dict(files):
+        print("Numbers of the drawing, as the picture marks them:")
+        for k, one in enumerate(numbers, 1):
+            print(f"  {k}  {one.title} [{one.key}]")
     for _, path in files:
         print(f"written: {path}")
     write_json(
@@ -83,9 +95,21 @@ def view(
             "force_N": sample.force_N,
             "part_flux_density_T": sample.part_flux_density_T,
             "unknowns": sample.unknowns,
+            "numbers": [{"key": one.key, "title": one.title, "at_mm": one.at} for one in numbers],
             "files": {kind: str(path) for kind, path in files},
         },
     )
+
+
+def _numbers(drawing: Path) -> "tuple[NumberFacts, ...]":
+    """Of a drawing that sweeps no parameters, whose numbers are one each."""
+    from femfit.core.errors import ActuatorFileError
+    from femfit.device.drawn_numbers import in_picture, read_numbers
+
+    try:
+        return in_picture(one.facts for one in read_numbers(drawing))
+    except ActuatorFileError:
+        return ()
 
 
 def _swept(

@@ -1,17 +1,27 @@
-"""The faces of a drawing: which numbers of the file move which face, and which faces lie on each other."""
+"""The faces of a drawing: which numbers of the file move which face, and which faces lie on each other.
 
+A face across the axis or along it is one number. Where slanted edges or arcs adjoin it, a tool that goes deeper moves
+them with it, up to the next edges along which they slide: such a contour is one number as well, which stands for its
+flat part, and its corners stay numbers of their own.
+"""
+
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import Any
 
-from femfit.device.complaints import read_part
+from femfit.device.complaints import joined, read_part
 from femfit.device.drawing import fixed_key, table_at
-from femfit.device.file_numbers import Location
+from femfit.device.file_numbers import Location, conducts_flux
 from femfit.device.schema import OutlineEntry
 
 COINCIDENT = 1e-6
 """In mm: coordinates that differ by less are one."""
+
+
+CONTOUR = ".."
+"""Between the first and the last corner of a contour in its key, as ``polygon_mm[8..10][1]``."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +35,33 @@ class Face:
     # Range in mm along the other axis, and on which side the part lies; of a face alone
     span: tuple[float, float] | None = None
     side: int = 0
+    part: Location = ()  # The table of the part
+    label: str = ""  # What a machinist calls it
+    key: str = ""  # Of a contour; that of others is their first location's
+    flat: Location = ()  # First location of the face that a contour stands for
+    slope: str = ""  # What lies beside that in the contour
+    at: tuple[float, float] = (0.0, 0.0)  # A place on it, r and z in mm
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part's table, and the box around it in mm, in r and in z."""
+
+    path: Location
+    body: str
+    entry: OutlineEntry
+    box: tuple[tuple[float, float], tuple[float, float]]
+    conducts_flux: bool
 
 
 def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
-    """The faces of all parts, those that touch as one, in the file's order with coils last; none on the axis."""
-    faces = [face for face in _faces(data) if face.axis == 1 or abs(face.value) > COINCIDENT]
+    """The faces of all parts, those that touch as one, in the file's order with coils last; none on the axis.
+
+    Contours stand behind them.
+    """
+    parts = list(_parts(data))
+    found = [face for part in parts for face in _faces(part)]
+    faces = [face for face in found if not face.key and (face.axis == 1 or abs(face.value) > COINCIDENT)]
     group = list(range(len(faces)))
     for one, other in combinations(range(len(faces)), 2):
         if _touch(faces[one], faces[other]):
@@ -38,53 +70,147 @@ def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
     merged = []
     for place, face in enumerate(faces):
         if group[place] == place:
-            locations = [one.locations for one, own in zip(faces, group, strict=True) if own == place]
-            merged.append(Face(face.axis, face.value, tuple(chain.from_iterable(locations)), face.body))
-    return merged
+            members = [one for one, own in zip(faces, group, strict=True) if own == place]
+            locations = tuple(chain.from_iterable(one.locations for one in members))
+            beside = dict.fromkeys(str(one.part[-1]) for one in members if one.part != face.part)
+            touching = f" on {' and '.join(beside)}" if beside else ""
+            merged.append(replace(face, locations=locations, label=f"{_label(face, parts)}{touching}"))
+    contours = [face for face in found if face.key]
+    for k, face in enumerate(merged):
+        over = [one for one in contours if one.flat in face.locations]
+        if over:
+            merged[k] = replace(face, label=f"{face.label} without {over[0].slope}")
+    named = merged + [_completed(face, merged, parts) for face in contours]
+    count = Counter(face.label for face in named)
+    return [_told_apart(face) if count[face.label] > 1 and face.span else face for face in named]
+
+
+def _told_apart(face: Face) -> Face:
+    """With the range of a face in its name, where its part has another one at the same coordinate."""
+    low, high = face.span or (0.0, 0.0)
+    return replace(face, label=f"{face.label} from {'zr'[face.axis]} = {low:g} to {high:g} mm")
+
+
+def _completed(contour: Face, merged: Sequence[Face], parts: Sequence[_Part]) -> Face:
+    """A contour with what touches its flat faces, and with its label."""
+    over = [face for face in merged if face.span is not None and {*face.locations} & {*contour.locations}]
+    locations = dict.fromkeys(chain(contour.locations, *(face.locations for face in over)))
+    flat = next((face.locations[0] for face in over if contour.flat in face.locations), ())
+    label = _label(contour, parts)
+    label = f"{label} with {contour.slope}" if contour.flat else label
+    return replace(contour, locations=tuple(locations), flat=flat, label=label)
+
+
+def _label(face: Face, parts: Sequence[_Part]) -> str:
+    """What a machinist calls a face."""
+    if face.label or face.span is None:
+        return face.label
+    axis, words = "rz"[face.axis], "face"
+    if face.axis == 0:
+        words = "bore" if face.side > 0 else "outer surface"
+    elif _is_pole(face, parts):
+        words = "pole face"
+    return f"{face.part[-1]}, {words} at {axis} = {face.value:g} mm"
+
+
+def _is_pole(face: Face, parts: Sequence[_Part]) -> bool:
+    """Whether a face of a fixed part that conducts flux looks at the moving part, with nothing fixed between."""
+    own = next(part for part in parts if part.path == face.part)
+    if face.body != "fixed" or face.span is None or not own.conducts_flux:
+        return False
+    towards = -face.side
+    for part in parts:
+        shared = _shared(face.span, part.box[0])
+        ahead = [towards * z for z in part.box[1]]
+        if part.path[0] == "moving" and shared and max(ahead) > towards * face.value:
+            return not any(
+                other.body == "fixed"
+                and other.path != face.part
+                and _shared(shared, other.box[0])
+                and max(towards * z for z in other.box[1]) > towards * face.value + COINCIDENT
+                and min(towards * z for z in other.box[1]) < max(ahead)
+                for other in parts
+            )
+    return False
+
+
+def _shared(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float] | None:
+    low, high = max(one[0], other[0]), min(one[1], other[1])
+    return (low, high) if high - low > COINCIDENT else None
 
 
 def _touch(one: Face, other: Face) -> bool:
     if one.span is None or other.span is None or (one.body, one.axis) != (other.body, other.axis):
         return False
-    shared = min(one.span[1], other.span[1]) - max(one.span[0], other.span[0])
-    return one.side == -other.side and abs(one.value - other.value) < COINCIDENT and shared > COINCIDENT
+    return (
+        one.side == -other.side
+        and abs(one.value - other.value) < COINCIDENT
+        and _shared(one.span, other.span) is not None
+    )
 
 
-def _faces(data: Mapping[str, Any]) -> Iterator[Face]:
-    parts: list[tuple[Location, str, Any]] = []
+def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
+    tables: list[tuple[Location, str, Any]] = []
     for key, body in ((fixed_key(data), "fixed"), ("moving", "moving")):
-        parts += [((key, "regions", name), body, table) for name, table in table_at(data, key, "regions").items()]
+        tables += [((key, "regions", name), body, table) for name, table in table_at(data, key, "regions").items()]
     if isinstance(data.get("coil"), dict):
-        parts.append((("coil",), "fixed", data["coil"]))
+        tables.append((("coil",), "fixed", data["coil"]))
     for name, table in table_at(data, "coils").items():
-        parts.append((("coils", name), "moving" if table.get("moves") is True else "fixed", table))
-    for path, body, table in parts:
+        tables.append((("coils", name), "moving" if table.get("moves") is True else "fixed", table))
+    for path, body, table in tables:
         entry = read_part(OutlineEntry, table)
-        if entry is None:
-            continue
-        if entry.polygon_mm is not None:
-            yield from _of_polygon(entry.polygon_mm, (*path, "polygon_mm"), body)
-        elif entry.circle_mm is not None:
-            yield from _of_circle(entry.circle_mm, (*path, "circle_mm"), body)
-        elif entry.r_mm is not None and entry.z_mm is not None:
-            for axis, key, own, across in ((0, "r_mm", entry.r_mm, entry.z_mm), (1, "z_mm", entry.z_mm, entry.r_mm)):
-                for end, side in ((0, 1), (1, -1)):
-                    yield Face(axis, own[end], ((*path, key, end),), body, (across[0], across[1]), side)
+        box = None if entry is None else _box(entry)
+        if entry is not None and box is not None:
+            yield _Part(path, body, entry, box, conducts_flux(data, table.get("material")))
 
 
-def _of_circle(circle: Sequence[float], path: Location, body: str) -> Iterator[Face]:
+def _box(entry: OutlineEntry) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    if entry.polygon_mm is not None:
+        columns = [[corner[axis] for corner in entry.polygon_mm] for axis in (0, 1)]
+        return (min(columns[0]), max(columns[0])), (min(columns[1]), max(columns[1]))
+    if entry.circle_mm is not None:
+        r, z, radius = entry.circle_mm
+        return (max(r - radius, 0.0), r + radius), (z - radius, z + radius)
+    if entry.r_mm is not None and entry.z_mm is not None:
+        return (entry.r_mm[0], entry.r_mm[1]), (entry.z_mm[0], entry.z_mm[1])
+    return None
+
+
+def _faces(part: _Part) -> Iterator[Face]:
+    entry, path, body = part.entry, part.path, part.body
+    if entry.polygon_mm is not None:
+        yield from _of_polygon(entry.polygon_mm, part)
+    elif entry.circle_mm is not None:
+        yield from _of_circle(entry.circle_mm, part)
+    elif entry.r_mm is not None and entry.z_mm is not None:
+        for axis, key, own, across in ((0, "r_mm", entry.r_mm, entry.z_mm), (1, "z_mm", entry.z_mm, entry.r_mm)):
+            for end, side in ((0, 1), (1, -1)):
+                at = _place(axis, own[end], 0.5 * (across[0] + across[1]))
+                yield Face(axis, own[end], ((*path, key, end),), body, (across[0], across[1]), side, path, at=at)
+
+
+def _place(axis: int, value: float, across: float) -> tuple[float, float]:
+    return (value, across) if axis == 0 else (across, value)
+
+
+def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
     """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
-    _, height, radius = circle
+    place, height, radius = circle
+    path, body, name = (*part.path, "circle_mm"), part.body, part.path[-1]
+    size = f"{name}, radius of {radius:g} mm"
     if abs(height - radius) < COINCIDENT:
-        yield Face(1, radius, ((*path, 2), (*path, 1)), body)
+        top = place, height + radius
+        yield Face(1, radius, ((*path, 2), (*path, 1)), body, part=part.path, label=size, at=top)
     else:
-        yield Face(1, radius, ((*path, 2),), body)
-        yield Face(1, height, ((*path, 1),), body)
-    yield Face(0, circle[0], ((*path, 0),), body)
+        yield Face(1, radius, ((*path, 2),), body, part=part.path, label=size, at=(place, height + radius))
+        centre = f"{name}, centre at z = {height:g} mm"
+        yield Face(1, height, ((*path, 1),), body, part=part.path, label=centre, at=(place, height))
+    centre = f"{name}, centre at r = {place:g} mm"
+    yield Face(0, place, ((*path, 0),), body, part=part.path, label=centre, at=(place, height))
 
 
-def _of_polygon(corners: Sequence[Sequence[float]], path: Location, body: str) -> Iterator[Face]:
-    """Runs of edges across an axis, and the coordinates of all other corners."""
+def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Face]:
+    """Runs of edges across an axis, the coordinates of all other corners, and contours."""
     places = [[k] for k in range(len(corners))]
     if list(corners[0]) == list(corners[-1]):
         places[0] += places.pop()
@@ -93,27 +219,73 @@ def _of_polygon(corners: Sequence[Sequence[float]], path: Location, body: str) -
         corners[k][0] * corners[(k + 1) % count][1] - corners[(k + 1) % count][0] * corners[k][1] for k in range(count)
     )
     sense = 1 if area > 0.0 else -1
+    joins = [[_is_across(corners[k], corners[(k + 1) % count], axis) for k in range(count)] for axis in (0, 1)]
+    path = (*part.path, "polygon_mm")
     for axis in (0, 1):
-        across = 1 - axis
-        joins = [
-            abs(corners[k][axis] - corners[(k + 1) % count][axis]) < COINCIDENT
-            and not (len(corners[k]) == 3 and corners[k][2])
-            for k in range(count)
-        ]
-        start = next((k for k in range(count) if not joins[k - 1]), 0)
-        run: list[int] = []
-        for step in range(count):
-            k = (start + step) % count
-            run.append(k)
-            if joins[k] and step < count - 1:
-                continue
+        across, flat = 1 - axis, []
+        for run in _runs(joins[axis]):
             locations = tuple((*path, place, axis) for one in run for place in places[one])
-            along = [corners[one][across] for one in run]
+            along, value = [corners[one][across] for one in run], corners[run[0]][axis]
             if len(run) == 1:
-                yield Face(axis, corners[k][axis], locations, body)
+                r, z = corners[run[0]][:2]
+                label = f"{part.path[-1]}, corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
+                face = Face(axis, value, locations, part.body, part=part.path, label=label, at=(r, z))
             else:
                 rising = along[-1] > along[0]
                 # The inside lies to the left of an outline that runs counter-clockwise
                 side = sense * (1 if rising == (axis == 1) else -1)
-                yield Face(axis, corners[k][axis], locations, body, (min(along), max(along)), side)
+                ends = min(along), max(along)
+                at = _place(axis, value, 0.5 * (along[0] + along[-1]))
+                face = Face(axis, value, locations, part.body, ends, side, part.path, at=at)
+                flat.append((run, face))
+            yield face
+        for run in _runs([not one for one in joins[across]]):
+            if 1 < len(run) < count and not all(joins[axis][k] for k in run[:-1]):
+                yield _contour(corners, places, run, axis, [face for own, face in flat if own[0] in run], part)
+
+
+def _is_across(one: Sequence[float], other: Sequence[float], axis: int) -> bool:
+    """Whether the edge between two corners is straight and lies at one coordinate."""
+    return abs(one[axis] - other[axis]) < COINCIDENT and not (len(one) == 3 and bool(one[2]))
+
+
+def _runs(joins: Sequence[bool]) -> Iterator[list[int]]:
+    """Corners that edges join, each to the next one, around an outline."""
+    count = len(joins)
+    start, run = next((k for k in range(count) if not joins[k - 1]), 0), []
+    for step in range(count):
+        k = (start + step) % count
+        run.append(k)
+        if not joins[k] or step == count - 1:
+            yield run
             run = []
+
+
+def _contour(
+    corners: Sequence[Sequence[float]],
+    places: Sequence[Sequence[int]],
+    run: Sequence[int],
+    axis: int,
+    flat: Sequence[Face],
+    part: _Part,
+) -> Face:
+    """All corners of a run, named by its longest flat face, or by its ends where it has none."""
+    path = (*part.path, "polygon_mm")
+    locations = tuple((*path, place, axis) for one in run for place in places[one])
+    key = f"{joined('', *path)}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
+    values, along = [corners[k][axis] for k in run], [corners[k][1 - axis] for k in run]
+    if not flat:
+        ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
+        label = f"{part.path[-1]}, slanted face from {ends}"
+        at = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
+        return Face(axis, values[0], locations, part.body, part=part.path, label=label, key=key, at=at)
+    longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)
+    curved = any(len(corners[k]) == 3 and corners[k][2] for k in run[:-1])
+    return replace(
+        longest,
+        locations=locations,
+        span=(min(along), max(along)),
+        key=key,
+        flat=longest.locations[0],
+        slope="its curve" if curved else "its cone",
+    )

@@ -2,22 +2,23 @@
 
 A number is a face's coordinate, whether a box gives it once or a polygon at several corners. Where parts touch along a
 face it belongs to both of them: a drawing in which one of them alone changed would have a slit or an overlap there. A
+face that moves with the slanted edges beside it stands for the same face without them wherever causes are looked for. A
 coordinate that the drawing counts from, as the moving part's nearest face, is none; nor is what an effect of the
 catalogue scales exactly (turns and resistance of a circuit's only coil, the remanence of the only magnet material).
 """
 
 from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.paths import path_of
 from femfit.device.complaints import joined
 from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, decimal_sum, scaled
 from femfit.device.drawing import table_at
-from femfit.device.drawn_faces import drawn_faces
+from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import Location, with_value
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region
@@ -41,6 +42,10 @@ class NumberFacts:
     unit: str  # As the file has it: mm, T, or empty
     tolerance: float  # Standard deviation, in the unit or as a share
     effect: str = ""  # Of the catalogue, where that stands for this number in a diagnosis
+    label: str = ""  # What a machinist calls it; sweeps of before have none
+    stands_for: str = ""  # Key of the number that is no suspect beside this one
+    declared: bool = False  # Whether the drawing gives the tolerance
+    at: tuple[float, float] | None = None  # Of a length: a place in the drawing that it moves, r and z in mm
 
     @property
     def name(self) -> str:
@@ -59,7 +64,44 @@ class NumberFacts:
     @property
     def subject(self) -> str:
         """The number as the subject of a sentence."""
-        return KINDS[self.kind].words.format(key=self.key, name=self.key.split(".")[1] if "." in self.key else "")
+        part, comma, face = self.label.partition(", ")
+        words = f"the {part}'s {face}" if comma else f"the {part}"
+        name = self.key.split(".")[1] if "." in self.key else ""
+        return KINDS[self.kind].words.format(key=words if self.label else self.key, name=name)
+
+    @property
+    def title(self) -> str:
+        """The number at the head of a line."""
+        return self.label or self.subject
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Key paths of all that moves."""
+        return self.also if self.is_contour else (self.key, *self.also)
+
+    @property
+    def is_contour(self) -> bool:
+        """Whether it moves several numbers of the drawing, each of which is one by itself."""
+        return CONTOUR in self.key
+
+    @property
+    def solved(self) -> dict[str, Any]:
+        """What its slopes depend on, as JSON-ready data: what it is called changes none."""
+        return {
+            key: value for key, value in asdict(self).items() if key not in {"label", "stands_for", "declared", "at"}
+        }
+
+    def overlaps(self, other: "NumberFacts") -> bool:
+        """Whether the two move the same place of the drawing."""
+        return bool({*self.paths} & {*other.paths})
+
+
+class Words(NamedTuple):
+    """What a length is called, and where it stands, as :class:`NumberFacts` has it."""
+
+    label: str
+    stands_for: str
+    at: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -70,6 +112,13 @@ class DrawnNumber:
     step: float  # In the unit or as a share
     larger: Actuator
     smaller: Actuator
+
+
+def in_picture(numbers: Iterable[NumberFacts]) -> tuple[NumberFacts, ...]:
+    """The lengths that a picture of the drawing marks, in its order; a face with its cone for the one without."""
+    numbers = tuple(numbers)
+    replaced = {one.stands_for for one in numbers}
+    return tuple(one for one in numbers if one.at is not None and one.key not in replaced)
 
 
 def read_numbers(path: str | Path, *, harmonic: bool = False) -> tuple[DrawnNumber, ...]:
@@ -107,17 +156,19 @@ def numbers_from_toml(
         *_turns(data, actuator),
     ]
     return tuple(
-        replace(one, facts=replace(one.facts, tolerance=_tolerance(one.facts, given, general)))
+        replace(one, facts=_with_tolerance(one.facts, given, general))
         for one in found
         if harmonic or KINDS[one.facts.kind].at_rest
     )
 
 
-def _tolerance(number: NumberFacts, given: Mapping[str, float], general: float | None) -> float:
-    named = [given[key] for key in (number.key, *number.also) if key in given]
+def _with_tolerance(number: NumberFacts, given: Mapping[str, float], general: float | None) -> NumberFacts:
+    named = [given[key] for key in dict.fromkeys((number.key, *number.also)) if key in given]
     if named:
-        return named[0] if number.unit else named[0] / abs(number.value)
-    return general if number.unit == "mm" and general is not None else number.tolerance
+        return replace(number, tolerance=named[0] / number.per(number.value), declared=True)
+    if number.unit == "mm" and general is not None:
+        return replace(number, tolerance=general, declared=True)
+    return number
 
 
 def _changed(data: dict[str, Any], locations: Iterable[Location], change: float) -> dict[str, Any]:
@@ -133,12 +184,22 @@ def _changed(data: dict[str, Any], locations: Iterable[Location], change: float)
 def _lengths(data: dict[str, Any], source: str, directory: Path | None) -> Iterator[DrawnNumber]:
     """The faces of the parts; without those that the drawing counts from, which cannot be elsewhere."""
     for face in drawn_faces(data):
-        yield from _place(data, face.locations, "length", face.value, source, directory)
+        flat = joined("", *face.flat) if face.flat else ""
+        words = Words(face.label, flat, at=face.at)
+        yield from _place(data, face.locations, "length", face.value, source, directory, words, face.key)
 
 
 def _place(
-    data: dict[str, Any], locations: tuple[Location, ...], kind: str, value: float, source: str, directory: Path | None
+    data: dict[str, Any],
+    locations: tuple[Location, ...],
+    kind: str,
+    value: float,
+    source: str,
+    directory: Path | None,
+    words: Words,
+    key: str = "",
 ) -> Iterator[DrawnNumber]:
+    """The number that these places are, if it can be built with a little more and a little less of it."""
     step = STEP["mm"]
     try:
         larger, smaller = (
@@ -146,8 +207,9 @@ def _place(
         )
     except ActuatorFileError:
         return
-    key, *also = dict.fromkeys(joined("", *one) for one in locations)
-    facts = NumberFacts(key, tuple(also), kind, value, "mm", length_tolerance(value))
+    paths = [joined("", *one) for one in locations]
+    name, *also = dict.fromkeys([key, *paths] if key else paths)
+    facts = NumberFacts(name, tuple(also), kind, value, "mm", length_tolerance(value), **words._asdict())
     yield DrawnNumber(facts, step, larger, smaller)
 
 
@@ -159,7 +221,9 @@ def _hall_places(data: dict[str, Any], source: str, directory: Path | None) -> I
         if isinstance(table, dict) and table.get("kind", path[0]) == "hall":
             for key in ("r_mm", "z_mm"):
                 if key == "z_mm" or table[key] > 0.0:
-                    yield from _place(data, ((*path, key),), "hall_place", float(table[key]), source, directory)
+                    value, label = float(table[key]), f"Hall element at {key[0]} = {table[key]:g} mm"
+                    words = Words(label, "", at=(float(table["r_mm"]), float(table["z_mm"])))
+                    yield from _place(data, ((*path, key),), "hall_place", value, source, directory, words)
             return
 
 

@@ -2,7 +2,8 @@
 
 import difflib
 from collections.abc import Iterator, Mapping
-from typing import Any, get_args
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from femfit.device.complaints import joined
 from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, scaled
@@ -77,6 +78,18 @@ def known_materials(data: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
 
 
+SOFT = 10.0
+"""Conventional: relative permeability from which a part carries flux, as a pole does; magnets have little above 1."""
+
+
+def conducts_flux(data: Mapping[str, Any], material: object) -> bool:
+    """Whether a material of the file, or of the library, is soft magnetic."""
+    table = table_at(data, "materials").get(str(material))
+    if table is None and str(material) in LIBRARY:
+        table = library_table(str(material))
+    return has_curve(table) or (isinstance(table, dict) and table.get("relative_permeability", 1.0) > SOFT)
+
+
 def with_value(data: dict[str, Any], location: Location, value: float | str) -> None:
     """Set a number of a file, or the name of a material, in place."""
     first, name = location[:2]
@@ -86,6 +99,23 @@ def with_value(data: dict[str, Any], location: Location, value: float | str) -> 
     for key in location[:-1]:
         place = place[key]
     place[location[-1]] = value
+
+
+_NOT_OF_THE_DEVICE = {
+    "schema": "it says how the file is written",
+    "sweep": "it is of the grid itself",
+    "solver": "it says how the field is solved, not what the device is",
+    "thermal": "temperatures alone depend on it, which a sweep does not solve",
+    "reference": "it says what a closed loop is asked for, not what the device is",
+    "tolerances": "it says how far another number may be off",
+}
+_BITS = "bits", "adc_bits"
+
+
+def why_no_number(path: str) -> str:
+    """Why a number of the file can neither be swept nor be off; empty for all others."""
+    first, last = path.partition(".")[0], path.rpartition(".")[2]
+    return "a converter has a whole number of bits" if last in _BITS else _NOT_OF_THE_DEVICE.get(first, "")
 
 
 def nearest_numbers(path: str, data: Mapping[str, Any]) -> list[str]:
@@ -135,10 +165,17 @@ def _in_table(entry: type[Entry], table: object, path: Location) -> Iterator[Loc
     if not isinstance(table, dict):
         return
     for key, info in entry.model_fields.items():
-        if info.annotation is float or float in get_args(info.annotation):
+        if _is_number(info.annotation):
             yield (*path, key)
         elif isinstance(table.get(key), list):
             yield from _in_list(table[key], (*path, key))
+
+
+def _is_number(annotation: object) -> bool:
+    """Whether a field holds a number, under whatever alias and with or without None beside it."""
+    return annotation is float or (
+        get_origin(annotation) in {Annotated, Union, UnionType} and any(map(_is_number, get_args(annotation)))
+    )
 
 
 def _in_list(values: list[Any], path: Location) -> Iterator[Location]:

@@ -18,6 +18,7 @@ from femfit.device.file_numbers import (
     nearest_numbers,
     numbers_of,
     unit_of,
+    why_no_number,
 )
 from femfit.device.parameters import (
     AXES,
@@ -148,7 +149,9 @@ def _following(given: object, path: str, data: Mapping[str, Any], problems: list
 
 def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]) -> Location | None:
     location = numbers_of(data).get(name)
-    if location is None:
+    if location is None and (why := why_no_number(name)):
+        problems.append(f"{path} cannot be {name[:100]!r}: {why}. Leave it out.")
+    elif location is None:
         near = nearest_numbers(name, data)
         problems.append(
             f"{path} must be the key path of a number or a material in this file; {name[:100]!r} is none. "

@@ -5,7 +5,8 @@ from typing import Any
 
 from femfit.device.complaints import joined, read_table
 from femfit.device.drawing import fixed_key, table_at
-from femfit.device.file_numbers import nearest_numbers, numbers_of
+from femfit.device.drawn_faces import CONTOUR, drawn_faces
+from femfit.device.file_numbers import nearest_numbers, numbers_of, why_no_number
 from femfit.device.schema import ToleranceEntry
 
 LARGEST = 1e5
@@ -23,7 +24,11 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     for key, value in table.items():
         if key in own:
             continue
-        if key not in known:
+        if CONTOUR in key and any(face.key == key for face in drawn_faces(data)):
+            known.add(key)
+        if key not in known and (why := why_no_number(key)):
+            problems.append(f"tolerances.{key!r} cannot be given: {why}. Leave it out.")
+        elif key not in known:
             near = ", ".join(nearest_numbers(key, data))
             problems.append(f"tolerances.{key!r} must be a key path of this file in quotes. Near it: {near}.")
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < LARGEST:

@@ -47,7 +47,7 @@ def require_same_elsewhere(drawing: Path, written: Path) -> None:
 def rewritten(
     text: str, values: Iterable[tuple[NumberFacts, float]], source: str, directory: Path | None = None
 ) -> str:
-    """The text with other values of its numbers; those of faces move all key paths of the number by the same length.
+    """The text with other values of its numbers; those of faces move all their places by the same length.
 
     A number of a library's material, or a curve from a file, is written into ``[materials.NAME]``; the value of a curve
     is a factor.
@@ -60,9 +60,9 @@ def rewritten(
         if one.kind.startswith("curve_"):
             _scale_curve(tables, one.key, value, actuator_from_tables(drawn, source, directory))
         elif one.unit:
-            for key in (one.key, *one.also):
-                before = _at(drawn, locations[key])
-                with_value(tables, locations[key], decimal_sum(decimal_sum(before, -1.0, one.value), 1.0, value))
+            for path in one.paths:
+                before = _at(drawn, locations[path])
+                with_value(tables, locations[path], decimal_sum(decimal_sum(before, -1.0, one.value), 1.0, value))
         else:
             before = _at(drawn, locations[one.key])
             with_value(tables, locations[one.key], math.copysign(value, one.value if before is None else before))

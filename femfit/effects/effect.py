@@ -188,6 +188,8 @@ class Effect:
     # What stands with it in the model file, of an effect that no name finds; see :mod:`femfit.model.carried`
     carried: object | None = None
     of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.of_circuits`
+    title: str = ""  # What texts call it, where its name is a key path
+    stands_for: str = ""  # Name of an effect that is no suspect beside this one
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:

@@ -1,7 +1,7 @@
 """Says in plain words, with units, what the fitted parameters of an effect mean."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from femfit.core.amount import amount, amount_range
 from femfit.core.ties import first_best
@@ -69,3 +69,26 @@ def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | No
     if "{signed}" not in p.words and value < 0.0:
         low, high = -high, -low
     return f"{clause} (95 %: {range_of(p, low, high, nominal)})"
+
+
+def titles_of(effects: Iterable[Effect]) -> dict[str, str]:
+    """What texts call effects whose names are key paths, by their names."""
+    return {effect.name: effect.title for effect in effects if effect.title}
+
+
+def titled(text: str, titles: Mapping[str, str]) -> str:
+    """A text with titles in place of key paths; a command keeps them, and so does the line that a number heads."""
+    if not titles:
+        return text
+    keys = "|".join(map(re.escape, sorted(titles, key=len, reverse=True)))
+    name = re.compile(rf"(?<![\w.])({keys})(?![\w\[])(?!\.[\w.])")
+    head = re.compile(rf"^( *)({keys})(?=[:,])")
+
+    def line(words: str) -> str:
+        if "femfit add " in words or "femfit calibrate " in words:
+            return words
+        first = head.match(words)
+        start = f"{first[1]}{titles[first[2]]} [{first[2]}]" if first else ""
+        return start + name.sub(lambda match: titles[match[1]], words[first.end() if first else 0 :])
+
+    return "\n".join(map(line, text.split("\n")))

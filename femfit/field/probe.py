@@ -1,5 +1,6 @@
 """The field of a drawing at places, as a probe would read it."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,32 +14,39 @@ from femfit.field.problem import prepare
 from femfit.field.settings import settings_for
 from femfit.field.weak_form import flux_density
 
+AxialField = Callable[[FloatArray, FloatArray], FloatArray]
+"""Radii and heights of readings in m, shapes (n,) each -> B_z in T there; a radius across the axis may be negative."""
 
-def axial_field(
-    actuator: Actuator, distance: FloatArray, current: FloatArray, radius: FloatArray, height: FloatArray
-) -> FloatArray:
-    """Solve the drawing at every distance and current that occurs, and return B_z in T at the places.
+
+def axial_field(actuator: Actuator, distance: FloatArray, current: FloatArray) -> AxialField:
+    """Solve the drawing at every distance and current that occurs, once for all places.
 
     Parameters
     ----------
-    distance, current, radius, height : array, shape (n,)
-        In m and A; the radius of a scan across the axis may be negative.
+    distance, current : array, shape (n,)
+        Of each reading, in m and A.
 
     Raises
     ------
     DomainError
-        If a place lies outside of the solved domain.
+        If a place lies outside of the solved domain, once the field is evaluated there.
     """
-    settings, result = settings_for(actuator), np.zeros(len(distance))
-    layout = layout_of(actuator, settings)
+    settings = settings_for(actuator)
+    layout, solved = layout_of(actuator, settings), []
     for d in np.unique(distance):
         problem = prepare(actuator, (float(d),), layout, settings)
         for i in np.unique(current[distance == d]):
             here = np.flatnonzero((distance == d) & (current == i))
-            density = flux_density(problem.field(float(d), float(i)).w)
+            solved.append((here, problem.mesh, flux_density(problem.field(float(d), float(i)).w)))
+
+    def evaluate(radius: FloatArray, height: FloatArray) -> FloatArray:
+        result = np.zeros(len(distance))
+        for here, mesh, density in solved:
             for k in here:
-                result[k] = _at(density, problem.mesh, abs(float(radius[k])), float(height[k]))
-    return result
+                result[k] = _at(density, mesh, abs(float(radius[k])), float(height[k]))
+        return result
+
+    return evaluate
 
 
 def _at(density: Any, mesh: Any, radius: float, height: float) -> float:

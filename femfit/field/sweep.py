@@ -270,7 +270,7 @@ def _configuration(sweep: VariantSweep, settings: SolverSettings, numbers: Seque
         "the drawing": _of_field([asdict(sweep.actuator), [asdict(variant) for variant in sweep.variants]]),
         "the solver's settings": configuration["settings"],
         "the programs' versions": configuration["versions"],
-        "the signatures asked for": _of_field([asdict(number.facts) for number in numbers]),
+        "the signatures asked for": _of_field([number.facts.solved for number in numbers]),
     }
     return {**configuration, "parts": {name: _hash(content) for name, content in parts.items()}, "hash": _hash(parts)}
 

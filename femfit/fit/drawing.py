@@ -12,7 +12,7 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerance_defaults import KINDS
 from femfit.fit.coenergy import CoenergyFit
 from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system
-from femfit.fit.constants import DRAWN_MISFIT, U_DEGREE
+from femfit.fit.constants import AT_THE_GAP, DRAWN_MISFIT, U_DEGREE
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import TensorSpline, basis_matrix
@@ -42,11 +42,24 @@ def drawn_effects(
     found, notes = [], []
     for k, number in enumerate(numbers):
         terms = _terms(number, coenergy.basis, magnetic[:, k], hall, None if sensed is None else sensed[:, k])
-        found.append(
-            DrawnEffect(number.key, number.also, number.subject, number.value, number.unit, number.tolerance, terms)
-        )
+        found.append(replace(drawn_effect(number, terms), gap_m=_gap(number, coenergy, rows, slopes[:of_fields, :, k])))
         notes += _missed(number, coenergy.basis, magnetic[:, k], rows, slopes[0][:, k])
     return tuple(found), tuple(notes)
+
+
+def drawn_effect(number: NumberFacts, terms: tuple[FieldTerm, ...], *, at_rest: bool = False) -> DrawnEffect:
+    """A number with what it changes."""
+    return DrawnEffect(
+        number.key,
+        number.also,
+        number.subject,
+        number.value,
+        number.unit,
+        number.tolerance,
+        terms,
+        at_rest=at_rest,
+        stands_for=number.stands_for,
+    )
 
 
 def _aligned(signatures: Signatures, rows: FitRows) -> tuple[BoolArray, FloatArray]:
@@ -60,6 +73,23 @@ def _aligned(signatures: Signatures, rows: FitRows) -> tuple[BoolArray, FloatArr
     slopes = np.stack([table.to_numpy().T for table in tables], axis=2)
     known = np.isfinite(slopes).all(axis=(0, 2))
     return known, slopes[:, known]
+
+
+def _gap(number: NumberFacts, coenergy: CoenergyFit, rows: FitRows, slopes: FloatArray) -> float:
+    """By how much a unit of a number shortens the distance, in m; zero of one that acts otherwise as well.
+
+    The force and the flux linkage count by their slopes along the distance.
+    """
+    coefficients = coenergy.magnetics.spline.coefficients.ravel()
+    along = [
+        sign * coenergy.basis.columns(rows.distance, rows.current, order) @ coefficients
+        for sign, order in ((1.0, (2, 0)), (-1.0, (1, 1)))
+    ]
+    size = np.array([rms(one) or 1.0 for one in along[: len(slopes)]])[:, None]
+    nearer, changed = np.array(along[: len(slopes)]) / size, slopes / size
+    gap = float(np.sum(nearer * changed) / np.sum(nearer**2))
+    left = rms((changed - gap * nearer).ravel())
+    return gap if number.kind == "length" and left < AT_THE_GAP * rms(changed.ravel()) else 0.0
 
 
 def _fit_hall(hall: HallFit, rows: FitRows, slopes: FloatArray) -> FloatArray:
@@ -97,4 +127,4 @@ def _missed(
         return []
     share = amount(left / size, "")
     few = "the swept distances are too few to follow it. Sweep more of them."
-    return [f"The change of force by {number.key} is known within {share} only: {few}"]
+    return [f"The change of force by {number.subject} is known within {share} only: {few}"]

@@ -15,6 +15,7 @@ from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerance_defaults import KINDS
 from femfit.fit.constants import EDDY_PER_DECADE
+from femfit.fit.drawing import drawn_effect
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.impedance import induced_impedance
@@ -61,9 +62,7 @@ def with_impedances(
 
 def _without_terms(number: NumberFacts) -> DrawnEffect:
     at_rest = KINDS[number.kind].at_rest
-    return DrawnEffect(
-        number.key, number.also, number.subject, number.value, number.unit, number.tolerance, (), at_rest=at_rest
-    )
+    return drawn_effect(number, (), at_rest=at_rest)
 
 
 def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArray, eddy: EddyCurrents) -> ComplexArray:

@@ -227,6 +227,9 @@ WRONG_SHAPE = 1.0
 SCAN_STEP_M = 1e-4
 """Numerical: distance over which the field's slopes are taken, small beside any probe's place and above rounding."""
 
+SCAN_STEPS, SCAN_SETTLED = 30, 0.02
+"""Numerical: most steps of the fit to a probe scan, and the part of the standard errors below which one ends it."""
+
 LEAST_SCAN = 8
 """Conventional: twice as many readings as numbers that are fitted to a probe scan."""
 

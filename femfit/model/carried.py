@@ -44,9 +44,14 @@ class FieldTerm:
 
 @dataclass(frozen=True, eq=False)
 class FieldChange:
-    """The ``coenergy`` stage of a carried effect: W' + sum of a^n S(u(d), i)."""
+    """The ``coenergy`` stage of a carried effect: W' + sum of a^n S(u(d), i).
+
+    A face at the gap moves as the distance does: where its S is mostly g F, with g the ``gap_m`` by which one unit of
+    its parameter a shortens the distance, all orders of W'(d - g a, i) above the first belong to it as well.
+    """
 
     terms: tuple[FieldTerm, ...]
+    gap_m: float = 0.0
 
     def __call__(
         self,
@@ -67,6 +72,10 @@ class FieldChange:
                 if spline is not None and size != 0.0:
                     values = term.coordinate.partial_derivatives(spline, distance, current, orders)
                     result[k] += size * taylor(values, in_distance, in_current)
+        if self.gap_m and (shift := self.gap_m * p[self.terms[0].parameter]):
+            drawn = inner(distance, current, in_distance + 1, in_current)
+            beyond = inner(distance - shift, current, in_distance, in_current) - drawn + shift * drawn.along_distance()
+            result[0] += beyond.coefficients[0]
         return TaylorSeries(result)
 
 

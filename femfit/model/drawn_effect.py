@@ -14,6 +14,9 @@ PLAUSIBLE, POSSIBLE = 3.0, 10.0
 LEAST = -0.9
 """Of a share: a tenth of the drawn number is left, whatever a fit tries."""
 
+NEAREST = 0.5
+"""Numerical: part of the smallest swept distance, with what adds to it as the flux's path, that a face may close."""
+
 NEEDS = ("force_N|flux_linkage_Wb|inductance_H|hall_V",)
 
 HARMONIC_NEEDS = "frequency_Hz", "inductance_H|resistance_ohm"
@@ -47,6 +50,8 @@ class DrawnEffect:
     conducts: bool = False  # Whether it is the conductivity of all that conducts
     # Whether fields at rest depend on it though the model has no terms for that: impedances tell it, nothing carries it
     at_rest: bool = False
+    stands_for: str = ""  # Key of the number that is no suspect beside this one
+    gap_m: float = 0.0  # Of a face at the gap: by how much a unit of the parameter shortens the distance
 
     @property
     def parameter(self) -> str:
@@ -64,8 +69,8 @@ class DrawnEffect:
         change = EffectParameter(
             self.parameter,
             unit=self.unit,
-            bounds=(max(-POSSIBLE * self.tolerance, -math.inf if self.unit else LEAST), POSSIBLE * self.tolerance),
-            plausible=(-PLAUSIBLE * self.tolerance, PLAUSIBLE * self.tolerance),
+            bounds=self._within(POSSIBLE),
+            plausible=self._within(PLAUSIBLE),
             description=f"True less drawn value of {self.key}{'' if self.unit else ', over the drawn one'}.{also}",
             words=words,
         )
@@ -76,7 +81,7 @@ class DrawnEffect:
             f"{shown} are those of a device in which {self.key} is another number.",
             (change,),
             Carried(
-                FieldChange(self.terms) if self.terms or self.at_rest else None,
+                FieldChange(self.terms, self.gap_m) if self.terms or self.at_rest else None,
                 impedance=self.impedance,
                 conductivity=Conductivity(self.parameter) if self.conducts else None,
             ),
@@ -84,7 +89,18 @@ class DrawnEffect:
             reference="Signature computed from the drawing's own field",
         )
         needs = EDDY_NEEDS if self.conducts else HARMONIC_NEEDS if self._harmonic else NEEDS
-        return replace(made, needs=needs, calibrations=self._calibrations)
+        title = "" if self.subject == self.key else self.subject
+        return replace(made, needs=needs, calibrations=self._calibrations, title=title, stands_for=self.stands_for)
+
+    def _within(self, tolerances: float) -> tuple[float, float]:
+        """So many tolerances either way, and of a face at the gap at most half of the smallest path of the flux."""
+        size = tolerances * self.tolerance
+        low, high = max(-size, -math.inf if self.unit else LEAST), size
+        for term in self.terms if self.gap_m else ():
+            if term.coenergy is not None and term.coordinate.inverse:
+                room = NEAREST * term.coordinate.reference_distance_m / (term.coenergy.x_knots[-1] * abs(self.gap_m))
+                low, high = (low, min(high, room)) if self.gap_m > 0.0 else (max(low, -room), high)
+        return low, high
 
     @property
     def _harmonic(self) -> bool:

@@ -20,12 +20,16 @@ def drawn_to(drawn: DrawnEffect) -> dict[str, Any]:
         "magnetics": [term_to(term) for term in drawn.terms],
         **({} if drawn.impedance is None else {"impedance": impedance_to(drawn.impedance)}),
         **{key: True for key in _TRUTHS if getattr(drawn, key)},
+        **({"stands_for": drawn.stands_for} if drawn.stands_for else {}),
+        **({"gap_m": drawn.gap_m} if drawn.gap_m else {}),
     }
 
 
 def drawn_from(section: Section) -> DrawnEffect:
     """The number of :func:`drawn_to`."""
-    section.refuse_others((*_TEXTS, *_TRUTHS, "also", "value", "tolerance", "magnetics", "impedance"))
+    section.refuse_others(
+        (*_TEXTS, *_TRUTHS, "also", "value", "tolerance", "magnetics", "impedance", "stands_for", "gap_m")
+    )
     also = section.data.get("also", [])
     if not isinstance(also, list) or not all(isinstance(one, str) for one in also):
         raise section.refusal("also", "a list of key paths")
@@ -43,4 +47,6 @@ def drawn_from(section: Section) -> DrawnEffect:
         impedance=impedance_from(impedance, known) if impedance else None,
         conducts=truths["conducts"],
         at_rest=truths["at_rest"],
+        stands_for=section.text("stands_for") if "stands_for" in section.data else "",
+        gap_m=section.number("gap_m", absent=0.0) if terms else 0.0,
     )

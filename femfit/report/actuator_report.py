@@ -12,6 +12,7 @@ from femfit.audit.carried import COLD_C, WARM_C, carried_range
 from femfit.core.amount import axis_scale
 from femfit.core.arrays import FloatArray
 from femfit.core.constants import GRAVITY
+from femfit.device.drawn_numbers import in_picture
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
@@ -133,7 +134,9 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     rating = rate(model, actuator, grid, content.heat)
     if actuator is not None:
         distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
-        figures["actuator"] = partial(actuator_figure, actuator, distance)
+        signatures = content.sweep.signatures if content.sweep is not None else None
+        numbers = in_picture(signatures.numbers) if signatures is not None else ()
+        figures["actuator"] = partial(actuator_figure, actuator, distance, numbers=numbers)
         if content.field is not None:
             figures["field"] = partial(field_figure, actuator, content.field)
     if rating is not None:

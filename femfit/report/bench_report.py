@@ -10,6 +10,7 @@ from typing import Any
 from femfit import __version__
 from femfit.core.atomic import replacing
 from femfit.effects.effect import AddedEffect
+from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.compare import Comparison
 from femfit.identify.comparison.curves import measured_curves
 from femfit.identify.comparison.fall import ErrorFall
@@ -115,7 +116,7 @@ def render_diagnosis(
         more, drawn = error_fall(observations, after, floor, steps, rms_before_and_after(diagnosis.error_fall), None)
         facts |= more | {"quoted_source": shlex.quote(source)}
         figures |= drawn
-    return _render(facts, sections, figures)
+    return titled(_render(facts, sections, figures), titles_of(observations.nominal.drawn))
 
 
 def render_comparison(comparison: Comparison) -> str:
@@ -156,7 +157,7 @@ def render_added(result: AddResult, hashes: Sequence[tuple[str, str]] = ()) -> s
         sections.insert(1, "remainder")
         facts["remainder"] = result.sentences
         drawn["remainder"] = partial(remainder_figure, result.added[-1], observations)
-    return _render(facts, sections, figures | drawn)
+    return titled(_render(facts, sections, figures | drawn), titles_of(observations.nominal.drawn))
 
 
 def noise_scale(comparison: Comparison) -> tuple[dict[str, float], dict[str, float], bool]:

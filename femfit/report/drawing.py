@@ -1,10 +1,12 @@
 """The actuator's full section, drawn to scale with its dimensions."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.parts import Actuator, Coil, LinearMaterial, NonlinearMaterial, Region
 from femfit.field.outline import part_corners
 from femfit.report.numbers import plain, significant
@@ -26,15 +28,24 @@ if TYPE_CHECKING:
 
 MM = 1e3
 
+CLOSE = 0.025
+"""Of the picture's height: numbers nearer to each other would cover one another."""
+
+ROWS, ROW_INCHES = 14, 0.16
+"""By what a picture grows with the numbers that stand in its list, beside the lines of the parts."""
+
 _BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 
 
 @styled
-def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> "Figure":
-    """Draw an actuator in mm, with the moving part at a distance in m below the fixed one."""
+def actuator_figure(
+    actuator: Actuator, distance: float, title: str = "", numbers: Sequence[NumberFacts] = ()
+) -> "Figure":
+    """Draw an actuator in mm, with the moving part at a distance in m below the fixed one; its numbers are listed."""
     corners = np.concatenate([standing_corners(actuator), moving_corners(actuator, distance)])
     wide = float(2.0 * corners[:, 0].max())
-    figure = new_figure(float(np.clip(1.2 + 3.6 * np.ptp(corners[:, 1]) / wide, 3.4, 6.4)))
+    height = float(np.clip(1.2 + 3.6 * np.ptp(corners[:, 1]) / wide, 3.4, 6.4))
+    figure = new_figure(max(height, ROW_INCHES * (ROWS + len(numbers))))
     axes = figure.subplots()
     draw_parts(axes, actuator, distance)
     low, high = MM * corners[:, 1].min(), MM * corners[:, 1].max()
@@ -47,8 +58,29 @@ def actuator_figure(actuator: Actuator, distance: float, title: str = "") -> "Fi
     axes.set_xlim(left - 0.12 * (right - left), right + 0.18 * (right - left))  # room for the dimensions' labels
     axes.invert_yaxis()  # z points down in every picture, as the moving part hangs below
     axes.grid(visible=False)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside right center", handlelength=1.2, labelspacing=0.8)
+    parts = axes.get_legend_handles_labels()
+    figure.legend(*parts, loc="outside right upper", handlelength=1.2, labelspacing=0.8)
+    if numbers:
+        marks = _mark(axes, actuator, distance, numbers)
+        names = [f"{k}  {one.title}" for k, one in enumerate(numbers, 1)]
+        figure.legend(marks, names, loc="outside right lower", handlelength=0.0, handletextpad=0.0, fontsize=7)
     return figure
+
+
+def _mark(axes: "Axes", actuator: Actuator, distance: float, numbers: Sequence[NumberFacts]) -> list[Any]:
+    """Number the places in the right half of the section, and return the handles of a legend."""
+    moving = {f"coils.{coil.name}" for coil in actuator.coils if coil.moves}
+    look: dict[str, Any] = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
+    close, taken = CLOSE * float(np.ptp(axes.get_ylim())), list[tuple[float, float]]()
+    for k, one in enumerate(numbers, 1):
+        r, z = one.at or (0.0, 0.0)
+        moves = one.key.startswith("moving.") or one.key.rpartition(".")[0] in moving
+        place = r, z + MM * distance * moves
+        if any(np.hypot(place[0] - x, place[1] - y) < close for x, y in taken):
+            place = -place[0], place[1]  # the other half of the section shows the same
+        taken.append(place)
+        axes.annotate(str(k), place, ha="center", va="center", fontsize=5.5, zorder=6, bbox=look)
+    return [axes.plot([], [], linestyle="none")[0] for _ in numbers]
 
 
 def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:

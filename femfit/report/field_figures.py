@@ -13,6 +13,7 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.atomic import replacing
+from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.parts import Actuator, NonlinearMaterial, Region
 from femfit.report.drawing import actuator_figure, draw_outlines
 from femfit.report.field_cells import FieldCells, field_cells, write_vtu
@@ -40,11 +41,16 @@ _NO_FIELD_T = 1e-6
 """Largest flux density of what counts as an actuator without a magnet and without current."""
 
 
-def write_views(point: SolvedPoint, files: Sequence[tuple[str, Path]]) -> FieldSample:
-    """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format."""
+def write_views(
+    point: SolvedPoint, files: Sequence[tuple[str, Path]], numbers: Sequence[NumberFacts] = ()
+) -> FieldSample:
+    """Draw a point into files: what, of :data:`PICTURES` or ``vtu``, and where; the suffix names a picture's format.
+
+    The geometry is drawn with these numbers of its drawing.
+    """
     actuator, sample, cells = point.actuator, sample_of(point), field_cells(point)
     draw: dict[str, Callable[[], Figure]] = {
-        "geometry": lambda: actuator_figure(actuator, point.distance_m, _title(actuator, sample, "geometry")),
+        "geometry": lambda: actuator_figure(actuator, point.distance_m, _title(actuator, sample, "geometry"), numbers),
         "mesh": lambda: mesh_figure(actuator, sample, cells),
         "flux-lines": lambda: flux_lines_figure(actuator, sample),
         "flux-density": lambda: flux_density_figure(actuator, sample, cells),

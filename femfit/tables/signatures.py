@@ -61,7 +61,7 @@ class Signatures(Printed):
         largest = np.where(largest > 0.0, largest, 1.0)
         ranked = sorted(self.numbers, key=lambda one: -max(np.array(sizes[one]) / largest))
         return "\n".join(
-            f"{one.key} +- {amount(one.tolerance, one.unit)}: "
+            f"{one.title} +- {amount(one.tolerance, one.unit)}: "
             + ", ".join(f"{_words(name)} {amount(v, name)}" for name, v in zip(channels, sizes[one], strict=True))
             for one in ranked
         )

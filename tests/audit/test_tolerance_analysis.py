@@ -45,7 +45,7 @@ def test_the_scatter_is_the_root_of_the_sum_of_squares_and_shares_add_up_to_one(
     assert found.scatter == pytest.approx(np.linalg.norm(alone), rel=1e-12)
     assert sum(one.share for one in found.shares) == pytest.approx(1.0)
     assert alone == sorted(alone, reverse=True)
-    assert found.shares[0].number.key in str(found)
+    assert found.shares[0].number.title in str(found)
 
 
 @pytest.mark.long

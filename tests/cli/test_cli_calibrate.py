@@ -4,6 +4,7 @@ import json
 import tomllib
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from femfit.device.load import actuator_from_toml
@@ -46,7 +47,7 @@ def test_the_drawing_is_written_with_what_was_changed_above_it(place, done):
     text = (place / "new.toml").read_text()
     first, second, blank, rest = text.split("\n", 3)
     assert first == "# Calibrated by femfit from small.toml and bench.csv:"
-    assert second.startswith(f"#   {KEY} = 4.0")
+    assert second.startswith(f"#   magnet, face at z = 4 mm [{KEY}] = 4.0")
     assert second.endswith(" mm (drawn 4 mm)")
     assert (blank, len(rest.splitlines())) == ("", len(DRAWN.splitlines()))
     written = tomllib.loads(text)["moving"]["regions"]["magnet"]["z_mm"][1]
@@ -100,3 +101,49 @@ def test_errors_write_nothing(place, tmp_path):
     result = femfit("calibrate", place / "small.toml", "-o", target)
     assert "No measurement is given" in result.stderr
     assert not target.exists()
+
+
+@pytest.fixture(scope="module")
+def weak(tmp_path_factory):
+    """A device whose magnet is 6 % weaker than drawn, four of the tolerances that are assumed, read with much noise."""
+    directory = tmp_path_factory.mktemp("weak")
+    (directory / "assumed.toml").write_text(DRAWN)
+    declared = DRAWN.replace("[tolerances]", '[tolerances]\n"materials.hard.remanence_T" = 0.2')
+    (directory / "declared.toml").write_text(declared)
+    true = actuator_from_toml(DRAWN.replace("remanence_T = 1.2", "remanence_T = 1.128"))
+    rows = run_sweep(true, directory / "true", workers=1).rows
+    rng, tables = np.random.default_rng(11), []
+    for run in (1, 2):
+        noise = 0.008 * rng.standard_normal(len(rows))
+        tables.append(rows[["distance_m", "current_A"]].assign(run=run, force_N=rows["force_N"] + noise))
+    pd.concat(tables).to_csv(directory / "bench.csv", index=False)
+    return directory
+
+
+def remanence_of(place, name):
+    done = femfit(
+        "calibrate", place / f"{name}.toml", place / "bench.csv", "--numbers", "remanence", "--with", "force_offset",
+        "--noise", "force_N=0.008", "-o", place / f"{name}-new.toml", "--runs", place / f"runs-{name}", "--workers", 1,
+        "--json", place / f"{name}.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    (number,) = json.loads((place / f"{name}.json").read_text())["numbers"]
+    return number, done.stdout
+
+
+def test_a_tolerance_that_nobody_declared_is_not_printed_as_an_interval(weak):
+    """It holds the number far from the truth, and its width says nothing of that."""
+    number, text = remanence_of(weak, "assumed")
+    assert number["held"]
+    assert abs(number["value"] - 1.128) > 2.0 * number["sd_as_drawn"]
+    value, sd = number["by_data"]
+    assert abs(value - 1.128) < 2.0 * sd
+    (row,) = (line for line in text.splitlines() if line.startswith("  materials.hard.remanence_T"))
+    assert "±" not in row
+    assert '"materials.hard.remanence_T" = ' in text  # how another one is declared
+
+
+def test_a_tolerance_that_was_declared_is_taken_as_meant(weak):
+    number, _ = remanence_of(weak, "declared")
+    assert not number["held"]
+    assert abs(number["value"] - 1.128) < 2.0 * number["sd_as_drawn"]

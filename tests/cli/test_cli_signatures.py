@@ -22,7 +22,7 @@ def test_the_sweep_says_what_matters_most_first(swept):
     assert result.returncode == 0, result.stderr
     _, _, after = result.stdout.partition("By one standard deviation of each number of the drawing")
     first, *_ = (line.strip() for line in after.splitlines()[1:])
-    assert first.startswith("materials.hard.remanence_T +- 1.5 %: force ")
+    assert first.startswith("the remanence of hard +- 1.5 %: force ")
     assert "flux linkage" in first
     assert "Hall field" in first
 

@@ -37,11 +37,20 @@ def test_a_row_of_a_sweep_is_drawn_with_the_sweeps_force(swept, tmp_path):
 
 
 def test_everything_goes_into_a_directory(tmp_path):
-    result = femfit("view", GEOMETRY / "emaws-rig.toml", "--distance-mm", "20", "-o", tmp_path / "all")
+    options = ("--distance-mm", "20", "-o", tmp_path / "all", "--json", tmp_path / "all.json")
+    result = femfit("view", GEOMETRY / "emaws-rig.toml", *options)
     assert result.returncode == 0, result.stderr
     names = {file.name for file in (tmp_path / "all").iterdir()}
     pictures = {f"{name}.png" for name in ("geometry", "mesh", "flux-lines", "flux-density", "permeability")}
     assert names == pictures | {"field.vtu"}
+    numbers = json.loads((tmp_path / "all.json").read_text())["numbers"]  # which the picture marks
+    titles = {one["key"]: one["title"] for one in numbers}
+    assert titles["moving.regions.magnet.z_mm[1]"] == "magnet, face at z = 5 mm"
+    places = {one["key"]: one["at_mm"] for one in numbers}
+    assert places["moving.regions.magnet.z_mm[1]"] == [2.75, 5.0]
+    lines = result.stdout.splitlines()
+    marked = [line for line in lines if line.endswith("magnet, face at z = 5 mm [moving.regions.magnet.z_mm[1]]")]
+    assert [line.split()[0] for line in marked] == [str(1 + list(titles).index("moving.regions.magnet.z_mm[1]"))]
 
 
 @pytest.mark.parametrize(

@@ -243,10 +243,14 @@ MISTAKES = {
         "",
         ["must not set moving.regions.magnet.material; a does"],
     ),
-    "whole number of bits": ('"hall.adc_bits" = [10, 12]', "", ["'hall.adc_bits' is none"]),
+    "whole number of bits": (
+        '"sensors.hall.adc_bits" = [10, 12]',
+        "",
+        ["'sensors.hall.adc_bits': a converter has a whole number of bits"],
+    ),
     "nothing like it": ('"xyzzy" = [1, 2]', "", ["'xyzzy' is none", 'An example: "coils.NAME.turns"']),
     "position beyond the list": ('"coils.coil.r_mm[2]" = [1, 2]', "", ["Nearest: coils.coil.r_mm"]),
-    "the sweep itself": ('"sweep.current_A[0]" = [1, 2]', "", ["is none"]),
+    "the sweep itself": ('"sweep.current_A[0]" = [1, 2]', "", ["it is of the grid itself"]),
     "text for values": ('"coils.coil.turns" = "many"', "", ["must be a list of numbers", "'many'"]),
     "text in values": (
         '"coils.coil.turns" = [1, "2"]',

@@ -159,7 +159,7 @@ def test_a_sweep_writes_signatures_beside_its_table_and_reads_them_back(tmp_path
     assert by_key["fixed.regions.core.r_mm[1]"].tolerance == 0.01
     assert by_key["moving.regions.magnet.z_mm[1]"].tolerance == 0.03
     assert by_key["materials.iron.relative_permeability"].tolerance == pytest.approx(0.1)
-    assert str(again).startswith("materials.hard.remanence_T +- 1.5 %: force ")
+    assert str(again).startswith("the remanence of hard +- 1.5 %: force ")
     run_sweep(drawing, tmp_path / "run", workers=1)
     assert read_sweep_table(tmp_path / "run").signatures is None  # those of a sweep that is no more
 

@@ -29,6 +29,11 @@ def decision(*classes, **runs):
     return SimpleNamespace(classes=classes, chosen=SimpleNamespace(fit=SimpleNamespace(effects=effects)))
 
 
+def found(named):
+    """A diagnosis with this decision."""
+    return SimpleNamespace(decision=named, observations=SimpleNamespace(nominal=SimpleNamespace(drawn=())))
+
+
 def test_a_number_is_calibrated_with_the_effects_named_beside_it():
     choice = with_named(Choice(), decision((HEIGHT,), ("hall_offset", "hall_gain"), hall_offset=(1, 2)), KNOWN)
     assert choice.numbers == (number(HEIGHT),)
@@ -40,8 +45,8 @@ def test_a_class_of_numbers_is_calibrated_as_a_whole_and_what_separates_it_is_sa
     choice = with_named(Choice(), decision((HEIGHT, RADIUS)), KNOWN)
     assert choice.numbers == (number(HEIGHT), number(RADIUS))
     (remark,) = choice.remarks.values()
-    assert f"do not say which is wrong: {HEIGHT} or {RADIUS}." in remark
-    assert remark.endswith(f"Measure {HEIGHT} on the device itself.")
+    assert f"do not say which is wrong: {number(HEIGHT).subject} or {number(RADIUS).subject}." in remark
+    assert remark.endswith(f"Measure {number(HEIGHT).subject} on the device itself.")
 
 
 def test_the_only_magnets_remanence_is_a_number_of_the_drawing():
@@ -56,7 +61,10 @@ def test_of_a_number_and_an_effect_the_drawings_is_calibrated_and_the_other_is_s
     assert [one.key for one in choice.numbers] == ["materials.hard.remanence_T"]
     assert not choice.beside
     (remark,) = choice.remarks.values()
-    assert "remanence_T was fitted, as the drawing's. magnet_temperature, not in the drawing, would give" in remark
+    assert (
+        "the remanence of hard was fitted, as the drawing's. magnet_temperature, not in the drawing, would give"
+        in remark
+    )
     assert remark.endswith(effect_by_name("magnet_temperature").experiment)
 
 
@@ -66,7 +74,9 @@ def test_whoever_asks_for_a_number_decides_its_class():
     choice = with_named(asked, decision((HEIGHT,), ("coulomb_friction",)), KNOWN, asked=True)
     assert choice.numbers == asked.numbers
     assert choice.beside == {"coulomb_friction": None}
-    assert choice.remarks == {HEIGHT: f"{HEIGHT} is named as well; it was not asked for and stays as drawn."}
+    assert choice.remarks == {
+        HEIGHT: f"{number(HEIGHT).subject} is named as well; it was not asked for and stays as drawn."
+    }
 
 
 def test_a_remark_goes_with_the_effect_that_it_is_about():
@@ -85,12 +95,12 @@ def test_a_remark_goes_with_the_effect_that_it_is_about():
 def test_nothing_is_calibrated_where_no_number_is_named(monkeypatch):
     monkeypatch.setattr(calibrate, "verdict_sentence", lambda _: "The verdict.")
     with pytest.raises(TableError, match=r"nothing is written\. The verdict\. To fit numbers all the same"):
-        _diagnosed(SimpleNamespace(decision=None), KNOWN)
+        _diagnosed(found(None), KNOWN)
     with pytest.raises(TableError, match=r"That is hall_offset and no number; femfit add"):
-        _diagnosed(SimpleNamespace(decision=decision(("hall_offset",))), KNOWN)
+        _diagnosed(found(decision(("hall_offset",))), KNOWN)
     changing = decision((HEIGHT,), **{HEIGHT: (1, 2)})
     with pytest.raises(TableError, match=r"from run 2 to run 3 alone"):
-        _diagnosed(SimpleNamespace(decision=changing), KNOWN)
+        _diagnosed(found(changing), KNOWN)
 
 
 def test_a_number_is_called_by_its_key_path_a_unique_end_of_it_or_as_a_diagnosis_does():
@@ -101,7 +111,7 @@ def test_a_number_is_called_by_its_key_path_a_unique_end_of_it_or_as_a_diagnosis
         "coils.coil.turns",
         "coils.coil.resistance_ohm",
     ]
-    assert DRAWING.wanted("all") is KNOWN
+    assert DRAWING.wanted("all") == KNOWN
 
 
 def test_every_number_of_the_signatures_is_accepted_by_key_and_name():

@@ -1,5 +1,6 @@
 """A probe scan is compared with the solved field, and what is simple about its error is said."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def scan(actuator):
     """Readings between the magnets of a probe that is right."""
     r, z = (one.ravel() for one in np.meshgrid([-8e-3, 0.0, 6e-3, 12e-3], np.linspace(3e-3, 17e-3, 8)))
     distance, current = np.full(len(r), 20e-3), np.zeros(len(r))
-    field = axial_field(actuator, distance, current, r, z)
+    field = axial_field(actuator, distance, current)(r, z)
     return FieldScan(distance, current, r, z, field + NOISE_T * np.random.default_rng(2).standard_normal(len(r)))
 
 
@@ -38,7 +39,7 @@ def test_the_field_on_the_axis_of_a_magnet_is_that_of_its_closed_form(actuator):
     ends = [(z + offset) / np.hypot(z + offset, 22.5e-3) for offset in (30e-3, 0.0)]
     exact = 0.5 * material.remanence_T * (ends[0] - ends[1])
     wide = replace(actuator, sweep=replace(actuator.sweep, distances_m=(0.1, distance)))
-    solved = axial_field(wide, np.full(2, distance), np.zeros(2), np.zeros(2), z)
+    solved = axial_field(wide, np.full(2, distance), np.zeros(2))(np.zeros(2), z)
     assert solved == pytest.approx(exact, rel=0.03)
 
 
@@ -55,6 +56,24 @@ def test_a_gain_an_offset_and_another_place_are_told_apart(actuator, scan):
     assert found.explained["higher_m"][0] == pytest.approx(0.2e-3, rel=0.15)
     assert found.left_T < 2.0 * NOISE_T
     assert "higher" in str(found)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 5])
+def test_a_probe_that_stands_far_beside_its_place_is_found_with_its_gain(actuator, tmp_path, seed):
+    """Of 4.7 mm the slopes at the recorded places are wrong by far more than the noise of the readings."""
+    z = np.linspace(2e-3, 12e-3, 30)
+    distance, current = np.full(len(z), 20e-3), np.zeros(len(z))
+    field = 1.07 * axial_field(actuator, distance, current)(np.zeros(len(z)), z + 4.7e-3)
+    field += NOISE_T * np.random.default_rng(seed).standard_normal(len(z))
+    rows = [f"20,0,{1e3 * height:.6g},{1e3 * reading:.9g}" for height, reading in zip(z, field, strict=True)]
+    (tmp_path / "scan.csv").write_text("\n".join(["distance_mm,r_mm,z_mm,Bz [mT]", *rows]) + "\n", encoding="utf-8")
+    done = femfit("compare", DRAWING, tmp_path / "scan.csv", "--json", tmp_path / "found.json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
+    for name, true in (("gain", 0.07), ("higher_m", 4.7e-3)):
+        value, error = found["explained"][name]
+        assert abs(value - true) < 3.0 * error
+    assert found["left_T"] == pytest.approx(NOISE_T, rel=0.4)
 
 
 def test_a_place_outside_of_the_solved_domain_is_refused(actuator, scan):

@@ -23,6 +23,7 @@ from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.effects.words import titled, titles_of
 from femfit.identify.calibration.choose import Choice, with_named
 from femfit.identify.calibration.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE, SETTLED
 from femfit.identify.calibration.drawing import Drawing
@@ -106,7 +107,7 @@ def calibrate(
         say("Diagnosing")
         choice = _diagnosed(diagnose(first.model, measured, bootstrap=0), known)
     else:  # of all, those that these readings show
-        choice = Choice(tuple(one for one in wanted if wanted is not known or first.shows(one)))
+        choice = Choice(tuple(one for one in wanted if wanted is not source.each or first.shows(one)))
         if not choice.numbers:
             raise TableError("These data show no number of the drawing: none of them changes any of the readings.")
     if beside is not None:
@@ -123,7 +124,8 @@ def _diagnosed(found: Diagnosis, known: Sequence[NumberFacts]) -> Choice:
     choice = with_named(Choice(), found.decision, known) if found.decision else Choice()
     if choice.numbers:
         return choice
-    why = [*choice.remarks.values(), verdict_sentence(found)]
+    titles = titles_of(found.observations.nominal.drawn)
+    why = [*choice.remarks.values(), titled(verdict_sentence(found), titles)]
     if choice.beside:
         why.append(f"That is {' and '.join(choice.beside)} and no number; femfit add puts it into the model.")
     raise TableError(
@@ -227,6 +229,10 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     stay = tuple(replace(one, runs=None) for one in now.beside if one.runs is None or one.runs[1] == last)
     sds = (np.sqrt(np.diag(one)).tolist() for one in (now.error, now.covariance))
     numbers = tuple(map(CalibratedNumber.of, now.choice.numbers, now.values.tolist(), *sds))
+    alone = now.without_assumed
+    numbers = tuple(
+        replace(number, held=held, by_data=by_data) for number, (held, by_data) in zip(numbers, alone, strict=True)
+    )
     undetermined = open_combinations(numbers, now.covariance)
     return CalibrationResult(
         drawing=now.redrawn.drawing.text,

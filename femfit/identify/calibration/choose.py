@@ -39,7 +39,7 @@ def with_named(choice: Choice, decision: Decision, known: Sequence[NumberFacts],
     numbers, beside, fitted = list(choice.numbers), dict(choice.beside), {one.key for one in choice.numbers}
     remarks = {k: text for k, text in choice.remarks.items() if k in fitted | beside.keys()}  # others are named anew
     for members in decision.classes:
-        runs, drawn = acts.get(members[0]), [by_name[name] for name in members if name in by_name]
+        runs, drawn = acts.get(members[0]), _apart(by_name[name] for name in members if name in by_name)
         effects = [name for name in members if name not in by_name]
         if any(number in choice.numbers for number in drawn):
             continue
@@ -49,22 +49,31 @@ def with_named(choice: Choice, decision: Decision, known: Sequence[NumberFacts],
             if others:
                 remarks[name] = f"{name} was fitted beside; {others} would give the same readings."
         elif asked:
-            remarks[drawn[0].key] = f"{drawn[0].key} is named as well; it was not asked for and stays as drawn."
+            remarks[drawn[0].key] = f"{drawn[0].subject} is named as well; it was not asked for and stays as drawn."
         elif runs:
             remarks[drawn[0].key] = (
-                f"{drawn[0].key} has its other value from run {runs[0]} to run {runs[1]} alone, so that no one drawing "
-                "is that of all runs. Calibrate with the runs of one state."
+                f"{drawn[0].subject} has its other value from run {runs[0]} to run {runs[1]} alone, so that no one "
+                "drawing is that of all runs. Calibrate with the runs of one state."
             )
         else:
-            numbers += [number for number in drawn if number not in numbers]
+            numbers = _apart([*numbers, *drawn])
             if len(members) > 1:
                 remarks[drawn[0].key] = _left_open(drawn, effects)
     return Choice(tuple(numbers), beside, remarks)
 
 
+def _apart(numbers: Iterable[NumberFacts]) -> list[NumberFacts]:
+    """Those that move no place that an earlier one moves."""
+    kept: list[NumberFacts] = []
+    for number in numbers:
+        if not any(map(number.overlaps, kept)):
+            kept.append(number)
+    return kept
+
+
 def _left_open(drawn: Sequence[NumberFacts], effects: Sequence[str]) -> str:
     """What would explain the data as well, and a measurement that tells it apart."""
-    keys = " or ".join(number.key for number in drawn)
+    keys = " or ".join(number.subject for number in drawn)
     said = f"{keys} was fitted, as the drawing's."
     if len(drawn) > 1:
         said = f"These data do not say which is wrong: {keys}. All of them were fitted, each within its tolerance."

@@ -29,5 +29,9 @@ ALIKE = 0.9
 IN_COMBINATION = 0.1
 """Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""
 
+HELD = 0.25
+"""Conventional: a number is said to be held by a tolerance that is assumed where more than this part of what is known
+of it comes from there, or where that moves it by more than its error."""
+
 UNUSUAL = 3.0
 """Conventional: a number that is more tolerances than this from its drawn value is to be checked otherwise."""

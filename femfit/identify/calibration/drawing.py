@@ -4,6 +4,7 @@ import difflib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,11 @@ class Drawing:
         """What can be calibrated: these, and the resistance of the only coil, on which no field depends."""
         return (*(one.facts for one in self.numbers), *_resistance(parse(self.text, self.source)))
 
+    @cached_property
+    def each(self) -> tuple[NumberFacts, ...]:
+        """These without faces that move numbers which stand there by themselves."""
+        return tuple(one for one in self.suspects if not one.is_contour)
+
     def with_values(self, numbers: Sequence[NumberFacts], values: FloatArray) -> "Drawing":
         """The drawing with other values of some numbers."""
         pairs = zip(numbers, map(float, values), strict=True)
@@ -56,22 +62,39 @@ class Drawing:
             raise UsageError(
                 "No number is given. Give key paths of the drawing, or leave them out to ask the diagnosis."
             )
-        return self.suspects if keys == [ALL] else tuple(dict.fromkeys(self._called(str(key)) for key in keys))
+        if keys == [ALL]:
+            return self.each
+        wanted = tuple(dict.fromkeys(self._called(key) for key in self._whole(list(map(str, keys)))))
+        for one, other in combinations(wanted, 2):
+            if one.overlaps(other):
+                raise UsageError(f"{shown(one)} and {shown(other)} move the same corner. Give one of them.")
+        return wanted
+
+    def _whole(self, pieces: Sequence[str]) -> Iterator[str]:
+        """Names that were taken apart at their commas in one piece again."""
+        labels = [one.label for one in self.suspects if one.label]
+        rest = list(pieces)
+        while rest:
+            joins = [", ".join(rest[:count]) for count in range(len(rest), 1, -1)]
+            name = next((one for one in joins if any(one in label for label in labels)), rest[0])
+            yield name
+            del rest[: name.count(", ") + 1 if name in joins else 1]
 
     def _called(self, key: str) -> NumberFacts:
-        paths = [((one.key, *one.also), one) for one in self.suspects]
+        paths = [((one.key, *(() if one.is_contour else one.also)), one) for one in self.suspects]
         tests: tuple[Callable[[str], bool], ...] = (
             lambda path: path == key,
             lambda path: path.endswith(f".{key}"),
             lambda path: path.partition("[")[0].endswith(f".{key}"),  # of a list, where one place alone is a number
         )
-        found = [one for one in self.suspects if key == one.name]
+        found = [one for one in self.suspects if key in {one.name, one.label, one.subject}]
+        found = found or [one for one in self.suspects if " " in key and key in one.label]
         for test in tests:
             found = found or [one for known, one in paths if any(map(test, known))]
         if len(found) == 1:
             return found[0]
         if found:
-            raise UsageError(f"{key!r} may be each of {listing(one.key for one in found)}. Give one of these.")
+            raise UsageError(f"{key!r} may be each of {listing(map(shown, found))}. Give one of these.")
         if known_effect(key):
             raise UsageError(f"{key!r} is an effect and no number of this drawing. Fit it beside numbers: --with {key}")
         none = f"{key!r} is no number of this drawing that can be calibrated"
@@ -84,8 +107,13 @@ class Drawing:
                     why = "as drawn there is none of it"
                 raise UsageError(f"{none}: {why}.")
         near = difflib.get_close_matches(key[:200], [path for known, _ in paths for path in known], n=4, cutoff=0.3)
-        listed = listing(near or [one.key for one in self.suspects], 4)
+        listed = listing(near or map(shown, self.suspects), 4)
         raise UsageError(f"{none}. Near it: {listed}. femfit sweep --signatures lists those that matter.")
+
+
+def shown(number: NumberFacts) -> str:
+    """What a machinist calls a number, with the key path that is typed."""
+    return f"{number.label} [{number.key}]" if number.label else number.key
 
 
 def _resistance(data: Mapping[str, Any]) -> Iterator[NumberFacts]:
@@ -96,4 +124,4 @@ def _resistance(data: Mapping[str, Any]) -> Iterator[NumberFacts]:
         key, value = f"{coils[0][0]}.resistance_ohm", float(coils[0][1]["resistance_ohm"])
         given = read_tolerances(data, [])[0].get(key)
         tolerance = KINDS["resistance"].tolerance if given is None else given / value
-        yield NumberFacts(key, (), "resistance", value, "", tolerance, RESISTANCE.name)
+        yield NumberFacts(key, (), "resistance", value, "", tolerance, RESISTANCE.name, declared=given is not None)

@@ -24,6 +24,7 @@ from femfit.effects.effect import AddedEffect, Effect
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.identify.calibration.choose import Choice
+from femfit.identify.calibration.constants import HELD
 from femfit.identify.calibration.drawing import Drawing
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.decision.campaign import considered_effects, gather
@@ -35,6 +36,7 @@ from femfit.identify.refit.refit import Refit, refit
 from femfit.identify.refit.start import Start, starting_point
 from femfit.identify.signatures.columns import columns_at, effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drawn_effect import POSSIBLE
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement
 from femfit.tables.sweep_table import SweepTable
@@ -129,6 +131,30 @@ class Estimate:
         """Length of the change in standard deviations, of well determined combinations too, root mean square."""
         return float(np.sqrt(self.change @ self.information @ self.change / len(self.change)))
 
+    @property
+    def without_assumed(self) -> list[tuple[bool, tuple[float, float] | None]]:
+        """Of each number whether an assumed tolerance holds it, and value and error without all assumed tolerances.
+
+        To first order: where Q is what the data and declared tolerances know, in units of the tolerances, and D is 1
+        for each assumed one, the estimate x away from the drawing is x + Q^-1 D x without them. A number that Q leaves
+        open by more than the largest error that it can have is none that the data tell.
+        """
+        numbers = self.choice.numbers
+        tolerance = np.array([one.deviation for one in numbers])
+        assumed = np.array([not one.declared for one in numbers])
+        away = (self.values + self.change - [one.value for one in numbers]) / tolerance
+        sizes, directions = np.linalg.eigh(self.information * np.outer(tolerance, tolerance) - np.diag(1.0 * assumed))
+        inverse = (directions / np.maximum(sizes, 1e-12)) @ directions.T
+        error, free = np.sqrt(np.diag(self.covariance)) / tolerance, np.sqrt(np.diag(inverse))
+        pulled = inverse @ (assumed * away)
+        held = assumed & (((error / free) ** 2 < 1.0 - HELD) | (np.abs(pulled) > error))
+        result: list[tuple[bool, tuple[float, float] | None]] = []
+        for k, value in enumerate(self.values):
+            told = free[k] < POSSIBLE
+            by_data = float(value + pulled[k] * tolerance[k]), float(free[k] * tolerance[k])
+            result.append((bool(held[k]), by_data if told else None))
+        return result
+
     def cost(self, like: "Estimate") -> float:
         """Weighted sum of squares that the drawing leaves, by the noise of another estimate, and of its tolerances."""
         observations = self.redrawn.whitening.observations
@@ -148,7 +174,11 @@ class Estimate:
         S'S - S'J G + 1 about its estimate; its second moment about zero, the drawing, is C, and the error P + G C G'.
         """
         fitted = {*(one.name for one in self.choice.numbers), *self.choice.beside}
-        others = [one for one in self.redrawn.drawing.suspects if one.name not in fitted]
+        others = [
+            one
+            for one in self.redrawn.drawing.suspects
+            if one.name not in fitted and not one.is_contour and not any(map(one.overlaps, self.choice.numbers))
+        ]
         columns = [(one.tolerance, self.redrawn.column(one)) for one in others]
         off = [tolerance * column for tolerance, column in columns if column is not None]
         if not off:
@@ -170,7 +200,7 @@ def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
     for one in choice.numbers:
         effect = redrawn.effect_of(one)
         if effect is None:
-            raise TableError(f"{one.key} changes nothing at the points of the sweep, so it cannot be calibrated.")
+            raise TableError(f"{one.subject} changes nothing at the points of the sweep, so it cannot be calibrated.")
         effects.append(effect)
     effects += [effect_by_name(name) for name in choice.beside]
     for effect in effects:

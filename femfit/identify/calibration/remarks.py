@@ -9,7 +9,7 @@ from femfit.core.amount import amount, counted, probability, rounded
 from femfit.core.arrays import FloatArray
 from femfit.identify.calibration.constants import ALIKE, IN_COMBINATION, OPEN, SHOWN, UNUSUAL
 from femfit.identify.calibration.fit import Estimate
-from femfit.identify.calibration.result import CalibratedNumber, Combination
+from femfit.identify.calibration.result import CalibratedNumber, Combination, with_error
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.own_misfit import beyond_own_misfit
@@ -63,12 +63,13 @@ def open_combinations(numbers: Sequence[CalibratedNumber], covariance: FloatArra
 def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], left: Sequence[Combination]) -> Iterator[str]:
     """What a reader of the numbers must know besides."""
     yield from now.choice.remarks.values()
-    units = {one.key: one.unit for one in numbers}
+    yield from _held([one for one in numbers if one.held])
+    units, names = {one.key: one.unit for one in numbers}, {one.key: one.name for one in numbers}
     for one in left[:SHOWN]:
-        *others, last = [f"{key} by {_signed(size, units[key])}" for key, size in one.change.items()]
+        *others, last = [f"{names[key]} by {_signed(size, units[key])}" for key, size in one.change.items()]
         said, of = f"{', '.join(others)} together with {last}", "what the tolerances leave open of this combination"
         if not others:
-            said, of = last.partition(" by ")[0], "its tolerance"
+            said, of = last.rpartition(" by ")[0], "its tolerance"
         yield f"Not determined by these data: {said}. {amount(min(one.left, 1.0), '')} of {of} is left."
     if len(left) > SHOWN:
         yield f"{counted(len(left) - SHOWN, 'further combination is', 'further combinations are')} not determined."
@@ -76,7 +77,7 @@ def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], left: Sequence[C
         correlation = now.covariance[j, k] / (numbers[j].sd_as_drawn * numbers[k].sd_as_drawn)
         if abs(correlation) > ALIKE:
             yield (
-                f"The errors of {numbers[j].key} and {numbers[k].key} go together (correlation {correlation:.2f}): "
+                f"The errors of {numbers[j].name} and {numbers[k].name} go together (correlation {correlation:.2f}): "
                 f"within them, more of one with {'more' if correlation > 0.0 else 'less'} of the other explains these "
                 "data as well."
             )
@@ -88,13 +89,29 @@ def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], left: Sequence[C
     for number, facts in zip(numbers, now.choice.numbers, strict=True):
         away, whole = abs(number.value - number.drawn) / number.tolerance, round(number.value)
         if away > UNUSUAL:
-            yield f"{number.key} is {away:.1f} tolerances from its drawn value, which is unusual. Measure it directly."
+            yield f"{number.name} is {away:.1f} tolerances from its drawn value, which is unusual. Measure it directly."
         if facts.kind == "turns" and number.value != whole:
             off = rounded(abs(number.value - whole) / number.sd_as_drawn, 2)
             yield (
-                f"{number.key} is written as found, {number.value:g}, though turns are whole: {whole} is {off} "
+                f"{number.name} is written as found, {number.value:g}, though turns are whole: {whole} is {off} "
                 "standard deviations away, the others as found."
             )
+
+
+def _held(numbers: Sequence[CalibratedNumber]) -> Iterator[str]:
+    """Which numbers a tolerance decides that nobody declared, and what the data alone say."""
+    for one in numbers[:SHOWN]:
+        alone = "the data alone leave it open"
+        if one.by_data is not None:
+            alone = f"the data alone say {with_error(*one.by_data)} {one.unit}".rstrip()
+        yield (
+            f"{one.name} is held by a tolerance of {rounded(one.tolerance, 2)} {one.unit}".rstrip()
+            + f" that is assumed: {alone}. If it may be further off, write its standard deviation into [tolerances]: "
+            f'"{one.key}" = ...'
+        )
+    if len(numbers) > SHOWN:
+        more = counted(len(numbers) - SHOWN, "further number is", "further numbers are")
+        yield f"{more} held by assumed tolerances; --json has what the data alone say."
 
 
 def _signed(value: float, unit: str) -> str:

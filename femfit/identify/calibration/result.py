@@ -27,6 +27,10 @@ _NOTHING_UNSEEN = (
 )
 
 
+HELD_TEXT = "held"
+"""In place of an interval that an assumed tolerance makes."""
+
+
 @dataclass(frozen=True)
 class CalibratedNumber:
     """A number of the drawing as the data have it."""
@@ -39,20 +43,37 @@ class CalibratedNumber:
     sd_as_drawn: float  # The same, were these exactly as drawn
     tolerance: float  # Standard deviation before the data
     unit: str  # Of all five; empty of a pure number, and of the factor of a curve
+    label: str = ""  # What a machinist calls it
+    # Whether a tolerance that the drawing does not give decides it; and what the data alone say, where they do: the
+    # value and its standard deviation
+    held: bool = False
+    by_data: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, one: NumberFacts, value: float, sd: float, sd_as_drawn: float) -> "CalibratedNumber":
         """The number of a drawing."""
         unit = "" if one.kind.startswith("curve_") else unit_of(one.key.partition("[")[0])
-        return cls(one.key, one.also, one.value, value, sd, sd_as_drawn, one.deviation, unit)
+        return cls(one.key, one.also, one.value, value, sd, sd_as_drawn, one.deviation, unit, one.label)
+
+    @property
+    def name(self) -> str:
+        """What texts call it."""
+        return self.label or self.key
 
     @property
     def texts(self) -> tuple[str, ...]:
         """A row of the printed table."""
-        places = max(0, 1 - math.floor(math.log10(self.sd))) if self.sd > 0.0 else 6
-        value = f"{self.value:.{places}f} ± {self.sd:.{places}f}"
-        numbers = (f"{self.drawn:g}", value, f"± {rounded(self.sd_as_drawn, 2)}", rounded(self.tolerance, 2))
-        return (self.key, *(f"{text} {self.unit}".rstrip() for text in numbers))
+        value = with_error(self.value, self.sd)
+        value = value.partition(" ")[0] if self.held else value
+        rest = HELD_TEXT if self.held else f"± {rounded(self.sd_as_drawn, 2)}"
+        numbers = (f"{self.drawn:g}", value, rest, rounded(self.tolerance, 2))
+        return (self.name, *(text if text == HELD_TEXT else f"{text} {self.unit}".rstrip() for text in numbers))
+
+
+def with_error(value: float, sd: float) -> str:
+    """A value with its standard deviation, both to the second digit of that."""
+    places = max(0, 1 - math.floor(math.log10(sd))) if sd > 0.0 else 6
+    return f"{value:.{places}f} ± {sd:.{places}f}"
 
 
 @dataclass(frozen=True)
@@ -148,7 +169,9 @@ class CalibrationResult(Printed):
 
 def heading(result: CalibrationResult, drawing: str, data: Sequence[str]) -> str:
     """The comment above a calibrated drawing: what it was made from, and which numbers are not as drawn."""
-    rows = [f"#   {key} = {value} (drawn {drawn})" for key, drawn, value, *_ in (one.texts for one in result.numbers)]
+    keys = [f"{one.label} [{one.key}]" if one.label else one.key for one in result.numbers]
+    texts = [one.texts for one in result.numbers]
+    rows = [f"#   {key} = {value} (drawn {drawn})" for key, (_, drawn, value, *_) in zip(keys, texts, strict=True)]
     rows += [] if result.settled else ["#   Not settled: do not trust these numbers."]
     end = "\r\n" if "\r\n" in result.drawing else "\n"
     lines = [f"# Calibrated by femfit from {drawing} and {', '.join(data)}:", *rows, "", ""]

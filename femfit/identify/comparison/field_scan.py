@@ -1,11 +1,12 @@
 """A probe scan beside the drawing: how far the solved field is from what was read, and what simple would explain it.
 
-To first order a reading differs from the solved field B_z(r, z) by
+Where the field is B_z(r, z), a probe at a recorded place reads
 
-    e B_z + b + dz (dB_z/dz) + dr (dB_z/dr):
+    (1 + e) B_z(r + dr, z + dz) + b:
 
 a gain of the probe (or of all sources of the field), an offset, and a probe that stands beside the recorded place.
-All four are fitted at once by least squares; one counts where twice its standard error does not reach zero.
+All four are fitted at once by least squares, by Gauss and Newton: the field is taken anew where each step puts the
+probe. One counts where twice its standard error does not reach zero.
 """
 
 from dataclasses import dataclass
@@ -15,11 +16,11 @@ import numpy as np
 
 from femfit.core.amount import amount, counted
 from femfit.core.arrays import FloatArray
-from femfit.core.errors import TableError
+from femfit.core.errors import DomainError, TableError
 from femfit.core.printed import Printed
 from femfit.device.parts import Actuator
-from femfit.field.probe import axial_field
-from femfit.identify.constants import LEAST_SCAN, SCAN_STEP_M
+from femfit.field.probe import AxialField, axial_field
+from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
 from femfit.identify.readings.place import notes
 from femfit.tables.field_scan import FieldScan
 
@@ -101,44 +102,69 @@ def compare_field_scan(actuator: Actuator, scan: FieldScan) -> FieldScanComparis
             f"{scan.source} has one current, and {actuator.name!r} has {counted(len(actuator.circuits), 'circuit')}. "
             "Compare a drawing with one circuit, or leave the current out where it has none."
         )
-    r, z = np.abs(scan.radius), scan.height
-    inner = np.maximum(r - SCAN_STEP_M, 0.0)
-    places = ((r, z), (r, z + SCAN_STEP_M), (r, z - SCAN_STEP_M), (r + SCAN_STEP_M, z), (inner, z))
-    count = len(places)
-    solved = axial_field(
-        actuator,
-        np.tile(scan.distance, count),
-        np.tile(scan.current, count),
-        np.concatenate([place[0] for place in places]),
-        np.concatenate([place[1] for place in places]),
-    ).reshape(count, -1)
-    field = solved[0]
-    along_z = (solved[1] - solved[2]) / (2.0 * SCAN_STEP_M)
-    along_r = (solved[3] - solved[4]) / (r + SCAN_STEP_M - inner) * np.where(scan.radius < 0.0, -1.0, 1.0)
-    residual = scan.field - field
-    columns = {"gain": field, "offset_T": np.ones(len(field)), "higher_m": along_z, "outer_m": along_r}
-    explained, left = _explained(columns, residual)
-    return FieldScanComparison(scan, field, residual, explained, left)
+    solved = axial_field(actuator, scan.distance, scan.current)
+    predicted = solved(scan.radius, scan.height)
+    residual = scan.field - predicted
+    explained, left = _explained(scan, solved) if len(residual) >= LEAST_SCAN else ({}, _rms(residual))
+    return FieldScanComparison(scan, predicted, residual, explained, left)
 
 
-def _explained(columns: dict[str, FloatArray], residual: FloatArray) -> tuple[dict[str, tuple[float, float]], float]:
-    """The columns that count, with their standard errors, fitted again without the others; and what they leave."""
-    names = [name for name, column in columns.items() if np.any(column != 0.0)] if len(residual) >= LEAST_SCAN else []
-    while names:
-        matrix = np.stack([columns[name] for name in names], axis=1)
+def _explained(scan: FieldScan, solved: AxialField) -> tuple[dict[str, tuple[float, float]], float]:
+    """What counts, with its standard error, fitted again without the others; and the rms that this leaves."""
+    value = dict.fromkeys(_WORDS, 0.0)
+    while value:
+        value, error, left = _fitted(scan, solved, value)
+        if all(abs(value[name]) > 2.0 * error[name] for name in value):
+            return {name: (value[name], error[name]) for name in value}, left
+        del value[min(value, key=lambda name: abs(value[name]) / max(error[name], 1e-300))]
+    return {}, _rms(scan.field - solved(scan.radius, scan.height))
+
+
+def _fitted(
+    scan: FieldScan, solved: AxialField, start: dict[str, float]
+) -> tuple[dict[str, float], dict[str, float], float]:
+    """Values and standard errors by least squares, and the rms that they leave.
+
+    A step is halved while it leaves more, or puts the probe where no field is solved.
+    """
+    value, part = np.array(list(start.values())), 1.0
+    matrix, residual = _linearised(scan, solved, dict(zip(start, value, strict=True)))
+    for _ in range(SCAN_STEPS):
         scale = np.linalg.norm(matrix, axis=0)
-        left, sizes, right = np.linalg.svd(matrix / scale, full_matrices=False)
+        scale[scale == 0.0] = 1.0
+        rows, sizes, columns = np.linalg.svd(matrix / scale, full_matrices=False)
         keep = sizes > 1e-6 * sizes[0]
-        value = (right[keep].T @ ((left[:, keep].T @ residual) / sizes[keep])) / scale
-        rest = residual - matrix @ value
-        sigma = np.sqrt(rest @ rest / max(len(rest) - len(names), 1))
-        error = sigma * np.sqrt(np.sum((right[keep] / sizes[keep, None]) ** 2, axis=0)) / scale
-        counts = np.abs(value) > 2.0 * error
-        if counts.all():
-            return {n: (float(v), float(e)) for n, v, e in zip(names, value, error, strict=True)}, _rms(rest)
-        weakest = int(np.argmin(np.abs(value) / np.maximum(error, 1e-300)))
-        names.pop(weakest)
-    return {}, _rms(residual)
+        step = (columns[keep].T @ ((rows[:, keep].T @ residual) / sizes[keep])) / scale
+        freedom = max(len(residual) - len(value), 1)
+        unit = np.sqrt(np.sum((columns[keep] / sizes[keep, None]) ** 2, axis=0)) / scale
+        error = np.sqrt(residual @ residual / freedom) * unit
+        if np.all(np.abs(part * step) <= SCAN_SETTLED * error):
+            break
+        try:
+            moved = _linearised(scan, solved, dict(zip(start, value + part * step, strict=True)))
+        except DomainError:
+            part *= 0.5
+            continue
+        if moved[1] @ moved[1] > residual @ residual:
+            part *= 0.5
+            continue
+        (matrix, residual), value, part = moved, value + part * step, 1.0
+    names = list(start)
+    return dict(zip(names, value.tolist(), strict=True)), dict(zip(names, error.tolist(), strict=True)), _rms(residual)
+
+
+def _linearised(scan: FieldScan, solved: AxialField, value: dict[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Slopes of what a probe with these errors reads, shape (n, values), and what it reads beside that, shape (n,)."""
+    gain = 1.0 + value.get("gain", 0.0)
+    r, z = scan.radius + value.get("outer_m", 0.0), scan.height + value.get("higher_m", 0.0)
+    field, h = solved(r, z), SCAN_STEP_M
+    columns = {"gain": field, "offset_T": np.ones(len(field))}
+    if "higher_m" in value:
+        columns["higher_m"] = gain * (solved(r, z + h) - solved(r, z - h)) / (2.0 * h)
+    if "outer_m" in value:
+        columns["outer_m"] = gain * (solved(r + h, z) - solved(r - h, z)) / (2.0 * h)
+    residual = scan.field - gain * field - value.get("offset_T", 0.0)
+    return np.stack([columns[name] for name in value], axis=1), residual
 
 
 def _clause(name: str, value: float, error: float) -> str:

@@ -92,12 +92,16 @@ TOO_FEW = Finding(
 def considered_effects(
     exclude: Sequence[str] = (), circuits: Sequence[str] = (), drawn: Sequence[Effect] = ()
 ) -> list[Effect]:
-    """The device's catalogue without some effects; a name that the whole one does not have is an error."""
+    """The device's catalogue without some effects; a name that the whole one does not have is an error.
+
+    Nor has it those that another one stands for.
+    """
     known = device_effects(circuits, drawn)
     for name in exclude:
         if name not in known:
             effect_by_name(name)
-    return [effect for name, effect in known.items() if name not in exclude]
+    out = {*exclude, *(effect.stands_for for effect in known.values())}
+    return [effect for name, effect in known.items() if name not in out]
 
 
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:

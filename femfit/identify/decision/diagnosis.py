@@ -8,6 +8,7 @@ from scipy import stats
 
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
+from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.comparison.where import Where
@@ -190,4 +191,4 @@ class Diagnosis(Printed):
         }
 
     def __str__(self) -> str:
-        return "\n".join(diagnosis_lines(self))
+        return titled("\n".join(diagnosis_lines(self)), titles_of(self.observations.nominal.drawn))

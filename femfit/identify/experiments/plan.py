@@ -12,7 +12,7 @@ from femfit.core.amount import amount
 from femfit.core.printed import Printed
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import Effect
-from femfit.effects.words import smallest_visible
+from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.constants import LEVEL
@@ -44,12 +44,16 @@ class PlanReport(Printed):
     # Per effect its smallest visible size in words, and the measurement that would read it directly
     smallest: dict[str, str]
     direct: dict[str, str]
+    titles: dict[str, str]  # What texts call the numbers of the drawing
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         return dict(vars(self))
 
     def __str__(self) -> str:
+        return titled(self._text(), self.titles)
+
+    def _text(self) -> str:
         lines = ["This plan could separate every effect that it shows from every other, at its largest size."]
         if self.together:
             lines = ["This plan could never separate, however large they usually get:"]
@@ -102,6 +106,7 @@ def examine_plan(
         invisible=invisible,
         smallest={e.name: smallest_visible(e, detectable[e.name], nominal) for e in effects if e.name in detectable},
         direct={effect.name: effect.calibrations[0].instruction for effect in effects if effect.calibrations},
+        titles=titles_of(effects),
     )
 
 

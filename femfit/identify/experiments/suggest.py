@@ -4,7 +4,7 @@ A measurement is tried as a further run beside the readings that are there: the 
 at the old and the new settings are explained by each other one (:mod:`femfit.identify.experiments.separation`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
@@ -18,6 +18,7 @@ from femfit.core.errors import TableError
 from femfit.core.printed import Printed
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
@@ -95,12 +96,16 @@ class Advice(Printed):
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
     further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
     remarks: tuple[str, ...] = ()  # On what the advice rests, where that is a guess
+    titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         return vars(self) | {"suggestions": [one.to_dict() for one in self.suggestions]}
 
     def __str__(self) -> str:
+        return titled(self._text(), self.titles)
+
+    def _text(self) -> str:
         isolating = [f"{name}: {experiment}" for name, experiment in self.isolating]
         if self.note:
             return "\n".join([self.note, *isolating, *self.remarks])
@@ -162,7 +167,8 @@ def suggest(
     measured = measurement_of(data)
     found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
     guesses = tuple(str(one) for one in found.findings if one.code == "guessed-noise")
-    return replace(_advice(model, measured, found, say), remarks=guesses)
+    titles = titles_of(found.observations.nominal.drawn)
+    return replace(_advice(model, measured, found, say), remarks=guesses, titles=titles)
 
 
 def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: Callable[[str], None]) -> Advice:

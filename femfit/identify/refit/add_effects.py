@@ -242,7 +242,7 @@ def _split(
 
     An effect of the model stays where these data cannot show it; one that the user names is never among those.
     """
-    drawn = {one.key: one.effect for one in model.drawn}
+    drawn = {name: one.effect for one in model.drawn for name in (one.key, one.subject)}
     wanted = [drawn.get(name) or effect_by_name(name) for name in dict.fromkeys(names)]
     named = {effect.name for effect in wanted}
     bare = placed(with_effects(model, ()), data) if model.effects else None

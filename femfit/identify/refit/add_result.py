@@ -8,7 +8,7 @@ from femfit.core.amount import probability
 from femfit.core.finding import Finding
 from femfit.core.printed import Printed
 from femfit.effects.effect import AddedEffect
-from femfit.effects.words import describe
+from femfit.effects.words import describe, titled, titles_of
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.constants import HARMS, LEVEL_AFTER
@@ -129,7 +129,8 @@ class AddResult(Printed):
         lines += str(self.fall).split("\n")
         lines += [self._left_out(), *self._circumstances()]
         lines += [f"suspicious: {sentence}" for sentence in self.suspicious]
-        return "\n".join([*lines, *notes(self.findings)])
+        text = "\n".join([*lines, *notes(self.findings)])
+        return titled(text, titles_of(self.observations.nominal.drawn))
 
     def _verdict(self) -> str:
         names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after

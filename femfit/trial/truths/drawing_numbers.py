@@ -40,11 +40,13 @@ class Number:
     places: tuple[Location, ...]
     step: float
     material: str = ""  # Of a curve whose polarisation it is; the change is relative then
+    key: str = ""  # Of a face that moves with the slanted edges beside it
 
     @property
     def names(self) -> tuple[str, ...]:
         """Key paths."""
-        return tuple(dict.fromkeys(joined("", *place) for place in self.places)) or (f"materials.{self.material}.B_T",)
+        paths = [self.key] * bool(self.key) + [joined("", *place) for place in self.places]
+        return tuple(dict.fromkeys(paths)) or (f"materials.{self.material}.B_T",)
 
     def changed(self, data: Mapping[str, Any], change: float, directory: Path) -> Actuator | None:
         """The drawing with this number changed; None if it cannot be built."""
@@ -117,8 +119,11 @@ def _truth(number: Number, drawn: Actuator, forms: Mapping[float, Actuator]) -> 
 
 
 def _numbers(data: Mapping[str, Any], actuator: Actuator) -> Iterator[Number]:
-    for face in drawn_faces(data):
-        yield Number(face.locations, STEP * _extent(data, face.locations[0]))
+    faces = drawn_faces(data)
+    replaced = {face.flat for face in faces if face.key}
+    for face in faces:
+        if face.locations[0] not in replaced:
+            yield Number(face.locations, STEP * _extent(data, face.locations[0]), key=face.key)
     if "z_mm" in table_at(data, "hall"):
         yield Number((("hall", "z_mm"),), 0.5)
     for name, table in table_at(data, "materials").items():

@@ -1,0 +1,99 @@
+"""What a machinist turns in one setting is one number: a face with the cone beside it, named and written as one."""
+
+import tomllib
+
+import pytest
+
+from femfit.core.errors import UsageError
+from femfit.device.drawn_faces import drawn_faces
+from femfit.device.drawn_numbers import in_picture, numbers_from_toml, read_numbers
+from femfit.device.load import parse, read_text
+from femfit.identify.calibration.drawing import Drawing
+from support.actuators import GEOMETRY
+from support.conical import CONICAL
+
+FRAME = "fixed.regions.frame.polygon_mm"
+POLE = f"{FRAME}[8..10][1]"
+
+
+@pytest.fixture(scope="module")
+def numbers():
+    return {one.facts.key: one for one in numbers_from_toml(CONICAL)}
+
+
+def test_a_pole_face_moves_with_its_cone(numbers):
+    pole = numbers[POLE]
+    assert pole.facts.also == tuple(f"{FRAME}[{corner}][1]" for corner in (8, 9, 10))
+    assert (pole.facts.value, pole.facts.unit, pole.facts.stands_for) == (5.0, "mm", f"{FRAME}[8][1]")
+    before, after = (one.fixed[0].vertices_m for one in (pole.smaller, pole.larger))
+    moved = {k: 1e3 * (b[1] - a[1]) for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b}
+    assert moved == pytest.approx(dict.fromkeys((8, 9, 10), 2.0 * pole.step))
+
+
+def test_names_are_those_of_a_machinist(numbers):
+    titles = {key: one.facts.title for key, one in numbers.items()}
+    assert titles[POLE] == "frame, pole face at z = 5 mm with its cone"
+    assert titles[f"{FRAME}[8][1]"] == "frame, face at z = 5 mm without its cone"
+    assert titles[f"{FRAME}[3][0]"] == "frame, bore at r = 6.3 mm"
+    assert titles[f"{FRAME}[1][0]"] == "frame, outer surface at r = 16 mm"
+    assert titles[f"{FRAME}[10][1]"] == "frame, corner at r = 1.6 and z = 0.1111 mm along z"
+    assert titles["coils.winding.z_mm[1]"] == "winding, face at z = 29 mm"
+
+
+@pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "bearing", "voice-coil", "ball", "magnet-pair"])
+def test_no_two_numbers_of_a_drawing_have_one_name(name):
+    titles = [one.facts.title for one in read_numbers(GEOMETRY / f"{name}.toml")]
+    assert len(set(titles)) == len(titles)
+
+
+def test_a_pole_is_a_face_of_iron_that_looks_at_the_moving_part():
+    def poles(name):
+        data = parse(read_text(GEOMETRY / f"{name}.toml"), name)
+        return {face.label for face in drawn_faces(data) if "pole face" in face.label}
+
+    assert poles("plunger-solenoid") == {"pole_and_bottom, pole face at z = 0 mm"}
+    assert poles("voice-coil") == set()
+    assert poles("magnet-pair") == set()
+
+
+def test_a_picture_marks_a_face_with_its_cone_for_the_one_without(numbers):
+    marked = {one.key: one for one in in_picture(one.facts for one in numbers.values())}
+    assert POLE in marked
+    assert f"{FRAME}[8][1]" not in marked
+    assert f"{FRAME}[10][1]" in marked
+    assert marked[POLE].at == (7.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["frame, pole face at z = 5 mm with its cone", "frame, pole face at z = 5 mm", "pole face", POLE]
+)
+def test_a_face_is_asked_for_by_its_name(name, tmp_path):
+    drawing = Drawing(CONICAL, "conical.toml", tmp_path)
+    (wanted,) = drawing.wanted(tuple(piece.strip() for piece in name.split(",")))  # as the command takes lists apart
+    assert wanted.key == POLE
+    written = tomllib.loads(drawing.with_values([wanted], [4.8]).text)["fixed"]["regions"]["frame"]["polygon_mm"]
+    assert [corner[1] for corner in written[8:]] == [4.8, 4.8, -0.0889]
+    assert written[:8] == tomllib.loads(CONICAL)["fixed"]["regions"]["frame"]["polygon_mm"][:8]
+    assert "# turned in one setting" in drawing.with_values([wanted], [4.8]).text
+
+
+def test_a_face_and_a_corner_of_it_are_not_calibrated_together(tmp_path):
+    drawing = Drawing(CONICAL, "conical.toml", tmp_path)
+    with pytest.raises(UsageError, match="the same corner"):
+        drawing.wanted((POLE, f"{FRAME}[10][1]"))
+    both = drawing.wanted(("frame.polygon_mm[9][1]", "frame.polygon_mm[10][1]"))
+    assert [one.key for one in both] == [f"{FRAME}[8][1]", f"{FRAME}[10][1]"]
+    assert not any(one.is_contour for one in drawing.wanted("all"))
+
+
+def test_a_tolerance_of_its_flat_part_or_of_its_own_is_a_faces_tolerance():
+    def tolerance(line):
+        (pole,) = (
+            one.facts for one in numbers_from_toml(f"{CONICAL}\n[tolerances]\n{line}\n") if one.facts.key == POLE
+        )
+        return pole.tolerance, pole.declared
+
+    assert tolerance(f'"{FRAME}[8][1]" = 0.02') == (0.02, True)
+    assert tolerance(f'"{POLE}" = 0.03') == (0.03, True)
+    assert tolerance("length_mm = 0.04") == (0.04, True)
+    assert tolerance('"coils.winding.turns" = 2') == (0.05, False)

@@ -1,0 +1,169 @@
+"""Every number that the file may hold can be swept and be off, or the reason why not is said."""
+
+import pytest
+
+import femfit as ff
+from femfit.device import schema, schema_device, schema_materials, schema_solver, schema_thermal
+from femfit.device.read_tolerances import read_tolerances
+from femfit.device.variants import variants_from_toml
+
+PLACES = {
+    "materials.linear": schema_materials.MaterialEntry,
+    "materials.curve": schema_materials.CurveEntry,
+    "fixed.regions.box": schema.RegionEntry,
+    "moving.regions.ball": schema.RegionEntry,
+    "moving": schema.MovingEntry,
+    "coils.winding": schema_device.WindingEntry,
+    "circuits.mains": schema_device.CircuitEntry,
+    "mechanics": schema_device.MechanicsEntry,
+    "mechanics.springs.spiral": schema_device.SpringEntry,
+    "mechanics.springs.measured": schema_device.SpringEntry,
+    "mechanics.near_stop": schema_device.StopEntry,
+    "mechanics.far_stop": schema_device.StopEntry,
+    "sensors.hall": schema.HallEntry,
+    "sensors.current": schema_device.CurrentSensorEntry,
+    "sensors.position": schema_device.PositionSensorEntry,
+    "sensors.pickup_coil": schema_device.PickupCoilEntry,
+    "sensors.acceleration": schema_device.AccelerationSensorEntry,
+    "sensors.force": schema_device.ForceSensorEntry,
+    "supply": schema.SupplyEntry,
+    "coil": schema.CoilEntry,
+    "hall": schema.HallEntry,
+    "thermal": schema_thermal.ThermalEntry,
+    "solver": schema_solver.SolverEntry,
+    "reference": schema.ReferenceEntry,
+}
+
+OF_THE_GRID = {"RangeEntry", "SweepEntry", "CurrentAxis", "DistanceAxis", "DesignEntry", "KeyEntry", "ValuesEntry",
+               "NamedParameterEntry", "SampledEntry", "FrequencyRangeEntry", "ToleranceEntry"}  # fmt: skip
+BASES = {"Entry", "OutlineEntry", "HallPlace", "SensorTiming", "ConductorEntry", "FileEntry"}
+
+
+def _number_keys(entry):
+    """Keys of an entry that hold a number or numbers, after its JSON schema, with an example of each."""
+    definition = entry.model_json_schema()
+    for key, field in definition.get("properties", {}).items():
+        example = _example(field)
+        if example is not None:
+            yield key, example
+
+
+def _example(field):
+    for one in field.get("anyOf", [field]):
+        if one.get("type") in {"number", "integer"}:
+            return 1.0
+        if one.get("type") == "array" and (inner := _example(one.get("items", {}))) is not None:
+            return [inner, inner]
+    return None
+
+
+def _leaves(path, value):
+    if not isinstance(value, list):
+        return [path]
+    return [leaf for k, one in enumerate(value) for leaf in _leaves(f"{path}[{k}]", one)]
+
+
+def _data_and_paths():
+    data, paths = {"schema": 2, "sweep": {}}, []
+    for place, entry in PLACES.items():
+        table = data
+        for key in place.split("."):
+            table = table.setdefault(key, {})
+        if place.startswith("sensors."):
+            table["kind"] = place.partition(".")[2]
+        for key, example in _number_keys(entry):
+            if isinstance(example, list):  # a single number that the file leaves out is one as well
+                table[key] = example
+            paths += _leaves(f"{place}.{key}", example)
+    return data, paths
+
+
+def test_the_walk_knows_every_table_of_the_file():
+    modules = (schema, schema_device, schema_materials, schema_solver, schema_thermal)
+    entries = {
+        name
+        for module in modules
+        for name, one in vars(module).items()
+        if isinstance(one, type) and issubclass(one, schema.Entry) and list(_number_keys(one))
+    }
+    assert entries - OF_THE_GRID - BASES == {one.__name__ for one in PLACES.values()} - BASES
+
+
+def test_every_number_of_the_file_may_be_off_or_the_reason_is_said():
+    data, paths = _data_and_paths()
+    assert len(paths) > 120
+    for path in paths:
+        problems = []
+        given, _ = read_tolerances({**data, "tolerances": {path: 0.1}}, problems)
+        refused = path.startswith(("thermal.", "solver.", "reference.")) or path.endswith("bits")
+        assert (given == {path: 0.1}) is not refused, (path, problems)
+        assert not refused or "cannot be given" in problems[0]
+
+
+DEVICE = """
+schema = 2
+name = "spring-loaded"
+[materials.iron]
+relative_permeability = 500
+[fixed.regions.core]
+material = "iron"
+r_mm = [0, 5]
+z_mm = [-10, 0]
+[coils.winding]
+r_mm = [6, 9]
+z_mm = [-9, -1]
+turns = 100
+resistance_ohm = 2
+[circuits.mains]
+coils = ["winding"]
+drive = "DRIVE"
+LIMITS
+[moving.regions.plate]
+material = "iron"
+r_mm = [0, 4]
+z_mm = [0, 4]
+[sensors.optical]
+kind = "position"
+gain_V_per_mm = 0.5
+[mechanics]
+mass_g = 2
+[mechanics.springs.spiral]
+stiffness_N_per_mm = 0.5
+preload_N = 2
+preload_at_mm = 5
+[sweep]
+current_A = [0, 1]
+distance_mm = [4, 8]
+"""
+VOLTAGE = DEVICE.replace("DRIVE", "voltage").replace("LIMITS", "voltage_min_V = 0\nvoltage_max_V = 5")
+CURRENT = DEVICE.replace("DRIVE", "current").replace("LIMITS", "current_min_A = 0\ncurrent_max_A = 5")
+SPRING = "mechanics.springs.spiral"
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "values"),
+    [
+        (VOLTAGE, f"{SPRING}.stiffness_N_per_mm", (0.4, 0.6)),
+        (VOLTAGE, f"{SPRING}.preload_at_mm", (4, 6)),
+        (VOLTAGE, "sensors.optical.gain_V_per_mm", (0.4, 0.6)),
+        (VOLTAGE, "circuits.mains.voltage_min_V", (-1, 0)),
+        (VOLTAGE, "circuits.mains.voltage_max_V", (5, 6)),
+        (CURRENT, "circuits.mains.current_min_A", (-1, 0)),
+        (CURRENT, "circuits.mains.current_max_A", (5, 6)),
+    ],
+)
+def test_springs_sensors_and_limits_can_be_swept_and_be_off(text, key, values, tmp_path):
+    found = variants_from_toml(f'{text}[sweep.parameters]\n"{key}" = {list(values)}\n')
+    unit = 1e-3 if key.endswith("_at_mm") else 1.0
+    assert [one.values[0] for one in found.variants] == pytest.approx([unit * value for value in values])
+    assert found.variants[0].actuator != found.variants[1].actuator
+    path = tmp_path / "device.toml"
+    path.write_text(f'{text}[tolerances]\n"{key}" = 0.1\n', encoding="utf-8")
+    assert ff.read_actuator(path).name == "spring-loaded"
+
+
+def test_what_is_no_number_of_the_device_is_refused_with_the_reason(tmp_path):
+    path = tmp_path / "device.toml"
+    path.write_text(f'{VOLTAGE}[sweep.parameters]\n"solver.tolerance" = [1e-3, 1e-2]\n', encoding="utf-8")
+    with pytest.raises(ff.FemfitError, match="says how the field is solved"):
+        ff.read_actuator(path)
