@@ -175,7 +175,7 @@ def test_a_change_of_force_that_the_sweep_is_too_coarse_for_is_said_with_its_err
     here = rows["number"] == HEIGHT
     rows.loc[here, "force_N"] *= 1.0 + 0.5 * (-1.0) ** np.round(1e3 * rows.loc[here, "distance_m"])
     notes = fit_model(replace(table, signatures=replace(table.signatures, rows=rows))).notes
-    (note,) = [note for note in notes if HEIGHT in note]
+    (note,) = [note for note in notes if "of force by" in note]
     (share,) = re.findall(r"is known within ([0-9.]+) % only", note)
     assert 5.0 < float(share) < 45.0
     assert not [note for note in fit_model(table).notes if HEIGHT in note]
