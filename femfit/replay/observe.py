@@ -79,7 +79,7 @@ def observe(
     >>> import femfit as ff
     >>> loop = ff.close_loop("model.json", runs=1, seconds=0.5, rng=1)
     >>> loop.write_csv("log.csv")
-    >>> seen = ff.observe("model.json", "log.csv", sensors=("hall",), find=False)
+    >>> seen = ff.observe("model.json", "log.csv", find=False)
     >>> print(str(seen).splitlines()[0])
     ukf: consistent. It claims the distance to 27 µm.
     """

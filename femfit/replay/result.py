@@ -91,7 +91,7 @@ class Observation(Printed):
     --------
     >>> import femfit as ff
     >>> ff.close_loop("model.json", runs=1, seconds=0.5, rng=1).write_csv("log.csv")
-    >>> seen = ff.observe("model.json", "log.csv", sensors=("hall",), find=False)
+    >>> seen = ff.observe("model.json", "log.csv", find=False)
     >>> seen.filters[0].trusted
     True
     """

@@ -41,7 +41,7 @@ def test_one_loop_is_summed_up_and_its_series_written(model_file, tmp_path):
     assert result.stdout.startswith("Held: 2 of 2 runs")
     table = np.genfromtxt(tmp_path / "series.csv", delimiter=",", names=True)
     assert len(table) == 2 * 600
-    assert {"run", "time_s", "voltage_V", "current_A", "distance_m", "hall_V"} <= set(table.dtype.names)
+    assert {"run", "time_s", "voltage_V", "true_current_A", "true_distance_m", "hall_V"} <= set(table.dtype.names)
     data = json.loads((tmp_path / "result.json").read_text())
     assert data["outcomes"] == {"HELD": 2}
     assert data["experiment"]["offset"] == 0.02

@@ -8,7 +8,7 @@ import pytest
 import femfit.simulation.lost_loop
 from femfit.core.errors import DomainError
 from femfit.device.sensors import PositionSensor
-from femfit.simulation.choose import choose, kept
+from femfit.simulation.choose import choose
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.experiment import Experiment
@@ -44,7 +44,7 @@ def with_margins(monkeypatch, design, **each):
     return choose(design, "ukf4")
 
 
-def test_the_largest_modulus_margin_decides(optical, monkeypatch):
+def test_the_largest_margin_decides(optical, monkeypatch):
     found = with_margins(
         monkeypatch,
         design_loop(optical),
@@ -75,7 +75,7 @@ def test_a_controller_whose_linear_loop_grows_is_none_of_the_design(late):
 
 def test_the_default_is_the_controller_with_the_largest_margin_and_holds(optical, late):
     loop = close_loop(optical, latency=LATE, runs=2, seconds=0.5)
-    margins = {name: kept(worst_of(late.margins(name, "ukf4"))) for name in CONTROLLERS}
+    margins = {name: worst_of(late.margins(name, "ukf4")).kept for name in CONTROLLERS}
     assert loop.experiment.controller == max(margins, key=margins.__getitem__) != "backstepping"
     assert loop.held == 2
     assert loop.choice in str(loop)
