@@ -77,7 +77,7 @@ def find_rests(
     box = model.validity
     noise_m = max(noise_m, FINEST * (box.distance_max_m - box.distance_min_m))
     rests = []
-    for first, last, level in _still(segment, distance, noise_m):
+    for first, last, level in still_stretches(segment, distance, noise_m):
         rows = slice(first, last + 1)
         place = _place(model, level, noise_m)
         if place == "held" and not _unbalanced(model, time_s[rows], distance[rows], current[rows], noise_m):
@@ -91,11 +91,11 @@ def find_rests(
             rests.append(Rest(early, late, level, place))
         contact[rows] = True
     contact |= _touching(model, distance, rests, noise_m)
-    return Rests(tuple(rests), contact, tuple(_said(model, time_s, current, rests)))
+    return Rests(tuple(rests), contact, tuple(_said(model, time_s, segment, current, rests)))
 
 
-def _still(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
-    """First and last row, and mean, of every stretch whose blocks agree."""
+def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
+    """First and last row, and mean, of every stretch of a channel whose blocks agree."""
     found = []
     edges = np.flatnonzero(np.diff(segment)) + 1
     for begin, end in zip(np.r_[0, edges], np.r_[edges, len(segment)], strict=True):
@@ -196,7 +196,9 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
     return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
 
 
-def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: list[Rest]) -> list[Finding]:
+def _said(
+    model: ActuatorModel, time: FloatArray, segment: IntArray, current: FloatArray, rests: list[Rest]
+) -> list[Finding]:
     found, samples = [], len(time)
     words = {"near": "The body rests on the near stop", "far": "The body rests on the far stop"}
     for place in ("near", "far", "held"):
@@ -217,7 +219,10 @@ def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: li
         else:
             text = f"{words[place]} at {where} {stretches}, first at {span}; its force is not balanced there."
         found.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
-    leaves = [rest for rest in rests if rest.last + BLOCK + 1 < samples]
+    # In the middle of a motion only a stop of the drawing is sure to have held it; there the model may be wrong
+    begins = np.r_[True, np.diff(segment) != 0]
+    held = [rest for rest in rests if rest.place != "held" or begins[rest.first]]
+    leaves = [rest for rest in held if rest.last + BLOCK + 1 < samples]
     if leaves:
         rest = leaves[0]
         # The rest ends a block before the mean of one is off, and a slow start hides in the noise before that
