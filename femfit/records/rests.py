@@ -21,7 +21,16 @@ from femfit.core.amount import amount, amount_range, counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.finding import Finding
 from femfit.model.actuator_model import ActuatorModel
-from femfit.records.constants import AT_STOP, BLOCK, DECISIVE, FINEST, LEAST_BLOCKS, STILL, WRONG_FACTOR
+from femfit.records.constants import (
+    AT_STOP,
+    BLOCK,
+    DECISIVE,
+    FINEST,
+    FLOWS,
+    LEAST_BLOCKS,
+    STILL,
+    WRONG_FACTOR,
+)
 
 Place = Literal["near", "far", "held"]
 
@@ -91,7 +100,7 @@ def find_rests(
             rests.append(Rest(early, late, level, place))
         contact[rows] = True
     contact |= _touching(model, distance, rests, noise_m)
-    return Rests(tuple(rests), contact, tuple(_said(model, time_s, segment, current, rests)))
+    return Rests(tuple(rests), contact, tuple(_said(model, time_s, current, rests)))
 
 
 def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
@@ -196,9 +205,18 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
     return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
 
 
-def _said(
-    model: ActuatorModel, time: FloatArray, segment: IntArray, current: FloatArray, rests: list[Rest]
-) -> list[Finding]:
+def _whatever_flows(current: FloatArray, rest: Rest) -> bool:
+    """Whether the body stood still with no current, or while the current changed: a loop's hover keeps its own.
+
+    Where it did not, a wrong model would make a held body of a loop's plateau.
+    """
+    largest = np.nanmax(np.abs(current), initial=0.0)
+    quarters = np.array_split(np.abs(current[rest.first : rest.last + 1]), 4)
+    means = np.array([np.mean(quarter, axis=0) for quarter in quarters])
+    return bool((np.ptp(means, axis=0) > FLOWS * largest).any() or (means < FLOWS * largest).all())
+
+
+def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: list[Rest]) -> list[Finding]:
     found, samples = [], len(time)
     words = {"near": "The body rests on the near stop", "far": "The body rests on the far stop"}
     for place in ("near", "far", "held"):
@@ -219,9 +237,7 @@ def _said(
         else:
             text = f"{words[place]} at {where} {stretches}, first at {span}; its force is not balanced there."
         found.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
-    # In the middle of a motion only a stop of the drawing is sure to have held it; there the model may be wrong
-    begins = np.r_[True, np.diff(segment) != 0]
-    held = [rest for rest in rests if rest.place != "held" or begins[rest.first]]
+    held = [rest for rest in rests if rest.place != "held" or _whatever_flows(current, rest)]
     leaves = [rest for rest in held if rest.last + BLOCK + 1 < samples]
     if leaves:
         rest = leaves[0]

@@ -108,7 +108,10 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
     resting = _resting_deviations(rests, step, spread_m)
-    flowing = current.reshape(len(time), -1)
+    flowing = current.reshape(len(time), -1).copy()
+    for reading in (reading_of(model, name) for name in sensors_of(model)):
+        if reading.column in columns:  # a current at the end of its range stands still whatever flows
+            flowing[at_ends(recorded.get(reading.column, unknown), reading)[0], columns.index(reading.column)] = np.nan
     shown = [
         steady_resistance(model, time, segment, one.voltage_V, one.unsure, flowing, distance, spreads_A[k], k)
         for k, one in enumerate(given)

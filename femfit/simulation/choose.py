@@ -61,9 +61,9 @@ def choose(design: LoopDesign, observer: ObserverName) -> Choice:
     return Choice(observer, dict(sorted(found.items(), key=lambda item: _rank(item[1]), reverse=True)))
 
 
-def _rank(margins: Margins) -> tuple[bool, float, float]:
-    """Stable before unstable; then the margin, or the slower growth."""
-    return margins.stable, margins.kept, margins.slowest_pole_rad_s
+def _rank(margins: Margins) -> tuple[bool, float, float, float]:
+    """Stable before unstable; then the margins, or the slower growth."""
+    return margins.stable, margins.kept, margins.modulus, margins.slowest_pole_rad_s
 
 
 def _standing(name: str, margins: Margins) -> str:

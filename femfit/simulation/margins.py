@@ -60,9 +60,10 @@ class Margins:
     def kept(self) -> float:
         """Phase or modulus margin over the wanted one, whichever is less, cut where noise takes too much of the room.
 
-        Steps of the reference use half of the room, and a loop at its limits is another loop.
+        One where all that is wanted is kept. Steps of the reference use half of the room, and a loop at its limits is
+        another loop, for which no margin makes up.
         """
-        least = min(self.modulus / WANTED_MODULUS, np.degrees(self.phase_rad) / WANTED_PHASE_DEG)
+        least = min(1.0, self.modulus / WANTED_MODULUS, np.degrees(self.phase_rad) / WANTED_PHASE_DEG)
         return float(least * min(1.0, NOISE_ROOM / max(self.noise_share, 1e-300)))
 
     @property

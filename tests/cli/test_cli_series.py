@@ -83,4 +83,4 @@ def test_a_record_without_distances_is_refused_with_the_remedy(files):
     for command in ("compare", "diagnose"):
         done = femfit(command, files / "model.json", files / "record.csv")
         assert done.returncode == 1
-        assert "lacks distance_m" in done.stderr
+        assert "lacks current_A and distance_m" in done.stderr
