@@ -38,7 +38,7 @@ THIN_PHASE_DEG, THIN_MODULUS = 30.0, 0.4
 """Conventional: margins below which a loop is called thin; a maximum sensitivity of 2.5, and the least phase margin
 that is usual (S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), section 2.4.3)."""
 
-COMMAND_ERRORS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+COMMAND_ERRORS = (5.0, 20.0, 50.0)
 """Conventional: factors on the error of the driver that a loop's filter allows for, of which the least is taken that
 keeps the margins. A filter that trusts its commands takes nearly all of a loop's margin (J. C. Doyle and G. Stein, IEEE
 Trans. Automat. Contr. 26 (1981) 4: noise at the plant's input gives it back, and the sensors' noise sets the end)."""

@@ -267,6 +267,7 @@ def keeping_margins(design: LoopDesign) -> LoopDesign:
 
     No filter gives more than the state itself would, so that one that comes near to it is enough.
     """
+    design = replace(design, command_error=1.0)
     try:
         most = min(1.0, NEARLY * _best_score(design, "exact"))
         tried = [(_best_score(design, "ekf"), design)]
