@@ -265,23 +265,23 @@ def design_loop(
 def keeping_margins(design: LoopDesign) -> LoopDesign:
     """The design whose filters allow for the least error of the commands that keeps the loop's margins.
 
-    No filter gives more than the state itself would, so that one that comes near to it is enough.
+    Backstepping tells it, whose gains a bandwidth decides. No filter gives more than the state itself would, so that
+    one that comes near to it is enough.
     """
     design = replace(design, command_error=1.0)
     try:
-        most = min(1.0, NEARLY * _best_score(design, "exact"))
-        tried = [(_best_score(design, "ekf"), design)]
-        for factor in COMMAND_ERRORS:
+        tried = [(_score(design, "ekf"), design)]
+        most = min(1.0, NEARLY * _score(design, "exact")) if tried[0][0] > 0.0 else 0.0
+        for factor in COMMAND_ERRORS if most > 0.0 else ():
             if tried[-1][0] >= most:
                 break
             one = replace(design, command_error=factor)
-            tried.append((_best_score(one, "ekf"), one))
+            tried.append((_score(one, "ekf"), one))
     except (DomainError, FilterError):  # whose controllers say why there is none
         return design
     return near_the_best(tried)
 
 
-def _best_score(design: LoopDesign, observer: Literal["ekf", "exact"]) -> float:
-    """Of the controllers that a bandwidth decides, on this observer."""
+def _score(design: LoopDesign, observer: Literal["ekf", "exact"]) -> float:
     bench = design.bench(observer)
-    return max(bench.score(one) for one in (tuned_backstepping(bench, design.points), tuned_regulator(bench)))
+    return bench.score(tuned_backstepping(bench, design.points))

@@ -93,7 +93,7 @@ def test_the_default_is_the_controller_with_the_largest_margin_and_holds(optical
     assert not close_loop(optical, controller="pid", runs=1, seconds=0.01).choice
 
 
-def test_a_loop_whose_linear_form_grows_is_not_simugrowingd_as_a_remedy(growing, monkeypatch):
+def test_a_loop_whose_linear_form_grows_is_not_simulated_as_a_remedy(growing, monkeypatch):
     def never(*_, **__):
         raise AssertionError
 
