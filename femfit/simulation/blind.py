@@ -35,13 +35,12 @@ def blind_bound(bench: Bench) -> BlindBound | None:
     for point, plant in zip(bench.points, bench.plants, strict=True):
         if len(plant.C) != 1 or plant.B.shape[1] != 1:
             return None
-        poles = np.linalg.eigvals(plant.A)
+        poles = _unstable(np.linalg.eigvals(plant.A).astype(np.complex128))
         for zero in _unstable(zeros_of(plant)):
-            each = np.abs((zero - _unstable(poles)) / (1.0 - _unstable(poles).conj() * zero))
+            each = np.abs((zero - poles) / (1.0 - poles.conj() * zero))
             if each.size:
-                pole = _unstable(poles)[np.argmin(each)]
-                rates = (float(abs(np.log(one)) / step) for one in (zero, pole))
-                found.append(BlindBound(point.distance_m, *rates, float(np.prod(each))))
+                own, body = (float(abs(np.log(one)) / step) for one in (zero, poles[np.argmin(each)]))
+                found.append(BlindBound(point.distance_m, own, body, float(np.prod(each))))
     return min(found, key=lambda one: one.modulus, default=None)
 
 
