@@ -26,8 +26,8 @@ class FilterOutcome(IntEnum):
 _SENTENCES = {
     FilterOutcome.RUNNING: "The filter runs.",
     FilterOutcome.COVARIANCE_LOST: (
-        "The covariance is no longer positive definite. Use double precision, and a process covariance that is "
-        "positive definite."
+        "The covariance is no longer positive definite: the readings lie far outside of what the model predicts, the "
+        "process covariance is not positive definite, or the filter runs in single precision. Check them in this order."
     ),
     FilterOutcome.NOT_FINITE: (
         "A measurement, input or estimate is not a finite number. Check the sensor's samples and the initial state; a "

@@ -64,3 +64,6 @@ mean power must be negative by before its polarity is suspected: a body that is 
 SLOWEST_STEP, FASTEST_STEP = 100.0, 1e-6
 """Conventional: times of the model's slowest own time above which a step cannot be filtered, and of its fastest below
 which rounding is all that a step changes."""
+
+FLUX_ERROR = 0.1
+"""Conventional: part by which a model's change of the flux linkage may be wrong where a resistance is told."""

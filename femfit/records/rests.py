@@ -21,7 +21,16 @@ from femfit.core.amount import amount, amount_range, counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.finding import Finding
 from femfit.model.actuator_model import ActuatorModel
-from femfit.records.constants import AT_STOP, BLOCK, DECISIVE, FINEST, LEAST_BLOCKS, STILL, WRONG_FACTOR
+from femfit.records.constants import (
+    AT_STOP,
+    BLOCK,
+    DECISIVE,
+    FINEST,
+    FLOWS,
+    LEAST_BLOCKS,
+    STILL,
+    WRONG_FACTOR,
+)
 
 Place = Literal["near", "far", "held"]
 
@@ -77,7 +86,7 @@ def find_rests(
     box = model.validity
     noise_m = max(noise_m, FINEST * (box.distance_max_m - box.distance_min_m))
     rests = []
-    for first, last, level in _still(segment, distance, noise_m):
+    for first, last, level in still_stretches(segment, distance, noise_m):
         rows = slice(first, last + 1)
         place = _place(model, level, noise_m)
         if place == "held" and not _unbalanced(model, time_s[rows], distance[rows], current[rows], noise_m):
@@ -94,8 +103,8 @@ def find_rests(
     return Rests(tuple(rests), contact, tuple(_said(model, time_s, current, rests)))
 
 
-def _still(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
-    """First and last row, and mean, of every stretch whose blocks agree."""
+def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
+    """First and last row, and mean, of every stretch of a channel whose blocks agree."""
     found = []
     edges = np.flatnonzero(np.diff(segment)) + 1
     for begin, end in zip(np.r_[0, edges], np.r_[edges, len(segment)], strict=True):
@@ -196,6 +205,17 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
     return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
 
 
+def _whatever_flows(current: FloatArray, rest: Rest) -> bool:
+    """Whether the body stood still with no current, or while the current changed: a loop's hover keeps its own.
+
+    Where it did not, a wrong model would make a held body of a loop's plateau.
+    """
+    largest = np.nanmax(np.abs(current), initial=0.0)
+    quarters = np.array_split(np.abs(current[rest.first : rest.last + 1]), 4)
+    means = np.array([np.mean(quarter, axis=0) for quarter in quarters])
+    return bool((np.ptp(means, axis=0) > FLOWS * largest).any() or (means < FLOWS * largest).all())
+
+
 def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: list[Rest]) -> list[Finding]:
     found, samples = [], len(time)
     words = {"near": "The body rests on the near stop", "far": "The body rests on the far stop"}
@@ -217,7 +237,8 @@ def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: li
         else:
             text = f"{words[place]} at {where} {stretches}, first at {span}; its force is not balanced there."
         found.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
-    leaves = [rest for rest in rests if rest.last + BLOCK + 1 < samples]
+    held = [rest for rest in rests if rest.place != "held" or _whatever_flows(current, rest)]
+    leaves = [rest for rest in held if rest.last + BLOCK + 1 < samples]
     if leaves:
         rest = leaves[0]
         # The rest ends a block before the mean of one is off, and a slow start hides in the noise before that

@@ -25,6 +25,11 @@ class NoiseEstimate:
     known: bool  # False where the record only says that it is no larger than ``high``
 
     @property
+    def tells(self) -> bool:
+        """Whether the record says more than that the noise may be larger than the filter was given."""
+        return self.known or self.high < self.assumed
+
+    @property
     def interval(self) -> str:
         """Value and interval, or the largest that it may be."""
         if not self.known:
@@ -45,10 +50,22 @@ class FoundNoise:
     by_autocovariance: tuple[NoiseEstimate, ...] = ()
     friction: DryFriction | None = None  # That the model does not know, where the record shows one
 
-    def lines(self) -> list[str]:
-        """In plain words."""
+    def lines(self, *, lost: bool = False) -> list[str]:
+        """In plain words; a noise that may be larger than the filter was given is not told where it is not known.
+
+        Parameters
+        ----------
+        lost : bool
+            Whether the filter was lost: then what the innovations are made of cannot be told.
+        """
         lines = [f"noise that the record shows ({self.samples} samples):"]
+        if lost:
+            lines[0] = (
+                f"noise that would explain {self.samples} samples if the model were right, which lost the record:"
+            )
         for one in self.estimates:
+            if not one.tells:
+                continue
             was = f"the filter was given {amount(one.assumed, one.unit)}"
             if one.name == "acceleration":
                 what = "force that the model does not know"
@@ -59,7 +76,9 @@ class FoundNoise:
                 )
             lines.append(f"  {what}: {one.interval}; {was}")
             lines += [
-                f"    by autocovariance: {other.interval}" for other in self.by_autocovariance if other.name == one.name
+                f"    by autocovariance: {other.interval}"
+                for other in self.by_autocovariance
+                if other.name == one.name and other.tells
             ]
         if self._disagree:
             lines.append(
@@ -69,7 +88,7 @@ class FoundNoise:
         if self.friction is not None:
             share = min(1.0, (self.friction.force_N / self.force_N) ** 2) if self.force_N else 1.0
             lines.append(f"  {100.0 * share:.0f} % of that force is friction: {self.friction}")
-        for sensor, parts in self.shares.items():
+        for sensor, parts in () if lost else self.shares.items():
             told = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
             lines.append(f"  the innovations of {sensor} are {told}")
         return lines

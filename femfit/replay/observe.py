@@ -59,7 +59,8 @@ def observe(
     filter : str or sequence of str
         ``ukf``, ``ekf``, or ``ukf4`` and ``ekf4``, which estimate a bias as well; several are placed side by side.
     sensors : sequence of str or None
-        Which sensors the filter reads; all that the record has where None. Those it does not read check it.
+        Which sensors the filter reads; where None those of the drawing that the record has, or its current and distance
+        where it has none of them. Those it does not read check it.
     biases : sequence of str or None
         Whose bias ``ukf4`` and ``ekf4`` estimate; the Hall element's, or else the first sensor's that reads no current.
     noise : FilterNoise or None
@@ -79,7 +80,7 @@ def observe(
     >>> import femfit as ff
     >>> loop = ff.close_loop("model.json", runs=1, seconds=0.5, rng=1)
     >>> loop.write_csv("log.csv")
-    >>> seen = ff.observe("model.json", "log.csv", sensors=("hall",), find=False)
+    >>> seen = ff.observe("model.json", "log.csv", find=False)
     >>> print(str(seen).splitlines()[0])
     ukf: consistent. It claims the distance to 27 µm.
     """
@@ -116,6 +117,7 @@ def observe(
         ),
         noise=found,
         seatings=find_seatings(prepared, runs[0].built, runs[0].replayed),
+        resistances=prepared.resistances,
     )
 
 

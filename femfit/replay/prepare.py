@@ -24,6 +24,7 @@ from femfit.records.noise import converter_step, white_noise
 from femfit.records.plausible import require_possible_step
 from femfit.records.position import with_distance
 from femfit.records.readings import at_ends, without_repeats
+from femfit.records.resistance import SteadyResistance, steady_resistance
 from femfit.records.rests import Rests, find_rests
 from femfit.records.supply import given_voltage
 from femfit.replay.constants import STANDS_STILL
@@ -45,6 +46,7 @@ class Prepared:
     noise: dict[str, float]  # White noise of each sensor
     # To what distance in m and velocity in m/s a body counts as still; None where it nowhere is
     resting: tuple[float, float] | None
+    resistances: tuple[SteadyResistance, ...] = ()  # That the record shows by itself
 
 
 def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
@@ -61,8 +63,9 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         )
     series, added = on_grid(series)
     rows = series.rows
-    model, findings = with_recorded_sensors(model, series), list(series.findings)
-    names = _chosen(model, series, sensors)
+    drawn, findings = tuple(sensors_of(model)), list(series.findings)
+    model = with_recorded_sensors(model, series)
+    names = _chosen(model, series, sensors, drawn)
     readings = tuple(reading_of(model, name) for name in names)
     time, recorded = rows["time_s"].to_numpy(), {}
     for name in series.given:
@@ -105,7 +108,16 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
     resting = _resting_deviations(rests, step, spread_m)
-    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting)
+    flowing = current.reshape(len(time), -1).copy()
+    for reading in (reading_of(model, name) for name in sensors_of(model)):
+        if reading.column in columns:  # a current at the end of its range stands still whatever flows
+            flowing[at_ends(recorded.get(reading.column, unknown), reading)[0], columns.index(reading.column)] = np.nan
+    shown = [
+        steady_resistance(model, time, segment, one.voltage_V, one.unsure, flowing, distance, spreads_A[k], k)
+        for k, one in enumerate(given)
+    ]
+    resistances = tuple(one for one in shown if one is not None)
+    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting, resistances)
 
 
 def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
@@ -135,9 +147,12 @@ def _left_out(series: TimeSeries) -> str:
     return " ".join(str(one) for one in series.findings if one.code in {"unused-column", "stuck"})
 
 
-def _chosen(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> tuple[str, ...]:
+def _chosen(
+    model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None, drawn: Sequence[str]
+) -> tuple[str, ...]:
+    """As asked for; else those of the drawing that were recorded, or what was where none of them is."""
     usable = recorded_sensors(model, series)
-    wanted = tuple(usable) if sensors is None else tuple(sensors)
+    wanted = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
     for name in wanted:
         sensor_named(model, name)
     lacking = [name for name in wanted if name not in usable]

@@ -14,11 +14,12 @@ from femfit.core.printed import Printed
 from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.model.actuator_model import ActuatorModel
+from femfit.records.resistance import SteadyResistance
 from femfit.replay.consistency import Beside, Innovations
 from femfit.replay.constants import LEAST_JUDGED, MOST_SEATINGS
 from femfit.replay.found_noise import FoundNoise
 from femfit.replay.run_filter import Replayed
-from femfit.replay.seating import Seating
+from femfit.replay.seating import Seating, not_followed
 
 UNUSED = "unused-column"
 
@@ -48,13 +49,31 @@ class OneFilter:
         settled = self.replayed.deviation[len(self.replayed.deviation) // 2 :, 0]
         certain = amount(float(np.nanmedian(settled)), "m") if np.isfinite(settled).any() else "unknown"
         if self.lost_at_s is not None:
-            return f"{self.name}: lost at {amount(self.lost_at_s, 's', 4)}. {self.outcome.sentence}"
+            return f"{self.name}: lost at {amount(self.lost_at_s, 's', 4)}. {self._why_lost}"
         if self.trusted:
             return f"{self.name}: consistent. It claims the distance to {certain}."
         if not self.innovations:
             few = f"no sensor has {LEAST_JUDGED} readings"
             return f"{self.name}: not judged, because {few}. It claims the distance to {certain}."
         return f"{self.name}: not consistent with its noise. It claims the distance to {certain}; do not rely on it."
+
+    @property
+    def _why_lost(self) -> str:
+        """What the filter expected of the readings at which its covariance broke down, or how else it ended."""
+        if self.outcome is not FilterOutcome.COVARIANCE_LOST:
+            return self.outcome.sentence
+        seen = self.replayed
+        row = int(np.flatnonzero(seen.outcome != FilterOutcome.RUNNING)[0])
+        rows = slice(max(0, row + 1 - LEAST_JUDGED), row + 1)
+        ratio = np.nan_to_num(np.abs(seen.innovation[rows]) / np.sqrt(seen.variance[rows]))
+        at, k = np.unravel_index(int(ratio.argmax()), ratio.shape)
+        name = self.built.process.outputs[k].name
+        return (
+            f"A reading of {name} was {ratio[at, k]:.3g} of its expected deviations off the prediction "
+            f"({amount(float(seen.innovation[rows][at, k]), self.built.process.outputs[k].unit)}), and the covariance "
+            "did not survive it: the model is wrong by more than noise. Check the drawing, the sensor's characteristic "
+            "and the columns' signs and units."
+        )
 
     def lines(self) -> list[str]:
         """What became of it."""
@@ -91,7 +110,7 @@ class Observation(Printed):
     --------
     >>> import femfit as ff
     >>> ff.close_loop("model.json", runs=1, seconds=0.5, rng=1).write_csv("log.csv")
-    >>> seen = ff.observe("model.json", "log.csv", sensors=("hall",), find=False)
+    >>> seen = ff.observe("model.json", "log.csv", find=False)
     >>> seen.filters[0].trusted
     True
     """
@@ -105,6 +124,7 @@ class Observation(Printed):
     findings: tuple[Finding, ...]
     noise: FoundNoise | None
     seatings: tuple[Seating, ...] = ()  # As the first filter tells them
+    resistances: tuple[SteadyResistance, ...] = ()  # That steady currents show, whatever the filters do
 
     def __str__(self) -> str:
         first, *others = self.filters
@@ -116,14 +136,22 @@ class Observation(Printed):
             f"{self.source}: {count} from {span}, read through {', '.join(self.sensors)}",
             *(str(one) for one in unused),
         ]
-        lines += [str(one) for one in self.seatings[:MOST_SEATINGS]]
-        if len(self.seatings) > MOST_SEATINGS:
-            lines.append(f"... and {counted(len(self.seatings) - MOST_SEATINGS, 'more arrival')} at a stop (--json)")
+        cause = [str(one) for one in self.resistances if one.contradicts and not first.trusted]
+        if cause:
+            lost = f"lost at {amount(first.lost_at_s, 's', 4)}" if first.lost_at_s is not None else "not consistent"
+            lines[:1] = [*cause, f"{first.name}: {lost}, as it must be with another resistance than the winding's."]
+        told = [one for one in self.seatings if one.followed]
+        lines += [str(one) for one in told[:MOST_SEATINGS]]
+        if len(told) > MOST_SEATINGS:
+            lines.append(f"... and {counted(len(told) - MOST_SEATINGS, 'more arrival')} at a stop (--json)")
+        if open_ := [one for one in self.seatings if not one.followed]:
+            lines.append(not_followed(open_))
         for other in others:
             lines += other.lines()
-        if self.noise is not None:
-            lines += self.noise.lines()
-        notes = [one for one in self.findings if one.severity == "info" and one not in unused]
+        if self.noise is not None and not cause:
+            lines += self.noise.lines(lost=first.lost_at_s is not None)
+        notes = [str(one) for one in self.findings if one.severity == "info" and one not in unused]
+        notes += [str(one) for one in self.resistances if str(one) not in cause]
         return "\n".join([*lines, *(f"note: {one}" for one in notes)])
 
     @property
@@ -148,6 +176,7 @@ class Observation(Printed):
             "filters": [one.to_dict() for one in self.filters],
             "seatings": [vars(one) for one in self.seatings],
             "noise": None if self.noise is None else self.noise.to_dict(),
+            "resistances": [{**vars(one), "contradicts": one.contradicts} for one in self.resistances],
             "findings": [str(one) for one in self.findings],
         }
 

@@ -14,7 +14,7 @@ References
 A. S. Willsky and H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108: likelihood ratios over the time of a jump.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -38,6 +38,7 @@ from femfit.replay.constants import (
     FOLLOWED,
     LEAST_CONFIDENCE,
     LEAST_UNSEATED,
+    MOST_SEATINGS,
     SEAT_BEFORE,
     WORK_POINTS,
 )
@@ -62,17 +63,20 @@ class Seating:
     def __str__(self) -> str:
         speed = amount(abs(self.velocity_m_s), "m/s")
         if not self.followed:
-            at = amount(self.time_s, "s", 3)
-            return (
-                f"The estimate reaches the {self.stop} stop at {at}, but the filter does not follow the readings "
-                "there: it cannot be told whether the body does."
-            )
+            return not_followed([self])
         if self.confidence < LEAST_CONFIDENCE:
             at = amount(self.time_s, "s", 3)
             return f"The estimate reaches the {self.stop} stop at {at}; the record does not tell whether the body does."
         sure = "more than 99.9 %" if self.confidence > CERTAIN else amount(self.confidence, "", 3)
         span = amount_range(self.low_s, self.high_s, "s", 4)
         return f"Seats on the {self.stop} stop at {span} with {speed}, {sure} certain."
+
+
+def not_followed(seatings: Sequence[Seating]) -> str:
+    """Of arrivals of the estimate that the readings contradict, in one sentence."""
+    where = ", ".join(f"the {one.stop} stop at {amount(one.time_s, 's', 3)}" for one in seatings[:MOST_SEATINGS])
+    more = f" and {len(seatings) - MOST_SEATINGS} more" if len(seatings) > MOST_SEATINGS else ""
+    return f"The estimate comes to {where}{more}, but the readings there are not its own; the body may be elsewhere."
 
 
 def find_seatings(prepared: Prepared, built: Filter, replayed: Replayed) -> tuple[Seating, ...]:

@@ -1,12 +1,13 @@
 """Which controller a loop has where none is asked for: the one whose linear loop is farthest from instability.
 
 Every controller is designed, since that takes seconds. Of those that are stable
-with their filter, delays and drivers the one with the largest modulus margin at its worst point of rest is taken, cut
-where noise takes too much of the commands' room.
+with their filter, delays and drivers the one with the largest margins at its worst point of rest is taken, cut where
+noise takes too much of the commands' room.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import degrees
 
 from femfit.core.errors import DomainError, FilterError
 from femfit.simulation.constants import NOISE_ROOM
@@ -30,9 +31,13 @@ class Choice:
         """A line for the first controller that is not among those with which runs were lost."""
         taken = next(name for name in self.margins if name not in lost)
         first, *others = [_standing(name, margins) for name, margins in self.margins.items()]
-        why = "its linear loop keeps the largest modulus margin" if self.margins[taken].stable else "it grows least"
+        why = (
+            "its linear loop keeps the largest margins of phase and modulus"
+            if self.margins[taken].stable
+            else "it grows least"
+        )
         if lost:
-            why = f"runs are lost with {' and '.join(lost)}, whose linear loop keeps a larger modulus margin"
+            why = f"runs are lost with {' and '.join(lost)}, whose linear loop keeps larger margins"
         return f"{taken} is chosen on {self.observer}, as {why}: {', '.join((first, *others))}"
 
 
@@ -56,21 +61,13 @@ def choose(design: LoopDesign, observer: ObserverName) -> Choice:
     return Choice(observer, dict(sorted(found.items(), key=lambda item: _rank(item[1]), reverse=True)))
 
 
-def kept(margins: Margins) -> float:
-    """The modulus margin, cut in proportion where noise takes more of the command's room than a design may.
-
-    So are gains tuned as well: steps of the reference use half of the room, and a loop at its limits is another loop.
-    """
-    return margins.modulus * min(1.0, NOISE_ROOM / max(margins.noise_share, 1e-300))
-
-
-def _rank(margins: Margins) -> tuple[bool, float, float]:
-    """Stable before unstable; then the margin, or the slower growth."""
-    return margins.stable, kept(margins), margins.slowest_pole_rad_s
+def _rank(margins: Margins) -> tuple[bool, float, float, float]:
+    """Stable before unstable; then the margins, or the slower growth."""
+    return margins.stable, margins.kept, margins.modulus, margins.slowest_pole_rad_s
 
 
 def _standing(name: str, margins: Margins) -> str:
     if not margins.stable:
         return f"{name} unstable, growing by {-margins.slowest_pole_rad_s:.3g} 1/s"
-    cut = f" cut to {kept(margins):.2g} by noise" if margins.noise_share > NOISE_ROOM else ""
-    return f"{name} {margins.modulus:.2g}{cut}"
+    noisy = f" with noise of {100.0 * margins.noise_share:.2g} %" if margins.noise_share > NOISE_ROOM else ""
+    return f"{name} {degrees(margins.phase_rad):.2g} degrees and {margins.modulus:.2g}{noisy}"

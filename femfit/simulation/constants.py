@@ -30,10 +30,25 @@ constants less than 1 % of the first error is left."""
 UNKNOWN_NOISE_PART = 5e-4
 """Conventional: white noise of a Hall sample over the output's range where the model says none: two of 4096 steps."""
 
-WANTED_MODULUS = 0.4
-"""Conventional: modulus margin that a design is content with: a maximum sensitivity of 2.5, gain margin 1.7, phase
-margin 23 degrees. Process control asks for 2 (K. J. Astrom and T. Hagglund, Advanced PID Control (ISA, 2006), section
-4.3), which a plant with an unstable pole seldom leaves room for."""
+WANTED_PHASE_DEG, WANTED_MODULUS = 45.0, 0.5
+"""Conventional: margins that a design aims at: a maximum sensitivity of 2 (K. J. Astrom and T. Hagglund, Advanced PID
+Control (ISA, 2006), section 4.3) and the phase margin that goes with a well damped loop."""
+
+THIN_PHASE_DEG, THIN_MODULUS = 30.0, 0.4
+"""Conventional: margins below which a loop is called thin; a maximum sensitivity of 2.5, and the least phase margin
+that is usual (S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), section 2.4.3)."""
+
+COMMAND_ERRORS = (5.0, 20.0, 50.0)
+"""Conventional: factors on the error of the driver that a loop's filter allows for, of which the least is taken that
+keeps the margins. A filter that trusts its commands takes nearly all of a loop's margin (J. C. Doyle and G. Stein, IEEE
+Trans. Automat. Contr. 26 (1981) 4: noise at the plant's input gives it back, and the sensors' noise sets the end)."""
+
+NEARLY = 0.9
+"""Conventional: part of the best that is as good as it: of the margins that gains or a filter give, the first is taken
+that keeps so much; what raises margins by less is not told."""
+
+LESS_NOISE = 0.1
+"""Conventional: factor on the sensors' noise by which it is tried whether the noise is what makes a loop thin."""
 
 SETTLING_PART = 0.35
 """Conventional: rate at which a loop's slowest motion must decay over the body's own; an integral that is slower would

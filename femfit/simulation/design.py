@@ -15,8 +15,8 @@ from femfit.filters.levitation import chosen_sensors
 from femfit.filters.noise import FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
-from femfit.simulation.constants import DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S
-from femfit.simulation.controllers import Backstepping, Controller, design_backstepping
+from femfit.simulation.constants import COMMAND_ERRORS, DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S, NEARLY
+from femfit.simulation.controllers import Backstepping, Controller
 from femfit.simulation.distance_inverse import distance_inverse
 from femfit.simulation.margins import Margins
 from femfit.simulation.no_controller import why_none
@@ -26,7 +26,15 @@ from femfit.simulation.pid import Pid
 from femfit.simulation.reference import reference_rate
 from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, require_sensed
-from femfit.simulation.tune import Bench, make_bench, settled_errors, tuned_pid, tuned_regulator
+from femfit.simulation.tune import (
+    Bench,
+    make_bench,
+    near_the_best,
+    settled_errors,
+    tuned_backstepping,
+    tuned_pid,
+    tuned_regulator,
+)
 
 ControllerName = Literal["backstepping", "pid", "state-feedback"]
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -48,6 +56,7 @@ class LoopDesign:
     reference_rate_rad_s: float
     latency: int = 0  # Samples from a reading to the command that it leads to
     given: Mapping[str, Controller] = field(default_factory=dict)  # In place of the designed ones
+    command_error: float = 1.0  # Factor on the error of the drivers' voltages that the filters allow for
 
     @property
     def rate_rad_s(self) -> float:
@@ -91,10 +100,10 @@ class LoopDesign:
         """Whether a sensor is not read at each sample."""
         return any(one.period > 1 for one in self.loop_sensors())
 
-    @cached_property
+    @property
     def backstepping(self) -> Backstepping:
-        """The nonlinear controller."""
-        return design_backstepping(self.model, self.points)
+        """The nonlinear controller, be it stable or not."""
+        return cast("Backstepping", self.controller("backstepping"))
 
     @property
     def pid(self) -> Pid | None:
@@ -132,9 +141,9 @@ class LoopDesign:
 
     def _design(self, name: ControllerName) -> Controller:
         if name == "backstepping":
-            return self.backstepping
+            return tuned_backstepping(self._filtered, self.points)
         if name == "pid":
-            return tuned_pid(self._filtered, self.bench("exact"))
+            return tuned_pid(self._filtered)
         return tuned_regulator(self._filtered)
 
     @property
@@ -186,8 +195,12 @@ class LoopDesign:
     def filter_noise(self) -> FilterNoise:
         """What the filters know of the noise."""
         base = default_noise(self.model, self.targets_m[0])
+        volts = np.atleast_1d(base.voltage_V) * self.command_error
         white = {one.name: one.reading.white for one in self.loop_sensors()}
-        return replace(base, hall_V=white.pop(HALL, base.hall_V), sensors=white)
+        hall = white.pop(HALL, base.hall_V)
+        return replace(
+            base, voltage_V=tuple(volts.tolist()) if len(volts) > 1 else float(volts[0]), hall_V=hall, sensors=white
+        )
 
     def observer(self, name: ObserverName, distance_deviation_m: float = FIRST_DEVIATION_M) -> Observer:
         """The observer of this name: a filter for the sensors, or the direct measurement by the first of them.
@@ -237,7 +250,7 @@ def design_loop(
     distances: FloatArray = np.linspace(min(targets), max(targets), DESIGN_POINTS)
     points = tuple(operating_point(model, float(d)) for d in distances)
     require_sensed(model, names, distances, np.array([point.currents_A for point in points]))
-    return LoopDesign(
+    design = LoopDesign(
         model=model,
         sensors=names,
         noise=known,
@@ -246,3 +259,29 @@ def design_loop(
         reference_rate_rad_s=reference_rate(model, targets),
         latency=latency,
     )
+    return keeping_margins(design)
+
+
+def keeping_margins(design: LoopDesign) -> LoopDesign:
+    """The design whose filters allow for the least error of the commands that keeps the loop's margins.
+
+    Backstepping tells it, whose gains a bandwidth decides. No filter gives more than the state itself would, so that
+    one that comes near to it is enough.
+    """
+    design = replace(design, command_error=1.0)
+    try:
+        tried = [(_score(design, "ekf"), design)]
+        most = min(1.0, NEARLY * _score(design, "exact")) if tried[0][0] > 0.0 else 0.0
+        for factor in COMMAND_ERRORS if most > 0.0 else ():
+            if tried[-1][0] >= most:
+                break
+            one = replace(design, command_error=factor)
+            tried.append((_score(one, "ekf"), one))
+    except (DomainError, FilterError):  # whose controllers say why there is none
+        return design
+    return near_the_best(tried)
+
+
+def _score(design: LoopDesign, observer: Literal["ekf", "exact"]) -> float:
+    bench = design.bench(observer)
+    return bench.score(tuned_backstepping(bench, design.points))

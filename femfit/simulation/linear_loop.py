@@ -115,9 +115,20 @@ def linear_controller(
     latency: int = 0,
 ) -> LinearController:
     """Observer and controller about a point; ``observer`` None knows the exact state."""
+    return joined(model, point, linear_observer(model, point, observer), controller, latency)
+
+
+def joined(
+    model: ActuatorModel,
+    point: OperatingPoint,
+    observer: tuple[FloatArray, FloatArray, FloatArray],
+    controller: Controller,
+    latency: int,
+) -> LinearController:
+    """A controller behind an observer that is linear already."""
     n = len(point.commands)
     order = model.order
-    P, G, L = _observer(model, point, observer, order)
+    P, G, L = observer
     M, E, N, D = _controller(model, point, controller, len(P))
     seen, words, inputs = len(P), len(M), L.shape[1]
     pending = n * (latency + 1)
@@ -195,14 +206,11 @@ def _differences(
     return slopes[:order].T, slopes[order:].T
 
 
-def _observer(
-    model: ActuatorModel,
-    point: OperatingPoint,
-    observer: Filter | DirectObserver | None,
-    order: int,
+def linear_observer(
+    model: ActuatorModel, point: OperatingPoint, observer: Filter | DirectObserver | None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """P, G and L of the module's head."""
-    n = len(point.commands)
+    n, order = len(point.commands), model.order
     if observer is None:
         return np.zeros((order, order)), np.zeros((order, n)), np.eye(order)
     if isinstance(observer, DirectObserver):

@@ -5,15 +5,18 @@ from dataclasses import asdict, replace
 from math import degrees, inf, isfinite
 from typing import Any
 
+import numpy as np
+
 from femfit.core.amount import amount, counted
 from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.quoted import quoted
 from femfit.model.sensors import HALL
 from femfit.simulation.adjust import gains_of
-from femfit.simulation.constants import WANTED_MODULUS
+from femfit.simulation.blind import blind_bound
+from femfit.simulation.constants import LESS_NOISE, NEARLY, WANTED_MODULUS, WANTED_PHASE_DEG
 from femfit.simulation.controllers import Backstepping, Controller
-from femfit.simulation.design import ControllerName, LoopDesign
+from femfit.simulation.design import ControllerName, LoopDesign, keeping_margins
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.margins import Margins, worst_of
@@ -21,9 +24,6 @@ from femfit.simulation.operating_point import OperatingPoint
 from femfit.simulation.pid import Pid
 from femfit.simulation.state_feedback import StateFeedback
 from femfit.simulation.study_rows import HoldRow
-
-FRAGILE_DEGREES = 10.0
-"""Conventional: phase margin below which a loop is called fragile; 30 degrees are usual as the least."""
 
 TOO_CAUTIOUS = (
     "the filter is too cautious here: it allows for errors of force and voltage that a plant which is the model itself "
@@ -166,39 +166,58 @@ def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> li
         return [f"no margins of {name} on {observer}: {error}"]
     worst = worst_of(found)
     lines = [f"{name} on {observer}: {margins_text(worst, len(design.model.circuits), design.reads_slowly)}"]
-    if worst.stable and degrees(worst.phase_rad) < FRAGILE_DEGREES:
-        lines.append(f"fragile: body and delay must be as in the model for {name} to hold it{_raised(design, name)}")
-    if name == "backstepping" and name not in design.given and worst.modulus < WANTED_MODULUS:
-        others: tuple[ControllerName, ...] = ("pid", "state-feedback")
-        better = [other for other in others if _modulus(design, other, observer) > worst.modulus]
-        lines.append(
-            f"backstepping takes its gains from the model's poles alone, so that its modulus margin is not the "
-            f"{WANTED_MODULUS:g} that pid and state-feedback are tuned for"
-            + (f"; use {' or '.join(better)} where the model is rough" if better else "; here they keep less")
+    return [*lines, *([thin] if (thin := thin_text(design, name, observer, worst)) else [])]
+
+
+def thin_text(design: LoopDesign, name: ControllerName, observer: str, worst: Margins) -> str:
+    """Of a loop with thin margins, that they are and what takes them; empty of any other loop."""
+    if not worst.thin:
+        return ""
+    head = f"thin: {_kept(worst)}, where {WANTED_PHASE_DEG:g} degrees and {WANTED_MODULUS:g} are aimed at"
+    bound = blind_bound(design.bench("ekf"))
+    if bound is not None and bound.modulus < WANTED_MODULUS:
+        head += (
+            f"; at {amount(bound.distance_m, 'm', 3)} the reading of {sensor_word(design.sensors[0])} has a zero at "
+            f"{bound.zero_rad_s:.3g} rad/s beside the unstable pole of {bound.pole_rad_s:.3g} rad/s, so that no "
+            f"controller keeps a modulus margin above {bound.modulus:.2g} with this sensor alone"
         )
-    return lines
+    better = [(way, of) for way, of in _raised(design, name, observer).items() if NEARLY * of.kept > worst.kept]
+    better.sort(key=lambda pair: pair[1].kept, reverse=True)
+    told = ", ".join(f"{_kept(margins)} {way}" for way, margins in better)
+    return f"{head}; it would keep {told}" if told else head
 
 
-def _modulus(design: LoopDesign, name: ControllerName, observer: str) -> float:
-    """The modulus margin of another controller on the same observer; zero where there is none."""
-    try:
-        return worst_of(design.margins(name, observer)).modulus  # type: ignore[arg-type]
-    except (DomainError, FilterError):
-        return 0.0
+def _kept(margins: Margins) -> str:
+    return f"{degrees(margins.phase_rad):.2g} degrees of phase and a modulus margin of {margins.modulus:.2g}"
 
 
-def _raised(design: LoopDesign, name: ControllerName) -> str:
-    """What the same gains' phase margin would be with the exact state, and without latency too."""
-    bench, controller = design.bench("exact"), design.controller(name)
-    ways = {"with the exact state": bench}
-    if design.latency and name != "state-feedback":  # whose gains are of its latency
-        ways["without latency too"] = replace(bench, latency=0)
-    parts = []
-    for way, better in ways.items():
-        worst = worst_of(better.judge(controller))
-        if worst.stable:
-            parts.append(f"{degrees(worst.phase_rad):.2g} degrees {way}")
-    return f"; the phase margin would be {' and '.join(parts)}" if parts else ""
+def _raised(design: LoopDesign, name: ControllerName, observer: str) -> dict[str, Margins]:
+    """The margins of the same controller, designed anew, without one of what may take them; the stable ones."""
+    noise = {sensor: LESS_NOISE * white for sensor, white in design.noise.items()}
+    sensors = ", ".join(
+        f"{amount(white, one.reading.unit, 2)} of {sensor_word(one.name)}"
+        for one, white in zip(design.loop_sensors(), design.noise.values(), strict=True)
+    )
+    ways: dict[str, tuple[LoopDesign, str]] = {
+        f"with a tenth of the sensors' noise ({sensors})": (keeping_margins(replace(design, noise=noise)), observer),
+        "with the exact state": (design, "exact"),
+    }
+    if observer.endswith("4"):
+        ways[f"on {observer[:-1]}, which takes the offset of {sensor_word(design.sensors[0])} as known"] = (
+            design,
+            observer[:-1],
+        )
+    if design.latency:
+        ways["without latency"] = keeping_margins(replace(design, latency=0)), observer
+    found = {}
+    for way, (better, by) in ways.items():
+        try:
+            margins = worst_of(better.margins(name, by))  # type: ignore[arg-type]
+        except (DomainError, FilterError):
+            continue
+        if margins.stable:
+            found[way] = margins
+    return found
 
 
 def margins_text(margins: Margins, circuits: int = 1, slow: bool = False) -> str:
@@ -242,7 +261,16 @@ def observed_lines(design: LoopDesign) -> list[str]:
         return ["these sensors cannot tell the distance of a body at rest"]
     distance, velocity = told
     both = f"the distance to {amount(distance, 'm')} and the velocity to {amount(velocity, 'm/s')}"
-    return [f"a filter that allows for this model's process noises expects to know {both} rms"]
+    lines = [f"a filter that allows for this model's process noises expects to know {both} rms"]
+    if design.command_error > 1.0:
+        volts = float(np.max(design.filter_noise.voltage_V))
+        trusting = replace(design, command_error=1.0).told
+        lines[0] += (
+            f"; it allows for an error of the voltage of {amount(volts, 'V')}, {design.command_error:g} times the "
+            "driver's, because one that trusts its commands leaves the loop less margin"
+            + (f" (it would expect {amount(trusting[0], 'm')})" if trusting else "")
+        )
+    return lines
 
 
 def design_data(design: LoopDesign, loops: Sequence[tuple[ControllerName, str]] = ()) -> dict[str, Any]:

@@ -22,6 +22,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from femfit.core.arrays import ComplexArray, FloatArray
+from femfit.simulation.constants import (
+    NOISE_ROOM,
+    THIN_MODULUS,
+    THIN_PHASE_DEG,
+    WANTED_MODULUS,
+    WANTED_PHASE_DEG,
+)
 from femfit.simulation.linear_loop import LinearController, LinearPlant, closed_loop_matrix
 
 FREQUENCIES, LOWEST = 600, 1e-4
@@ -48,6 +55,21 @@ class Margins:
     slowest_pole_rad_s: float  # Rate at which the loop's slowest motion decays; negative where one grows
     # Rms of each command that the sensors' noise makes, over the way from the resting command to the nearer limit
     noise_share: float
+
+    @property
+    def kept(self) -> float:
+        """Phase or modulus margin over the wanted one, whichever is less, cut where noise takes too much of the room.
+
+        One where all that is wanted is kept. Steps of the reference use half of the room, and a loop at its limits is
+        another loop, for which no margin makes up.
+        """
+        least = min(1.0, self.modulus / WANTED_MODULUS, np.degrees(self.phase_rad) / WANTED_PHASE_DEG)
+        return float(least * min(1.0, NOISE_ROOM / max(self.noise_share, 1e-300)))
+
+    @property
+    def thin(self) -> bool:
+        """Whether it is stable with less margin than is usual as the least."""
+        return self.stable and (self.modulus < THIN_MODULUS or np.degrees(self.phase_rad) < THIN_PHASE_DEG)
 
 
 def worst_of(found: Sequence[Margins]) -> Margins:
@@ -85,7 +107,7 @@ def margins(
     room : array, shape (n,)
         From the resting commands to the nearer limits, in the commands' units.
     points : int
-        Of the frequency response.
+        Of the frequency response; with fewer than usual, the gains of several circuits together are not sought.
     """
     poles = np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller)))
     largest = float(poles.max())
@@ -108,7 +130,7 @@ def margins(
         below, above = gain_margins(L)
         own_phase, own_delay = phase_and_delay_margin(w, L)
         phase, delay = min(phase, own_phase), min(delay, own_delay)
-    if n > 1:
+    if n > 1 and points >= FREQUENCIES:
         below, above = gains_together(plant, controller)
     return Margins(True, below, above, phase, delay, modulus, float(slowest), share)
 

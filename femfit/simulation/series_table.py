@@ -25,18 +25,16 @@ def current_columns(design: LoopDesign) -> list[str]:
 
 
 def reading_columns(design: LoopDesign) -> list[str]:
-    """Names of the readings in a table; one whose name a true value has is a measured one."""
-    taken = {*current_columns(design), "distance_m", "velocity_m_s"}
-    names = [f"{one.name}_{one.reading.unit.replace('/', '_').replace('^', '')}" for one in design.loop_sensors()]
-    return [f"measured_{name}" if name in taken else name for name in names]
+    """Names of the readings in a table: those of a record, from which any filter takes them."""
+    readings = [one.reading for one in design.loop_sensors()]
+    return [one.column or f"{one.name}_{one.unit.replace('/', '_').replace('^', '')}" for one in readings]
 
 
 def series_columns(design: LoopDesign) -> list[str]:
-    """Names of all columns after the run and the time."""
+    """Names of all columns after the run and the time; what no sensor gives is named as the truth or an estimate."""
     return [
         *command_columns(design),
-        *current_columns(design),
-        "distance_m",
+        *(f"true_{name}" for name in (*current_columns(design), "distance_m")),
         *reading_columns(design),
         "reference_m",
         "estimated_distance_m",

@@ -1,17 +1,20 @@
 """Gains of linear controllers: found by what the sampled loop can stand, over the whole reference.
 
-A candidate is judged at the nearest, the middle and the farthest point of rest by the least modulus margin (the
-distance of the loop's gain from -1), the largest share of the commands' room that the sensors' noise takes, and how
-fast the loop's slowest motion decays. Wanted is the fastest one that keeps :data:`WANTED_MODULUS`,
-:data:`NOISE_ROOM` and :data:`SETTLING_PART`; where none does, the one that comes nearest.
+A candidate is judged at the nearest, the middle and the farthest point of rest by the least phase margin and modulus
+margin (the distance of the loop's gain from -1) over those that are wanted, the largest share of the commands' room
+that the sensors' noise takes, and how fast the loop's slowest motion decays. Wanted is the fastest one that keeps
+:data:`WANTED_PHASE_DEG`, :data:`WANTED_MODULUS`, :data:`NOISE_ROOM` and :data:`SETTLING_PART`; where none does, the one
+that comes nearest.
 
 References
 ----------
 K. J. Astrom and T. Hagglund, Advanced PID Control (ISA, 2006), section 4.3: robustness by the maximum sensitivity.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,25 +32,25 @@ from femfit.simulation.constants import (
     FIRST_INTEGRAL,
     FIRST_STIFFNESS,
     NARROWEST_RANGE,
-    NOISE_ROOM,
+    NEARLY,
     SETTLING_PART,
     SLOW_COIL,
     SLOWEST_OVER_BODY,
     SLOWEST_OVER_HIGHEST,
     USABLE_PART,
     WANTED_COIL,
-    WANTED_MODULUS,
 )
-from femfit.simulation.controllers import Controller
+from femfit.simulation.controllers import Backstepping, Controller, design_backstepping
 from femfit.simulation.limits import limits_of
 from femfit.simulation.linear_loop import (
     LinearPlant,
     exact_readings,
-    linear_controller,
+    joined,
     linear_filter,
+    linear_observer,
     linear_plant,
 )
-from femfit.simulation.margins import FREQUENCIES, Margins, margins
+from femfit.simulation.margins import FREQUENCIES, Margins, margins, worst_of
 from femfit.simulation.observers import DirectObserver
 from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole, zero_order_hold
 from femfit.simulation.pattern_search import pattern_search
@@ -58,6 +61,10 @@ from femfit.simulation.state_feedback import StateFeedback, regulator
 
 SEARCH_FREQUENCIES = 120
 """Conventional: points of the frequency response while gains are sought; what is told has five times as many."""
+
+
+T = TypeVar("T")
+C = TypeVar("C", bound=Controller)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,26 +87,31 @@ class Bench:
         """Margins at each point, from a frequency response of so many points."""
         found = []
         limits = limits_of(self.model)
-        for point, plant in zip(self.points, self.plants, strict=True):
-            linear = linear_controller(self.model, point, self.observer, controller, self.latency)
+        for point, plant, observer in zip(self.points, self.plants, self.observers, strict=True):
+            linear = joined(self.model, point, observer, controller, self.latency)
             room = np.minimum(point.commands - limits[0], limits[1] - point.commands)
             found.append(margins(plant, linear, self.model.sample_time_s, room, points))
         return tuple(found)
+
+    @cached_property
+    def observers(self) -> tuple[tuple[FloatArray, FloatArray, FloatArray], ...]:
+        """The observer at each point, linear."""
+        return tuple(linear_observer(self.model, point, self.observer) for point in self.points)
 
     def growth(self, controller: Controller) -> float:
         """Rate in 1/s at which the loop's slowest motion grows at its worst point; below zero where it is stable."""
         return max(-one.slowest_pole_rad_s for one in self.judge(controller, SEARCH_FREQUENCIES))
 
     def score(self, controller: Controller) -> float:
-        """The least modulus margin, cut by too much noise and too slow a loop; below zero where it is unstable."""
-        found = self.judge(controller, SEARCH_FREQUENCIES)
-        if not all(one.stable for one in found):
-            return float(min(one.slowest_pole_rad_s for one in found)) * self.model.sample_time_s
-        noise = max(one.noise_share for one in found)
+        """Margins over the wanted ones, cut by too much noise and too slow a loop; below zero where it is unstable.
+
+        One where all that is wanted is kept: more margin is not worth a slower loop.
+        """
+        worst = worst_of(self.judge(controller, SEARCH_FREQUENCIES))
+        if not worst.stable:
+            return worst.slowest_pole_rad_s * self.model.sample_time_s
         rate = SETTLING_PART * min(point.natural_rad_s for point in self.points)
-        slowest = min(one.slowest_pole_rad_s for one in found)
-        cut = min(1.0, NOISE_ROOM / max(noise, 1e-300)) * min(1.0, slowest / max(rate, 1e-300))
-        return min(one.modulus for one in found) * cut
+        return worst.kept * min(1.0, worst.slowest_pole_rad_s / max(rate, 1e-300))
 
 
 def make_bench(
@@ -133,47 +145,54 @@ def settled_errors(bench: Bench) -> tuple[float, float] | None:
 
 
 def tuned_regulator(bench: Bench) -> StateFeedback:
-    """The fastest regulator that keeps the wanted margin, or the one that comes nearest to it, be it unstable."""
-    model, at = bench.model, bench.middle
-    point, plant = bench.points[at], bench.plants[at]
-    highest = USABLE_PART / model.sample_time_s
+    """The fastest regulator that keeps the wanted margins, or the one that comes nearest to them, be it unstable."""
+    point, plant = bench.points[bench.middle], bench.plants[bench.middle]
+    return _fastest(bench, lambda bandwidth: regulator(bench.model, point, plant, bandwidth, bench.latency))
+
+
+def tuned_backstepping(bench: Bench, points: Sequence[OperatingPoint]) -> Backstepping:
+    """The gains of the model's own poles where they keep the wanted margins, else those of a bandwidth that does."""
+    first = design_backstepping(bench.model, points)
+    if (score := bench.score(first)) >= 1.0:
+        return first
+    best = _fastest(bench, lambda bandwidth: design_backstepping(bench.model, points, bandwidth))
+    return near_the_best([(score, first), (bench.score(best), best)])
+
+
+def _fastest(bench: Bench, made: Callable[[float], C]) -> C:
+    """What is made for the highest bandwidth that keeps the wanted margins, or comes nearest to them."""
+    highest = USABLE_PART / bench.model.sample_time_s
     own = max(one.natural_rad_s for one in bench.points)
     lowest = np.clip(SLOWEST_OVER_BODY * own, SLOWEST_OVER_HIGHEST * highest, NARROWEST_RANGE * highest)
-    best: tuple[float, StateFeedback] | None = None
+    tried: list[tuple[float, C]] = []
     for bandwidth in np.geomspace(highest, lowest, BANDWIDTHS):
+        if tried and tried[-1][0] >= 1.0:
+            break
         try:
-            found = regulator(model, point, plant, float(bandwidth), bench.latency)
+            found = made(float(bandwidth))
         except DomainError:
             continue
-        score = bench.score(found)
-        if score >= WANTED_MODULUS:
-            return found
-        if best is None or score > best[0]:
-            best = score, found
-    if best is None:
+        tried.append((bench.score(found), found))
+    if not tried:
         raise DomainError(
             f"No state feedback was found: between {lowest:.4g} and {highest:.4g} rad/s no bandwidth has a regulator. "
             "Use another controller, or a shorter sample time."
         )
-    return best[1]
+    return max(tried, key=lambda one: one[0])[1]
 
 
-def tuned_pid(bench: Bench, exact: Bench) -> Pid:
+def near_the_best(tried: Sequence[tuple[float, T]]) -> T:
+    """The first of several whose score is :data:`NEARLY` the best; the best itself where none is above zero."""
+    best = max(score for score, _ in tried)
+    return next(found for score, found in tried if score >= min(best, NEARLY * best))
+
+
+def tuned_pid(bench: Bench) -> Pid:
     """Poles placed at the middle point; where that keeps too little margin, a search from there.
 
     What comes nearest to a stable loop is returned where none was found.
-
-    Parameters
-    ----------
-    bench, exact : Bench
-        With the observer, and with the state known at once: a filter that trusts its model takes a part of the margin
-        that no gains bring back, so that the placed poles are judged without it.
     """
     first = _start(bench)
-    with_filter = bench.judge(first, SEARCH_FREQUENCIES)
-    sound = all(one.stable and one.noise_share <= NOISE_ROOM for one in with_filter)
-    if sound and exact.score(first) >= WANTED_MODULUS:
-        return first
     direction, current, parts = first.direction, first.current_gain_ohm, first.parts
     values = np.log(np.maximum([parts[name] for name in ("kp", "ki", "kd", "filter_rad_s")], 1e-9))
 
@@ -184,7 +203,7 @@ def tuned_pid(bench: Bench, exact: Bench) -> Pid:
     # The filter's pole cannot be faster than the samples
     highest = np.array([np.inf, np.inf, np.inf, np.log(FASTEST_FILTER / bench.model.sample_time_s)])
     values = np.minimum(values, highest)
-    found, _ = pattern_search(lambda logs: bench.score(made(logs)), values, highest, WANTED_MODULUS)
+    found, _ = pattern_search(lambda logs: bench.score(made(logs)), values, highest, 1.0)
     return made(found)
 
 

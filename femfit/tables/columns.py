@@ -31,6 +31,9 @@ _BRANCH_WORDS = {
     **dict.fromkeys(("rising", "rise", "up", "+", "increasing", "ascending", "steigend", "auf", "hin"), 1.0),
     **dict.fromkeys(("falling", "fall", "down", "-", "decreasing", "descending", "fallend", "ab", "zurück"), -1.0),
 }
+SIMULATED = ("true_", "estimated_")
+"""How columns begin that a simulation writes beside its readings; nobody measured them."""
+
 _LABELS = ("run", "mount")
 _MOMENTS = ("time_s", "order")
 
@@ -220,6 +223,9 @@ def _said(code: str, text: str, column: str) -> Finding:
 def _unused(headers: Sequence[str], names: Sequence[str], free: Sequence[str]) -> list[Finding]:
     findings, others = [], []
     for header in headers:
+        if header.startswith(SIMULATED):
+            others.append(header)
+            continue
         parsed = parse_header(header)
         bare = replace(parsed, unit=None)
         meant = next((name for name in names if parsed.unit and match_score(bare, name, guess=False)), None)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.model.json_file import write_model
 from support.command import femfit
 
@@ -41,7 +42,7 @@ def test_one_loop_is_summed_up_and_its_series_written(model_file, tmp_path):
     assert result.stdout.startswith("Held: 2 of 2 runs")
     table = np.genfromtxt(tmp_path / "series.csv", delimiter=",", names=True)
     assert len(table) == 2 * 600
-    assert {"run", "time_s", "voltage_V", "current_A", "distance_m", "hall_V"} <= set(table.dtype.names)
+    assert {"run", "time_s", "voltage_V", "true_current_A", "true_distance_m", "hall_V"} <= set(table.dtype.names)
     data = json.loads((tmp_path / "result.json").read_text())
     assert data["outcomes"] == {"HELD": 2}
     assert data["experiment"]["offset"] == 0.02
@@ -67,3 +68,27 @@ def test_a_model_without_a_hall_sensor_says_how_to_get_one_and_exits_1(levitatio
 )
 def test_impossible_options_are_usage_errors(model_file, option):
     assert simulate(model_file, *option).returncode == 2
+
+
+def test_a_filter_reads_the_drawn_sensors_of_a_simulated_record_and_finds_their_noise(levitation_model, tmp_path):
+    laser = PositionSensor(name="laser", noise=2e-4, distances_m=(0.0, 1.0), readings=(0.0, 10.0))
+    ammeter = CurrentSensor(name="ammeter", noise=4e-3, circuit=levitation_model.circuit.name)
+    model = replace(levitation_model, sensor=None, other_sensors=(laser, ammeter), reference_distances_m=(0.022,))
+    write_model(model, tmp_path / "model.json")
+    done = femfit(
+        "simulate", tmp_path / "model.json", "--runs", 1, "--seconds", 0.5, "--controller", "pid",
+        "--csv", tmp_path / "log.csv",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
+    assert {"true_distance_m", "true_current_A", "position_V", "current_A"} <= set(table.dtype.names)
+    assert "distance_m" not in table.dtype.names
+    # The column of the ammeter is what it reads, noise and all
+    assert np.std(table["current_A"] - table["true_current_A"]) == pytest.approx(4e-3, rel=0.1)
+    seen = femfit("observe", tmp_path / "model.json", tmp_path / "log.csv", "--json", tmp_path / "seen.json")
+    assert seen.returncode == 0, seen.stderr
+    told = json.loads((tmp_path / "seen.json").read_text())
+    assert sorted(told["sensors"]) == ["ammeter", "laser"]
+    noise = {one["name"]: one["value"] for one in told["noise"]["estimates"]}
+    assert noise["laser"] == pytest.approx(2e-4, rel=0.15)
+    assert noise["ammeter"] == pytest.approx(4e-3, rel=0.15)

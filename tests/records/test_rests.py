@@ -101,6 +101,17 @@ def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation
         assert not find_rests(wrong, *columns, 3e-5).rests
 
 
+def test_a_body_that_a_loop_moves_has_left_no_place_however_wrong_the_model_is(levitation_model, blocked):
+    model = replace(levitation_model, sample_time_s=1e-3)
+    record = recorded(closed_loop(model, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
+    wrong = replace(model, motion=replace(model.motion, mass_kg=4.0 * model.motion.mass_kg))
+    rows = record.rows
+    columns = (rows[name].to_numpy() for name in ("time_s", "segment", "distance_m", "current_A"))
+    found = find_rests(wrong, *columns, 3e-5)
+    assert found.rests  # the model is wrong by more than it may be
+    assert "lift-off" not in {one.code for one in found.findings}
+
+
 @pytest.mark.parametrize("with_blocked", [False, True])
 def test_compare_agrees_on_switching_with_and_without_blocked_runs(free, blocked, with_blocked):
     """A body that is balanced as free while it is held misses by hundreds of times the noise."""

@@ -90,12 +90,12 @@ def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(opt
     assert f"leaves {left:.2g} mV" in short_of_room(loop)
 
 
-def test_a_loop_next_to_its_longest_latency_is_called_fragile(optical):
+def test_a_loop_next_to_its_longest_latency_is_called_thin_and_told_what_it_would_keep_without(optical):
     words = {latency: told_margins(optical, latency) for latency in (0, 26)}
     assert "stable with gains" in words[26]
-    assert "fragile" in words[26]
-    assert "without latency too" in words[26]
-    assert "fragile" not in words[0]
+    assert "thin" in words[26]
+    assert "without latency" in words[26]
+    assert "thin" not in words[0]
 
 
 def told_margins(model, latency):
