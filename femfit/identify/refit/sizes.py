@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from femfit.core.amount import amount, amount_range, rounded
+from femfit.core.amount import amount, amount_in, amount_range, rounded
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
@@ -34,8 +34,8 @@ class EffectSize:
         share = abs(self.of_largest or 0.0)
         part = f", {100.0 * share:.2g} % of its largest" if share <= 1.0 else f", {rounded(share, 2)} times its largest"
         return (
-            f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount(self.change, self.channel)} (95 %: "
-            f"{amount_range(*self.ci95, self.channel)}){part if self.of_largest is not None else ''}, at "
+            f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount_in(self.change, *self.ci95, self.channel)} "
+            f"(95 %: {amount_range(*self.ci95, self.channel)}){part if self.of_largest is not None else ''}, at "
             f"{amount(self.distance_m, 'distance_m', 3)} and {amount(self.current_A, 'current_A')}"
         )
 
