@@ -60,6 +60,11 @@ NOTHING_MISSING = 0.1
 IN_CLASS = 0.01
 """Calibrated: probability over that of what is named from which an exchange for it belongs to its class."""
 
+TIED = 1.0 / 3.0
+"""Conventional: probability over that of what is named from which another cause is as likely: odds of up to three are
+not worth more than a bare mention (R. E. Kass and A. E. Raftery, Journal of the American Statistical Association 90
+(1995) 773)."""
+
 OWN_MISFIT = 2.0
 """Conventional: times a model's misfit to its own table up to which an error is not told from it: two standard
 deviations."""

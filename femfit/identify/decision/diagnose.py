@@ -201,6 +201,7 @@ def _named_effects(
         NamedEffect(
             name=members[0],
             members=members,
+            tie=tie,
             p_value=p_values[members[0]],
             explained_share=share,
             parameters=dict(by_name[members[0]].parameters),
@@ -209,7 +210,7 @@ def _named_effects(
             plausible=all(is_plausible(by_name[members[0]], p) for p in by_name[members[0]].effect.parameters),
             runs=_from_one(by_name[members[0]].runs),
         )
-        for members in decision.classes
+        for members, tie in zip(decision.classes, decision.ties, strict=True)
     )
 
 

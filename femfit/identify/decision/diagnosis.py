@@ -29,6 +29,7 @@ class NamedEffect:
 
     name: str
     members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
+    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
     p_value: float
     # Part of the structured misfit, above the noise, that all that is named explains on readings that it was not
     # fitted to; 1 for all
@@ -173,6 +174,7 @@ class Diagnosis(Printed):
         missing = [vars(one) | {"class": list(one.members)} for one in self.missing]
         for one in missing:
             del one["members"]
+            one["tie"] = list(one["tie"])
             first, last = one.pop("runs") or (None, None)
             one["when"] = {"first_run": first, "last_run": last} if first else None
         return {

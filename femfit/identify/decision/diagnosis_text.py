@@ -1,10 +1,11 @@
 """A diagnosis in plain sentences: the verdict, its size, how certain it is, where it shows, and what it rests on."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from femfit.core.amount import counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
-from femfit.effects.words import smallest_visible
+from femfit.effects.words import describe, smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.lag_text import lag_lines
 from femfit.identify.decision.own_misfit import (
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 
 _SHOWN, _ALIKE, _CLASS = 8, 4, 6
+
+_SUGGEST = "femfit suggest says what to measure."
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing: the model explains these data within their noise{scatter}{own}.",
@@ -43,7 +46,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
     unknown = not_judged(diagnosis.observations, noise)
     lines = [*suspicions(diagnosis.findings), verdict_sentence(diagnosis), *unknown]
     for one in diagnosis.missing:
-        lines += _named(one)
+        lines += [*_named(one), *_or_named(diagnosis, one)]
     lines += lag_lines(diagnosis, misses=_misses(diagnosis))
     lines += [] if diagnosis.missing else _not_shown(diagnosis)
     lines += str(diagnosis.error_fall).split("\n") if diagnosis.missing else _misfit(diagnosis)
@@ -70,7 +73,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
 
 def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
-    names = " and ".join(one.name for one in diagnosis.missing)
+    names = " and ".join(_any_of(one.tie, "one of ") for one in diagnosis.missing)
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
     rms, beyond, left = _left(diagnosis)
     if diagnosis.own_misfit:
@@ -119,11 +122,11 @@ def certainty_sentence(diagnosis: "Diagnosis") -> str:
         certain = "Certain: no other effect of the catalogue would give these readings."
         considered = "Not certain: no other effect of those considered would give these readings; excluded: "
         return f"{considered}{', '.join(diagnosis.excluded)}." if diagnosis.excluded else certain
-    members = list(dict.fromkeys(name for one in diagnosis.missing for name in one.members[1:]))
+    members = list(dict.fromkeys(n for one in diagnosis.missing for n in one.members[1:] if n not in one.tie))
     if members:
-        more = f" or {counted(len(members) - _CLASS, 'further one')}" if len(members) > _CLASS + 1 else ""
-        others = _any_of(members) if not more else f"{', '.join(members[:_CLASS])}{more}"
-        return f"Not certain: {others} would give the same readings. femfit suggest says what to measure."
+        return f"Not certain: {_any_of(members)} would give the same readings. {_SUGGEST}"
+    if any(len(one.tie) > 1 for one in diagnosis.missing):
+        return f"Not certain: these data do not tell which of them it is. {_SUGGEST}"
     if diagnosis.look_alikes:
         alike = _any_of(diagnosis.look_alikes[:_ALIKE])
         return f"Not certain: {alike}, or a cause like it that the catalogue lacks, could give these readings."
@@ -142,8 +145,11 @@ def _why_uncertain(diagnosis: "Diagnosis") -> str:
     return "its size is unusual. Check it by another measurement"
 
 
-def _any_of(names: "list[str] | tuple[str, ...]") -> str:
-    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+def _any_of(names: Sequence[str], before: str = "") -> str:
+    """``a, b or c``, the first :data:`_CLASS` of them; ``before`` stands before several."""
+    shown, more = list(names[:_CLASS]), len(names) - _CLASS
+    shown = [*shown, counted(more, "further one")] if more > 1 else list(names)
+    return f"{before}{', '.join(shown[:-1])} or {shown[-1]}" if len(shown) > 1 else shown[0]
 
 
 def _scatter(diagnosis: "Diagnosis") -> str:
@@ -160,6 +166,18 @@ def _named(one: "NamedEffect") -> list[str]:
     lines = [f"  {one.name}{when}: {'; '.join(one.words)}." if one.words else f"  {one.name}{when}: {symptom}"]
     if not one.plausible:
         lines.append("  This size is unusual: check it by another measurement before trusting the name.")
+    return lines
+
+
+def _or_named(diagnosis: "Diagnosis", one: "NamedEffect") -> list[str]:
+    """What the others of a tie would be, each in the place of the first."""
+    nominal, beside = diagnosis.observations.nominal, {other.name for other in diagnosis.missing} - {one.name}
+    fits = {frozenset(fit.names): fit for fit in diagnosis.explanations}
+    lines = []
+    for name in one.tie[1:_CLASS]:
+        fit = fits.get(frozenset(beside | {name}))
+        words = [clause for added in fit.effects if added.effect.name == name for clause in describe(added, nominal)] if fit else []
+        lines += [f"  or {name}: {'; '.join(words)}."] if words else []
     return lines
 
 

@@ -9,11 +9,11 @@ from femfit.core.ties import ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
+from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT, TIED
 from femfit.identify.decision.diagnosis import Verdict
 from femfit.identify.decision.proposals import Explanation
 from femfit.identify.decision.search import Posterior, explain, most_of_nothing
-from femfit.identify.refit.refit import is_plausible
+from femfit.identify.refit.refit import Refit, is_plausible
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
     "nothing_missing": (False, False),
@@ -39,6 +39,8 @@ class Decision:
     left_after: LackOfFit | None = None  # The lack of fit with what is named
     chosen: Explanation | None = None
     classes: tuple[tuple[str, ...], ...] = ()  # Per named effect, what cannot be told from it, itself first
+    # The same of what is as likely, by odds of up to three; the simplest first that is as large as usual
+    ties: tuple[tuple[str, ...], ...] = ()
     # All that these data leave, what was named first: as probable as the members of a class
     left: tuple[Explanation, ...] = ()
 
@@ -77,7 +79,7 @@ def decide(campaign: Campaign) -> Decision:
     test, times = lack_of_fit(campaign), times_own(campaign)
     chosen, after, near = None, None, list[frozenset[str]]()
     if _KINDS[verdict][0]:
-        near = _near(posterior, unknown)
+        near = _simplest_first(posterior, _near(posterior, unknown), unknown)
         chosen = posterior.explanations[near[0]]
         if chosen.fit is not None:
             after = campaign.patterns.test(chosen.fit.whitened_residual, chosen.fit.jacobian[:, ~chosen.fit.active])
@@ -100,6 +102,7 @@ def decide(campaign: Campaign) -> Decision:
         after,
         chosen,
         tuple((name, *_exchanged(name, near)) for name in chosen.names),
+        tuple((name, *_exchanged(name, _tied(posterior, near, unknown))) for name in chosen.names),
         tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
     )
 
@@ -114,7 +117,7 @@ def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
     fit, observations = chosen.fit if chosen else None, campaign.observations
     if fit is None or fit.chi2 - len(fit.whitened_residual) >= 0.5 * before:
         return False
-    if not all(is_plausible(added, p) for added in fit.effects for p in added.effect.parameters):
+    if not _plausible(fit):
         return False
     left = observations.value - observations.predict(fit.effects)
     for c, sigma in enumerate(campaign.noise.sigma):
@@ -125,6 +128,11 @@ def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
     return True
 
 
+def _plausible(fit: Refit) -> bool:
+    """Whether every parameter may be as large as it usually is."""
+    return all(is_plausible(added, p) for added in fit.effects for p in added.effect.parameters)
+
+
 def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
     """The sets of effects that a class may hold, the most probable first; of equal ones the commonest first."""
     order = {name: k for k, name in enumerate(posterior.space.variants)}
@@ -133,6 +141,31 @@ def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
     sets = [names for names, p in likely.items() if p >= least]
     sets.sort(key=lambda names: sorted(order[name] for name in names))
     return ranked(sets, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
+
+
+def _simplest_first(posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
+    """The same sets with that first which, of those that tie with the most probable one, supposes least.
+
+    Of sets that exchange one effect for another: plausible sizes before unusual ones, then the fewest parameters that
+    the fit moved.
+    """
+
+    best = near[0]
+    alike = {
+        names: fit
+        for names in _tied(posterior, near, unknown)
+        if len(names) == len(best) and len(names - best) <= 1 and (fit := posterior.explanations[names].fit)
+    }
+    if not alike:
+        return near
+    first = min(alike, key=lambda names: (not _plausible(alike[names]), np.count_nonzero(~alike[names].active)))
+    return [first, *(names for names in near if names != first)]
+
+
+def _tied(posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
+    """The sets that are as probable as the most probable one, in their order."""
+    least = TIED * max(posterior.probability[names, unknown] for names in near)
+    return [names for names in near if posterior.probability[names, unknown] >= least]
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
