@@ -69,6 +69,16 @@ OWN_MISFIT = 2.0
 """Conventional: times a model's misfit to its own table up to which an error is not told from it: two standard
 deviations."""
 
+DOMINANT = 0.75
+"""Conventional: part of the squared misfit above the noise, on runs left out, from which an effect is said to explain
+most of what no effect explains in all: the rms misfit falls to less than half."""
+
+RIVALS = 2.0
+"""Conventional: times the squared misfit that it leaves up to which another effect explains as much."""
+
+RIVALS_REFITTED = 6
+"""Numerical, for the time that it takes: how many of these are refitted, the best to first order."""
+
 CERTAIN = 0.5
 """Conventional: probability of just what is named below which it is not certain."""
 

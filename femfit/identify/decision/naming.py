@@ -1,19 +1,30 @@
 """Decides what is missing from how probable every explanation is: nothing, known effects, an unknown cause, or both."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.ties import ranked
+from femfit.core.ties import Item, ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT, TIED
-from femfit.identify.decision.diagnosis import Verdict
+from femfit.identify.decision.constants import (
+    DOMINANT,
+    IN_CLASS,
+    NOTHING_MISSING,
+    OWN_MISFIT,
+    RIVALS,
+    RIVALS_REFITTED,
+    TIED,
+)
+from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
+from femfit.identify.decision.magnitude import explained_share
 from femfit.identify.decision.proposals import Explanation
 from femfit.identify.decision.search import Posterior, explain, most_of_nothing
-from femfit.identify.refit.refit import Refit, is_plausible
+from femfit.identify.refit.refit import Refit, is_plausible, refit
+from femfit.identify.refit.sizes import at_bounds
+from femfit.identify.refit.start import starting_point
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
     "nothing_missing": (False, False),
@@ -114,18 +125,61 @@ def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
     whose size is as unlikely as its form.
     """
     before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
-    fit, observations = chosen.fit if chosen else None, campaign.observations
+    fit = chosen.fit if chosen else None
     if fit is None or fit.chi2 - len(fit.whitened_residual) >= 0.5 * before:
         return False
-    if not _plausible(fit):
-        return False
+    return _plausible(fit) and not _spoils(campaign, fit)
+
+
+def _spoils(campaign: Campaign, fit: Refit) -> bool:
+    """Whether effects make a channel worse."""
+    observations = campaign.observations
     left = observations.value - observations.predict(fit.effects)
     for c, sigma in enumerate(campaign.noise.sigma):
         here = observations.channel == c
         was, now = (np.sqrt(np.mean(one[here] ** 2)) for one in (observations.residual, left))
         if now > WITHIN_NOISE * max(was, sigma):
-            return False
-    return True
+            return True
+    return False
+
+
+def dominant(
+    campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect], excess: float
+) -> tuple[tuple[Refit, ...], float]:
+    """Single effects that explain most of a misfit that none explains in all, and what part of it; none where none do.
+
+    However large they are, but not at the end of their range, and without making a channel worse. The first leaves the
+    least, or supposes least of those that leave hardly more. The part is that of runs left out.
+    """
+    if decision.verdict != "unexplained":
+        return (), 0.0
+    fits = [fit for fit in _leading(campaign, decision, scores) if not at_bounds(fit) and not _spoils(campaign, fit)]
+    fits = _alike(fits, [fit.chi2 - len(fit.whitened_residual) for fit in fits])
+    fits.sort(key=_supposes)
+    part = explained_share(campaign, fits[0], excess) if fits else 0.0
+    return (tuple(fits), part) if part >= DOMINANT else ((), 0.0)
+
+
+def _leading(campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect]) -> list[Refit]:
+    """The effects that alone leave the least to first order, refitted: the search takes none up for its size alone."""
+    before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
+    tested = ranked([one for one in scores if not one.note], lambda one: one.chi2_fall, ROUNDING)
+    best = _alike(tested, [before - one.chi2_fall for one in tested])[:RIVALS_REFITTED]
+    known = {one.names: one.fit for one in decision.refitted if one.fit}
+    effects = {one.name: one.columns.effect for one in campaign.effects}
+    given = campaign.observations, campaign.whitening
+    return [known.get((one.name,)) or refit(*given, starting_point(*given, [effects[one.name]])) for one in best]
+
+
+def _alike(items: Sequence[Item], above_noise: Sequence[float]) -> list[Item]:
+    """The items that leave hardly more squared misfit above the noise than the best."""
+    most = RIVALS * max(min(above_noise, default=0.0), 1.0)
+    return [one for one, left in zip(items, above_noise, strict=True) if left <= most]
+
+
+def _supposes(fit: Refit) -> tuple[bool, int]:
+    """Plausible sizes before unusual ones, then the fewest parameters that the fit moved."""
+    return not _plausible(fit), int(np.count_nonzero(~fit.active))
 
 
 def _plausible(fit: Refit) -> bool:
@@ -149,7 +203,6 @@ def _simplest_first(posterior: Posterior, near: list[frozenset[str]], unknown: b
     Of sets that exchange one effect for another: plausible sizes before unusual ones, then the fewest parameters that
     the fit moved.
     """
-
     best = near[0]
     alike = {
         names: fit
@@ -158,7 +211,7 @@ def _simplest_first(posterior: Posterior, near: list[frozenset[str]], unknown: b
     }
     if not alike:
         return near
-    first = min(alike, key=lambda names: (not _plausible(alike[names]), np.count_nonzero(~alike[names].active)))
+    first = min(alike, key=lambda names: _supposes(alike[names]))
     return [first, *(names for names in near if names != first)]
 
 
