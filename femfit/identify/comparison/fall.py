@@ -43,7 +43,11 @@ class ChannelFall:
         return weighed_amount(rms, self.channel, self.magnitude, 3)
 
     def __str__(self) -> str:
-        before, after, count = self.amount(self.rms_before), self.amount(self.rms_after), counted(self.readings, "reading")
+        before, after, count = (
+            self.amount(self.rms_before),
+            self.amount(self.rms_after),
+            counted(self.readings, "reading"),
+        )
         times = "" if self.noise is None else f"{self.after_over_noise:.3g} times the noise of one"
         if before == after:
             text = f"{CHANNEL_WORDS[self.channel]}: the error is unchanged, {after} rms in {count}"
