@@ -74,8 +74,10 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
 def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
     most = [diagnosis.dominant] if diagnosis.dominant else []
-    names = " and ".join(_any_of(one.tie, "one of ") for one in (*diagnosis.missing, *most))
-    part = next((_part(one.explained_share) for one in (*diagnosis.missing, *most)), "")
+    named = (*diagnosis.missing, *most)
+    joint = ", and " if any(len(one.tie) > 1 for one in named) else " and "
+    names = joint.join(_any_of(one.tie, "one of ") for one in named)
+    part = next((_part(one.explained_share) for one in named), "")
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
     rms, beyond, left = _left(diagnosis)
     if diagnosis.own_misfit:

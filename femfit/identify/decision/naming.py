@@ -50,7 +50,7 @@ class Decision:
     left_after: LackOfFit | None = None  # The lack of fit with what is named
     chosen: Explanation | None = None
     classes: tuple[tuple[str, ...], ...] = ()  # Per named effect, what cannot be told from it, itself first
-    # The same of what is as likely, by odds of up to three; the simplest first that is as large as usual
+    # The same of what is of a usual size and as likely, by odds of up to three; the simplest first
     ties: tuple[tuple[str, ...], ...] = ()
     # All that these data leave, what was named first: as probable as the members of a class
     left: tuple[Explanation, ...] = ()
@@ -88,9 +88,11 @@ def decide(campaign: Campaign) -> Decision:
         verdict = max((word for word in _KINDS if word != "nothing_missing"), key=lambda word: probability[word])
     unknown = _KINDS[verdict][1]
     test, times = lack_of_fit(campaign), times_own(campaign)
-    chosen, after, near = None, None, list[frozenset[str]]()
+    chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
     if _KINDS[verdict][0]:
-        near = _simplest_first(posterior, _near(posterior, unknown), unknown)
+        near = _near(posterior, unknown)
+        tie = _tied(posterior, near, unknown)
+        near = [*tie[:1], *(names for names in near if names != tie[0])]
         chosen = posterior.explanations[near[0]]
         if chosen.fit is not None:
             after = campaign.patterns.test(chosen.fit.whitened_residual, chosen.fit.jacobian[:, ~chosen.fit.active])
@@ -113,7 +115,7 @@ def decide(campaign: Campaign) -> Decision:
         after,
         chosen,
         tuple((name, *_exchanged(name, near)) for name in chosen.names),
-        tuple((name, *_exchanged(name, _tied(posterior, near, unknown))) for name in chosen.names),
+        tuple((name, *_exchanged(name, tie)) for name in chosen.names),
         tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
     )
 
@@ -197,28 +199,20 @@ def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
     return ranked(sets, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
 
 
-def _simplest_first(posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
-    """The same sets with that first which, of those that tie with the most probable one, supposes least.
+def _tied(posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
+    """The sets that are as probable as the best of a usual size, that with the fewest moved parameters first.
 
-    Of sets that exchange one effect for another: plausible sizes before unusual ones, then the fewest parameters that
-    the fit moved.
+    Of sets that exchange one effect of the best. The evidence lets an effect be as large as half of its plausible range
+    at one standard deviation, so that it hardly counts against a number of the drawing to be off by four tolerances;
+    what is beyond its plausible range stands first only where nothing of a usual size is in the class.
     """
     best = near[0]
-    alike = {
-        names: fit
-        for names in _tied(posterior, near, unknown)
-        if len(names) == len(best) and len(names - best) <= 1 and (fit := posterior.explanations[names].fit)
-    }
-    if not alike:
-        return near
-    first = min(alike, key=lambda names: _supposes(alike[names]))
-    return [first, *(names for names in near if names != first)]
-
-
-def _tied(posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
-    """The sets that are as probable as the most probable one, in their order."""
-    least = TIED * max(posterior.probability[names, unknown] for names in near)
-    return [names for names in near if posterior.probability[names, unknown] >= least]
+    exchanged = [names for names in near if len(names) == len(best) and len(names - best) <= 1]
+    fits = {names: fit for names in exchanged if (fit := posterior.explanations[names].fit)}
+    usual = [names for names, fit in fits.items() if _plausible(fit)] or list(fits) or near[:1]
+    least = TIED * max(posterior.probability[names, unknown] for names in usual)
+    alike = [names for names in usual if posterior.probability[names, unknown] >= least]
+    return sorted(alike, key=lambda names: np.count_nonzero(~fits[names].active) if names in fits else 0)
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
