@@ -93,6 +93,16 @@ def test_of_equal_causes_the_one_with_fewer_parameters_stands_first_and_all_are_
     assert json.loads(json.dumps(found.to_dict()))["missing"][0]["tie"] == list(named.tie)
 
 
+def test_a_size_that_is_unusual_ties_with_none_that_is_usual(solenoid):
+    """A force sensor that reads 13 % too much is unusual; 6 % more turns or current, the same forces, are not."""
+    gain = [hidden("force_gain", gain_error=0.13)]
+    table = campaign(solenoid, 1, gain, noise={"force_N": 1e-3}, mount_m=2e-6, **SMALL)
+    (named,) = ff.diagnose(solenoid, table, bootstrap=0).missing
+    assert named.plausible
+    assert set(named.tie) == {"current_gain", "turns"}
+    assert "force_gain" in named.members
+
+
 def test_a_cause_without_an_equal_is_no_tie(solenoid):
     (named,) = ff.diagnose(solenoid, shifted(solenoid), bootstrap=0).missing
     assert named.tie == ("distance_offset",)
