@@ -13,6 +13,7 @@ _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 _PREFIXED = {*("m", "s", "A", "N", "Wb", "V", "T", "H", "Hz", "W", "J", "ohm", "g"), "V s"}
 _PREFIXED |= {"T/A", "V/A", "V/T", "N/A", "N/m"}
 _MOST_DIGITS = 5  # Of the larger end of an interval
+_SAME = 1e-9  # Relative width of an interval below which its ends are one number
 _SHARES = {"", "1/K", "1/K^2"}
 
 
@@ -49,12 +50,33 @@ def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
 
     ``digits`` are those of the end that is larger in magnitude.
     """
+    if low == high or abs(high - low) <= _SAME * max(abs(low), abs(high)) < math.inf:
+        return amount(low if abs(low) > abs(high) else high, unit, digits)
+    common = _in_common(low, high, unit, digits)
+    if common is None:
+        return f"{amount(low, unit, digits)} to {amount(high, unit, digits)}"
+    factor, places, shown = common
+    texts = [f"{factor * end:.{places}f}" for end in (low, high)]
+    return f"{' to '.join(dict.fromkeys(texts))} {shown}"
+
+
+def amount_in(value: float, low: float, high: float, unit: str, digits: int = 2) -> str:
+    """A value as its interval is written, which then contains it: ``0.204 mm`` of 0.202 to 0.205 mm.
+
+    Equal decimals keep the order of what they round.
+    """
+    common = None if abs(high - low) <= _SAME * max(abs(low), abs(high)) else _in_common(low, high, unit, digits)
+    if common is None:
+        return amount(value, unit, digits)
+    factor, places, shown = common
+    return f"{factor * value:.{places}f} {shown}"
+
+
+def _in_common(low: float, high: float, unit: str, digits: int) -> tuple[float, int, str] | None:
+    """Factor, decimals and prefixed unit that both ends of an interval have; None of ends that cannot share them."""
     largest, width = max(abs(low), abs(high)), abs(high - low)
     if not math.isfinite(low) or not math.isfinite(high) or largest == 0.0:
-        ends = [amount(end, unit, digits) for end in (low, high)]
-        return ends[0] if low == high else " to ".join(ends)
-    if width <= 1e-9 * largest:
-        return amount(largest if low > 0.0 else -largest, unit, digits)
+        return None
     shown = _unit_of(unit)
     if shown == "C":
         factor, prefixed = 1.0, "°C"
@@ -62,14 +84,12 @@ def amount_range(low: float, high: float, unit: str, digits: int = 2) -> str:
         factor, prefixed = 100.0, amount(0.0, unit).partition(" ")[2]
     else:
         factor, prefixed = _scale(float(f"{largest:.{digits - 1}e}"), shown)
-    # A digit of the width where the ends are near each other, and one of an end that is far smaller
-    scaled = [factor * value for value in (low, high)]
-    wanted = [(factor * largest, digits), (factor * width, 1), *((abs(end), 1) for end in scaled if end)]
-    places = max(0, -max(min(_place(*one) for one in wanted), _place(factor * largest, _MOST_DIGITS)))
     if not 1e-5 <= factor * largest < 1e6:
-        return f"{amount(low, unit, digits)} to {amount(high, unit, digits)}"
-    texts = [f"{end:.{places}f}" for end in scaled]
-    return f"{' to '.join(dict.fromkeys(texts))} {prefixed}"
+        return None
+    # A digit of the width where the ends are near each other, and one of an end that is far smaller
+    wanted = [(factor * largest, digits), (factor * width, 1), *((factor * abs(end), 1) for end in (low, high) if end)]
+    places = max(0, -max(min(_place(*one) for one in wanted), _place(factor * largest, _MOST_DIGITS)))
+    return factor, places, prefixed
 
 
 def _place(value: float, digits: int) -> int:

@@ -54,7 +54,7 @@ COIL_TEMPERATURE = Effect(
             unit="readings or s",
             bounds=(1.0, 1e4),
             plausible=(20.0, 500.0),
-            description="Time, in readings where the data have no clock, after which 63 % of the warming are over.",
+            description="Time constant of the warming, in readings where the data have no clock.",
             null=100.0,
             nonlinear=True,
         ),

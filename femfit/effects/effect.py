@@ -196,6 +196,11 @@ class Effect:
         """The parameters that vanish at their null value."""
         return tuple(p for p in self.parameters if not p.nonlinear)
 
+    @property
+    def check(self) -> str:
+        """What to do about its cause: the cheapest measurement that reads it directly, or else its experiment."""
+        return min(self.calibrations, key=lambda one: one.cost).instruction if self.calibrations else self.experiment
+
     def null(self) -> dict[str, float]:
         """Parameters at which the effect changes nothing."""
         return {p.name: p.null for p in self.parameters}

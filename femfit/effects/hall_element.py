@@ -124,7 +124,7 @@ HALL_DRIFT = Effect(
             unit="readings or s",
             bounds=(1.0, 1e4),
             plausible=(20.0, 500.0),
-            description="Time, in readings where the data have no clock, after which 63 % of a warm-up are over.",
+            description="Time constant of a warm-up, in readings where the data have no clock.",
             null=100.0,
             nonlinear=True,
         ),

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 
-from femfit.core.amount import amount, amount_range
+from femfit.core.amount import amount, amount_in, amount_range
 from femfit.core.ties import first_best
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
@@ -60,15 +60,16 @@ def _clause(p: EffectParameter, value: float, interval: tuple[float, float] | No
         above, _, below = match.group(1).partition("|")
         return above if value >= 0.0 else below
 
-    clause = p.words.replace("{size}", size_of(p, abs(value), nominal))
-    clause = clause.replace("{signed}", size_of(p, value, nominal))
-    clause = re.sub(r"\{([^{}]*\|[^{}]*)\}", chosen, clause)
     if interval is None:
-        return clause
-    low, high = interval
-    if "{signed}" not in p.words and value < 0.0:
-        low, high = -high, -low
-    return f"{clause} (95 %: {range_of(p, low, high, nominal)})"
+        size, signed, ends = size_of(p, abs(value), nominal), size_of(p, value, nominal), ""
+    else:
+        turned = "{signed}" not in p.words and value < 0.0
+        low, high = (-interval[1], -interval[0]) if turned else interval
+        scale, unit = (getattr(nominal, p.scale), p.scale) if p.scale else (1.0, p.unit)
+        size, signed = (amount_in(x * scale, low * scale, high * scale, unit) for x in (abs(value), value))
+        ends = f" (95 %: {range_of(p, low, high, nominal)})"
+    clause = p.words.replace("{size}", size).replace("{signed}", signed)
+    return re.sub(r"\{([^{}]*\|[^{}]*)\}", chosen, clause) + ends
 
 
 def titles_of(effects: Iterable[Effect]) -> dict[str, str]:

@@ -164,14 +164,14 @@ def _law_lines(fit: LawFit) -> list[str]:
     units = {parameter.name: parameter.unit for parameter in fit.law.shape}
     for name, value in fit.shape.items():
         low, high = fit.shape_interval[name]
-        lines.append(f"  {name:20} {value:13.5g}   {low:.4g} .. {high:.4g} {units[name]}")
+        lines.append(f"  {name:20} {value:13.5g}   {low:.5g} .. {high:.5g} {units[name]}")
     sides = fit.limits.active_sides(fit.joint)
     for n, (basis, power) in enumerate(fit.terms):
         unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
         low, high = fit.interval.block[n]
         free = low < 0.0 < high and not sides[n]
         shown = "not determined by this table:" if free else f"{fit.joint.x[n]:13.5e}  "
-        lines.append(f"  {_term(basis, power):20} {shown} {low:.4e} .. {high:.4e} {unit}")
+        lines.append(f"  {_term(basis, power):20} {shown} {low:.5e} .. {high:.5e} {unit}")
     active = fit.limits.active(fit.joint)
     return [*lines, *(f"  on its bound: {_active(active)}" for _ in active[:1])]
 

@@ -96,7 +96,7 @@ def _parameter_rows(one: NamedEffect, effects: Mapping[str, Effect]) -> list[tup
     known = {} if effect is None else {p.name: p for p in effect.parameters}
     for name, value in one.parameters.items():
         p, (low, high) = known.get(name), one.ci95.get(name, (np.nan, np.nan))
-        interval = f"{significant(low, 3)} … {significant(high, 3)}" if np.isfinite(low) else _no_interval(value, p)
+        interval = f"{significant(low, 4)} … {significant(high, 4)}" if np.isfinite(low) else _no_interval(value, p)
         usual = f"{plain(p.plausible[0])} … {plain(p.plausible[1])}" if p else NOTHING
         unit = formula_markup(p.unit) if p else ""
         rows.append((p.description if p else name, significant(value, 4), interval, usual, unit))

@@ -29,7 +29,7 @@ def test_the_verdict_is_the_first_line_and_what_could_have_been_seen_comes_last(
     assert "hall_offset" in lines[0]
     assert "offset_V" not in done.stdout  # parameters are said in words, with units
     assert lines.index("These data would have shown, nine times in ten:") > 5
-    assert " of 5 simulated clean campaigns" in done.stdout
+    assert "of 5 simulated clean campaigns" in done.stdout
     data = json.loads((files / "d.json").read_text())
     assert (data["verdict"], data["missing"][0]["name"]) == ("named", "hall_offset")
     assert data["noise_floor"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.3)

@@ -1,8 +1,9 @@
 """Quantities are said with one prefix rule everywhere."""
 
+import numpy as np
 import pytest
 
-from femfit.core.amount import amount, amount_range, counted, probability, rounded
+from femfit.core.amount import amount, amount_in, amount_range, counted, probability, rounded
 
 
 @pytest.mark.parametrize(
@@ -35,6 +36,19 @@ def test_a_column_is_said_in_the_unit_that_its_name_ends_in(value, column, said)
 )  # fmt: skip
 def test_an_interval_has_one_unit_and_the_digits_that_tell_its_ends_apart(low, high, unit, said):
     assert amount_range(low, high, unit) == said
+
+
+@pytest.mark.parametrize("unit", ["m", "", "kg", "coil_temperature_C", "N"])
+def test_a_value_is_written_within_its_interval(unit):
+    rng = np.random.default_rng(1)
+    lows, parts = rng.normal(size=200) * 10.0 ** rng.integers(-1, 3, 200), rng.random((2, 200))
+    for low, width, share in zip(lows, *parts, strict=True):
+        high = low + abs(low) * 10.0 ** (-5.0 * width)
+        value, unit_of_value = amount_in(low + share * (high - low), low, high, unit).split(" ", 1)
+        ends, unit_of_ends = amount_range(low, high, unit).rsplit(" ", 1)
+        first, _, last = ends.partition(" to ")
+        assert float(first) <= float(value) <= float(last or first)
+        assert unit_of_value == unit_of_ends
 
 
 def test_numbers_very_large_or_small_are_powers_of_ten():

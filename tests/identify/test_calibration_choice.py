@@ -65,7 +65,7 @@ def test_of_a_number_and_an_effect_the_drawings_is_calibrated_and_the_other_is_s
         "the remanence of hard was fitted, as the drawing's. magnet_temperature, not in the drawing, would give"
         in remark
     )
-    assert remark.endswith(effect_by_name("magnet_temperature").experiment)
+    assert remark.endswith(effect_by_name("magnet_temperature").check)
 
 
 def test_whoever_asks_for_a_number_decides_its_class():

@@ -194,7 +194,7 @@ def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model
     assert comparison.mount_assumed
     assert comparison.beyond_noise
     for text in (str(comparison), verdict_sentence(diagnosis)):
-        assert text.startswith("Nothing is missing if the body comes back no better than to")
+        assert text.startswith("Nothing is missing if each time that it is put back the body may stand")
     declared = compare(levitation_model, replace(table, declared_noise={"distance_m": 20e-6}))
     assert not declared.beyond_noise
 

@@ -31,6 +31,7 @@ def test_the_fall_is_the_rms_of_all_readings_as_recorded(observations):
     assert one.before_over_noise == pytest.approx(0.02 / NOISE["hall_V"], rel=0.1)
     assert one.after_over_noise == pytest.approx(1.0, rel=0.15)
     assert rows["force_N"].rms_before == rows["force_N"].rms_after  # a Hall element's offset pulls at nothing
+    assert "unchanged" in str(rows["force_N"])
     assert set(fall.to_dict()["hall_V"]) == {
         "readings",
         "rms_before",

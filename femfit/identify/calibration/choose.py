@@ -80,4 +80,4 @@ def _left_open(drawn: Sequence[NumberFacts], effects: Sequence[str]) -> str:
     if not effects:
         return f"{said} Measure {drawn[0].subject} on the device itself."
     also = f"{' or '.join(effects)}, not in the drawing, would give the same readings."
-    return f"{said} {also} To tell: {effect_by_name(effects[0]).experiment}"
+    return f"{said} {also} To tell: {effect_by_name(effects[0]).check}"

@@ -208,8 +208,8 @@ class Comparison(Printed):
             patterns = counted(self.structure.degrees_of_freedom, "smooth pattern")
             lines.append(
                 f"Lack of fit: {probability(self.p_value)}, the probability that noise alone makes such a misfit. "
-                f"Where that is least likely, in {patterns}, its mean "
-                f"square is {rounded(self.structure.statistic)} times what is expected of noise."
+                f"Its clearest part, in {patterns}, has {rounded(self.structure.statistic)} times the mean square of "
+                "noise."
             )
         if freedom and not (scatter and self.verdict == "agrees"):
             lines.append(f"The test allows for {freedom}.")

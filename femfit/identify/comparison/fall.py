@@ -43,14 +43,18 @@ class ChannelFall:
         return weighed_amount(rms, self.channel, self.magnitude, 3)
 
     def __str__(self) -> str:
-        change = "rises" if self.rms_after > self.rms_before else "falls"
-        text = (
-            f"{CHANNEL_WORDS[self.channel]}: the error {change} from {self.amount(self.rms_before)} to "
-            f"{self.amount(self.rms_after)} rms in {counted(self.readings, 'reading')}"
+        before, after, count = (
+            self.amount(self.rms_before),
+            self.amount(self.rms_after),
+            counted(self.readings, "reading"),
         )
-        if self.noise is None:
-            return text
-        return f"{text}, from {self.before_over_noise:.3g} to {self.after_over_noise:.3g} times the noise of one"
+        times = "" if self.noise is None else f"{self.after_over_noise:.3g} times the noise of one"
+        if before == after:
+            text = f"{CHANNEL_WORDS[self.channel]}: the error is unchanged, {after} rms in {count}"
+            return f"{text}, {times}" if times else text
+        change = "rises" if self.rms_after > self.rms_before else "falls"
+        text = f"{CHANNEL_WORDS[self.channel]}: the error {change} from {before} to {after} rms in {count}"
+        return f"{text}, from {self.before_over_noise:.3g} to {times}" if times else text
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,27 @@ effects as rivals. They serve as examples of what physics does to these readings
 large as what was found, and not been listed, would an unknown cause have been preferred to the name? What adds the same
 to every reading of a channel has more causes than any list holds, so that a constant error of each channel is always
 among the examples.
+
+A number of the drawing is known to first order alone. Beside a refit of a large effect, which follows its curvature, it
+would look different for that reason only; so it is compared with the first order of what is named as well. There two
+coordinates of one part are also moved together, as by a tool that was set too deep.
 """
+
+from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.ties import ROUNDING, ranked
 from femfit.identify.decision.constants import NOTICED, UNKNOWN_SIZES
-from femfit.identify.decision.evidence import Linear
+from femfit.identify.decision.effect_space import EffectSpace, half_ranges
+from femfit.identify.decision.evidence import Linear, density_of
 from femfit.identify.decision.naming import Decision
 from femfit.identify.decision.proposals import Explanation
+from femfit.identify.refit.refit import Refit
+from femfit.identify.refit.start import Start
+from femfit.identify.signatures.columns import columns_at
 from femfit.tables.measurement import CHANNEL_WORDS
 
 
@@ -56,14 +67,56 @@ def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
         names.append(f"a constant error of the {CHANNEL_WORDS.get(name, name)}")
         examples.append(campaign.whitening.full(observations.of(name).astype(np.float64)))
         longest.append(np.inf)
-    columns = np.stack(examples, axis=1)
-    columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    compared = [(linear, names, examples, longest)]
+    numbers = _moved_alone_and_together(space, chosen.names)
+    if numbers[0]:
+        compared.append((_to_first_order(space, fit), *numbers))
     result: dict[str, float] = {}
-    for length in lengths:
-        for name, odds, most in zip(names, _odds(decision, linear, columns, length), longest, strict=True):
-            if most >= length:
-                result[name] = min(result.get(name, np.inf), float(odds))
+    for beside, names, examples, longest in compared:
+        columns = np.stack(examples, axis=1)
+        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        for length in lengths:
+            for name, odds, most in zip(names, _odds(decision, beside, columns, length), longest, strict=True):
+                if most >= length:
+                    result[name] = min(result.get(name, np.inf), float(odds))
     return result
+
+
+def _moved_alone_and_together(
+    space: EffectSpace, named: Sequence[str]
+) -> tuple[list[str], list[FloatArray], list[float]]:
+    """Numbers of the drawing, each alone and two coordinates of one outline moved alike.
+
+    Returns their names, whitened changes per unit, and lengths of those over the whole plausible range.
+    """
+    drawn = {effect.name for effect in space.campaign.observations.nominal.drawn} - set(named)
+    suspects = [one for one in space.campaign.effects if one.name in drawn]
+    together = [pair for pair in combinations(suspects, 2) if _outline(pair[0].name) == _outline(pair[1].name) != ""]
+    names, changes, longest = list[str](), list[FloatArray](), list[float]()
+    for moved in (*((one,) for one in suspects), *together):
+        names.append(" together with ".join(one.name for one in moved))
+        changes.append(np.sum([one.whitened[:, 0] for one in moved], axis=0))
+        longest.append(2.0 * min(half_ranges(one)[0] for one in moved) * float(np.linalg.norm(changes[-1])))
+    return names, changes, longest
+
+
+def _outline(key: str) -> str:
+    """Of a corner's coordinate, ``fixed.regions.yoke.polygon_mm[3][1]``, its outline and axis; empty of others."""
+    corner, _, axis = key.rpartition("[")
+    outline = corner.rpartition("[")[0]
+    return f"{outline}[{axis}" if outline else ""
+
+
+def _to_first_order(space: EffectSpace, fit: Refit) -> Linear:
+    """What is named, as large as it usually may be, without its curvature."""
+    campaign, observations = space.campaign, space.campaign.observations
+    columns = []
+    for added in fit.effects:
+        for one in columns_at(added, observations):
+            acting = one if added.runs is None else one.in_runs(added.runs, observations.column("run").astype(int))
+            start = Start.at_null(acting, campaign.whitening)
+            columns.append(start.whitened * half_ranges(start))
+    return Linear(np.zeros(len(observations.value)), np.concatenate(columns, axis=1), density_of(campaign), 0.0)
 
 
 def _odds(decision: Decision, linear: Linear, columns: FloatArray, length: float) -> FloatArray:

@@ -60,9 +60,24 @@ NOTHING_MISSING = 0.1
 IN_CLASS = 0.01
 """Calibrated: probability over that of what is named from which an exchange for it belongs to its class."""
 
+TIED = 1.0 / 3.0
+"""Conventional: probability over that of what is named from which another cause is as likely: odds of up to three are
+not worth more than a bare mention (R. E. Kass and A. E. Raftery, Journal of the American Statistical Association 90
+(1995) 773)."""
+
 OWN_MISFIT = 2.0
 """Conventional: times a model's misfit to its own table up to which an error is not told from it: two standard
 deviations."""
+
+DOMINANT = 0.75
+"""Conventional: part of the squared misfit above the noise, on runs left out, from which an effect is said to explain
+most of what no effect explains in all: the rms misfit falls to less than half."""
+
+RIVALS = 2.0
+"""Conventional: times the squared misfit that it leaves up to which another effect explains as much."""
+
+RIVALS_REFITTED = 6
+"""Numerical, for the time that it takes: how many of these are refitted, the best to first order."""
 
 CERTAIN = 0.5
 """Conventional: probability of just what is named below which it is not certain."""

@@ -10,6 +10,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding
 from femfit.core.quoted import quoted
 from femfit.core.random_numbers import random_generator
+from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.where import Where, where_it_fails
@@ -19,13 +20,13 @@ from femfit.identify.decision.confidence import look_alikes
 from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.magnitude import detectable_magnitudes, explained_share
-from femfit.identify.decision.naming import Decision, decide
+from femfit.identify.decision.naming import Decision, decide, dominant
 from femfit.identify.decision.proposals import Explanation
 from femfit.identify.decision.scoring import score_effects
 from femfit.identify.noise.simulate import simulated_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import placed
-from femfit.identify.refit.refit import is_plausible
+from femfit.identify.refit.refit import Refit, is_plausible
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
@@ -138,6 +139,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     return Diagnosis(
         verdict=decision.verdict,
         missing=missing,
+        dominant=_dominant(campaign, decision, scores, excess),
         ranking=_ranking(campaign, decision, scores, excess),
         where=where,
         error_fall=error_fall(observations, observations.base, after, campaign.noise.known),
@@ -180,12 +182,20 @@ def _ranking(
             by_name[name],
             chi2_fall=float(before @ before) - one.fit.chi2,
             explained_share=explained_share(campaign, one.fit, excess),
-            error_left=float(np.sqrt(one.fit.chi2 / len(before))),
+            error_left=_error_left(campaign, one.fit),
         )
         for name, one in alone.items()
         if one.fit
     ]
     return (*refitted, *(score for score in scores if score.name not in alone))
+
+
+def _error_left(campaign: Campaign, fit: Refit) -> float:
+    """Rms error with a fit over the noise of one reading, as the fall of the error has it; all channels together."""
+    observations, noise = campaign.observations, campaign.noise
+    known = np.array([name in noise.source for name in noise.channels])[observations.channel]
+    left = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
+    return float(np.sqrt(np.mean(left[known] ** 2)))
 
 
 def _named_effects(
@@ -197,19 +207,49 @@ def _named_effects(
     share = explained_share(campaign, fit, excess)
     p_values = {score.name: score.p_value for score in scores}
     by_name = {added.effect.name: added for added in fit.effects}
-    return tuple(
-        NamedEffect(
-            name=members[0],
-            members=members,
-            p_value=p_values[members[0]],
-            explained_share=share,
-            parameters=dict(by_name[members[0]].parameters),
-            ci95=dict(by_name[members[0]].ci95),
-            words=tuple(describe(by_name[members[0]], campaign.observations.nominal)),
-            plausible=all(is_plausible(by_name[members[0]], p) for p in by_name[members[0]].effect.parameters),
-            runs=_from_one(by_name[members[0]].runs),
-        )
-        for members in decision.classes
+    exchanged = {frozenset(one.names): one.fit for one in decision.left if one.fit}
+    named = []
+    for members, tie in zip(decision.classes, decision.ties, strict=True):
+        beside = set(fit.names) - {members[0]}
+        fits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
+        tied = [next(a for a in one.effects if a.effect.name not in beside) if one else None for one in fits]
+        named.append(_named(campaign, by_name[members[0]], members, tie, tied, p_values[members[0]], share))
+    return tuple(named)
+
+
+def _dominant(
+    campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
+) -> NamedEffect | None:
+    fits, part = dominant(campaign, decision, scores, excess)
+    if not fits:
+        return None
+    names = tuple(fit.names[0] for fit in fits)
+    p_value = next(score.p_value for score in scores if score.name == names[0])
+    return _named(campaign, fits[0].effects[0], names, names, [fit.effects[0] for fit in fits[1:]], p_value, part)
+
+
+def _named(
+    campaign: Campaign,
+    added: AddedEffect,
+    members: tuple[str, ...],
+    tie: tuple[str, ...],
+    tied: Sequence[AddedEffect | None],
+    p_value: float,
+    share: float,
+) -> NamedEffect:
+    nominal = campaign.observations.nominal
+    return NamedEffect(
+        name=members[0],
+        members=members,
+        tie=tie,
+        p_value=p_value,
+        explained_share=share,
+        parameters=dict(added.parameters),
+        ci95=dict(added.ci95),
+        words=tuple(describe(added, nominal)),
+        tied_words=tuple(tuple(describe(one, nominal)) if one else () for one in tied),
+        plausible=all(is_plausible(added, p) for p in added.effect.parameters),
+        runs=_from_one(added.runs),
     )
 
 

@@ -30,6 +30,7 @@ class NamedEffect:
 
     name: str
     members: tuple[str, ...]  # The class: effects that would give the same readings, itself first
+    tie: tuple[str, ...]  # Those of them that are as likely, itself first: the data do not choose among these
     p_value: float
     # Part of the structured misfit, above the noise, that all that is named explains on readings that it was not
     # fitted to; 1 for all
@@ -37,9 +38,17 @@ class NamedEffect:
     parameters: Mapping[str, float]
     ci95: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # 95 % intervals
     words: tuple[str, ...] = ()
+    tied_words: tuple[tuple[str, ...], ...] = ()  # Of the others of the tie, in their order
     plausible: bool = True  # Whether every parameter lies in its plausible range
     # First and last run in which it acts, counted from 1; None for all
     runs: tuple[int, int] | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data; ``members`` is called ``class``."""
+        first, last = self.runs or (None, None)
+        when = {"first_run": first, "last_run": last} if first else None
+        rest = {key: value for key, value in vars(self).items() if key not in {"members", "tie", "runs"}}
+        return rest | {"class": list(self.members), "tie": list(self.tie), "when": when}
 
 
 @dataclass(frozen=True)
@@ -54,7 +63,8 @@ class ScoredEffect:
     degrees_of_freedom: int  # Number of its amplitudes that these data can see
     explained_share: float = float("nan")  # As in :class:`NamedEffect`; NaN where it was not refitted
     note: str = ""  # Why it cannot be tested; empty where it can
-    # Weighted rms error that it leaves alone, refitted, over the noise; NaN where it was not refitted
+    # Rms error that it leaves alone, refitted, over the noise of one reading, all channels together; NaN where it was
+    # not refitted
     error_left: float = float("nan")
 
 
@@ -106,12 +116,14 @@ class Diagnosis(Printed):
         The misfit beyond noise over the model's own to its table; infinite where that is none.
     excess : float
         Squared length of the misfit beyond what noise gives, in standard deviations.
+    dominant : NamedEffect or None
+        Where no effect explains the misfit in all: one that explains most of it, with the part that it explains.
     look_alikes : tuple of str
         Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
         and not been listed.
     confident : bool
         Whether the verdict is ``named``, without look-alikes among the effects considered and with every parameter in
-        its plausible range.
+        its plausible range. The drawing's dimensions are among them where ``dimensions_suspected`` says so.
     excluded : tuple of str
         Effects that were not considered: nothing is certain beside them.
     campaign, decision : Campaign and Decision, or None
@@ -142,6 +154,7 @@ class Diagnosis(Printed):
     excess: float = 0.0
     lack_of_fit_before: LackOfFit | None = None
     lack_of_fit_after: LackOfFit | None = None
+    dominant: NamedEffect | None = None
     look_alikes: tuple[str, ...] = ()
     confident: bool = False
     excluded: tuple[str, ...] = ()
@@ -155,12 +168,17 @@ class Diagnosis(Printed):
         return None if self.clean is None else self.clean.named / self.clean.campaigns
 
     @property
+    def dimensions_suspected(self) -> bool:
+        """Whether numbers of the drawing were among the suspects, as a sweep with signatures gives them."""
+        return bool(self.observations.nominal.drawn)
+
+    @property
     def explanations(self) -> "tuple[Refit, ...]":
         """What was named, then each other explanation that the data leave."""
         return tuple(one.fit for one in self.decision.left if one.fit) if self.decision else ()
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data; ``members`` is called ``class``."""
+        """As JSON-ready data."""
         names = (
             "verdict",
             "probability",
@@ -170,16 +188,13 @@ class Diagnosis(Printed):
             "p_value",
             "look_alikes",
             "confident",
+            "dimensions_suspected",
         )
-        missing = [vars(one) | {"class": list(one.members)} for one in self.missing]
-        for one in missing:
-            del one["members"]
-            first, last = one.pop("runs") or (None, None)
-            one["when"] = {"first_run": first, "last_run": last} if first else None
         return {
             **{name: getattr(self, name) for name in names},
             "excluded": list(self.excluded),
-            "missing": missing,
+            "missing": [one.to_dict() for one in self.missing],
+            "dominant": self.dominant and self.dominant.to_dict(),
             "ranking": [vars(one) for one in self.ranking],
             "where": vars(self.where),
             "rms": {one.channel: one.rms_before for one in self.error_fall.channels},

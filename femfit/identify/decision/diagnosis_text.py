@@ -1,8 +1,9 @@
 """A diagnosis in plain sentences: the verdict, its size, how certain it is, where it shows, and what it rests on."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from femfit.core.amount import counted, probability
+from femfit.core.amount import amount, counted, probability
 from femfit.effects.catalogue import device_effects, known_effect
 from femfit.effects.words import smallest_visible
 from femfit.identify.constants import LEVEL_AFTER, WITHIN_NOISE
@@ -31,8 +32,10 @@ _VERDICTS = {
     "named_and_left": "Missing: {names}. With {it} the model still misses {left}.",
     "nothing_named_if_assumed": "Nothing is missing {assumed}",
     "named_and_left_if_assumed": "Missing: {names}. With {it} nothing else is missing {assumed}",
-    "form_insufficient": "Missing: {names}, which {explain} most of the misfit, but not its exact form.",
+    "form_insufficient": "Missing: {names}, which {explain} {part} of the misfit, but not its exact form.",
     "unexplained": "Something is missing that no effect of the catalogue explains, nor several of them.",
+    "dominant": "Something is missing that no effect of the catalogue explains in all. Most of it is {names}, which "
+    "explains {part} of the misfit, not all of it.",
     "compare_only": "No verdict. {why}",
 }
 
@@ -42,7 +45,7 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
     noise = diagnosis.campaign.noise if diagnosis.campaign else None
     unknown = not_judged(diagnosis.observations, noise)
     lines = [*suspicions(diagnosis.findings), verdict_sentence(diagnosis), *unknown]
-    for one in diagnosis.missing:
+    for one in (*diagnosis.missing, *([diagnosis.dominant] if diagnosis.dominant else [])):
         lines += _named(one)
     lines += lag_lines(diagnosis, misses=_misses(diagnosis))
     lines += [] if diagnosis.missing else _not_shown(diagnosis)
@@ -70,7 +73,11 @@ def diagnosis_lines(diagnosis: "Diagnosis") -> list[str]:
 
 def verdict_sentence(diagnosis: "Diagnosis") -> str:
     """The verdict in one sentence."""
-    names = " and ".join(one.name for one in diagnosis.missing)
+    most = [diagnosis.dominant] if diagnosis.dominant else []
+    named = (*diagnosis.missing, *most)
+    joint = ", and " if any(len(one.tie) > 1 for one in named) else " and "
+    names = joint.join(_any_of(one.tie, "one of ") for one in named)
+    part = next((_part(one.explained_share) for one in named), "")
     it, explain = ("them", "explain") if len(diagnosis.missing) > 1 else ("it", "explains")
     rms, beyond, left = _left(diagnosis)
     if diagnosis.own_misfit:
@@ -84,6 +91,7 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
     )
     also = {"nothing_missing": "nothing_named", "named": "named_and_left"}
     kind = also.get(diagnosis.verdict, diagnosis.verdict) if left else diagnosis.verdict
+    kind = "dominant" if most else kind
     assumed = ""
     if diagnosis.campaign and kind in also.values():
         assumed = if_mounts_are_assumed(diagnosis.observations, diagnosis.campaign.noise, rms, left)
@@ -93,12 +101,18 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
         names=names,
         it=it,
         explain=explain,
+        part=part,
         why=why,
         scatter=f" and {allowed}" if allowed else "",
         own=own,
         left=" and ".join(left.values()),
         assumed=assumed,
     )
+
+
+def _part(share: float) -> str:
+    """The part of a misfit that something explains but does not explain in all."""
+    return amount(min(share, 0.999), "", 3 if share > 0.99 else 2) if share > 0.5 else "most"
 
 
 def _left(diagnosis: "Diagnosis") -> tuple[dict[str, float], dict[str, float], dict[str, str]]:
@@ -116,18 +130,28 @@ def _misses(diagnosis: "Diagnosis") -> bool:
 def certainty_sentence(diagnosis: "Diagnosis") -> str:
     """How far what is named can be trusted against other causes."""
     if diagnosis.confident:
-        certain = "Certain: no other effect of the catalogue would give these readings."
-        considered = "Not certain: no other effect of those considered would give these readings; excluded: "
-        return f"{considered}{', '.join(diagnosis.excluded)}." if diagnosis.excluded else certain
-    members = list(dict.fromkeys(name for one in diagnosis.missing for name in one.members[1:]))
+        if diagnosis.excluded:
+            considered = "Not certain: no other effect of those considered would give these readings; excluded: "
+            return f"{considered}{', '.join(diagnosis.excluded)}."
+        if diagnosis.dimensions_suspected:
+            return "Certain: no other effect of the catalogue and no number of the drawing would give these readings."
+        unsuspected = dimensions_unsuspected(diagnosis)
+        return f"Certain among the catalogue's effects: no other would give these readings. {unsuspected}"
+    members = list(dict.fromkeys(n for one in diagnosis.missing for n in one.members[1:]))
     if members:
-        more = f" or {counted(len(members) - _CLASS, 'further one')}" if len(members) > _CLASS + 1 else ""
-        others = _any_of(members) if not more else f"{', '.join(members[:_CLASS])}{more}"
-        return f"Not certain: {others} would give the same readings. femfit suggest says what to measure."
+        return f"Not certain: {_any_of(members)} would give the same readings. femfit suggest says what to measure."
     if diagnosis.look_alikes:
         alike = _any_of(diagnosis.look_alikes[:_ALIKE])
         return f"Not certain: {alike}, or a cause like it that the catalogue lacks, could give these readings."
     return f"Not certain: {_why_uncertain(diagnosis)}."
+
+
+def dimensions_unsuspected(diagnosis: "Diagnosis") -> str:
+    """That the drawing's dimensions were not looked at, and what would change that; empty where they were."""
+    if diagnosis.dimensions_suspected:
+        return ""
+    how = "" if diagnosis.observations.nominal.circuits else ": sweep with --signatures to have them there"
+    return f"The drawing's dimensions were not among the suspects{how}."
 
 
 def _why_uncertain(diagnosis: "Diagnosis") -> str:
@@ -142,8 +166,11 @@ def _why_uncertain(diagnosis: "Diagnosis") -> str:
     return "its size is unusual. Check it by another measurement"
 
 
-def _any_of(names: "list[str] | tuple[str, ...]") -> str:
-    return " or ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+def _any_of(names: Sequence[str], before: str = "") -> str:
+    """``a, b or c``, the first :data:`_CLASS` of them; ``before`` stands before several."""
+    shown, more = list(names[:_CLASS]), len(names) - _CLASS
+    shown = [*shown, counted(more, "further one")] if more > 1 else list(names)
+    return f"{before}{', '.join(shown[:-1])} or {shown[-1]}" if len(shown) > 1 else shown[0]
 
 
 def _scatter(diagnosis: "Diagnosis") -> str:
@@ -160,7 +187,8 @@ def _named(one: "NamedEffect") -> list[str]:
     lines = [f"  {one.name}{when}: {'; '.join(one.words)}." if one.words else f"  {one.name}{when}: {symptom}"]
     if not one.plausible:
         lines.append("  This size is unusual: check it by another measurement before trusting the name.")
-    return lines
+    others = zip(one.tie[1:_CLASS], one.tied_words, strict=False)
+    return lines + [f"  or {name}: {'; '.join(words)}." for name, words in others if words]
 
 
 def _in_runs(first: int, last: int) -> str:
@@ -189,12 +217,12 @@ def _evidence(diagnosis: "Diagnosis") -> list[str]:
     if diagnosis.verdict not in {"nothing_missing", "named"} or diagnosis.missing:
         ranked = [score for score in diagnosis.ranking if score.error_left >= 0.0][:_SHOWN]
         best = ", ".join(f"{score.name} {score.error_left:.3g}" for score in ranked)
-        lines.append(f"Error left with each effect alone, in times the noise: {best}.")
+        lines += [f"Error left with each effect alone, in times the noise of one reading: {best}."] if ranked else []
     if diagnosis.clean is not None:
         named = diagnosis.clean
         lines.append(
-            f"False names: something was named in {named.named} of {named.campaigns} simulated clean campaigns, so at "
-            f"most {100.0 * named.bound:.2g} % of the time (95 %)."
+            f"False names: of {named.campaigns} simulated clean campaigns, in which nothing is wrong, {named.named} "
+            f"were given a name: false names are no more frequent than {100.0 * named.bound:.2g} % (95 % confidence)."
         )
     return lines
 

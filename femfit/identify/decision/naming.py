@@ -1,19 +1,30 @@
 """Decides what is missing from how probable every explanation is: nothing, known effects, an unknown cause, or both."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.ties import ranked
+from femfit.core.ties import Item, ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import IN_CLASS, NOTHING_MISSING, OWN_MISFIT
-from femfit.identify.decision.diagnosis import Verdict
+from femfit.identify.decision.constants import (
+    DOMINANT,
+    IN_CLASS,
+    NOTHING_MISSING,
+    OWN_MISFIT,
+    RIVALS,
+    RIVALS_REFITTED,
+    TIED,
+)
+from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
+from femfit.identify.decision.magnitude import explained_share
 from femfit.identify.decision.proposals import Explanation
 from femfit.identify.decision.search import Posterior, explain, most_of_nothing
-from femfit.identify.refit.refit import is_plausible
+from femfit.identify.refit.refit import Refit, is_plausible, refit
+from femfit.identify.refit.sizes import at_bounds
+from femfit.identify.refit.start import starting_point
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
     "nothing_missing": (False, False),
@@ -39,6 +50,8 @@ class Decision:
     left_after: LackOfFit | None = None  # The lack of fit with what is named
     chosen: Explanation | None = None
     classes: tuple[tuple[str, ...], ...] = ()  # Per named effect, what cannot be told from it, itself first
+    # The same of what is of a usual size and as likely, by odds of up to three; the simplest first
+    ties: tuple[tuple[str, ...], ...] = ()
     # All that these data leave, what was named first: as probable as the members of a class
     left: tuple[Explanation, ...] = ()
 
@@ -75,9 +88,11 @@ def decide(campaign: Campaign) -> Decision:
         verdict = max((word for word in _KINDS if word != "nothing_missing"), key=lambda word: probability[word])
     unknown = _KINDS[verdict][1]
     test, times = lack_of_fit(campaign), times_own(campaign)
-    chosen, after, near = None, None, list[frozenset[str]]()
+    chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
     if _KINDS[verdict][0]:
         near = _near(posterior, unknown)
+        tie = _tied(posterior, near, unknown)
+        near = [*tie[:1], *(names for names in near if names != tie[0])]
         chosen = posterior.explanations[near[0]]
         if chosen.fit is not None:
             after = campaign.patterns.test(chosen.fit.whitened_residual, chosen.fit.jacobian[:, ~chosen.fit.active])
@@ -100,6 +115,7 @@ def decide(campaign: Campaign) -> Decision:
         after,
         chosen,
         tuple((name, *_exchanged(name, near)) for name in chosen.names),
+        tuple((name, *_exchanged(name, tie)) for name in chosen.names),
         tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
     )
 
@@ -111,18 +127,66 @@ def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
     whose size is as unlikely as its form.
     """
     before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
-    fit, observations = chosen.fit if chosen else None, campaign.observations
+    fit = chosen.fit if chosen else None
     if fit is None or fit.chi2 - len(fit.whitened_residual) >= 0.5 * before:
         return False
-    if not all(is_plausible(added, p) for added in fit.effects for p in added.effect.parameters):
-        return False
+    return _plausible(fit) and not _spoils(campaign, fit)
+
+
+def _spoils(campaign: Campaign, fit: Refit) -> bool:
+    """Whether effects make a channel worse."""
+    observations = campaign.observations
     left = observations.value - observations.predict(fit.effects)
     for c, sigma in enumerate(campaign.noise.sigma):
         here = observations.channel == c
         was, now = (np.sqrt(np.mean(one[here] ** 2)) for one in (observations.residual, left))
         if now > WITHIN_NOISE * max(was, sigma):
-            return False
-    return True
+            return True
+    return False
+
+
+def dominant(
+    campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect], excess: float
+) -> tuple[tuple[Refit, ...], float]:
+    """Single effects that explain most of a misfit that none explains in all, and what part of it; none where none do.
+
+    However large they are, but not at the end of their range, and without making a channel worse. The first leaves the
+    least, or supposes least of those that leave hardly more. The part is that of runs left out.
+    """
+    if decision.verdict != "unexplained":
+        return (), 0.0
+    fits = [fit for fit in _leading(campaign, decision, scores) if not at_bounds(fit) and not _spoils(campaign, fit)]
+    fits = _alike(fits, [fit.chi2 - len(fit.whitened_residual) for fit in fits])
+    fits.sort(key=_supposes)
+    part = explained_share(campaign, fits[0], excess) if fits else 0.0
+    return (tuple(fits), part) if part >= DOMINANT else ((), 0.0)
+
+
+def _leading(campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect]) -> list[Refit]:
+    """The effects that alone leave the least to first order, refitted: the search takes none up for its size alone."""
+    before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
+    tested = ranked([one for one in scores if not one.note], lambda one: one.chi2_fall, ROUNDING)
+    best = _alike(tested, [before - one.chi2_fall for one in tested])[:RIVALS_REFITTED]
+    known = {one.names: one.fit for one in decision.refitted if one.fit}
+    effects = {one.name: one.columns.effect for one in campaign.effects}
+    given = campaign.observations, campaign.whitening
+    return [known.get((one.name,)) or refit(*given, starting_point(*given, [effects[one.name]])) for one in best]
+
+
+def _alike(items: Sequence[Item], above_noise: Sequence[float]) -> list[Item]:
+    """The items that leave hardly more squared misfit above the noise than the best."""
+    most = RIVALS * max(min(above_noise, default=0.0), 1.0)
+    return [one for one, left in zip(items, above_noise, strict=True) if left <= most]
+
+
+def _supposes(fit: Refit) -> tuple[bool, int]:
+    """Plausible sizes before unusual ones, then the fewest parameters that the fit moved."""
+    return not _plausible(fit), int(np.count_nonzero(~fit.active))
+
+
+def _plausible(fit: Refit) -> bool:
+    """Whether every parameter may be as large as it usually is."""
+    return all(is_plausible(added, p) for added in fit.effects for p in added.effect.parameters)
 
 
 def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
@@ -133,6 +197,22 @@ def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
     sets = [names for names, p in likely.items() if p >= least]
     sets.sort(key=lambda names: sorted(order[name] for name in names))
     return ranked(sets, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
+
+
+def _tied(posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
+    """The sets that are as probable as the best of a usual size, that with the fewest moved parameters first.
+
+    Of sets that exchange one effect of the best. The evidence lets an effect be as large as half of its plausible range
+    at one standard deviation, so that it hardly counts against a number of the drawing to be off by four tolerances;
+    what is beyond its plausible range stands first only where nothing of a usual size is in the class.
+    """
+    best = near[0]
+    exchanged = [names for names in near if len(names) == len(best) and len(names - best) <= 1]
+    fits = {names: fit for names in exchanged if (fit := posterior.explanations[names].fit)}
+    usual = [names for names, fit in fits.items() if _plausible(fit)] or list(fits) or near[:1]
+    least = TIED * max(posterior.probability[names, unknown] for names in usual)
+    alike = [names for names in usual if posterior.probability[names, unknown] >= least]
+    return sorted(alike, key=lambda names: np.count_nonzero(~fits[names].active) if names in fits else 0)
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:

@@ -12,6 +12,10 @@ from femfit.identify.decision.constants import IN_CLASS
 ALMOST_SURELY = float(stats.norm.isf(0.05))
 """Conventional: what is promised holds in 19 of 20 campaigns."""
 
+HINTS = ALMOST_SURELY
+"""Conventional: standard deviations from which two explanations expect different direct readings, one-sided at 95 %,
+though sizes that are known badly do not let it be promised that the reading settles it."""
+
 VISIBLE = 4.0
 """Conventional: standard deviations from which a whole signal is seen, where nobody asks for its form."""
 

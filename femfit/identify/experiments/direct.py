@@ -15,16 +15,21 @@ Distance = Callable[[Refit, Refit], float | None]
 
 
 def by_direct_reading(effect: str, calibration: Calibration) -> Distance:
-    """By a direct reading of an effect's parameters: what they say of it, over its uncertainty and theirs."""
-    uncertainty = np.array(list(calibration.reads.values()))
+    """By a direct reading of an effect's parameters."""
 
     def distance(a: Refit, b: Refit) -> float | None:
-        difference = direct_reading(effect, calibration, a.effects) - direct_reading(effect, calibration, b.effects)
-        of_a, of_b = (standard_errors(effect, calibration, fit.effects) for fit in (a, b))
-        apart = float(np.linalg.norm(difference / np.sqrt(uncertainty**2 + of_a**2 + of_b**2)))
+        apart = apart_by_direct_reading(effect, calibration, a, b)
         return apart if apart >= needed_distance() else None
 
     return distance
+
+
+def apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float:
+    """What two explanations say of a direct reading, over its uncertainty and theirs."""
+    uncertainty = np.array(list(calibration.reads.values()))
+    difference = direct_reading(effect, calibration, a.effects) - direct_reading(effect, calibration, b.effects)
+    of_a, of_b = (standard_errors(effect, calibration, fit.effects) for fit in (a, b))
+    return float(np.linalg.norm(difference / np.sqrt(uncertainty**2 + of_a**2 + of_b**2)))
 
 
 def direct_reading(effect: str, calibration: Calibration, effects: Iterable[AddedEffect]) -> FloatArray:

@@ -22,10 +22,14 @@ from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
+from femfit.identify.decision.diagnosis_text import (
+    certainty_sentence,
+    dimensions_unsuspected,
+    verdict_sentence,
+)
 from femfit.identify.decision.own_misfit import finer_model
-from femfit.identify.experiments.constants import COMPARED, SHOWN, SHOWN_CLAUSES, TIE
-from femfit.identify.experiments.direct import Distance, by_direct_reading
+from femfit.identify.experiments.constants import COMPARED, HINTS, SHOWN, SHOWN_CLAUSES, TIE
+from femfit.identify.experiments.direct import Distance, apart_by_direct_reading, by_direct_reading
 from femfit.identify.experiments.noise import noise_for
 from femfit.identify.experiments.possible import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
@@ -95,6 +99,9 @@ class Advice(Printed):
     isolating: tuple[tuple[str, str], ...] = ()
     note: str = ""  # Why no measurements are compared; empty where there is nothing to say
     further: int = 0  # Explanations beyond the first :data:`COMPARED`, which are not compared
+    # Pairs that no suggestion separates for sure, and the direct reading that may: instruction, and the standard
+    # deviations that it would be expected to be apart
+    perhaps: tuple[tuple[str, str, str, float], ...] = ()
     remarks: tuple[str, ...] = ()  # On what the advice rests, where that is a guess
     titles: Mapping[str, str] = field(default_factory=dict)  # What texts call the numbers of the drawing
 
@@ -116,6 +123,12 @@ class Advice(Printed):
         if len(self.suggestions) > SHOWN:
             others = counted(len(self.suggestions) - SHOWN, "further measurement")
             lines.append(f"{others} would separate some of them too; --json writes them all.")
+        for text in list(dict.fromkeys(text for _, _, text, _ in self.perhaps))[:SHOWN]:
+            pairs = _few([pair[:2] for pair in self.perhaps if pair[2] == text])
+            lines += [
+                f"Perhaps: {text}",
+                f"  This may separate {pairs}: their sizes are known too badly to promise it.",
+            ]
         if self.never:
             lines.append(f"No measurement that femfit knows separates {_few(self.never)}.")
         more = ""
@@ -176,7 +189,8 @@ def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: 
     explanations, further = every[:COMPARED], max(0, len(every) - COMPARED)
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if found.campaign is None or len(explanations) < 2:
-        unsure = [] if _certain(found) else [one.name for one in found.missing]
+        most = found.dominant.tie if found.dominant else ()
+        unsure = [] if _certain(found) else [*(one.name for one in found.missing), *most]
         return Advice(names, isolating=_isolating(unsure, found.observations.nominal), note=_nothing_to_separate(found))
     of_one = not found.observations.nominal.circuits or found.observations.of_impedances  # as trials are, but for these
     if not isinstance(measured, BenchTable) or not of_one:
@@ -188,8 +202,26 @@ def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: 
     noise = found.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations)
     apart = {pair[:2] for one in suggestions for pair in one.separates}
-    never = tuple(pair for pair in combinations(names, 2) if pair not in apart)
-    return Advice(names, tuple(suggestions), never, further=further)
+    hints = [_hint(a, b) for a, b in combinations(explanations, 2) if _pair(a, b) not in apart]
+    perhaps = tuple(one for one in hints if one[3] >= HINTS)
+    never = tuple(one[:2] for one in hints if one[3] < HINTS)
+    return Advice(names, tuple(suggestions), never, further=further, perhaps=perhaps)
+
+
+def _pair(a: Refit, b: Refit) -> tuple[str, str]:
+    return " + ".join(a.names), " + ".join(b.names)
+
+
+def _hint(a: Refit, b: Refit) -> tuple[str, str, str, float]:
+    """The direct reading of which two explanations expect the most different values."""
+    effects = {added.effect.name: added.effect for fit in (a, b) for added in fit.effects}.values()
+    apart = [
+        (apart_by_direct_reading(effect.name, one, a, b), one.instruction)
+        for effect in effects
+        for one in effect.calibrations
+    ]
+    most, text = max(apart, default=(0.0, ""), key=lambda pair: pair[0])
+    return (*_pair(a, b), text, round(most, 1))
 
 
 def _left_together(found: Diagnosis) -> tuple[Refit, ...]:
@@ -217,10 +249,14 @@ def _nothing_to_separate(found: Diagnosis) -> str:
         return f"{verdict_sentence(found)} {finer_model(found.model)}"
     if found.missing:
         name = " + ".join(one.name for one in found.missing)
-        return f"There is nothing to separate: of the effects that femfit knows, the data leave {name} alone."
+        alone = f"There is nothing to separate: of the effects that femfit knows, the data leave {name} alone."
+        return f"{alone} {dimensions_unsuspected(found)}".rstrip()
+    if found.dominant:
+        return f"{verdict_sentence(found)} What checks that:"
+    why = "the model explains these data without any effect"
     if found.verdict == "unexplained":
-        return "There is nothing to separate: no effect that femfit knows explains these data."
-    return "There is nothing to separate: the model explains these data without any effect."
+        why = "no effect that femfit knows explains these data"
+    return f"There is nothing to separate: {why}."
 
 
 def suggest_measurements(
@@ -238,7 +274,7 @@ def suggest_measurements(
         distance = direct or _joint(model, table, noise, experiment)
         separates, remains = list[tuple[str, str, float]](), list[tuple[str, str]]()
         for a, b in combinations(explanations, 2):
-            pair = (" + ".join(a.names), " + ".join(b.names))
+            pair = _pair(a, b)
             apart = distance(a, b)
             if apart is None:
                 remains.append(pair)

@@ -69,9 +69,9 @@ def if_mounts_are_assumed(
     if any(rms[name] > with_mounts[noise.channels.index(name)] for name in left):
         return ""
     return (
-        f"if the body comes back no better than to {amount(noise.test_mount_m, 'mount_m')}, which "
-        f"is assumed: that would make what the model misses, {' and '.join(left.values())}. Declare distance_mm, or "
-        "put the body back more often, to know."
+        f"if each time that it is put back the body may stand {amount(noise.test_mount_m, 'mount_m')} elsewhere. That "
+        f"is assumed, and would explain all that the model misses: {' and '.join(left.values())}. To know, declare "
+        "distance_mm, or put the body back more often."
     )
 
 

@@ -185,8 +185,8 @@ def _drawn_spring(nominal: Nominal, channels: tuple[str, ...]) -> list[Finding]:
     if nominal.springs is None or "force_N" not in channels:
         return []
     text = (
-        "The drawing has a spring, and these data do not say whether the force sensor carries it. The readings were "
-        "compared with the magnetic force alone; where they hold the spring's, spring_in_force is missing."
+        "The drawing has a spring. The readings were compared with the magnetic force alone. If your force sensor "
+        "carries the spring as well, spring_in_force is missing."
     )
     return [Finding("drawn-spring", "info", text, column="force_N")]
 

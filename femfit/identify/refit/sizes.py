@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from femfit.core.amount import amount, amount_range, rounded
+from femfit.core.amount import amount, amount_in, amount_range, rounded
 from femfit.core.arrays import FloatArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
@@ -34,8 +34,8 @@ class EffectSize:
         share = abs(self.of_largest or 0.0)
         part = f", {100.0 * share:.2g} % of its largest" if share <= 1.0 else f", {rounded(share, 2)} times its largest"
         return (
-            f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount(self.change, self.channel)} (95 %: "
-            f"{amount_range(*self.ci95, self.channel)}){part if self.of_largest is not None else ''}, at "
+            f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount_in(self.change, *self.ci95, self.channel)} "
+            f"(95 %: {amount_range(*self.ci95, self.channel)}){part if self.of_largest is not None else ''}, at "
             f"{amount(self.distance_m, 'distance_m', 3)} and {amount(self.current_A, 'current_A')}"
         )
 
@@ -103,15 +103,15 @@ def suspicious_values(
     if not fit.converged:
         result.append("The fit was ended before it had settled: do not trust these sizes. Start from fewer effects.")
     for added in fit.effects:
-        for p in (p for p in added.effect.parameters if not is_plausible(added, p)):
+        for p in (_clocked(p, observations) for p in added.effect.parameters if not is_plausible(added, p)):
             result.append(
-                f"{_words(added, p, nominal)}, which is unusual ({range_of(p, *p.plausible, nominal)} is usual). Check "
+                f"{_words(added, p, nominal)}. That is unusual: {range_of(p, *p.plausible, nominal)} is usual. Check "
                 "it by another measurement."
             )
     for k, p in at_bounds(fit):
         result.append(
-            f"{_words(fit.effects[k], p, nominal)}: that is the end of its range, not a measured size. Do not trust "
-            "the new model where it matters."
+            f"{_words(fit.effects[k], _clocked(p, observations), nominal)}. That is the end of its range, not a "
+            "measured size: do not trust the new model where it matters."
         )
     for added in fit.effects:
         name = added.effect.name
@@ -130,10 +130,16 @@ def at_bounds(fit: Refit) -> list[tuple[int, EffectParameter]]:
     ]
 
 
+def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
+    """A time with the unit that these data count it in."""
+    unit = "s" if "time_s" in observations.given else "readings"
+    return replace(p, unit=unit) if p.unit == "readings or s" else p
+
+
 def _words(added: AddedEffect, p: EffectParameter, nominal: Nominal) -> str:
     """An effect's parameter as a clause."""
     value = added.parameters[p.name]
     alone = AddedEffect(added.effect, added.effect.null() | {p.name: value})
     clauses = [] if p.nonlinear else describe(alone, nominal)
-    what = clauses[0] if clauses else f"{p.description.rstrip('.')} is {size_of(p, value, nominal)}"
+    what = clauses[0] if clauses else f"{p.description.rstrip('.')}: {size_of(p, value, nominal)}"
     return f"{added.effect.name}: {what}"

@@ -14,6 +14,7 @@ from femfit.effects.stop_position import REST
 from femfit.identify.constants import COLUMN_STEP, ROUNDED
 from femfit.identify.readings.observations import Observations
 from femfit.tables.circuit_columns import parts_of
+from femfit.tables.measurement import CHANNELS
 
 _NO_MAGNET = "the drawing has no magnet"
 CHANGES_NOTHING = "it changes no reading at these settings"
@@ -80,7 +81,9 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     if why:
         return why
     columns = [need for need in effect.needs if need != "magnet" and need not in _PARTS]
-    lacking = (need for need in columns if not any(_given(name, observations) for name in need.split("|")))
+    # The balances of a record show what moves a body as a force sensor would, but nothing of a sensor that is not there
+    there = _read if effect.acts_on == ("sensor",) else _given
+    lacking = (need for need in columns if not any(there(name, observations) for name in need.split("|")))
     return next((f"these data lack {_in_words(need)}" for need in lacking), "")
 
 
@@ -108,6 +111,12 @@ def _given(name: str, observations: Observations) -> bool:
         return bool(np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values))
     of_circuits = (parts_of(one)[0] for one in observations.channels)
     return column in observations.given or column in of_circuits
+
+
+def _read(name: str, observations: Observations) -> bool:
+    """Whether a sensor's own channel is among the readings, or a setting was given."""
+    of_circuits = {parts_of(one)[0] for one in observations.channels}
+    return name in of_circuits if name in CHANNELS else _given(name, observations)
 
 
 def _in_words(need: str) -> str:
