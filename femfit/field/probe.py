@@ -32,8 +32,9 @@ def axial_field(
     settings, result = settings_for(actuator), np.zeros(len(distance))
     layout = layout_of(actuator, settings)
     for d in np.unique(distance):
-        problem = prepare(actuator, (float(d),), layout, settings)
-        for i in np.unique(current[distance == d]):
+        currents = np.unique(current[distance == d])
+        problem = prepare(actuator, (float(d),), layout, settings, currents=currents)
+        for i in currents:
             here = np.flatnonzero((distance == d) & (current == i))
             density = flux_density(problem.field(float(d), float(i)).w)
             for k in here:
