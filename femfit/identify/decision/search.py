@@ -103,7 +103,7 @@ def _as_promising(
 ) -> frozenset[str] | None:
     """An exchange of one effect that promised as much, beside the same others, as the most probable set did.
 
-    One that makes these others no more probable stands at first order.
+    One that makes these others no more probable stands at first order, unless it has parameters beside its size.
     """
     alike = [
         (log, names)
