@@ -103,7 +103,7 @@ def _known(samples: Samples, name: str) -> FloatArray:
 def _path(samples: Samples, level: sparse.csr_array) -> FloatArray:
     """The smoothed distance; a polynomial leads nowhere where the body never was."""
     recorded = samples.columns["distance_m"][samples.usable]
-    return np.clip(level @ _known(samples, "distance_m"), recorded.min(), recorded.max())
+    return np.asarray(np.clip(level @ _known(samples, "distance_m"), recorded.min(), recorded.max()))
 
 
 def _nodes(windows: Windows) -> tuple[FloatArray, IntArray]:
