@@ -79,7 +79,7 @@ class NonlinearActuator:
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
         self._signatures: SignatureRows | None = None
-        self._solved: dict[float, States] = {}  # of the distance last solved
+        self._solved: dict[float, dict[tuple[float, ...], PointSolution]] = {}  # of the distance last solved
         self._references: States = {}
         if len(group) > 1:
             self._systems[0].move()
@@ -118,7 +118,7 @@ class NonlinearActuator:
                         solutions[key] = evaluate(np.array(key), result.state, coarse[key], start)
                     else:
                         start, statuses[key] = np.zeros_like(self.fine.circuits), NO_INDUCTANCE
-        self._solved = {distance: {key: one.state for key, one in solutions.items()}}
+        self._solved = {distance: solutions}
         return [self._point(tuple(point), [*results, finest], statuses, solutions) for point in points]
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
@@ -131,7 +131,7 @@ class NonlinearActuator:
         if self._signatures is None:
             self._signatures = SignatureRows(self.actuator, numbers, self._moving, self.fine.space, self.fine.circuits)
         found = np.array([tuple(point) in known for point in points])
-        states = np.array([known[tuple(point)] for point in points[found]]).reshape(-1, self.unknowns)
+        states = np.array([known[tuple(point)].state for point in points[found]]).reshape(-1, self.unknowns)
         rows = self._signatures.of_states(distance, points[found], states, self.fine.respond)
         result = np.full((len(points), *rows.shape[1:]), np.nan)
         result[found] = rows
@@ -139,12 +139,15 @@ class NonlinearActuator:
 
     def field(self, distance: float, currents: CurrentsLike) -> PointField:
         """The field at a point, with the mesh left stretched to it."""
-        (point,) = self.solve(distance, currents)
-        if point.solution is None:
-            amperes = ", ".join(f"{i:g}" for i in np.ravel(currents))
-            raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {point.status}.")
+        (point,) = current_points(currents, len(self._circuits))
+        solution = self._solved.get(distance, {}).get(tuple(point))
+        if solution is None:
+            (solved,) = self.solve(distance, currents)
+            solution = solved.solution
+            if solution is None:
+                amperes = ", ".join(f"{i:g}" for i in point)
+                raise FieldSolverError(f"No field at {1e3 * distance:g} mm and {amperes} A: {solved.status}.")
         self._moving.move_to(distance)
-        solution = point.solution
         return PointField(self.fine.function(solution.state), solution.force, solution.self_force)
 
     def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray, FloatArray], PointSolution]:

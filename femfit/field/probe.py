@@ -34,8 +34,9 @@ def axial_field(actuator: Actuator, distance: FloatArray, current: FloatArray) -
     settings = settings_for(actuator)
     layout, solved = layout_of(actuator, settings), []
     for d in np.unique(distance):
-        problem = prepare(actuator, (float(d),), layout, settings)
-        for i in np.unique(current[distance == d]):
+        currents = np.unique(current[distance == d])
+        problem = prepare(actuator, (float(d),), layout, settings, currents=currents)
+        for i in currents:
             here = np.flatnonzero((distance == d) & (current == i))
             solved.append((here, problem.mesh, flux_density(problem.field(float(d), float(i)).w)))
 

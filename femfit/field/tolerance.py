@@ -114,10 +114,12 @@ def meet_tolerance(
     swept: FloatArray,
     checked: FloatArray,
     settings: SolverSettings,
+    first: FloatArray | None = None,
 ) -> ToleranceProblem:
     """Refine until ascending distances that share a mesh meet the tolerance at some of the swept points, or to its end.
 
-    The rows say the error that is left, also where the last level does not meet the tolerance.
+    The rows say the error that is left, also where the last level does not meet the tolerance. ``first`` are the points
+    of the coarsest level, the checked ones among them, of which the largest values say what is small.
     """
     shared = shares_checks(group)
     distances = (group[0], group[len(group) // 2], group[-1]) if shared else group
@@ -125,21 +127,30 @@ def meet_tolerance(
 
     def solve(number: int) -> _Solved:
         problem = build(levels[number])
-        points = checked if shared or number == 0 else swept  # the level above is the one to keep
+        points = swept if number and not shared else checked  # the level above is the one to keep
+        points = points if number or first is None else first
         rows = {distance: problem.rows(distance, points) for distance in distances}
         return _Solved(problem, number, _Kept(points, rows), checked)
 
     levels = refinement_levels(settings)
     above, met = solve(0), False
+    small = [
+        {
+            name: SMALL * float(np.fmax.reduce(np.abs(values)))
+            for name, values in at.items()
+            if name == "force_N" or is_flux(name)
+        }
+        for at in above.kept.columns.values()
+    ]
     for level in range(1, len(levels)):
         if met:
             break
         below, above = above, solve(level)
-        force = CHECK_SAFETY * _difference("force_N", below, above)
-        linked = [_difference(name, below, above).max() for name in below.columns[0] if is_flux(name)]
+        force = CHECK_SAFETY * _difference("force_N", below, above, small)
+        linked = [_difference(name, below, above, small).max() for name in below.columns[0] if is_flux(name)]
         flux = CHECK_SAFETY * max(linked, default=0.0)
         chosen = below if shared else above
-        met = max(force.max(), flux, _disagreement(chosen)) <= tolerance
+        met = max(force.max(), flux, _disagreement(chosen, small)) <= tolerance
     choice = LevelChoice(chosen.level, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
     return ToleranceProblem(chosen.problem, levels[chosen.level], choice, None if shared else chosen.kept)
 
@@ -200,22 +211,22 @@ class _Solved:
         return [{name: np.array(values)[chosen] for name, values in at.items()} for at in self.kept.columns.values()]
 
 
-def _difference(name: str, first: _Solved, second: _Solved) -> FloatArray:
+def _difference(name: str, first: _Solved, second: _Solved, small: Sequence[Mapping[str, float]]) -> FloatArray:
     """The largest difference over the distances, relative to the scale, for each checked point; shape (points,)."""
     worst = np.zeros(len(first.checked))
-    for one, other in zip(first.columns, second.columns, strict=True):
+    for one, other, least in zip(first.columns, second.columns, small, strict=True):
         if name in one and name in other:  # a current that did not converge has NaN, which says nothing of the error
-            change, size = np.abs(one[name] - other[name]), scale(other[name], first.checked)
+            change, size = np.abs(one[name] - other[name]), np.fmax(scale(other[name], first.checked), least[name])
             worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(worst)), where=size > 0.0))
     return worst
 
 
-def _disagreement(solved: _Solved) -> float:
+def _disagreement(solved: _Solved, small: Sequence[Mapping[str, float]]) -> float:
     """The largest one of the bodies, relative to the scale: part of the error that the rows will state."""
     worst = 0.0
-    for columns in solved.columns:
+    for columns, least in zip(solved.columns, small, strict=True):
         if DISAGREEMENT in columns:
-            size = scale(columns["force_N"], solved.checked)
+            size = np.fmax(scale(columns["force_N"], solved.checked), least["force_N"])
             share = np.divide(columns[DISAGREEMENT], size, out=np.zeros(len(size)), where=size > 0.0)
             worst = float(np.fmax.reduce(share, initial=worst))
     return worst

@@ -108,10 +108,14 @@ def _stopped(
     with np.errstate(invalid="ignore", divide="ignore"):  # a body at rest on the stop is there at once
         time = 2.0 * away / (speed + np.sqrt(np.maximum(speed**2 + 2.0 * gain * away, 0.0)))
     time = np.clip(np.nan_to_num(time), 0.0, model.sample_time_s)
-    met = _stepped(model, before, voltage, time[:, None], count)
-    end, at_stop = model.windings.end, np.full(len(met), stop.distance_m)
-    # What the parabola misses of the way, with the flux linkage kept
-    met[:, 2:end], met[:, 0] = currents_of_same_flux(model, met[:, 2:end], met[:, 0], at_stop), stop.distance_m
+    met, end, comes = before.copy(), model.windings.end, np.flatnonzero(time)
+    if len(comes):
+        there = _stepped(model, before[comes], voltage[comes], time[comes, None], count)
+        at_stop = np.full(len(comes), stop.distance_m)
+        # What the parabola misses of the way, with the flux linkage kept
+        there[:, 2:end] = currents_of_same_flux(model, there[:, 2:end], there[:, 0], at_stop)
+        met[comes] = there
+    met[:, 0] = stop.distance_m
     returned, met[:, 1] = -stop.restitution * outward * np.maximum(outward * met[:, 1], 0.0), 0.0
     left = (model.sample_time_s - time)[:, None]
     result = _stepped(still, met, voltage, left, count)

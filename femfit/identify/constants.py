@@ -53,6 +53,9 @@ SPANNED = 1e-4
 FILTER_RUNS = 4
 """Conventional: runs left out that the filter is judged on, the last ones; each costs four passes of a filter."""
 
+FILTER_SAMPLES = 3000
+"""Conventional, for the time that it takes: samples of all runs left out that the filter is judged on."""
+
 FILTER_BLOCK = 100
 """Conventional: samples of a block whose mean counts as one, since innovations of a wrong model are not white."""
 

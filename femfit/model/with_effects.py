@@ -162,10 +162,9 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     static = tuple(added for added in acting if added.memory is None)
     read = acting or any(added.effect.readings for added in effects)
     hall_coenergy, eddy = changed_coenergy(base_coenergy(base), static, at), eddy_with_sources(base, effects)
+    moving = changed_coenergy(ModelCoenergy(base.magnetics, None), static, at)
     dynamics = EffectDynamics(
-        motion_coenergy=CoenergyTable(
-            changed_coenergy(ModelCoenergy(base.magnetics, None), static, at), at.nominal, hall=False
-        ),
+        motion_coenergy=CoenergyTable(moving, at.nominal, hall=False) if static else moving,
         hall_coenergy=CoenergyTable(hall_coenergy, at.nominal, hall=True) if acting else hall_coenergy,
         effects=effects,
         later=tuple(added for added in acting if added.memory is not None),
@@ -174,7 +173,6 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         series_H=base.circuit.inductance_H if base.circuit else 0.0,
         eddy=eddy,
     )
-    changed = bool(acting) or dynamics.drives  # quicker from the table, even where the effects leave it alone
     circuit, sensor = base.circuit, base.sensor
     if circuit is not None:
         ohms = circuit_of(effects, np.array([circuit.resistance_ohm]), np.zeros(1), np.zeros(1), at)[0]
@@ -182,7 +180,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     return replace(
         base,
         magnetics=EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))
-        if changed
+        if acting
         else base.magnetics,
         circuits=() if circuit is None else (circuit,),
         motion=_moved_by(base.motion, effects, at.nominal),

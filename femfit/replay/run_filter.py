@@ -101,9 +101,11 @@ def _run(
     for j in range(int(length.max())):
         alive = length > j
         row = np.minimum(first + j, len(log.inputs) - 1)
-        moved = filter_.predict(state, log.inputs[row])
-        if resting is not None and (here := np.flatnonzero(log.held[row])).size:
-            moved = _put(moved, here, resting.predict(_take(state, here), log.inputs[row[here]]))
+        held = log.held[row] if resting is not None else np.zeros(len(row), dtype=bool)
+        moved = state
+        for predicting, here in ((filter_, np.flatnonzero(~held)), (resting, np.flatnonzero(held))):
+            if predicting is not None and len(here):
+                moved = _put(moved, here, predicting.predict(_take(state, here), log.inputs[row[here]]))
         if j == 0 and opens.any():  # nothing moves before the first sample
             moved = _put(moved, np.flatnonzero(opens), _take(state, np.flatnonzero(opens)))
         readings = np.where(alive[:, None], _bounded(filter_, log, row, moved), np.nan)

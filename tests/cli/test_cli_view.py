@@ -5,8 +5,10 @@ import shutil
 
 import pytest
 
+from femfit.field.current_path import along_currents
 from support.actuators import GEOMETRY
 from support.command import femfit
+from support.small_drawing import SMALL
 
 RIG = (GEOMETRY / "emaws-rig.toml").read_text()
 SWEEP = RIG[RIG.index("[sweep]") : RIG.index("[reference]")]
@@ -93,3 +95,27 @@ def test_a_manifests_name_leads_no_file_out_of_the_directory(swept, tmp_path):
     assert result.returncode == 1
     assert "name" in result.stderr
     assert [file.name for file in tmp_path.iterdir()] == ["in"]
+
+
+def test_a_view_solves_its_own_point_alone_once_and_to_the_sweeps_tolerance(tmp_path, monkeypatch):
+    steel = SMALL.replace('material = "iron"', 'material = "steel_1010"').split("[tolerances]")[0]
+    steel += "[solver]\ntolerance = 5e-3\n"
+    (tmp_path / "small.toml").write_text(steel.replace("[0, 0.5, 1]", "[0, 0.2, 0.4, 0.6, 0.8, 1]"))
+    (tmp_path / "point.toml").write_text(
+        steel.replace("[0, 0.5, 1]", "[0, 0.8]").replace("{ start = 4, stop = 12, step = 1 }", "[7]")
+    )
+    solved = []
+
+    def counted(system, points, *rest):
+        solved.append((system.space.ndof, len(points)))
+        return along_currents(system, points, *rest)
+
+    monkeypatch.setattr("femfit.field.nonlinear_point.along_currents", counted)
+    place = ("--distance-mm", "7", "--current-A", "0.8", "--json", tmp_path / "view.json")
+    assert femfit("view", tmp_path / "small.toml", *place, "-o", tmp_path / "b.png").returncode == 0
+    finest = max(unknowns for unknowns, _ in solved)
+    assert [points for unknowns, points in solved if unknowns == finest] == [2]  # with the one without current
+    assert femfit("sweep", tmp_path / "point.toml", "-o", tmp_path / "run", "--workers", "1").returncode == 0
+    header, _, row = (tmp_path / "run" / "sweep.csv").read_text().splitlines()
+    force = float(row.split(",")[header.split(",").index("force_N")])
+    assert json.loads((tmp_path / "view.json").read_text())["force_N"] == pytest.approx(force, rel=5e-3)

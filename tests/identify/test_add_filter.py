@@ -48,6 +48,28 @@ def test_an_effect_that_is_there_makes_the_filter_on_a_run_left_out_what_it_clai
     assert seen.mean_square[1] == pytest.approx(1.0, abs=0.05)
     assert seen.unread["distance_m"].after < 0.3 * seen.unread["distance_m"].before
     assert "left out" in str(result).splitlines()[1]
+    assert seen.samples == 3000  # of 4,000: what a long record costs is bounded, and said
+    assert "3,000 samples of 2 runs" in str(seen)
+
+
+def test_a_mean_square_that_moves_away_from_one_is_not_called_better(model):
+    hidden = closed_loop(model, [added("coil_temperature", warmer_K=20.0)], runs=2, seconds=0.5, seed=4)
+    record = recorded(hidden, runs=(1, 2), **NOISE)
+    seen = ff.add_effects(model, record, "coil_temperature", base="never").filter
+    likely = replace(seen, gain=1.0, gain_error=0.01, less_likely=False, unread={})
+    for squares, better in (((1.0, 0.958), False), ((0.958, 1.0), True), ((1.3, 0.9), True), ((0.9, 1.3), False)):
+        assert replace(likely, mean_square=squares).better is better, squares
+
+
+def test_runs_in_which_a_filter_is_lost_are_counted_by_what_it_reads(model):
+    record = recorded(closed_loop(model, runs=2, seconds=0.5, seed=4), runs=(1, 2), **NOISE)
+    wrong = {k: (added("coil_temperature", warmer_K=100.0),) for k in (0, 1)}
+    seen = filter_fall(model, model, (), record, placed(model, record), wrong)
+    assert set(seen.lost) == {"", "distance_m"}
+    for one in seen.lost.values():
+        assert max(one.before, one.after) <= seen.runs == 2
+    both = replace(seen, lost=dict.fromkeys(seen.lost, replace(seen.lost[""], before=2.0, after=1.0)))
+    assert "with every sensor lost in 2 -> 1 of 2 runs; without distance_m lost in 2 -> 1 of 2 runs" in str(both)
 
 
 def test_an_effect_that_is_not_there_is_not_called_better(model, clean):

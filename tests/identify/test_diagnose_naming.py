@@ -13,6 +13,7 @@ from femfit.identify.decision.diagnosis import CleanCampaigns
 from femfit.identify.decision.naming import decide
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.bench import bench_observations
+from femfit.identify.refit.refit import refit
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.misfit import Misfit
 from femfit.model.validity import ValidityBox
@@ -54,6 +55,29 @@ def test_two_hidden_effects_are_both_named(levitation_model):
     result = diagnose(levitation_model, campaign(levitation_model, 4, [SATURATION, HALL]), **QUICK)
     assert result.verdict == "named"
     assert {"core_saturation", "hall_offset"} == {one.name for one in result.missing}
+
+
+def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_refits(levitation_model, monkeypatch):
+    """What many others stand for as well, beside the same saturation, is small: first order says as much as refits."""
+    made = []
+
+    def counted(*given):
+        made.append(given)
+        return refit(*given)
+
+    monkeypatch.setattr("femfit.identify.decision.search.refit", counted)
+    small = AddedEffect(HALL.effect, {"offset_V": 1e-3})
+    table = campaign(levitation_model, 3, [SATURATION, small])
+    result = diagnose(levitation_model, table, **QUICK)
+    assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
+    assert {"hall_temperature", "external_field"} < set(result.missing[1].members)
+    assert len(made) <= 8, len(made)
+    assert not [one for one in result.findings if one.code == "search-ended"]
+    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", 2)
+    made.clear()
+    ended = diagnose(levitation_model, table, **QUICK)
+    assert len(made) == 2
+    assert [one.size for one in ended.findings if one.code == "search-ended"] == [2]
 
 
 def test_three_hidden_effects_are_named_though_the_first_alone_explains_little(levitation_model):

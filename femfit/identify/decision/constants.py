@@ -51,6 +51,9 @@ LOOKED_AT = 0.002
 IN_VAIN = 3
 """Numerical: refits in a row that bring nothing after which no further effect is looked for beside an unknown cause."""
 
+MOST_REFITS = 45
+"""Numerical, for the time that it takes: explanations that are refitted; all others stand at first order."""
+
 PAIRED = 12
 """Numerical: how many of the effects that fit best alone are tried in pairs from the start."""
 

@@ -165,10 +165,20 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
             and fit
             and fit.converged
         ),
-        findings=(*observations.findings, *campaign_remarks(campaign)),
+        findings=(*observations.findings, *campaign_remarks(campaign), *_search_remarks(decision)),
         campaign=campaign,
         decision=decision,
     )
+
+
+def _search_remarks(decision: Decision) -> tuple[Finding, ...]:
+    if not decision.posterior.ended:
+        return ()
+    fitted = sum(one.fit is not None for one in decision.posterior.explanations.values())
+    text = (
+        f"{fitted} explanations were fitted; there may be others as probable, which were judged to first order alone."
+    )
+    return (Finding("search-ended", "info", text, "Exclude effects that cannot be, or measure more.", size=fitted),)
 
 
 def _ranking(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 
 import numpy as np
 from scipy import special
@@ -9,7 +10,14 @@ from scipy import special
 from femfit.core.arrays import IntArray
 from femfit.effects.effect import EffectParameter
 from femfit.identify.decision.campaign import Campaign
-from femfit.identify.decision.constants import EXPECTED_EFFECTS, IN_VAIN, LIKELIEST, LOOKED_AT, UNKNOWN_CAUSE
+from femfit.identify.decision.constants import (
+    EXPECTED_EFFECTS,
+    IN_VAIN,
+    LIKELIEST,
+    LOOKED_AT,
+    MOST_REFITS,
+    UNKNOWN_CAUSE,
+)
 from femfit.identify.decision.effect_space import EffectSpace
 from femfit.identify.decision.evidence import density_of, null, of_sizes, with_unknown_cause
 from femfit.identify.decision.proposals import Explanation, pairs_of_two, with_one_more
@@ -26,6 +34,7 @@ class Posterior:
     space: EffectSpace
     explanations: Mapping[frozenset[str], Explanation]
     probability: Mapping[Key, float]
+    ended: bool = False  # Whether sets were left to first order since so many had been refitted
 
     def of(self, *, effects: bool, unknown: bool) -> float:
         """Probability of all explanations with and without effects, with and without an unknown cause."""
@@ -56,7 +65,7 @@ def explain(campaign: Campaign) -> Posterior:
     # A large effect's own curvature may spoil what it promises to first order
     likeliest = max(alone, key=lambda one: one.log_evidence, default=nothing)
     odds, least, in_vain = _prior_odds(len(space.variants)), np.log(LOOKED_AT), 0
-    while True:
+    for refits in count():
         logs = _log_posterior(found, odds)
         total = np.logaddexp.reduce(list(logs.values()))
         top = max((names for names, one in found.items() if one.linear), key=lambda names: logs[names, False])
@@ -67,11 +76,13 @@ def explain(campaign: Campaign) -> Posterior:
         if best is None or (logs[best, False] - total < least and not deeper):
             best = _without_one(found, top)
             if best is None and logs[top, False] - total > least:
-                best = _as_promising(found, promised, top)
+                best = _as_promising(found, promised, top, odds if logs[top, False] > logs[top, True] else np.inf)
         if best is None:
             best = frozenset(likeliest.names)
             if found[best].linear is not None or logs[frozenset(), False] - total > least:
                 break
+        if refits == MOST_REFITS:
+            break
         found[best] = _refitted(space, found[best])
         better = _log_posterior({best: found[best]}, odds)[best, False] > logs[top, False]
         in_vain = 0 if better else in_vain + 1
@@ -80,21 +91,26 @@ def explain(campaign: Campaign) -> Posterior:
             for one in with_one_more(space, found[best]):
                 promised[best][frozenset(one.names)] = one.log_evidence
                 _propose(found, one)
-    return Posterior(space, found, {key: float(np.exp(value - total)) for key, value in logs.items()})
+    probability = {key: float(np.exp(value - total)) for key, value in logs.items()}
+    return Posterior(space, found, probability, refits == MOST_REFITS)
 
 
 def _as_promising(
     found: Mapping[frozenset[str], Explanation],
     promised: Mapping[frozenset[str], Mapping[frozenset[str], float]],
     top: frozenset[str],
+    odds: float,
 ) -> frozenset[str] | None:
-    """An exchange of one effect that promised as much, beside the same others, as the most probable set did."""
+    """An exchange of one effect that promised as much, beside the same others, as the most probable set did.
+
+    One that makes these others no more probable stands at first order, unless it has parameters beside its size.
+    """
     alike = [
         (log, names)
         for left in top
         for rest in (promised.get(top - {left}, {}),)
         for names, log in rest.items()
-        if found[names].linear is None and log > rest[top] + np.log(LOOKED_AT)
+        if found[names].linear is None and log > rest[top] + np.log(LOOKED_AT) and _adds(found[names], odds)
     ]
     return max(alike, key=lambda pair: pair[0])[1] if alike else None
 

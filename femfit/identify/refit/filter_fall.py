@@ -17,11 +17,18 @@ import numpy as np
 from scipy.stats import binomtest
 
 from femfit.core.amount import amount, counted, rounded
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.printed import Printed
 from femfit.effects.effect import AddedEffect
 from femfit.filters.noise import FilterNoise, default_noise
-from femfit.identify.constants import FILTER_BLOCK, FILTER_CHANCE, FILTER_GREW, FILTER_RUNS, FILTER_WORSE
+from femfit.identify.constants import (
+    FILTER_BLOCK,
+    FILTER_CHANCE,
+    FILTER_GREW,
+    FILTER_RUNS,
+    FILTER_SAMPLES,
+    FILTER_WORSE,
+)
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.unseen import left_out_groups
 from femfit.model.actuator_model import ActuatorModel
@@ -46,46 +53,51 @@ class FilterFall(Printed):
     """The filter before and after, on runs left out."""
 
     runs: int
+    samples: int  # Of all these runs that the filter went through
     single: bool  # Whether quarters of a single run were left out
     mean_square: tuple[float, float]  # Of the normalised innovations, which should be 1, before and after
     less_likely: bool  # Whether the innovations are, in the mean and in more blocks than chance gives
     gain: float  # Logarithm of the likelihood of a sample, after less before
     gain_error: float  # Its standard error
     unread: Mapping[str, Change]  # Rms of recorded less estimated, of channels that the filter does not read
-    lost: Change  # Runs in which the filter was lost
+    lost: Mapping[str, Change]  # Runs in which the filter was lost, by the column that it did not read; "" for none
 
     @property
     def accepted(self) -> bool:
         """Whether nothing of it is worse with the effects than without."""
-        return not (self.less_likely or self.lost.worse or any(one.worse for one in self.unread.values()))
+        return not (self.less_likely or any(one.worse for one in (*self.lost.values(), *self.unread.values())))
 
     @property
     def better(self) -> bool:
-        """Whether the innovations are more likely by more than their scatter."""
-        return self.accepted and self.gain > FILTER_WORSE * self.gain_error
+        """Whether the innovations are more likely beyond their scatter, and their mean square no farther from 1."""
+        before, after = np.abs(np.log(self.mean_square))
+        return self.accepted and self.gain > FILTER_WORSE * self.gain_error and bool(after <= before)
 
     def __str__(self) -> str:
         part = counted(self.runs, "quarter" if self.single else "run")
         square = " -> ".join(map(rounded, self.mean_square))
-        text = f"The filter on {part} left out: innovations' mean square {square} (should be 1), "
-        text += f"log-likelihood {self.gain:+.3g} a sample"
+        text = f"The filter on {counted(self.samples, 'sample')} of {part} left out: "
+        text += f"innovations' mean square {square} (should be 1), log-likelihood {self.gain:+.3g} a sample"
         for name, one in self.unread.items():
             text += f"; {name} not read, error {amount(one.before, name, 3)} -> {amount(one.after, name, 3)} rms"
-        if self.lost.before or self.lost.after:
-            text += f"; lost in {self.lost.before:g} -> {self.lost.after:g} of them"
+        for name, one in self.lost.items():
+            if one.before or one.after:
+                how = f"without {name}" if name else "with every sensor"
+                text += f"; {how} lost in {one.before:g} -> {one.after:g} of {part}"
         return f"{text}: {'worse' if not self.accepted else 'better' if self.better else 'no better'}."
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         return {
             "runs": self.runs,
+            "samples": self.samples,
             "accepted": self.accepted,
             "mean_square": {"before": self.mean_square[0], "after": self.mean_square[1]},
             "less_likely": self.less_likely,
             "log_likelihood_gain": self.gain,
             "log_likelihood_gain_error": self.gain_error,
             "unread": {name: vars(one) for name, one in self.unread.items()},
-            "lost": vars(self.lost),
+            "lost": {f"without_{name}" if name else "every_sensor": vars(one) for name, one in self.lost.items()},
         }
 
 
@@ -109,8 +121,9 @@ def filter_fall(
     if not can_be_filtered(before, series):
         return None
     noise, seen, checked = default_noise(before), [], []
-    for one in sorted(left_out)[-FILTER_RUNS:]:
-        run = _left_out(series, observations, one)
+    groups = sorted(left_out)[-FILTER_RUNS:]
+    for one in groups:
+        run = _liveliest(_left_out(series, observations, one), FILTER_SAMPLES // len(groups))
         models = before, with_effects(after, (*kept, *left_out[one]))
         seen.append(_pair(models, run, (), noise))
         if {"current_A", "hall_V"} & set(series.given):
@@ -124,16 +137,16 @@ def filter_fall(
     domain = before.validity
     unknowing = (domain.distance_max_m - domain.distance_min_m) / np.sqrt(12.0)  # deviation of an even spread
     beside = [pair for pair in checked if pair is not None]
-    lost = [float(sum(pair[k].lost_at_s is not None for pair in (*pairs, *beside))) for k in (0, 1)]
     return FilterFall(
         runs=len(pairs),
+        samples=sum(len(pair[0].likelihood) for pair in pairs),
         single=observations.column("run").max() == observations.column("run").min(),
         mean_square=(squares[0], squares[1]),
         less_likely=_less_likely(gain),
         gain=mean,
         gain_error=error,
         unread=_unread(beside, unknowing),
-        lost=Change(lost[0], lost[1], worse=_lost_more_often([*pairs, *beside])),
+        lost={"": _lost(pairs)} | ({"distance_m": _lost(beside)} if beside else {}),
     )
 
 
@@ -147,6 +160,12 @@ def _less_likely(gain: FloatArray) -> bool:
     if worse <= better or means.mean() >= 0.0:
         return False
     return bool(binomtest(worse, worse + better, alternative="greater").pvalue < FILTER_CHANCE)
+
+
+def _lost(pairs: Sequence[_Pair]) -> Change:
+    """In how many runs each filter is lost."""
+    before, after = (float(sum(pair[k].lost_at_s is not None for pair in pairs)) for k in (0, 1))
+    return Change(before, after, worse=_lost_more_often(pairs))
 
 
 def _lost_more_often(pairs: Sequence[_Pair]) -> bool:
@@ -223,5 +242,22 @@ def _left_out(series: TimeSeries, observations: Observations, group: int) -> Tim
         span, whole = (order.min(), order.max()), observations.column("order").max()
         place = np.arange(len(rows)) / len(rows) * (whole + 1.0)
         here = (place >= span[0]) & (place < span[1] + 1.0)
+    return _rows(series, here)
+
+
+def _liveliest(run: TimeSeries, samples: int) -> TimeSeries:
+    """The stretch of a run with so many samples, all of it where it has no more, in which most moves."""
+    if len(run.rows) <= samples:
+        return run
+    name = "distance_m" if "distance_m" in run.given else next(n for n in run.given if n not in {"run", "time_s"})
+    values = run.rows[name].to_numpy()
+    starts = range(0, len(values) - samples + 1, max(samples // 2, 1))
+    spread = [np.nan_to_num(np.nanstd(values[k : k + samples])) for k in starts]
+    first = starts[int(np.argmax(spread))]
+    place = np.arange(len(values))
+    return _rows(run, (place >= first) & (place < first + samples))
+
+
+def _rows(series: TimeSeries, here: BoolArray) -> TimeSeries:
     clipped = {name: values[here] for name, values in series.clipped.items()}
-    return replace(series, rows=rows[here].reset_index(drop=True), clipped=clipped, findings=())
+    return replace(series, rows=series.rows[here].reset_index(drop=True), clipped=clipped, findings=())

@@ -74,8 +74,9 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     distance = np.nan_to_num(samples.columns["distance_m"])
     windows = lay_windows(base, samples.time, samples.stretch, samples.usable, distance, samples.current)
     windows = replace(windows, segment=samples.segment[np.searchsorted(samples.stretch, windows.segment)])
-    state = window_weights(windows, samples.time, samples.segment, samples.usable)
-    windows = windows.select(state.valid)
+    # At an impact no path is smooth
+    smooth = samples.usable & ~samples.touches
+    windows = windows.select(window_weights(windows, samples.time, samples.segment, smooth).valid)
     if not len(windows.centre_s):
         raise TableError(
             f"{series.source} must have stretches of at least {1e3 * windows.length_s:.3g} ms without a gap in "

@@ -29,7 +29,8 @@ from femfit.tables.units import POSITION_IN_VOLTS
 class Samples:
     """A time series as arrays of length N; usable where distance and current lie in the model's validity domain.
 
-    The body is ``free`` where nothing but the model's forces acts on it.
+    The body is ``free`` where nothing but the model's forces acts on it, and ``touches`` a stop where it neither is nor
+    stands still: it comes, bounces or goes.
     """
 
     time: FloatArray
@@ -40,6 +41,7 @@ class Samples:
     commands: tuple[str, ...]
     usable: BoolArray
     free: BoolArray
+    touches: BoolArray
     stop_m: FloatArray  # Drawn distance of the stop that the body rests on; NaN elsewhere
     findings: tuple[Finding, ...]
 
@@ -51,8 +53,8 @@ class Samples:
 
     @property
     def stretch(self) -> IntArray:
-        """Number of the stretch in which the body is free, or is not, of each sample; a segment has one or more."""
-        turns = (np.diff(self.segment) != 0) | np.diff(self.free)
+        """Number of the stretch in which the body is free, stands still or touches; a segment has one or more."""
+        turns = (np.diff(self.segment) != 0) | np.diff(self.free) | np.diff(self.touches)
         return np.cumsum(np.r_[False, turns])
 
 
@@ -116,6 +118,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         commands=commands,
         usable=usable,
         free=~rests.contact,
+        touches=rests.contact & ~rests.held,
         stop_m=_stops(model, rests.rests, len(time)),
         findings=tuple(findings),
     )

@@ -43,12 +43,13 @@ class View:
 def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     """Whole windows."""
     time, row = _nodes(windows)
+    stretch = samples.stretch
     smooth = [
         local_polynomials(
             time,
-            windows.segment[row],
+            stretch[_nearest(samples, windows)][row],
             samples.time,
-            samples.segment,
+            stretch,
             samples.usable,
             centre_s=time,
             behind_s=span * windows.length_s,
@@ -70,11 +71,12 @@ def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     time, row = _nodes(windows)
     behind, half = BEHIND * windows.length_s, 0.5 * MIDDLE * windows.length_s
     place = (time - windows.centre_s[row]) / half
+    stretch = samples.stretch
     level, slope = local_polynomials(
         time,
-        windows.segment[row],
+        stretch[_nearest(samples, windows)][row],
         samples.time,
-        samples.segment,
+        stretch,
         samples.usable,
         centre_s=np.where(np.abs(place) < 1.0, windows.centre_s[row] - half, time),
         behind_s=behind,
@@ -98,6 +100,12 @@ def _known(samples: Samples, name: str) -> FloatArray:
     return np.nan_to_num(samples.columns[name])
 
 
+def _path(samples: Samples, level: sparse.csr_array) -> FloatArray:
+    """The smoothed distance; a polynomial leads nowhere where the body never was."""
+    recorded = samples.columns["distance_m"][samples.usable]
+    return np.asarray(np.clip(level @ _known(samples, "distance_m"), recorded.min(), recorded.max()))
+
+
 def _nodes(windows: Windows) -> tuple[FloatArray, IntArray]:
     """Times of the nodes, and the window of each."""
     part = np.linspace(-0.5, 0.5, NODES + 1)
@@ -113,7 +121,7 @@ def _covariates(
     nominal: Nominal,
 ) -> pd.DataFrame:
     """What is known of every window."""
-    nearest = np.array([_nearest(samples, k, c) for k, c in zip(windows.segment, windows.centre_s, strict=True)])
+    nearest = _nearest(samples, windows)
     run, labels = pd.factorize(samples.run[nearest])
     start = np.array([samples.time[samples.run == label].min() for label in labels])
     within = windows.centre_s - start[run]
@@ -127,7 +135,7 @@ def _covariates(
             "run": run,
             "run_label": np.asarray(labels)[run],
             "mount": run,
-            "distance_m": mean @ _known(samples, "distance_m"),
+            "distance_m": _path(samples, mean),
             "current_A": current,
             **{name: mean @ _known(samples, name) for name in samples.currents if name != "current_A"},
             "branch": _branch(current, new, PLAY * (nominal.current_max_A - nominal.current_min_A)),
@@ -154,9 +162,13 @@ def _branch(current: FloatArray, new: BoolArray, play: float) -> FloatArray:
     return result
 
 
-def _nearest(samples: Samples, segment: int, time: float) -> int:
-    first, last = np.searchsorted(samples.segment, [segment, segment + 1])
-    return int(min(first + np.searchsorted(samples.time[first:last], time), last - 1))
+def _nearest(samples: Samples, windows: Windows) -> IntArray:
+    """The sample at the middle of each window."""
+    found = []
+    for number, centre in zip(windows.segment, windows.centre_s, strict=True):
+        first, last = np.searchsorted(samples.segment, [number, number + 1])
+        found.append(min(first + np.searchsorted(samples.time[first:last], centre), last - 1))
+    return np.array(found, dtype=int)
 
 
 def _mean_where_known(samples: Samples, mean: sparse.csr_array, name: str) -> FloatArray:
@@ -187,7 +199,7 @@ def _motion(
     return Motion(
         time_s=time,
         first=first,
-        distance_m=level @ _known(samples, "distance_m"),
+        distance_m=_path(samples, level),
         current_A=level @ samples.current,
         voltage_V=_in_one(level, samples, samples.commands),
         at=Conditions(
@@ -212,9 +224,9 @@ def _in_one(level: sparse.csr_array, samples: Samples, names: tuple[str, ...]) -
 
 def local_polynomials(
     node_s: FloatArray,
-    node_segment: IntArray,
+    node_stretch: IntArray,
     time: FloatArray,
-    segment: IntArray,
+    stretch: IntArray,
     known: BoolArray,
     *,
     centre_s: FloatArray,
@@ -225,19 +237,22 @@ def local_polynomials(
     """Weights of value and slope of a local polynomial at n nodes over N samples, two sparse arrays of shape (n, N).
 
     The samples that count for a node stand around its centre, which is the node itself or before it, from so far behind
-    to so far ahead, by the weight (1 - s^2)^2; more, on the same sides, where there are too few of them.
+    to so far ahead, by the weight (1 - s^2)^2; more, on the same sides, where there are too few of them. All stand in
+    the node's stretch: no path is smooth across an impact. Where it begins, what lacks behind is taken ahead.
     """
     here = np.flatnonzero(known)
-    # One clock for all segments, far enough apart that no node sees another segment
+    # One clock for all stretches, far enough apart that no node sees another stretch
     span = float(time.max() - time.min()) + 10.0 * (behind_s + ahead_s)
-    clock, asked = time[here] - time.min() + span * segment[here], centre_s - time.min() + span * node_segment
+    clock, asked = time[here] - time.min() + span * stretch[here], centre_s - time.min() + span * node_stretch
     least, slack = 2 * (degree + 1), 1e-9 * (behind_s + ahead_s)
+    opens, closes = (np.searchsorted(stretch[here], node_stretch, side) for side in ("left", "right"))
     first = np.searchsorted(clock, asked - behind_s - slack)
-    last = np.searchsorted(clock, asked + ahead_s + slack)
+    last = np.searchsorted(clock, np.maximum(asked + ahead_s, clock[opens] + behind_s) + slack)
     few = last - first < least
     shift = np.where(ahead_s > 0.0, least // 2, least)
-    begin = np.clip(np.searchsorted(clock, asked + slack) - shift, 0, max(len(clock) - least, 0))
-    first, last = np.where(few, begin, first), np.where(few, np.minimum(begin + least, len(clock)), last)
+    begin = np.searchsorted(clock, asked + slack) - shift
+    begin = np.clip(begin, opens, np.maximum(closes - least, opens))
+    first, last = np.where(few, begin, first), np.where(few, np.minimum(begin + least, closes), last)
     picked = first[:, None] + np.arange(int((last - first).max()))
     inside = picked < last[:, None]
     picked = np.minimum(picked, len(clock) - 1)
