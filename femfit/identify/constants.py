@@ -102,6 +102,10 @@ declares it; a run's offset over the standard deviation of one reading."""
 PRIOR_WEIGHT = 8.0
 """Assumed: that judgement counts like so many mounts, or runs."""
 
+PRIOR_MEMORY = 0.1
+"""Assumed: rho / sqrt(1 - rho^2) of readings that follow each other is about this or less, unless the readings show
+more: half-Cauchy, whose mode is zero and whose tail hardly shrinks a correlation that is there."""
+
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each
 other."""
