@@ -173,6 +173,10 @@ SPANNED_SQUARE = 1e-9
 
 # Readings that are set aside or suspected
 
+MOST_ROWS = 5000
+"""Numerical: rows of a bench table up to which a comparison takes seconds and less than a gigabyte; time grows with
+their cube, memory with their square."""
+
 CLEARLY, WELL = 0.2, 0.3
 """Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
 

@@ -1,22 +1,28 @@
 """Checks of a bench table: order of measuring, copies, stuck channels, lone outliers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.distance_scale import even_scale
 from femfit.core.finding import Finding
-from femfit.tables.measurement import BenchTable
+from femfit.core.sweep_columns import is_current
+from femfit.tables.circuit_columns import parts_of
+from femfit.tables.measurement import CHANNELS, BenchTable
 from femfit.tables.outliers import isolated_outliers
 from femfit.tables.suspected_units import suspected_by_size
 
 _LEAST_COPIES = 5
 """Assumed: rows on end that equal earlier ones and are copies, where no order tells: single readings may be equal
 by chance."""
+
+_NUMBERS = ("run", "mount", "order")
+"""Columns that number rows, and differ in a copy that somebody numbered anew."""
 
 _LEAST_STUCK = 8
 """Assumed: consecutive equal readings from which a channel may be stuck."""
@@ -92,12 +98,49 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
     if not {"run", "order"} <= set(given):
         block = np.cumsum(np.concatenate([[False], copies[1:] != copies[:-1]]))
         copies = copies & (np.bincount(block)[block] >= _LEAST_COPIES)
-    if not copies.any():
-        return rows, []
-    count = int(copies.sum())
-    text = f"{count} row{'s' * (count > 1)} repeat{'s' * (count == 1)} an earlier one in every column and "
-    text += f"{'was' if count == 1 else 'were'} left out."
-    return rows[~copies].reset_index(drop=True), [Finding("copies", "info", text, size=float(count))]
+    renumbered = rows.duplicated(subset=[name for name in given if name not in _NUMBERS]).to_numpy() & ~copies
+    if _equal_by_chance(rows, [name for name in given if parts_of(name)[0] in CHANNELS], renumbered):
+        renumbered = np.zeros(len(rows), dtype=bool)
+    findings = []
+    but_numbers = f"column but {', '.join(name for name in _NUMBERS if name in given)}"
+    for which, column in ((copies, "column"), (renumbered, but_numbers)):
+        count = int(which.sum())
+        if count:
+            agree, kind = ("agrees", "It is a copy") if count == 1 else ("agree", "They are copies")
+            text = f"{counted(count, 'row')} {agree} with an earlier one in every digit of every {column}. "
+            text += f"{kind}, which say nothing of the noise, and {'was' if count == 1 else 'were'} left out."
+            findings.append(Finding("copies", "info", text, size=float(count)))
+    return rows[~(copies | renumbered)].reset_index(drop=True), findings
+
+
+def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArray) -> bool:
+    """Whether so many rows may equal earlier ones of their setting because the channels are rounded.
+
+    Two readings of a setting that differ by s on the mean are rounded to the same step q with the chance q / (s
+    sqrt(2 pi)); of several channels it is the product. Where no others stand at their settings nothing tells s, and one
+    channel alone may be coarser than its noise.
+    """
+    count = int(equal.sum())
+    if count < _LEAST_COPIES:
+        return True
+    settings = [name for name in rows if is_current(str(name)) or name in {"distance_m", "branch", "frequency_Hz"}]
+    rest = rows[~equal]
+    number = rest.groupby(settings, dropna=False).ngroup().to_numpy()
+    order = np.argsort(number, kind="stable")
+    follows = np.diff(number[order]) == 0
+    if not follows.any():
+        return len(channels) == 1
+    chance = 1.0
+    for name in channels:
+        values = rest[name].to_numpy()
+        differences, levels = np.diff(values[order])[follows], np.unique(values[np.isfinite(values)])
+        differences = differences[np.isfinite(differences)]
+        scatter = float(np.sqrt(np.mean(differences**2))) if len(differences) else 0.0
+        if len(levels) > 1 and scatter > 0.0:
+            chance *= min(1.0, float(np.diff(levels).min()) / (scatter * np.sqrt(2.0 * np.pi)))
+    pairs = rows.groupby(settings, dropna=False).size().to_numpy()
+    expected = chance * float(np.sum(pairs * (pairs - 1.0)) / 2.0)
+    return bool(stats.poisson.sf(count - 1, expected) > _STUCK_CHANCE)
 
 
 def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Finding]]:

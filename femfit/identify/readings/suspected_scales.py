@@ -16,6 +16,7 @@ from femfit.identify.constants import (
     KEPT_ROWS,
     LARGEST_SHIFT,
     NOTHING_LEFT,
+    SAME_READING,
     SHIFTS,
     WELL,
     WRONG_FACTOR,
@@ -31,6 +32,22 @@ _CAUSES = {
     "flux_linkage_Wb": "the number of turns, or the flux of one turn",
     "hall_V": "the sensitivity of the Hall element, or its place",
 }
+
+
+def suspected_dead(name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """Suspect a channel that reads one value while the model's changes by more than a part of it."""
+    values, predicted = read[np.isfinite(read)], usual[np.isfinite(read)]
+    if len(values) < LEAST_READINGS or np.ptp(values) > SAME_READING * np.abs(values).max():
+        return None
+    if not float(np.std(predicted)) > WELL * abs(float(values[0])):
+        return None
+    low, high = (amount(float(end), name) for end in (predicted.min(), predicted.max()))
+    weight = ", or a weight held in balance" if name == "force_N" and values[0] else ""
+    text = (
+        f"{name} reads {amount(float(values[0]), name)} in all {len(values)} rows, where the model's goes from {low} "
+        f"to {high}: a dead channel{weight}."
+    )
+    return Finding("suspected-dead", "warning", text, "Check the sensor and its cable.", float(values[0]), name)
 
 
 def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
