@@ -24,6 +24,9 @@ by chance."""
 _NUMBERS = ("run", "mount", "order")
 """Columns that number rows, and differ in a copy that somebody numbered anew."""
 
+_NORMAL_MEDIAN = 0.6745
+"""Derived: median of the size of a standard normal number."""
+
 _LEAST_STUCK = 8
 """Assumed: consecutive equal readings from which a channel may be stuck."""
 
@@ -101,14 +104,12 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
     renumbered = rows.duplicated(subset=[name for name in given if name not in _NUMBERS]).to_numpy() & ~copies
     if _equal_by_chance(rows, [name for name in given if parts_of(name)[0] in CHANNELS], renumbered):
         renumbered = np.zeros(len(rows), dtype=bool)
-    findings = []
-    but_numbers = f"column but {', '.join(name for name in _NUMBERS if name in given)}"
-    for which, column in ((copies, "column"), (renumbered, but_numbers)):
+    numbers, findings = ", ".join(name for name in _NUMBERS if name in given), []
+    for which, but in ((copies, ""), (renumbered, f" but {numbers}")):
         count = int(which.sum())
         if count:
-            agree, kind = ("agrees", "It is a copy") if count == 1 else ("agree", "They are copies")
-            text = f"{counted(count, 'row')} {agree} with an earlier one in every digit of every {column}. "
-            text += f"{kind}, which say nothing of the noise, and {'was' if count == 1 else 'were'} left out."
+            text = f"{count} row{'s' * (count > 1)} repeat{'s' * (count == 1)} an earlier one in every column{but} and "
+            text += f"{'was' if count == 1 else 'were'} left out: a copy says nothing of the noise."
             findings.append(Finding("copies", "info", text, size=float(count)))
     return rows[~(copies | renumbered)].reset_index(drop=True), findings
 
@@ -116,16 +117,17 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
 def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArray) -> bool:
     """Whether so many rows may equal earlier ones of their setting because the channels are rounded.
 
-    Two readings of a setting that differ by s on the mean are rounded to the same step q with the chance q / (s
-    sqrt(2 pi)); of several channels it is the product. Where no others stand at their settings nothing tells s, and one
-    channel alone may be coarser than its noise.
+    Only readings that stand at no other setting say anything. Two readings of a setting that differ by s (median) are
+    rounded to the same step q with the chance q / (s sqrt(2 pi)), of several channels the product; a channel with
+    s < 3 q is too coarse to tell s. Where all repeats are equal nothing does, and one channel alone may be coarse.
     """
-    count = int(equal.sum())
+    settings = [name for name in rows if is_current(str(name)) or name in {"distance_m", "branch", "frequency_Hz"}]
+    setting = rows.groupby(settings, dropna=False).ngroup()
+    elsewhere = setting.groupby([rows[name] for name in channels], dropna=False).transform("nunique").to_numpy() > 1
+    count = int(np.sum(equal & ~elsewhere))
     if count < _LEAST_COPIES:
         return True
-    settings = [name for name in rows if is_current(str(name)) or name in {"distance_m", "branch", "frequency_Hz"}]
-    rest = rows[~equal]
-    number = rest.groupby(settings, dropna=False).ngroup().to_numpy()
+    rest, number = rows[~equal], setting.to_numpy()[~equal]
     order = np.argsort(number, kind="stable")
     follows = np.diff(number[order]) == 0
     if not follows.any():
@@ -133,13 +135,13 @@ def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArr
     chance = 1.0
     for name in channels:
         values = rest[name].to_numpy()
-        differences, levels = np.diff(values[order])[follows], np.unique(values[np.isfinite(values)])
-        differences = differences[np.isfinite(differences)]
-        scatter = float(np.sqrt(np.mean(differences**2))) if len(differences) else 0.0
-        if len(levels) > 1 and scatter > 0.0:
-            chance *= min(1.0, float(np.diff(levels).min()) / (scatter * np.sqrt(2.0 * np.pi)))
-    pairs = rows.groupby(settings, dropna=False).size().to_numpy()
-    expected = chance * float(np.sum(pairs * (pairs - 1.0)) / 2.0)
+        differences = np.abs(np.diff(values[order])[follows])
+        steps = np.diff(np.unique(values[np.isfinite(values)]))
+        if np.isfinite(differences).any() and len(steps):
+            scatter = float(np.nanmedian(differences)) / _NORMAL_MEDIAN
+            chance *= steps.min() / (scatter * np.sqrt(2.0 * np.pi)) if scatter >= 3.0 * steps.min() else 1.0
+    of_setting = np.bincount(setting.to_numpy()).astype(np.float64)
+    expected = chance * float(np.sum(of_setting * (of_setting - 1.0)) / 2.0)
     return bool(stats.poisson.sf(count - 1, expected) > _STUCK_CHANCE)
 
 
