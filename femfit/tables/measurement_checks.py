@@ -44,7 +44,7 @@ _TURNS = 0.25
 """Assumed: turns over steps up to which currents were cycled; currents in random order turn at two steps of three."""
 
 _BOTH = 0.1
-"""Assumed: part of the steps that must rise, and fall."""
+"""Assumed: part of the rows whose steps must rise, and fall, and follow a step at the same distance."""
 
 _FEW = 0.02
 """Assumed: steps back in a file, over its rows, up to which a clock was reset; more are a file sorted by something
@@ -291,7 +291,7 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
     """
     current = rows["current_A"].to_numpy()
     still = STILL_CURRENT * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0
-    branch, turns = np.zeros(len(rows)), 0
+    branch, turns, could_turn = np.zeros(len(rows)), 0, 0
     for place in _stretches(rows):
         steps = np.diff(current[place])
         known = np.flatnonzero(np.abs(steps) > still)
@@ -300,10 +300,12 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
         # A step's sign holds until the next step, and back to the stretch's first row
         signs = np.sign(steps[known])
         turns += int(np.count_nonzero(np.diff(signs)))
+        could_turn += len(known) - 1
         before = np.searchsorted(known, np.arange(len(place)) - 1, side="right") - 1
         branch[place] = signs[np.maximum(before, 0)]
     rising, falling = np.count_nonzero(branch > 0.0), np.count_nonzero(branch < 0.0)
-    if min(rising, falling) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
+    # Rows in random order seldom make two steps on end at one distance, and then show no turns either
+    if min(rising, falling, could_turn) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
         return None, []
     said = "There is no column branch; whether the current rose or fell was read from the order of the rows."
     remedy = "Give a column branch (+1 rising, -1 falling) if that is not the order of measuring."
