@@ -24,6 +24,9 @@ by chance."""
 _NUMBERS = ("run", "mount", "order")
 """Columns that number rows, and differ in a copy that somebody numbered anew."""
 
+_COARSE = 3.0
+"""Assumed: steps of a channel below which its scatter, from readings that are not equal, is no more than its steps."""
+
 _NORMAL_MEDIAN = 0.6745
 """Derived: median of the size of a standard normal number."""
 
@@ -139,7 +142,7 @@ def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArr
         steps = np.diff(np.unique(values[np.isfinite(values)]))
         if np.isfinite(differences).any() and len(steps):
             scatter = float(np.nanmedian(differences)) / _NORMAL_MEDIAN
-            chance *= steps.min() / (scatter * np.sqrt(2.0 * np.pi)) if scatter >= 3.0 * steps.min() else 1.0
+            chance *= steps.min() / (scatter * np.sqrt(2.0 * np.pi)) if scatter >= _COARSE * steps.min() else 1.0
     of_setting = np.bincount(setting.to_numpy()).astype(np.float64)
     expected = chance * float(np.sum(of_setting * (of_setting - 1.0)) / 2.0)
     return bool(stats.poisson.sf(count - 1, expected) > _STUCK_CHANCE)
