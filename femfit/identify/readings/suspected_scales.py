@@ -89,7 +89,7 @@ def suspected_zero(
     box = model.without_effects.validity
     travel = box.distance_max_m - box.distance_min_m
     of_the_circuit = {"voltage_V", "resistance_ohm"}
-    reads = {name: read for name, read in reads.items() if name not in of_the_circuit}
+    reads = {name: read for name, read in reads.items() if name not in of_the_circuit and np.isfinite(read).any()}
     if not reads:
         return None
 
