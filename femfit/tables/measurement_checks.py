@@ -306,7 +306,7 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
         could_turn += len(known) - 1
         before = np.searchsorted(known, np.arange(len(place)) - 1, side="right") - 1
         branch[place] = signs[np.maximum(before, 0)]
-    rising, falling = np.count_nonzero(branch > 0.0), np.count_nonzero(branch < 0.0)
+    rising, falling = int(np.sum(branch > 0.0)), int(np.sum(branch < 0.0))
     # Rows in random order seldom make two steps on end at one distance, and then show no turns either
     if min(rising, falling, could_turn) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
         return None, []

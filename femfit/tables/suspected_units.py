@@ -87,9 +87,9 @@ def _apart(size: FloatArray, beyond: BoolArray, factor: float) -> bool:
     Half on a scale of ratios; the sizes of one column in one unit have smaller steps.
     """
     within = size[~beyond & (size > 0.0)]
-    if min(len(within), np.count_nonzero(beyond)) < LEAST_READINGS:
+    if min(len(within), int(beyond.sum())) < LEAST_READINGS:
         return False
-    return float(size[beyond].min() / within.max()) > factor**-0.5
+    return bool(size[beyond].min() > within.max() / np.sqrt(factor))
 
 
 def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Finding]:
