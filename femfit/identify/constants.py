@@ -102,9 +102,9 @@ declares it; a run's offset over the standard deviation of one reading."""
 PRIOR_WEIGHT = 8.0
 """Assumed: that judgement counts like so many mounts, or runs."""
 
-PRIOR_MEMORY = 0.1
-"""Assumed: rho / sqrt(1 - rho^2) of readings that follow each other is about this or less, unless the readings show
-more: half-Cauchy, whose mode is zero and whose tail hardly shrinks a correlation that is there."""
+CORRELATION_SHOWN = 6.63
+"""Conventional: fall of -2 log likelihood, chi-square of one degree of freedom at 1 %, from which readings that follow
+each other are taken to be correlated."""
 
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each

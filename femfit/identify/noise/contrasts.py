@@ -22,7 +22,7 @@ from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import CORRELATIONS, LARGEST_CORRELATION, PRIOR_MEMORY, SPANNED_SQUARE
+from femfit.identify.constants import CORRELATION_SHOWN, CORRELATIONS, LARGEST_CORRELATION, SPANNED_SQUARE
 from femfit.identify.noise.restricted import Contrasts
 
 
@@ -71,17 +71,16 @@ class ChannelDesign:
         return len(self.here) - self.cells - int(self.fixed.shape[1]) - self.at(0).rank
 
     def best_rho(self, y: FloatArray) -> int:
-        """Number of the rho of largest restricted likelihood times prior, mounts and runs taken for fixed; y is (n,).
+        """Number of the rho of largest restricted likelihood, mounts and runs taken for fixed; y has the shape (n,).
 
-        The prior of m = rho / sqrt(1 - rho^2) is half-Cauchy from zero. Two passes without an order tell rho no more
+        It is 0 where that is not likelier by what chance seldom makes. Two passes without an order tell rho no more
         than by how their few differences vary: the likelihood is flat, while the variance grows like 1 / (1 - rho).
         """
         costs: dict[int, float] = {}
 
         def cost(k: int) -> float:
             if k not in costs:
-                memory = np.sinh(np.arctanh(rho_of(k)))
-                costs[k] = self.at(k).cost(y, self.free) + 2.0 * float(np.log1p((memory / PRIOR_MEMORY) ** 2))
+                costs[k] = self.at(k).cost(y, self.free) + (CORRELATION_SHOWN if k else 0.0)
             return costs[k]
 
         step = CORRELATIONS // 5
