@@ -102,9 +102,9 @@ declares it; a run's offset over the standard deviation of one reading."""
 PRIOR_WEIGHT = 8.0
 """Assumed: that judgement counts like so many mounts, or runs."""
 
-CORRELATION_SHOWN = 9.21
-"""Conventional: fall of -2 log likelihood, 2 log 100, from which readings that follow each other are taken to be
-correlated: they must be a hundred times as likely with it, as a name must be against others."""
+CORRELATION_SHOWN = 2.71
+"""Conventional: fall of -2 log likelihood from which readings that follow each other are taken to be correlated: 5 % by
+chance, for a correlation that is at the end of its range where there is none (half a chi-square of one degree)."""
 
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each

@@ -73,7 +73,7 @@ class ChannelDesign:
     def best_rho(self, y: FloatArray) -> int:
         """Number of the rho of largest restricted likelihood, mounts and runs taken for fixed; y has the shape (n,).
 
-        It is 0 unless the readings are far likelier with another. Two passes without an order tell rho no more
+        It is 0 unless the readings show another. Two passes without an order tell rho no more
         than by how their few differences vary: the likelihood is flat, while the variance grows like 1 / (1 - rho).
         """
         costs: dict[int, float] = {}
