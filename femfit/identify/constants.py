@@ -105,6 +105,10 @@ declares it; a run's offset over the standard deviation of one reading."""
 PRIOR_WEIGHT = 8.0
 """Assumed: that judgement counts like so many mounts, or runs."""
 
+CORRELATION_SHOWN = 2.71
+"""Conventional: fall of -2 log likelihood from which readings that follow each other are taken to be correlated: 5 % by
+chance, for a correlation that is at the end of its range where there is none (half a chi-square of one degree)."""
+
 LEAST_REPEATS = 12
 """Conventional: degrees of freedom from which repeats say a channel's noise (to 20 %), and how readings follow each
 other."""
@@ -171,6 +175,10 @@ SPANNED_SQUARE = 1e-9
 """Numerical: part of a squared length below which a column of mounts or runs is spanned by others."""
 
 # Readings that are set aside or suspected
+
+MOST_ROWS = 5000
+"""Numerical: rows of a bench table up to which a comparison takes seconds and less than a gigabyte; time grows with
+their cube, memory with their square."""
 
 CLEARLY, WELL = 0.2, 0.3
 """Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""

@@ -1,22 +1,34 @@
 """Checks of a bench table: order of measuring, copies, stuck channels, lone outliers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from femfit.core.amount import counted
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.distance_scale import even_scale
 from femfit.core.finding import Finding
-from femfit.tables.measurement import BenchTable
+from femfit.core.sweep_columns import is_current
+from femfit.tables.circuit_columns import parts_of
+from femfit.tables.measurement import CHANNELS, BenchTable
 from femfit.tables.outliers import isolated_outliers
 from femfit.tables.suspected_units import suspected_by_size
 
 _LEAST_COPIES = 5
 """Assumed: rows on end that equal earlier ones and are copies, where no order tells: single readings may be equal
 by chance."""
+
+_NUMBERS = ("run", "mount", "order")
+"""Columns that number rows, and differ in a copy that somebody numbered anew."""
+
+_COARSE = 3.0
+"""Assumed: steps of a channel below which its scatter, from readings that are not equal, is no more than its steps."""
+
+_NORMAL_MEDIAN = 0.6745
+"""Derived: median of the size of a standard normal number."""
 
 _LEAST_STUCK = 8
 """Assumed: consecutive equal readings from which a channel may be stuck."""
@@ -35,7 +47,7 @@ _TURNS = 0.25
 """Assumed: turns over steps up to which currents were cycled; currents in random order turn at two steps of three."""
 
 _BOTH = 0.1
-"""Assumed: part of the steps that must rise, and fall."""
+"""Assumed: part of the rows whose steps must rise, and fall, and follow a step at the same distance."""
 
 _FEW = 0.02
 """Assumed: steps back in a file, over its rows, up to which a clock was reset; more are a file sorted by something
@@ -92,12 +104,48 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
     if not {"run", "order"} <= set(given):
         block = np.cumsum(np.concatenate([[False], copies[1:] != copies[:-1]]))
         copies = copies & (np.bincount(block)[block] >= _LEAST_COPIES)
-    if not copies.any():
-        return rows, []
-    count = int(copies.sum())
-    text = f"{count} row{'s' * (count > 1)} repeat{'s' * (count == 1)} an earlier one in every column and "
-    text += f"{'was' if count == 1 else 'were'} left out."
-    return rows[~copies].reset_index(drop=True), [Finding("copies", "info", text, size=float(count))]
+    renumbered = rows.duplicated(subset=[name for name in given if name not in _NUMBERS]).to_numpy() & ~copies
+    if _equal_by_chance(rows, [name for name in given if parts_of(name)[0] in CHANNELS], renumbered):
+        renumbered = np.zeros(len(rows), dtype=bool)
+    numbers, findings = ", ".join(name for name in _NUMBERS if name in given), []
+    for which, but in ((copies, ""), (renumbered, f" but {numbers}")):
+        count = int(which.sum())
+        if count:
+            text = f"{count} row{'s' * (count > 1)} repeat{'s' * (count == 1)} an earlier one in every column{but} and "
+            text += f"{'was' if count == 1 else 'were'} left out: a copy says nothing of the noise."
+            findings.append(Finding("copies", "info", text, size=float(count)))
+    return rows[~(copies | renumbered)].reset_index(drop=True), findings
+
+
+def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArray) -> bool:
+    """Whether so many rows may equal earlier ones of their setting because the channels are rounded.
+
+    Only readings that stand at no other setting say anything. Two readings of a setting that differ by s (median) are
+    rounded to the same step q with the chance q / (s sqrt(2 pi)), of several channels the product; a channel with
+    s < 3 q is too coarse to tell s. Where all repeats are equal nothing does, and one channel alone may be coarse.
+    """
+    settings = [name for name in rows if is_current(str(name)) or name in {"distance_m", "branch", "frequency_Hz"}]
+    setting = rows.groupby(settings, dropna=False).ngroup()
+    elsewhere = setting.groupby([rows[name] for name in channels], dropna=False).transform("nunique").to_numpy() > 1
+    count = int(np.sum(equal & ~elsewhere))
+    if count < _LEAST_COPIES:
+        return True
+    rest, number = rows[~equal], setting.to_numpy()[~equal]
+    order = np.argsort(number, kind="stable")
+    follows = np.diff(number[order]) == 0
+    if not follows.any():
+        return len(channels) == 1
+    chance = 1.0
+    for name in channels:
+        values = rest[name].to_numpy()
+        differences = np.abs(np.diff(values[order])[follows])
+        steps = np.diff(np.unique(values[np.isfinite(values)]))
+        if np.isfinite(differences).any() and len(steps):
+            scatter = float(np.nanmedian(differences)) / _NORMAL_MEDIAN
+            chance *= steps.min() / (scatter * np.sqrt(2.0 * np.pi)) if scatter >= _COARSE * steps.min() else 1.0
+    of_setting = np.bincount(setting.to_numpy()).astype(np.float64)
+    expected = chance * float(np.sum(of_setting * (of_setting - 1.0)) / 2.0)
+    return bool(stats.poisson.sf(count - 1, expected) > _STUCK_CHANCE)
 
 
 def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Finding]]:
@@ -246,7 +294,7 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
     """
     current = rows["current_A"].to_numpy()
     still = STILL_CURRENT * float(np.nanmax(current) - np.nanmin(current)) if np.isfinite(current).any() else 0.0
-    branch, turns = np.zeros(len(rows)), 0
+    branch, turns, could_turn = np.zeros(len(rows)), 0, 0
     for place in _stretches(rows):
         steps = np.diff(current[place])
         known = np.flatnonzero(np.abs(steps) > still)
@@ -255,10 +303,12 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
         # A step's sign holds until the next step, and back to the stretch's first row
         signs = np.sign(steps[known])
         turns += int(np.count_nonzero(np.diff(signs)))
+        could_turn += len(known) - 1
         before = np.searchsorted(known, np.arange(len(place)) - 1, side="right") - 1
         branch[place] = signs[np.maximum(before, 0)]
-    rising, falling = np.count_nonzero(branch > 0.0), np.count_nonzero(branch < 0.0)
-    if min(rising, falling) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
+    rising, falling = int(np.sum(branch > 0.0)), int(np.sum(branch < 0.0))
+    # Rows in random order seldom make two steps on end at one distance, and then show no turns either
+    if min(rising, falling, could_turn) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
         return None, []
     said = "There is no column branch; whether the current rose or fell was read from the order of the rows."
     remedy = "Give a column branch (+1 rising, -1 falling) if that is not the order of measuring."

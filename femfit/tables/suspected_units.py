@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.tables.units import UNITS, column_unit
 
@@ -74,6 +74,24 @@ def suspicion(column: str, unit: str, why: str, remedy: str = "") -> Finding:
     return Finding("suspected-unit", "warning", f"{column} seems to be in {unit}: {why}.", remedy, column=column)
 
 
+def suspicion_of_rows(column: str, unit: str, rows: BoolArray, why: str) -> Finding:
+    """Say that some rows of a column seem to be in another unit than the others."""
+    text = f"{int(rows.sum())} of {len(rows)} rows of {column} seem to be in {unit}: {why}."
+    remedy = "Convert these rows alone, or leave them out."
+    return Finding("suspected-unit", "warning", text, remedy, size=float(rows.sum()), column=column)
+
+
+def _apart(size: FloatArray, beyond: BoolArray, factor: float) -> bool:
+    """Whether impossible sizes are a group of their own: half of a unit's factor or more away from the possible ones.
+
+    Half on a scale of ratios; the sizes of one column in one unit have smaller steps.
+    """
+    within = size[~beyond & (size > 0.0)]
+    if min(len(within), int(beyond.sum())) < LEAST_READINGS:
+        return False
+    return bool(size[beyond].min() > within.max() / np.sqrt(factor))
+
+
 def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Finding]:
     """Suspect the units of columns from the sizes of their numbers alone.
 
@@ -83,7 +101,11 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
     for name in (str(name) for name in rows if name in LIMITS):
         size = np.abs(rows[name].to_numpy(dtype=np.float64))
         size, limit = size[np.isfinite(size)], LIMITS[str(name)]
-        if len(size) and np.median(size) > limit.usual:
+        factor = UNITS[column_unit(name)[1]][limit.unit]
+        beyond = size > limit.usual
+        if beyond.any() and _apart(size, beyond, factor):
+            findings.append(suspicion_of_rows(name, limit.unit, beyond, f"they are up to {size.max():.3g}"))
+        elif len(size) and limit.usual < np.median(size) <= limit.usual / factor:
             findings.append(suspicion(name, limit.unit, f"it is {np.median(size):.3g} in the median"))
         elif solved and len(size) and size.max() > limit.possible:
             findings.append(suspicion(name, limit.unit, f"it goes up to {size.max():.3g}"))

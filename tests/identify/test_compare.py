@@ -11,9 +11,11 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.lack_of_fit import LackOfFit, PatternSpace
+from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.noise.components import estimate_noise
+from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.misfit import Misfit
@@ -75,13 +77,24 @@ def test_a_pure_error_test_accuses_the_channel_that_is_wrong_and_no_other(levita
     assert by_channel(comparison)["hall_V"].mean == pytest.approx(0.02, abs=1e-3)
 
 
-def test_a_test_against_a_declared_noise_is_not_called_one_against_repeats(levitation_model):
+def test_a_declared_noise_is_not_called_one_from_repeats(levitation_model):
     table = campaign(levitation_model, 16, runs=1, noise={"force_N": NOISE["force_N"]})
     once = table.rows[table.rows["branch"] > 0].drop_duplicates(["distance_m", "current_A"]).reset_index(drop=True)
     declared = replace(table, rows=once, declared_noise={"force_N": NOISE["force_N"]})
     said = str(by_channel(compare(levitation_model, declared))["force_N"])
     assert "repeats" not in said
-    assert "against the declared noise" in said
+    assert "(declared)" in said
+
+
+@pytest.mark.parametrize(("source", "declared"), [("declared", True), ("samples", False)])
+def test_a_noise_that_nobody_declared_is_not_called_declared(levitation_model, source, declared):
+    """A record's own samples say a noise too, which its repeats may contradict."""
+    table = replace(campaign(levitation_model, 15), declared_noise={name: 3.0 * sigma for name, sigma in NOISE.items()})
+    campaigned = gather(replace(bench_observations(levitation_model, table), noise_source=source), ())
+    said = [str(one) for one in campaign_remarks(campaigned) if one.code == "declared-noise"]
+    assert len(said) == len(NOISE)
+    assert all(("declared" in one) is declared for one in said)
+    assert not any(name in one for one in said for name in NOISE)
 
 
 def test_rms_and_maximum_are_those_of_recorded_minus_predicted(levitation_model):

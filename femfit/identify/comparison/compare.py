@@ -15,7 +15,7 @@ from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
 from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
 from femfit.identify.comparison.where import Where, where_it_fails
-from femfit.identify.constants import WITHIN_NOISE
+from femfit.identify.constants import LEVEL, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide, fails_surely, lack_of_fit, times_own
 from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
@@ -62,6 +62,7 @@ class ChannelMisfit:
     model_misfit: float
     lack_of_fit: LackOfFit | None
     magnitude: float | None = None  # Of impedances: |Z| in the channel's unit at which all of them are given
+    noise_declared: float | None = None  # Standard deviation that a bench's user declared; None where nobody did
 
     def _amount(self, value: float) -> str:
         """In the channel's unit, of an impedance as a share of its magnitude."""
@@ -72,11 +73,8 @@ class ChannelMisfit:
             f"{CHANNEL_WORDS[self.channel]}: error {self._amount(self.rms)} rms in {counted(self.readings, 'reading')}"
         )
         if self.noise_floor is not None:
-            source = {"guess": "a guess"}.get(self.noise_source, self.noise_source)
-            if self.noise_readings is not None:
-                source = f"from {counted(round(self.noise_readings), 'repeat')}"
             floor = self._amount(self.noise_floor)
-            text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({source})"
+            text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({self._source()})"
         worst = self.largest
         text += (
             f"; largest {self._amount(worst.value)} at {amount(worst.distance_m, 'distance_m', 3)} and "
@@ -84,10 +82,18 @@ class ChannelMisfit:
         )
         if worst.frequency_Hz is not None:
             text += f" at {amount(worst.frequency_Hz, 'frequency_Hz', 3)}"
-        against = {"repeats": "the repeats", "declared": "the declared noise", "guess": "the guessed noise"}.get(
-            self.noise_source, "that noise"
-        )
-        return text + (f"; against {against} {probability(self.lack_of_fit.p_value)}" if self.lack_of_fit else "")
+        return text
+
+    def _source(self) -> str:
+        """Where the noise of one reading comes from, beside what was declared where it is not just that."""
+        repeats = "" if self.noise_readings is None else counted(round(self.noise_readings), "repeat")
+        if self.noise_declared is None:
+            return {"guess": "a guess", "repeats": f"from {repeats}"}.get(self.noise_source, self.noise_source)
+        declared = f"{self._amount(self.noise_declared)} declared"
+        if self.noise_source == "declared":
+            coarser = self.noise_floor is not None and self.noise_floor > (1.0 + ROUNDING) * self.noise_declared
+            return f"the steps of the readings; {declared}" if coarser else "declared"
+        return f"from {repeats}; {declared}" if self.noise_source == "repeats" else f"{declared}, and {repeats}"
 
 
 _VERDICTS = {
@@ -98,6 +104,10 @@ _VERDICTS = {
     "wrong_shape": "{own} {where}",
     "compare_only": "No verdict. {why} The misfit: {where}",
 }
+_WEIGHED = (
+    " The verdict rests on more than this: it weighs noise against what each known effect and an unknown error of the "
+    "model would make of these readings."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -204,13 +214,14 @@ class Comparison(Printed):
         lines = [*suspicions(self.findings), verdict, *unknown, *map(str, self.channels)]
         if self.verdict == "wrong_shape" and granted_channels(self.observations, apart):
             lines.append(finer_model(self.model))
-        if self.p_value is not None and self.structure is not None:
-            patterns = counted(self.structure.degrees_of_freedom, "smooth pattern")
+        if self.p_value is not None:
+            granted = " and the model's own misfit to its table" if self.observations.own_misfit.any() else ""
             lines.append(
-                f"Lack of fit: {probability(self.p_value)}, the probability that noise alone makes such a misfit. "
-                f"Its clearest part, in {patterns}, has {rounded(self.structure.statistic)} times the mean square of "
-                "noise."
+                f"Lack of fit: {probability(self.p_value)}, the probability that noise{granted} alone "
+                f"make{'' if granted else 's'} a misfit this large and this smooth."
             )
+            if (self.p_value <= LEVEL) is not (self.verdict == "fails"):
+                lines[-1] += _WEIGHED
         if freedom and not (scatter and self.verdict == "agrees"):
             lines.append(f"The test allows for {freedom}.")
         if self.shape is not None:
@@ -300,10 +311,11 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         ),
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
-        noise_readings=float(noise.repeats[c]) if noise and source == "repeats" else None,
+        noise_readings=float(noise.repeats[c]) if noise and "repeats" in source else None,
         model_misfit=float(np.sqrt(np.mean(observations.own_misfit[here] ** 2))),
         lack_of_fit=pure_error_test(observations, noise, name) if noise and source else None,
         magnitude=observations.magnitude.get(name),
+        noise_declared=observations.declared_noise.get(name) if observations.noise_source == "declared" else None,
     )
 
 

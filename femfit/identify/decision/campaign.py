@@ -155,8 +155,8 @@ def constant_readings(names: Iterable[str]) -> list[Finding]:
         Finding(
             "never-varies",
             "warning",
-            f"The readings of {name} never vary where a setting was repeated: the sensor is dead, or its resolution is "
-            "coarser than its noise. Its repeats were not used as its noise.",
+            f"The readings of the {CHANNEL_WORDS[name]} never vary where a setting was repeated: the sensor is dead, "
+            "its resolution is coarser than its noise, or rows were copied. Its repeats were not used as its noise.",
             f"Check the sensor; if it lives, declare its resolution in a .toml beside the data ([noise] {name} = ...).",
             column=name,
         )
@@ -185,10 +185,11 @@ def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Findi
     for c, name in enumerate(observations.channels):
         if name in observations.declared_noise and noise.source[name] == "repeats":
             sigma, said = amount(float(noise.sigma[c]), name), amount(observations.declared_noise[name], name)
+            declared = observations.noise_source == "declared"
+            other = f"the declared {said}" if declared else f"the {said} that its samples show"
             text = (
-                f"The noise of {name} was taken as {sigma} from "
-                f"{counted(round(noise.repeats[c]), 'repeat')}, not as the declared "
-                f"{said}, which they contradict."
+                f"The noise of the {CHANNEL_WORDS[name]} was taken as {sigma} from "
+                f"{counted(round(noise.repeats[c]), 'repeat')}, not as {other}, which they contradict."
             )
             findings.append(Finding("declared-noise", "info", text, column=name))
     return findings

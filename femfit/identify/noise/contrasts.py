@@ -22,7 +22,7 @@ from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.identify.constants import CORRELATIONS, LARGEST_CORRELATION, SPANNED_SQUARE
+from femfit.identify.constants import CORRELATION_SHOWN, CORRELATIONS, LARGEST_CORRELATION, SPANNED_SQUARE
 from femfit.identify.noise.restricted import Contrasts
 
 
@@ -71,12 +71,16 @@ class ChannelDesign:
         return len(self.here) - self.cells - int(self.fixed.shape[1]) - self.at(0).rank
 
     def best_rho(self, y: FloatArray) -> int:
-        """Number of the rho of largest restricted likelihood, mounts and runs taken for fixed; y has the shape (n,)."""
+        """Number of the rho of largest restricted likelihood, mounts and runs taken for fixed; y has the shape (n,).
+
+        It is 0 unless the readings show another. Two passes without an order tell rho no more
+        than by how their few differences vary: the likelihood is flat, while the variance grows like 1 / (1 - rho).
+        """
         costs: dict[int, float] = {}
 
         def cost(k: int) -> float:
             if k not in costs:
-                costs[k] = self.at(k).cost(y, self.free)
+                costs[k] = self.at(k).cost(y, self.free) + (CORRELATION_SHOWN if k else 0.0)
             return costs[k]
 
         step = CORRELATIONS // 5

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
+from femfit.core.errors import TableError
 from femfit.core.finding import Finding
+from femfit.identify.constants import MOST_ROWS
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.currents import inductive, without_bias
 from femfit.identify.readings.observations import Observations
@@ -19,10 +21,22 @@ def measurement_of(data: Measurement | str | Path) -> Measurement:
 
 
 def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations:
-    """Place a measurement beside a model, what contradicts the model's sensors set aside."""
+    """Place a measurement beside a model, what contradicts the model's sensors set aside.
+
+    Raises
+    ------
+    TableError
+        If a bench table has so many rows that a comparison takes hours, or no reading that the model predicts.
+    """
     data = measurement_of(data)
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
+    if len(data.rows) > MOST_ROWS:
+        raise TableError(
+            f"{data.source} must have at most {MOST_ROWS:,} rows to be compared with a model; instead received "
+            f"{len(data.rows):,}, for which time and memory do not suffice. Give the mean of each setting in each run, "
+            "and its noise with --noise, or some of the runs."
+        )
     return bench_observations(model, plausible_table(model, inductive(model, without_bias(model, data))))
 
 

@@ -14,6 +14,7 @@ from femfit.identify.readings.currents import current_names, currents_in, with_l
 from femfit.identify.readings.suspected_scales import (
     Predict,
     ratio,
+    suspected_dead,
     suspected_factor,
     suspected_weight,
     suspected_zero,
@@ -34,6 +35,7 @@ from femfit.tables.suspected_units import (
     common_factors,
     other_sign,
     suspicion,
+    suspicion_of_rows,
 )
 
 
@@ -98,8 +100,20 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
                 why = f"it is {rounded(times)} times the model's, and would then fit"
             return _suspected(name, words, why)
     base = model.without_effects
+    dead = suspected_dead(name, read, usual)
+    if dead is not None:
+        return dead
+    for unit, factor in common_factors(name).items():
+        rows = _in_unit(read, usual, usual / factor)
+        if rows.sum() >= LEAST_READINGS and _explains(read, usual, np.where(rows, usual / factor, usual)):
+            return suspicion_of_rows(name, unit, rows, "they would then fit the model")
     weight = suspected_weight(base, name, read, usual)
     return weight or suspected_factor(base, name, read, usual)
+
+
+def _in_unit(read: FloatArray, usual: FloatArray, converted: FloatArray) -> BoolArray:
+    """Rows whose readings are the prediction in another unit, and far from it as it stands."""
+    return np.asarray(np.abs(read - converted) < CLEARLY * np.minimum(np.abs(converted), np.abs(read - usual)))
 
 
 def _suspected(name: str, words: str, why: str) -> Finding:

@@ -6,15 +6,17 @@ import numpy as np
 from scipy import optimize
 
 from femfit.core.amount import amount, rounded
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.identify.constants import (
     BEYOND_MOUNTING,
+    DOMAIN_SLACK,
     EXACTLY,
     KEPT_ROWS,
     LARGEST_SHIFT,
     NOTHING_LEFT,
+    SAME_READING,
     SHIFTS,
     WELL,
     WRONG_FACTOR,
@@ -30,6 +32,22 @@ _CAUSES = {
     "flux_linkage_Wb": "the number of turns, or the flux of one turn",
     "hall_V": "the sensitivity of the Hall element, or its place",
 }
+
+
+def suspected_dead(name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """Suspect a channel that reads one value while the model's changes by more than a part of it."""
+    values, predicted = read[np.isfinite(read)], usual[np.isfinite(read)]
+    if len(values) < LEAST_READINGS or np.ptp(values) > SAME_READING * np.abs(values).max():
+        return None
+    if not float(np.std(predicted)) > WELL * abs(float(values[0])):
+        return None
+    low, high = (amount(float(end), name) for end in (predicted.min(), predicted.max()))
+    weight = ", or a weight held in balance" if name == "force_N" and values[0] else ""
+    text = (
+        f"{name} reads {amount(float(values[0]), name)} in all {len(values)} rows, where the model's goes from {low} "
+        f"to {high}: a dead channel{weight}."
+    )
+    return Finding("suspected-dead", "warning", text, "Check the sensor and its cable.", float(values[0]), name)
 
 
 def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
@@ -71,17 +89,22 @@ def suspected_zero(
     box = model.without_effects.validity
     travel = box.distance_max_m - box.distance_min_m
     of_the_circuit = {"voltage_V", "resistance_ohm"}
-    reads = {name: read for name, read in reads.items() if name not in of_the_circuit}
+    reads = {name: read for name, read in reads.items() if name not in of_the_circuit and np.isfinite(read).any()}
     if not reads:
         return None
 
+    slack = DOMAIN_SLACK * travel
+    recorded = _inside(d, box.distance_min_m - slack, box.distance_max_m + slack)
+    usual = predict(d, i)
+    scale = {name: _spread(read, usual[name][recorded]) for name, read in reads.items()}
+    before = max(_left(read, usual[name], scale[name]) for name, read in reads.items())
+
     def left(shift: float) -> float:
-        inside = (d + shift >= box.distance_min_m) & (d + shift <= box.distance_max_m)
-        if inside.mean() < KEPT_ROWS:
+        inside = _inside(d + shift, box.distance_min_m - slack, box.distance_max_m + slack)
+        if inside.mean() < KEPT_ROWS or (recorded & ~inside).any():
             return NOTHING_LEFT
         usual = predict(d[inside] + shift, i[inside])
-        parts = [_left(read[inside], usual[name]) for name, read in reads.items()]
-        return float(np.max(parts))
+        return max(_left(read[inside], usual[name], scale[name]) for name, read in reads.items())
 
     shifts = np.linspace(-LARGEST_SHIFT, LARGEST_SHIFT, SHIFTS) * travel
     best = float(shifts[np.argmin([left(float(shift)) for shift in shifts])])
@@ -89,9 +112,7 @@ def suspected_zero(
     found = optimize.minimize_scalar(left, bounds=(best - step, best + step), method="bounded")
     shift = float(found.x)
     usual_range = max(abs(end) for end in effect_by_name("distance_offset").parameters[0].plausible)
-    if abs(shift) < BEYOND_MOUNTING * usual_range or not found.fun < min(
-        WELL, EXACTLY * _as_recorded(d, i, reads, predict)
-    ):
+    if abs(shift) < BEYOND_MOUNTING * usual_range or not found.fun < min(WELL, EXACTLY * before):
         return None
     text = (
         f"distance_m seems to be counted from another place: with {amount(shift, 'distance_m')} added to each distance "
@@ -116,13 +137,16 @@ def ratio(read: FloatArray, usual: FloatArray) -> float | None:
     return float(read[here] @ usual[here]) / square if square > 0.0 else None
 
 
-def _left(read: FloatArray, usual: FloatArray) -> float:
-    """Root mean square of what a prediction leaves, over the spread of the readings."""
+def _inside(distance: FloatArray, low: float, high: float) -> BoolArray:
+    return np.asarray((distance >= low) & (distance <= high))
+
+
+def _spread(read: FloatArray, usual: FloatArray) -> float:
+    """Standard deviation of readings and predictions together: readings alone may be constant, as in hovering."""
+    return max(float(np.nanstd(np.append(read, usual))), float(np.finfo(float).tiny))
+
+
+def _left(read: FloatArray, usual: FloatArray, scale: float) -> float:
+    """Root mean square of what a prediction leaves of the readings, over their scale."""
     here = np.isfinite(read)
-    spread = float(np.std(read[here])) if here.any() else 0.0
-    return float(np.sqrt(np.mean((read - usual)[here] ** 2))) / spread if spread > 0.0 else 0.0
-
-
-def _as_recorded(d: FloatArray, i: FloatArray, reads: Mapping[str, FloatArray], predict: Predict) -> float:
-    usual = predict(d, i)
-    return float(np.max([_left(read, usual[name]) for name, read in reads.items()]))
+    return float(np.sqrt(np.mean((read - usual)[here] ** 2))) / scale if here.any() else 0.0
