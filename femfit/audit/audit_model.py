@@ -91,7 +91,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
 def _rows_of(path: Path, model: ActuatorModel) -> FitRows | CircuitRows:
     motion = model.without_effects.motion
     if len(model.validity.current_limits_A) > 1:
-        return circuit_rows(read_sweep_table(path))
+        return circuit_rows(read_sweep_table(path), model.kind)
     return rows_of_table(
         read_sweep_table(path), motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0
     )

@@ -2,13 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 
 import numpy as np
 
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.coenergy_choice import distance_coordinates
-from femfit.fit.constants import CIRCUIT_CELLS, HELD_OUT_TARGET, NEARLY_BEST, U_DEGREE
+from femfit.fit.constants import (
+    CIRCUIT_CELLS,
+    HELD_OUT_TARGET,
+    INDUCTANCE_SIGMA,
+    NEARLY_BEST,
+    SMALL_CIRCUIT_FORCE,
+    SMALL_FLUX,
+    U_DEGREE,
+)
 from femfit.model.coordinate import DistanceCoordinate
 
 
@@ -22,6 +31,31 @@ class CircuitRows:
     force: FloatArray
     flux_linkage: FloatArray  # (rows, n)
     force_error: FloatArray  # Estimated error of the force; zero where the table gives none
+    # Slopes of the flux linkages over the currents in H, (rows, n, n); None where the table does not give all
+    inductance: FloatArray | None = None
+    magnet: bool = True  # Without one W' is even: no force, and no flux linkage, where no current flows
+
+    @property
+    def force_scale(self) -> FloatArray:
+        """What an error of each row's force is a part of: the force, or a part of the largest one; (rows,)."""
+        force = np.abs(self.force)
+        return np.asarray(np.maximum(force, SMALL_CIRCUIT_FORCE * np.max(force)))
+
+    @property
+    def measured(self) -> list[tuple[tuple[int, ...] | None, FloatArray, FloatArray]]:
+        """Force, each flux linkage and inductance: the circuits along which W' is derived (None: force), value, scale.
+
+        An inductance is a slope, which must not outweigh what it is the slope of.
+        """
+        flux = np.abs(self.flux_linkage)
+        flux = np.maximum(flux, SMALL_FLUX * flux.max(axis=0))
+        columns: list[tuple[tuple[int, ...] | None, FloatArray, FloatArray]] = [(None, self.force, self.force_scale)]
+        columns += [((k,), self.flux_linkage[:, k], flux[:, k]) for k in range(len(self.names))]
+        if self.inductance is not None:
+            for j, k in combinations_with_replacement(range(len(self.names)), 2):
+                both = np.sqrt(np.abs(self.inductance[:, j, j] * self.inductance[:, k, k]))
+                columns.append(((j, k), self.inductance[:, j, k], INDUCTANCE_SIGMA * both))
+        return columns
 
     @property
     def flux_scale(self) -> FloatArray:
@@ -43,7 +77,7 @@ Along = tuple[DistanceCoordinate, FloatArray]
 
 
 def choose_along_distance(
-    distances: FloatArray, held_out: Callable[[DistanceCoordinate, FloatArray], float]
+    distances: FloatArray, held_out: Callable[[DistanceCoordinate, FloatArray], float], most: int | None = None
 ) -> tuple[Along, float]:
     """The fewest cells below the target on distances left out, or the fewest that are nearly the best, and the error.
 
@@ -53,6 +87,8 @@ def choose_along_distance(
         Ascending, in m.
     held_out : callable
         Coordinate and knots -> rms error on distances left out.
+    most : int or None
+        Largest number of functions of the distance; None for that of the distances.
 
     Raises
     ------
@@ -66,7 +102,7 @@ def choose_along_distance(
         )
     scored: list[tuple[float, Along]] = []
     for cells in CIRCUIT_CELLS:
-        if U_DEGREE + cells > len(distances):
+        if U_DEGREE + cells > (most or len(distances)):
             break
         alike: list[tuple[float, Along]] = []
         for coordinate in distance_coordinates(distances):

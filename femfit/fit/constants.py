@@ -94,8 +94,18 @@ k_m)."""
 CIRCUIT_CELLS = (1, 2, 3, 4, 6, 8, 12)
 """Assumed: cells in the distance that are tried for several circuits."""
 
-NOT_QUADRATIC = 0.02
-"""Conventional: misfit of several circuits, of force or flux linkages over their rms, from which iron saturates."""
+SMALL_CIRCUIT_FORCE, SMALL_FLUX = 0.02, 0.05
+"""Conventional: errors of several circuits are parts of each row's own force and flux linkage, but at least of these
+parts of the largest ones: where two magnets cancel, or another circuit alone links a little, nothing is to be divided
+by."""
+
+NOT_QUADRATIC = 0.01
+"""Conventional: what the best quadratic form in several currents misses at a point, over the scale of its force or flux
+linkage, from which the iron saturates: a third of :data:`POOR_POINT`."""
+
+POOR_POINT, POOR_LEFT_OUT = 0.03, 0.05
+"""Conventional: error of the force of several circuits at a point of the table, and at one left out, over the force or
+a part of the largest (:data:`SMALL_CIRCUIT_FORCE`), from which the user is told to sweep more finely."""
 
 MOST_UNKNOWNS = 4000
 """Conventional: coefficients of a spline over the distance and several currents; they take half a GB and a minute."""
@@ -103,15 +113,16 @@ MOST_UNKNOWNS = 4000
 LEFT_OUT_EVERY = 7
 """Conventional: every seventh inner point of a grid of several currents is left out once, to be told by the others."""
 
-FEWER_FUNCTIONS = 3
-"""Conventional: bases in the currents that are tried, each with one function less; few currents far apart over a knee
-make a spline through all of them swing."""
+FINER_CURRENTS = (0.5, 1.0)
+"""Conventional: cells between the currents that are tried, over the steps from one current to the next: inductances
+beside flux linkages determine the second."""
 
 LEAST_OF_GRID = 0.75
 """Conventional: part of a grid of several currents that must be there; points that failed are few."""
 
-SMOOTHNESS = 1e-5
-"""Derived: norm of the smoothness penalty over that of the rows; below the rounding of the fit where rows decide."""
+SMOOTHNESS, SMOOTH_DISTANCE = 1e-5, 1e-4
+"""Numerical: norm of the penalties on what currents and distance leave open, over that of the rows; below the error of
+a sweep where rows decide. A tenth and ten times these change what four devices miss at points left out by a tenth."""
 
 # How rows are weighted and left out
 
