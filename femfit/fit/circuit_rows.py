@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 
 import numpy as np
 
@@ -12,10 +11,10 @@ from femfit.fit.coenergy_choice import distance_coordinates
 from femfit.fit.constants import (
     CIRCUIT_CELLS,
     HELD_OUT_TARGET,
-    INDUCTANCE_SIGMA,
     NEARLY_BEST,
     SMALL_CIRCUIT_FORCE,
     SMALL_FLUX,
+    TWO_GAPS,
     U_DEGREE,
 )
 from femfit.model.coordinate import DistanceCoordinate
@@ -42,20 +41,10 @@ class CircuitRows:
         return np.asarray(np.maximum(force, SMALL_CIRCUIT_FORCE * np.max(force)))
 
     @property
-    def measured(self) -> list[tuple[tuple[int, ...] | None, FloatArray, FloatArray]]:
-        """Force, each flux linkage and inductance: the circuits along which W' is derived (None: force), value, scale.
-
-        An inductance is a slope, which must not outweigh what it is the slope of.
-        """
+    def relative_flux_scale(self) -> FloatArray:
+        """The same of each flux linkage; (rows, n)."""
         flux = np.abs(self.flux_linkage)
-        flux = np.maximum(flux, SMALL_FLUX * flux.max(axis=0))
-        columns: list[tuple[tuple[int, ...] | None, FloatArray, FloatArray]] = [(None, self.force, self.force_scale)]
-        columns += [((k,), self.flux_linkage[:, k], flux[:, k]) for k in range(len(self.names))]
-        if self.inductance is not None:
-            for j, k in combinations_with_replacement(range(len(self.names)), 2):
-                both = np.sqrt(np.abs(self.inductance[:, j, j] * self.inductance[:, k, k]))
-                columns.append(((j, k), self.inductance[:, j, k], INDUCTANCE_SIGMA * both))
-        return columns
+        return np.asarray(np.maximum(flux, SMALL_FLUX * flux.max(axis=0)))
 
     @property
     def flux_scale(self) -> FloatArray:
@@ -77,7 +66,7 @@ Along = tuple[DistanceCoordinate, FloatArray]
 
 
 def choose_along_distance(
-    distances: FloatArray, held_out: Callable[[DistanceCoordinate, FloatArray], float], most: int | None = None
+    distances: FloatArray, held_out: Callable[[DistanceCoordinate, FloatArray], float]
 ) -> tuple[Along, float]:
     """The fewest cells below the target on distances left out, or the fewest that are nearly the best, and the error.
 
@@ -87,8 +76,6 @@ def choose_along_distance(
         Ascending, in m.
     held_out : callable
         Coordinate and knots -> rms error on distances left out.
-    most : int or None
-        Largest number of functions of the distance; None for that of the distances.
 
     Raises
     ------
@@ -100,18 +87,21 @@ def choose_along_distance(
             f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "
             "Sweep more distances."
         )
+    middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
+    between = [DistanceCoordinate(middle, inverse=False, stretch_m=part * width) for part in TWO_GAPS]
+    coordinates = [*distance_coordinates(distances), *between]
     scored: list[tuple[float, Along]] = []
     for cells in CIRCUIT_CELLS:
-        if U_DEGREE + cells > (most or len(distances)):
+        if U_DEGREE + cells > len(distances):
             break
         alike: list[tuple[float, Along]] = []
-        for coordinate in distance_coordinates(distances):
+        for coordinate in coordinates:
             knots = _distance_knots(coordinate, distances, cells)
             alike.append((held_out(coordinate, knots), (coordinate, knots)))
         error, along = min(alike, key=lambda pair: pair[0])
         if error < HELD_OUT_TARGET:
             return along, error
-        scored += alike
+        scored += sorted(alike, key=lambda pair: pair[0])
     least = min(error for error, _ in scored)
     error, along = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
     return along, error

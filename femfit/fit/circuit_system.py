@@ -13,6 +13,7 @@ R. D. Cook and S. Weisberg, Residuals and Influence in Regression (Chapman and H
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import combinations_with_replacement, product
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +21,7 @@ from scipy.linalg import solve_triangular
 
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.fit.circuit_rows import CircuitRows
-from femfit.fit.constants import SMOOTH_DISTANCE, SMOOTHNESS, U_DEGREE
+from femfit.fit.constants import INDUCTANCE_SIGMA, SMOOTH_DISTANCE, SMOOTHNESS, U_DEGREE
 from femfit.fit.rows import rms
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
@@ -80,14 +81,27 @@ def solve_circuits(
     """The least squares; None where the rows do not determine it."""
     u, slope, _ = coordinate.with_slopes(rows.distance)
     along, rising = basis_matrix(u, knots, U_DEGREE), -slope[:, None] * basis_matrix(u, knots, U_DEGREE, 1)
-    blocks, data = [], []
-    for circuits, value, scale in rows.measured:
-        first = rising if circuits is None else along
-        scale = np.where(scale > 0.0, scale, 1.0)  # noqa: PLW2901
-        products = first[:, :, None] * functions.columns(rows.currents, *(circuits or ()))[:, None, :]
-        blocks.append(products.reshape(len(u), -1) / scale[:, None])
-        data.append(value / scale)
-    matrix, values = np.concatenate(blocks), np.concatenate(data)
+
+    def columns(first: FloatArray, scale: FloatArray, *circuits: int) -> FloatArray:
+        products = first[:, :, None] * functions.columns(rows.currents, *circuits)[:, None, :]
+        return np.asarray(products.reshape(len(u), -1) / np.where(scale > 0.0, scale, 1.0)[:, None])
+
+    n, flux_scale = len(rows.names), rows.relative_flux_scale
+    blocks = [columns(rising, rows.force_scale), *(columns(along, flux_scale[:, k], k) for k in range(n))]
+    measured = np.concatenate([rows.force[None], rows.flux_linkage.T])
+    data = measured / np.maximum(np.concatenate([rows.force_scale[None], flux_scale.T]), np.finfo(float).tiny)
+    if rows.inductance is not None:
+        # (L L^T)^-1 times the inductances is 1 where they are met: the least of them counts as much as the largest
+        whitening = np.linalg.inv(np.linalg.cholesky(rows.inductance))
+        each = {(j, k): columns(along, np.ones(len(u)), j, k) for j, k in combinations_with_replacement(range(n), 2)}
+        for a, b in each:
+            parts = (
+                (whitening[:, a, j] * whitening[:, b, k])[:, None] * each[min(j, k), max(j, k)]
+                for j, k in product(range(n), repeat=2)
+            )
+            blocks.append(sum(parts) / INDUCTANCE_SIGMA)
+            data = np.concatenate([data, np.full((1, len(u)), float(a == b) / INDUCTANCE_SIGMA)])
+    matrix, values = np.concatenate(blocks), data.ravel()
     free = np.ones(matrix.shape[1], dtype=np.bool_)
     if functions.constant:
         free[0 if coordinate.inverse else -functions.count] = False

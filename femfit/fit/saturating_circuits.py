@@ -112,19 +112,20 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
         CurrentSplines(tuple(_knots(axis, part, not rows.magnet) for axis in signed), not rows.magnet)
         for part in FINER_CURRENTS
     ]
-    functions = len(rows.distances) + 1
-    unknowns = functions * trials[-1].count
+    unknowns = len(rows.distances) * trials[-1].count
     if unknowns > MOST_UNKNOWNS:
         raise FitError(
             f"The spline over the distance and {len(axes)} currents would have {unknowns} coefficients; femfit fits at "
             f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
         )
 
+    finest = trials[-1 if rows.inductance is not None else 0]  # a knee that is not met hides what the distances show
+
     def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
-        found = solve_circuits(rows, coordinate, knots, trials[0])
+        found = solve_circuits(rows, coordinate, knots, finest)
         return np.inf if found is None else found.left_out_in_turn(rows.distance == d for d in rows.distances[1:-1])
 
-    along, _ = choose_along_distance(rows.distances, held_out, functions)
+    along, _ = choose_along_distance(rows.distances, held_out)
     folds = points_left_out(rows)
     solved = [(trial, solve_circuits(rows, *along, trial)) for trial in trials]
     tried = [(found.left_out_in_turn(folds), trial, found) for trial, found in solved if found is not None]
