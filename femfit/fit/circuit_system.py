@@ -11,9 +11,9 @@ P. H. C. Eilers and B. D. Marx, Statistical Science 11 (1996) 89: difference pen
 R. D. Cook and S. Weisberg, Residuals and Influence in Regression (Chapman and Hall, 1982), section 2.2: cases left out.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, product
+from itertools import combinations_with_replacement
 from typing import Protocol
 
 import numpy as np
@@ -80,41 +80,26 @@ def solve_circuits(
 ) -> CircuitSolution | None:
     """The least squares; None where the rows do not determine it."""
     u, slope, _ = coordinate.with_slopes(rows.distance)
-    along, rising = basis_matrix(u, knots, U_DEGREE), -slope[:, None] * basis_matrix(u, knots, U_DEGREE, 1)
-
-    def columns(first: FloatArray, scale: FloatArray, *circuits: int) -> FloatArray:
-        products = first[:, :, None] * functions.columns(rows.currents, *circuits)[:, None, :]
-        return np.asarray(products.reshape(len(u), -1) / np.where(scale > 0.0, scale, 1.0)[:, None])
-
+    along = basis_matrix(u, knots, U_DEGREE)
+    rising = -slope[:, None] * basis_matrix(u, knots, U_DEGREE, 1)
     n, flux_scale = len(rows.names), rows.relative_flux_scale
-    blocks = [columns(rising, rows.force_scale), *(columns(along, flux_scale[:, k], k) for k in range(n))]
-    measured = np.concatenate([rows.force[None], rows.flux_linkage.T])
-    data = measured / np.maximum(np.concatenate([rows.force_scale[None], flux_scale.T]), np.finfo(float).tiny)
+    blocks = [_products(rising, functions.columns(rows.currents)) / _divisor(rows.force_scale)[:, None]]
+    data = [rows.force / _divisor(rows.force_scale)]
+    for k, scale in enumerate(map(_divisor, flux_scale.T)):
+        blocks.append(_products(along, functions.columns(rows.currents, k)) / scale[:, None])
+        data.append(rows.flux_linkage[:, k] / scale)
     if rows.inductance is not None:
-        # (L L^T)^-1 times the inductances is 1 where they are met: the least of them counts as much as the largest
-        whitening = np.linalg.inv(np.linalg.cholesky(rows.inductance))
-        each = {(j, k): columns(along, np.ones(len(u)), j, k) for j, k in combinations_with_replacement(range(n), 2)}
-        for a, b in each:
-            parts = (
-                (whitening[:, a, j] * whitening[:, b, k])[:, None] * each[min(j, k), max(j, k)]
-                for j, k in product(range(n), repeat=2)
-            )
-            blocks.append(sum(parts) / INDUCTANCE_SIGMA)
-            data = np.concatenate([data, np.full((1, len(u)), float(a == b) / INDUCTANCE_SIGMA)])
-    matrix, values = np.concatenate(blocks), data.ravel()
+        own = _divisor(np.diagonal(rows.inductance, axis1=1, axis2=2))
+        for j, k in combinations_with_replacement(range(n), 2):
+            scale = INDUCTANCE_SIGMA * np.sqrt(own[:, j] * own[:, k])
+            blocks.append(_products(along, functions.columns(rows.currents, j, k)) / scale[:, None])
+            data.append(rows.inductance[:, j, k] / scale)
+    matrix, values = np.concatenate(blocks), np.concatenate(data)
     free = np.ones(matrix.shape[1], dtype=np.bool_)
     if functions.constant:
         free[0 if coordinate.inverse else -functions.count] = False
-    penalties = [
-        np.kron(np.eye(along.shape[1]), functions.roughness()),
-        np.kron(np.diff(np.eye(along.shape[1]), U_DEGREE, axis=0), np.eye(functions.count)),
-    ]
-    size = np.linalg.norm(matrix)
-    stacked = [matrix[:, free]]
-    for penalty, weight in zip(penalties, (SMOOTHNESS, SMOOTH_DISTANCE), strict=True):
-        if len(penalty):
-            stacked.append(weight * size / np.linalg.norm(penalty) * penalty[:, free])
-    whole = np.concatenate(stacked)
+    penalties = _penalties(along.shape[1], functions, float(np.linalg.norm(matrix)))
+    whole = np.concatenate([matrix, *penalties])[:, free]
     norms = np.linalg.norm(whole, axis=0)
     if len(whole) < whole.shape[1] or not np.all(norms > 0.0):
         return None
@@ -126,10 +111,29 @@ def solve_circuits(
     coefficients[free] = solve_triangular(triangle, projection.T @ values) / norms
     missed = (matrix @ coefficients - values).reshape(len(blocks), -1)
     return CircuitSolution(
-        len(rows.names),
+        n,
         coordinate,
         knots,
         coefficients.reshape(-1, functions.count),
         missed,
         projection.reshape(*missed.shape, -1),
     )
+
+
+def _divisor(scale: FloatArray) -> FloatArray:
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def _products(first: FloatArray, second: FloatArray) -> FloatArray:
+    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
+
+
+def _penalties(count: int, functions: CurrentFunctions, size: float) -> Iterator[FloatArray]:
+    """What the smoothest coefficients have none of, along the currents and along the distance."""
+    bent = np.diff(np.eye(count), U_DEGREE, axis=0)
+    for penalty, weight in (
+        (np.kron(np.eye(count), functions.roughness()), SMOOTHNESS),
+        (np.kron(bent, np.eye(functions.count)), SMOOTH_DISTANCE),
+    ):
+        if len(penalty):
+            yield weight * size / np.linalg.norm(penalty) * penalty
