@@ -54,17 +54,24 @@ class CircuitsFit:
         left_out = self.left_out_worst if np.isfinite(self.left_out_worst) else 0.0
         if self.worst <= POOR_POINT and left_out <= POOR_LEFT_OUT:
             return []
-        axis, values = self.finer
         missed = f"a point by {amount(self.worst, '')}"
         if left_out > self.worst:
             missed = f"a point left out by {amount(left_out, '')}"
+        axis, _ = self.finer
+        why = f"the iron saturates between the currents of {axis}"
         if axis == "distance":
             why = "the force changes too much from one distance to the next"
-            add = f"the distances {' and '.join(f'{1e3 * x:.4g}' for x in values)} mm"
-        else:
-            why = f"the iron saturates between the currents of {axis}"
-            add = f"the currents {' and '.join(f'{x:.4g}' for x in values)} A of {axis}"
-        return [f"The sweep is too coarse for its force, which misses {missed}: {why}. Add {add}, then fit again."]
+        return [
+            f"The sweep is too coarse for its force, which misses {missed}: {why}. Add {self.to_be_added()}, then fit "
+            "again."
+        ]
+
+    def to_be_added(self) -> str:
+        """The values of the axis that is too coarse first."""
+        axis, values = self.finer
+        if axis == "distance":
+            return f"the distances {' and '.join(f'{1e3 * x:.4g}' for x in values)} mm"
+        return f"the currents {' and '.join(f'{x:.4g}' for x in values)} A of {axis}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +205,8 @@ def _require_agreement(fit: CircuitsFit) -> None:
     if worst > POOR_CIRCUIT and isinstance(fit.magnetics, CoenergyTensor):
         raise FitError(
             f"The iron saturates, and the co-energy misses force or flux linkages by {amount(worst, '')} of their rms: "
-            "the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances."
+            "the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances; first "
+            f"of all add {fit.to_be_added()}."
         )
     if worst > POOR_CIRCUIT:
         raise FitError(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, FitError
 from support.bearing import grid
 from support.command import femfit
 from support.reference import REFERENCE, needs_reference
@@ -37,9 +37,9 @@ def test_the_device_saturates_so_that_no_quadratic_form_is_near_it():
 
 
 def test_each_point_and_what_lies_between_is_met_relative_to_its_own_force(model):
-    for d, i in (grid(DISTANCES, ONE_SIDE, ONE_SIDE), BETWEEN):
+    for (d, i), most in ((grid(DISTANCES, ONE_SIDE, ONE_SIDE), 0.03), (BETWEEN, 0.05)):
         missed = share(model.force(d, i), force(d, i))
-        assert missed.max() < 0.03
+        assert missed.max() < most
         assert np.sqrt(np.mean(missed**2)) < 0.01
 
 
@@ -80,15 +80,13 @@ def test_one_circuit_swept_to_both_sides_makes_the_model_valid_for_every_sign(tm
     np.testing.assert_array_equal(fit.model.validity.current_limits_A, [[-3.0, 3.0], [-3.0, 3.0]])
     assert not fit.model.validity.mirrored
     d, i = grid(np.linspace(0.25e-3, 0.75e-3, 5), np.linspace(-2.9, 2.9, 7), np.linspace(-2.9, 2.9, 7))
-    assert share(fit.model.force(d, i), force(d, i)).max() < 0.03
+    assert share(fit.model.force(d, i), force(d, i)).max() < 0.05
 
 
-def test_currents_over_a_knee_too_far_apart_are_what_the_note_asks_to_refine(tmp_path):
-    coarse = np.array([0.0, 10.0, 20.0])
-    fit = ff.fit_model(write_sweep(tmp_path / "sweep", coarse, BOTH_SIDES))
-    (note,) = (note for note in fit.notes if "too coarse" in note)
-    assert "saturates between the currents of bottom" in note
-    assert "A of bottom" in note
+def test_currents_over_a_knee_too_far_apart_are_refused_with_those_to_add(tmp_path):
+    coarse = write_sweep(tmp_path / "sweep", np.array([0.0, 10.0, 20.0]), BOTH_SIDES)
+    with pytest.raises(FitError, match="currents 5 and 15 A of bottom"):
+        ff.fit_model(coarse)
 
 
 def test_distances_too_far_apart_are_what_the_note_asks_to_refine(tmp_path):
@@ -104,7 +102,7 @@ def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
     knots = [0.2, 0.2, 0.2, 0.8, 0.8, 0.8]
     inverse = {"coordinate": "distance", "reference_distance_m": 1e-3, "u_knots": knots, "u_degree": 2}
     own = inductance(d[[0, 3, 6]], np.zeros((3, 2)))
-    entries = [[0.002 * k, 3e-4, -3e-4, own[k, 0, 0], own[k, 0, 1], own[k, 1, 1]] for k in range(3)]
+    entries = [[0.002 * k, 3e-4 * k, -2e-4 * k, own[k, 0, 0], own[k, 0, 1], own[k, 1, 1]] for k in range(3)]
     wrong["magnetics"] = {
         "kind": "coenergy_matrix", "circuits": ["bottom", "top"], **inverse, "coefficients": entries,
     }  # fmt: skip
@@ -126,7 +124,7 @@ def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
 def test_a_loop_holds_the_bearing_and_its_record_is_observed_and_diagnosed(folder, tmp_path):
     told = femfit(
         "simulate", folder / "model.json", "--runs", 1, "--seconds", 0.05, "--controller", "state-feedback",
-        "--record", tmp_path / "loop.csv",
+        "--csv", tmp_path / "loop.csv",
     )  # fmt: skip
     assert told.returncode == 0, told.stderr
     assert "Held: 1 of 1" in told.stdout
@@ -137,19 +135,19 @@ def test_a_loop_holds_the_bearing_and_its_record_is_observed_and_diagnosed(folde
 def test_voltages_move_it_and_energy_is_kept(model):
     moved = ff.simulate(model, voltage_V={"bottom": 1.2, "top": 0.4}, start_m=0.5e-3, duration_s=4e-3)
     assert not moved.extrapolated
-    assert moved.table["distance_m"].iloc[-1] < 0.5e-3
+    assert moved.table["distance_m"][-1] < 0.5e-3
 
 
 def test_a_bench_of_the_device_itself_fits_and_one_of_more_turns_does_not(model, tmp_path):
     d, i = grid(np.linspace(0.25e-3, 0.75e-3, 6), [0.5, 1.5, 2.5], [0.5, 1.5, 2.5])
-    noise = 0.2 * np.random.default_rng(1).standard_normal((2, len(d)))
+    noise = 0.2 * np.random.default_rng(1).standard_normal((2, len(d)))  # in N
     head = "run,distance_m,current_bottom_A,current_top_A,force_N\n"
     for name, scale in (("same", 1.0), ("more", 1.08)):
         pulled = force(d, i * [scale, 1.0])
-        rows = [f"{run + 1},{a},{b[0]},{b[1]},{c}\n" for run in range(2) for a, b, c in zip(d, i, pulled + noise[run])]
+        rows = [f"{run + 1},{a},{b[0]},{b[1]},{c}\n" for run in range(2) for a, b, c in zip(d, i, pulled + noise[run], strict=True)]
         (tmp_path / f"{name}.csv").write_text(head + "".join(rows))
-    assert ff.compare(model, tmp_path / "same.csv", noise={"force_N": 0.2}).adequate
-    assert not ff.compare(model, tmp_path / "more.csv", noise={"force_N": 0.2}).adequate
+    assert ff.compare(model, tmp_path / "same.csv").adequate
+    assert not ff.compare(model, tmp_path / "more.csv").adequate
 
 
 @pytest.mark.long

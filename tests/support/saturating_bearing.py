@@ -13,7 +13,7 @@ import pandas as pd
 from support.bearing import grid
 
 NAMES = ("bottom", "top")
-ENERGY, REACH, GAP, LEAK, KNEE = 0.12, 0.15e-3, 1e-3, 0.02, 0.35
+ENERGY, REACH, GAP, LEAK, KNEE = 0.12, 0.15e-3, 1e-3, 0.02, 0.6
 COUPLING = KNEE * np.array([[1.0, LEAK], [LEAK, 1.0]])
 DISTANCES = np.array([0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]) * 1e-3
 KIND = {
