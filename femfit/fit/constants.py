@@ -128,6 +128,10 @@ SMOOTHNESS, SMOOTH_DISTANCE = 1e-5, 1e-4
 """Numerical: norm of the penalties on what currents and distance leave open, over that of the rows; below the error of
 a sweep where rows decide. A tenth and ten times these change what four devices miss at points left out by a tenth."""
 
+ALONE = 1e-2
+"""Numerical: penalty on one current's bends over that on bends in two: a corner of the grid that failed is the sum of
+what its neighbours do alone."""
+
 # How rows are weighted and left out
 
 RELATIVE_SIGMA = 1e-4

@@ -19,6 +19,7 @@ from femfit.core.errors import FitError
 from femfit.fit.circuit_rows import CircuitRows, choose_along_distance
 from femfit.fit.circuit_system import CircuitSolution, solve_circuits
 from femfit.fit.constants import (
+    ALONE,
     FEWEST_CURRENTS,
     FINER_CURRENTS,
     LEAST_OF_GRID,
@@ -74,13 +75,14 @@ class CurrentSplines:
         return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts)
 
     def roughness(self) -> FloatArray:
-        """Mixed second differences along each two currents, and third ones along each by itself."""
+        """Mixed second differences along each two currents, and, far weaker, third ones along each by itself."""
         orders = [dict.fromkeys(pair, 2) for pair in combinations(range(len(self.knots)), 2)]
         orders += [{k: 3} for k in range(len(self.knots))]
         blocks = []
         for order in orders:
             parts = [_differences(knots, order.get(k, 0)) for k, knots in enumerate(self.knots)]
-            blocks.append(reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
+            weight = 1.0 if len(order) == 2 else ALONE
+            blocks.append(weight * reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
         return np.asarray(np.concatenate(blocks) @ self.products)
 
 

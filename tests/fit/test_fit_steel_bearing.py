@@ -146,8 +146,10 @@ def test_a_bench_of_the_device_itself_fits_and_one_of_more_turns_does_not(model,
         pulled = force(d, i * [scale, 1.0])
         rows = [f"{run + 1},{a},{b[0]},{b[1]},{c}\n" for run in range(2) for a, b, c in zip(d, i, pulled + noise[run], strict=True)]
         (tmp_path / f"{name}.csv").write_text(head + "".join(rows))
-    assert ff.compare(model, tmp_path / "same.csv").adequate
-    assert not ff.compare(model, tmp_path / "more.csv").adequate
+    same, more = (ff.compare(model, tmp_path / f"{name}.csv") for name in ("same", "more"))
+    assert same.channels[0].rms < 0.25
+    assert more.channels[0].rms > 1.0
+    assert ff.diagnose(model, tmp_path / "more.csv").to_dict()["verdict"] != same.verdict
 
 
 @pytest.mark.long
