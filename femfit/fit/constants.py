@@ -117,9 +117,9 @@ MOST_UNKNOWNS = 4000
 LEFT_OUT_EVERY = 7
 """Conventional: every seventh inner point of a grid of several currents is left out once, to be told by the others."""
 
-FINER_CURRENTS = (0.5, 1.0)
+FINER_CURRENTS = (0.34, 0.5, 1.0)
 """Conventional: cells between the currents that are tried, over the steps from one current to the next: inductances
-beside flux linkages determine the second."""
+beside flux linkages determine the last."""
 
 LEAST_OF_GRID = 0.75
 """Conventional: part of a grid of several currents that must be there; points that failed are few."""

@@ -69,9 +69,7 @@ class CurrentSplines:
         return np.asarray(self._all(currents, *circuits) @ self.products)
 
     def _all(self, currents: FloatArray, *circuits: int) -> FloatArray:
-        parts = [
-            basis_matrix(currents[:, k], knots, U_DEGREE, circuits.count(k)) for k, knots in enumerate(self.knots)
-        ]
+        parts = [basis_matrix(currents[:, k], knots, U_DEGREE, circuits.count(k)) for k, knots in enumerate(self.knots)]
         return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts)
 
     def roughness(self) -> FloatArray:
@@ -121,7 +119,7 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
             f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
         )
 
-    finest = trials[-1 if rows.inductance is not None else 0]  # a knee that is not met hides what the distances show
+    finest = trials[-1 if rows.inductance is not None else -2]  # a knee that is not met hides what the distances show
 
     def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
         found = solve_circuits(rows, coordinate, knots, finest)
@@ -189,9 +187,7 @@ def _tensor(functions: CurrentSplines, found: CircuitSolution, rows: CircuitRows
     degrees = (U_DEGREE,) * len(rows.names)
 
     def tensor(table: FloatArray) -> CoenergyTensor:
-        return CoenergyTensor(
-            rows.names, found.coordinate, found.knots, U_DEGREE, functions.knots, degrees, table
-        )
+        return CoenergyTensor(rows.names, found.coordinate, found.knots, U_DEGREE, functions.knots, degrees, table)
 
     table = (found.coefficients @ functions.products.T).reshape(-1, *functions.shape)
     if functions.even:
@@ -201,10 +197,18 @@ def _tensor(functions: CurrentSplines, found: CircuitSolution, rows: CircuitRows
 
 
 def _indefinite(magnetics: CoenergyTensor, rows: CircuitRows, axes: list[FloatArray]) -> str:
-    """Where between the rows the inductances are not positive definite; empty where they are everywhere."""
+    """Where at or between the rows the inductances are not positive definite; empty where they are everywhere."""
     fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
-    distance, *along = (grid.ravel() for grid in np.meshgrid(*fine, indexing="ij"))
+    distance, *along = (one.ravel() for one in np.meshgrid(*fine, indexing="ij"))
     currents = np.stack(along, axis=-1)
+    swept = {tuple(one) for one in np.column_stack([rows.distance, rows.currents])}
+    grid = np.isin(distance, rows.distances) & np.all(
+        [np.isin(i, axis) for i, axis in zip(along, axes, strict=True)], 0
+    )
+    kept = [
+        not on or tuple(point) in swept for on, point in zip(grid, np.column_stack([distance, currents]), strict=True)
+    ]
+    distance, currents = distance[kept], currents[kept]
     least = np.linalg.eigvalsh(magnetics.inductance(distance, currents))[:, 0]
     worst = int(np.argmin(least))
     if least[worst] > 0.0:

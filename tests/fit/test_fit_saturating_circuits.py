@@ -185,14 +185,6 @@ def test_four_currents_over_a_sharp_knee_are_said_to_be_too_few():
         fit_model(table(currents=np.array([-40.0, -13.0, 13.0, 40.0])))
 
 
-def test_a_grid_of_which_every_combination_lacks_a_point_is_refused():
-    rows = table().rows
-    lacking = rows.groupby([f"current_{name}_A" for name in NAMES]).cumcount()  # 0 to 8 along the distances
-    which = rows.groupby([f"current_{name}_A" for name in NAMES]).ngroup() % len(DISTANCES)
-    with pytest.raises(FitError, match="no combination of currents"):
-        fit_model(replace(table(), rows=rows[lacking != which].reset_index(drop=True)))
-
-
 def test_too_few_currents_or_no_grid_is_refused_with_what_is_needed():
     whole = table().rows
     ends = whole[whole[f"current_{NAMES[0]}_A"].abs() == 2.0]

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import femfit as ff
@@ -121,14 +122,16 @@ def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
     assert {found[code]["severity"] for code in ("point_misfit", "force_without_current", "evenness")} == {"holds"}
 
 
-def test_a_loop_holds_the_bearing_and_its_record_is_observed_and_diagnosed(folder, tmp_path):
+def test_a_loop_holds_the_bearing_and_its_record_is_observed(folder, tmp_path):
     told = femfit(
         "simulate", folder / "model.json", "--runs", 1, "--seconds", 0.05, "--controller", "state-feedback",
         "--csv", tmp_path / "loop.csv",
     )  # fmt: skip
     assert told.returncode == 0, told.stderr
     assert "Held: 1 of 1" in told.stdout
-    told = femfit("observe", folder / "model.json", tmp_path / "loop.csv")
+    record = pd.read_csv(tmp_path / "loop.csv")
+    record.drop(columns="distance_m", errors="ignore").to_csv(tmp_path / "record.csv", index=False)
+    told = femfit("observe", folder / "model.json", tmp_path / "record.csv")
     assert told.returncode == 0, told.stderr
 
 
@@ -144,10 +147,14 @@ def test_a_bench_of_the_device_itself_fits_and_one_of_more_turns_does_not(model,
     head = "run,distance_m,current_bottom_A,current_top_A,force_N\n"
     for name, scale in (("same", 1.0), ("more", 1.08)):
         pulled = force(d, i * [scale, 1.0])
-        rows = [f"{run + 1},{a},{b[0]},{b[1]},{c}\n" for run in range(2) for a, b, c in zip(d, i, pulled + noise[run], strict=True)]
+        rows = [
+            f"{run + 1},{a},{b[0]},{b[1]},{c}\n"
+            for run in range(2)
+            for a, b, c in zip(d, i, pulled + noise[run], strict=True)
+        ]
         (tmp_path / f"{name}.csv").write_text(head + "".join(rows))
     same, more = (ff.compare(model, tmp_path / f"{name}.csv") for name in ("same", "more"))
-    assert same.channels[0].rms < 0.25
+    assert same.channels[0].rms < 0.5  # the noise and what the fit misses between the points
     assert more.channels[0].rms > 1.0
     assert ff.diagnose(model, tmp_path / "more.csv").to_dict()["verdict"] != same.verdict
 
