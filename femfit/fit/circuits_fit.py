@@ -1,7 +1,7 @@
 """Several circuits: force, flux linkages and inductances of a sweep fitted with one co-energy.
 
-Without saturation it is a quadratic form in the currents, whose entries are splines in a coordinate of the distance. How
-many cells the splines take, and in which coordinate, is what distances left out ask for.
+Without saturation it is a quadratic form in the currents, whose entries are splines in a coordinate of the distance.
+How many cells the splines take, and in which coordinate, is what distances left out ask for.
 """
 
 from dataclasses import dataclass
@@ -61,10 +61,10 @@ class CircuitsFit:
         why = f"the iron saturates between the currents of {axis}"
         if axis == "distance":
             why = "the force changes too much from one distance to the next"
-        return [
-            f"The sweep is too coarse for its force, which misses {missed}: {why}. Add {self.to_be_added()}, then fit "
-            "again."
-        ]
+        text = (
+            f"The sweep is too coarse for its force, which misses {missed}: {why}. Add {self.to_be_added()}, then fit"
+        )
+        return [f"{text} again."]
 
     def to_be_added(self) -> str:
         """The values of the axis that is too coarse first."""

@@ -92,8 +92,8 @@ ALLOWED_VIOLATION = 1e-5
 k_m)."""
 
 TWO_GAPS = (0.2, 0.25, 0.32, 0.43, 0.57)
-"""Calibrated, on two axial bearings and a double-acting solenoid of steel: the stretches of u = sinh((d - d_0) / h) about the middle that are tried,
-as parts of the range of distances."""
+"""Calibrated, on two axial bearings and a double-acting solenoid of steel: the stretches of u = sinh((d - d_0) / h)
+about the middle that are tried, as parts of the range of distances."""
 
 CIRCUIT_CELLS = (1, 2, 3, 4, 6, 8, 12)
 """Assumed: cells in the distance that are tried for several circuits."""

@@ -85,7 +85,7 @@ class CurrentSplines:
 
 
 def _differences(knots: FloatArray, order: int) -> FloatArray:
-    """Divided differences of a spline's coefficients, zero for a polynomial of lower order, times the mean step's power.
+    """Divided differences of a spline's coefficients, zero for polynomials of lower order, times the mean step.
 
     The coefficients stand at the means of U_DEGREE knots (Greville).
     """

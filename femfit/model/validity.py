@@ -60,7 +60,7 @@ class ValidityBox:
 
     def _reached(self, current: FloatArray) -> BoolArray:
         """Whether all currents were swept."""
-        inside = np.asarray(True)  # noqa: FBT003
+        inside = np.asarray(True)
         for one, low, high in self.of_each(current):
             slack = 1e-9 * (high - low)
             inside = inside & (one >= low - slack) & (one <= high + slack)
