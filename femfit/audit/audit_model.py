@@ -149,7 +149,8 @@ def _without_magnet(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[
     text = "with all currents reversed it is the same."
     if off[k] > _FORCELESS:
         text = "with all currents reversed it must be the same, for no magnet is drawn; it is "
-        text += f"{amount(float(mirrored[k]), 'N', 3)} in place of {amount(float(force[k]), 'N', 3)} at {amount(float(d[k]), 'm', 3)}."
+        text += f"{amount(float(mirrored[k]), 'N', 3)} in place of {amount(float(force[k]), 'N', 3)} at "
+        text += f"{amount(float(d[k]), 'm', 3)}."
     severity = "wrong" if off[k] > _FORCELESS else "holds"
     findings.append(AuditFinding("evenness", severity, "force", text, float(force[k]), float(mirrored[k])))
     return findings

@@ -98,7 +98,7 @@ def _validity(fit: CircuitsFit, rows: CircuitRows) -> tuple[ValidityBox, tuple[s
     """
     low, high = rows.currents.min(axis=0), rows.currents.max(axis=0)
     either = np.minimum(low, -high), np.maximum(high, -low)
-    mirrored, notes = False, ()
+    mirrored, notes = False, tuple[str, ...]()
     if isinstance(fit.magnetics, CoenergyMatrix):
         low, high = either
     elif not rows.magnet:

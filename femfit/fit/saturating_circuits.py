@@ -47,7 +47,7 @@ class CurrentSplines:
     @property
     def count(self) -> int:
         """How many sums are free."""
-        return self.products.shape[1]
+        return int(self.products.shape[1])
 
     @property
     def constant(self) -> bool:
