@@ -14,6 +14,7 @@ from femfit.core.errors import ModelFileError, TableError
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_build import circuit_rows, misfit_of_circuits
+from femfit.fit.constants import POOR_POINT, SMALL_CIRCUIT_FORCE
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
@@ -34,6 +35,10 @@ _EACH = 5
 
 _LARGE_MISFIT = 0.1
 """Share of a quantity's rms from which a model that misses its table by it is wrong; conventional."""
+
+_FORCELESS = 0.01
+"""Part of the force's scale that a device without a magnet may have without current, or lose by reversing all of its
+currents, before the model is wrong; conventional. A co-energy that is even has neither, to rounding."""
 
 _RMS = {"force": "force_rms_N", "flux linkage": "flux_linkage_rms_Wb", "inductance": "inductance_rms_H"}
 
@@ -77,6 +82,10 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
     several = len(model.validity.current_limits_A) > 1
     d, i = model.validity.grid(_GRID[0], _EACH if several else _GRID[1])
     findings += [*_misfit(model, rows, d, i), *_positive(model), *_circuit(model, d, i)]
+    if isinstance(rows, CircuitRows):
+        findings.append(_worst_point(model, rows))
+    if several and model.kind is not None and not model.kind.has_magnet:
+        findings += _without_magnet(model, d, i)
     if model.has_winding:
         findings += [*_signs(model, d, i), _reciprocity(model.magnetics, d, i)]
     findings += _bounds(model)
@@ -91,7 +100,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
 def _rows_of(path: Path, model: ActuatorModel) -> FitRows | CircuitRows:
     motion = model.without_effects.motion
     if len(model.validity.current_limits_A) > 1:
-        return circuit_rows(read_sweep_table(path))
+        return circuit_rows(read_sweep_table(path), model.kind)
     return rows_of_table(
         read_sweep_table(path), motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0
     )
@@ -105,7 +114,46 @@ def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | CircuitRow
     own = np.array([[domain.distance_min_m, domain.distance_max_m], *domain.current_limits_A])
     columns = rows.currents.T if isinstance(rows, CircuitRows) else [rows.currents]
     ends = np.array([[one.min(), one.max()] for one in (rows.distances, *columns)])
+    if isinstance(rows, CircuitRows):  # currents of one sign may hold for the other one
+        own[1:], ends[1:] = (np.abs(one[1:]).max(axis=1, keepdims=True) for one in (own, ends))
     return rows if own.shape == ends.shape and np.allclose(own, ends) else None
+
+
+def _worst_point(model: ActuatorModel, rows: CircuitRows) -> AuditFinding:
+    """The point of the table whose force several circuits' co-energy misses most, beside that force."""
+    force = model.without_effects.magnetics.force(rows.distance, rows.currents)
+    missed = np.abs(force - rows.force) / rows.force_scale
+    k = int(np.argmax(missed))
+    currents = ", ".join(amount(float(one), "A", 3) for one in rows.currents[k])
+    text = f"it misses a point of its table by at most {amount(float(missed[k]), '')} of the force there: at "
+    text += f"{amount(float(rows.distance[k]), 'm', 3)} and {currents} it is {amount(float(force[k]), 'N', 3)}, "
+    text += f"{amount(float(rows.force[k]), 'N', 3)} in the table."
+    severity: Severity = "wrong" if missed[k] > _LARGE_MISFIT else "note" if missed[k] > POOR_POINT else "holds"
+    return AuditFinding("point_misfit", severity, "force", text, float(rows.force[k]), float(force[k]))
+
+
+def _without_magnet(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
+    """Whether there is no force without current, and the same one with all currents reversed."""
+    magnetics, findings = model.without_effects.magnetics, []
+    force = magnetics.force(d, i)
+    scale = np.maximum(np.abs(force), SMALL_CIRCUIT_FORCE * float(np.abs(force).max()))
+    idle = magnetics.force(d, np.zeros_like(i))
+    k = int(np.argmax(np.abs(idle)))
+    text = f"without current it is {amount(float(np.abs(idle[k])), 'N', 3)} at most, and no magnet is drawn."
+    severity: Severity = "wrong" if abs(idle[k]) > _FORCELESS * scale.min() else "holds"
+    findings.append(AuditFinding("force_without_current", severity, "force", text, 0.0, float(idle[k])))
+    mirrored = magnetics.force(d, -i)
+    both = model.validity.contains(d, -i)
+    off = np.where(both, np.abs(mirrored - force) / scale, 0.0)
+    k = int(np.argmax(off))
+    text = "with all currents reversed it is the same."
+    if off[k] > _FORCELESS:
+        text = "with all currents reversed it must be the same, for no magnet is drawn; it is "
+        text += f"{amount(float(mirrored[k]), 'N', 3)} in place of {amount(float(force[k]), 'N', 3)} at "
+        text += f"{amount(float(d[k]), 'm', 3)}."
+    severity = "wrong" if off[k] > _FORCELESS else "holds"
+    findings.append(AuditFinding("evenness", severity, "force", text, float(force[k]), float(mirrored[k])))
+    return findings
 
 
 def _misfit(

@@ -8,7 +8,15 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.coenergy_choice import distance_coordinates
-from femfit.fit.constants import CIRCUIT_CELLS, HELD_OUT_TARGET, NEARLY_BEST, U_DEGREE
+from femfit.fit.constants import (
+    CIRCUIT_CELLS,
+    HELD_OUT_TARGET,
+    NEARLY_BEST,
+    SMALL_CIRCUIT_FORCE,
+    SMALL_FLUX,
+    TWO_GAPS,
+    U_DEGREE,
+)
 from femfit.model.coordinate import DistanceCoordinate
 
 
@@ -22,6 +30,21 @@ class CircuitRows:
     force: FloatArray
     flux_linkage: FloatArray  # (rows, n)
     force_error: FloatArray  # Estimated error of the force; zero where the table gives none
+    # Slopes of the flux linkages over the currents in H, (rows, n, n); None where the table does not give all
+    inductance: FloatArray | None = None
+    magnet: bool = True  # Without one W' is even: no force, and no flux linkage, where no current flows
+
+    @property
+    def force_scale(self) -> FloatArray:
+        """What an error of each row's force is a part of: the force, or a part of the largest one; (rows,)."""
+        force = np.abs(self.force)
+        return np.asarray(np.maximum(force, SMALL_CIRCUIT_FORCE * np.max(force)))
+
+    @property
+    def relative_flux_scale(self) -> FloatArray:
+        """The same of each flux linkage; (rows, n)."""
+        flux = np.abs(self.flux_linkage)
+        return np.asarray(np.maximum(flux, SMALL_FLUX * flux.max(axis=0)))
 
     @property
     def flux_scale(self) -> FloatArray:
@@ -64,18 +87,21 @@ def choose_along_distance(
             f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "
             "Sweep more distances."
         )
+    middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
+    between = [DistanceCoordinate(middle, inverse=False, stretch_m=part * width) for part in TWO_GAPS]
+    coordinates = [*distance_coordinates(distances), *between]
     scored: list[tuple[float, Along]] = []
     for cells in CIRCUIT_CELLS:
         if U_DEGREE + cells > len(distances):
             break
         alike: list[tuple[float, Along]] = []
-        for coordinate in distance_coordinates(distances):
+        for coordinate in coordinates:
             knots = _distance_knots(coordinate, distances, cells)
             alike.append((held_out(coordinate, knots), (coordinate, knots)))
         error, along = min(alike, key=lambda pair: pair[0])
         if error < HELD_OUT_TARGET:
             return along, error
-        scored += alike
+        scored += sorted(alike, key=lambda pair: pair[0])
     least = min(error for error, _ in scored)
     error, along = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
     return along, error

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, TableError
-from femfit.core.sweep_columns import flux_columns
+from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.circuit import Circuit
 from femfit.fit.circuit_rows import CircuitRows
-from femfit.fit.circuits_fit import fit_circuits
-from femfit.fit.constants import COARSE
+from femfit.fit.circuits_fit import CircuitsFit, fit_circuits
+from femfit.fit.constants import NETWORK_IDLE
 from femfit.fit.eddy import conductivities, fit_eddy
 from femfit.fit.impedance_numbers import with_impedances
 from femfit.fit.misfit import as_written, import_notes, sheet_notes
@@ -32,6 +31,7 @@ from femfit.fit.pickup import fit_pickups
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import SensedRows, fit_sensed
+from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.hall_sensor import HallSensor
@@ -50,15 +50,12 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     FitError
         As of :func:`femfit.fit.circuits_fit.fit_circuits`.
     """
-    rows = circuit_rows(table)
+    kind = kind_of(entry)
+    rows = circuit_rows(table, kind)
     fit = fit_circuits(rows)
-    low, high = rows.currents.min(axis=0), rows.currents.max(axis=0)
     circuits, notes = circuits_of(entry, rows.names)
-    if isinstance(fit.magnetics, CoenergyMatrix):  # a quadratic form holds for currents of either sign
-        low, high = np.minimum(low, -high), np.maximum(high, -low)
-    else:
-        notes = (*notes, *_one_sided(circuits, low, high))
-    first, *further = zip(low.tolist(), high.tolist(), strict=True)
+    validity, said = _validity(fit, rows)
+    notes = (*notes, *said, *_one_sided(circuits, *validity.current_limits_A.T))
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
@@ -67,23 +64,16 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     notes = (*notes, *beyond, *not_held, *sheet_notes(table))
     hall, said = _hall(table, entry, rows)
     notes = (*notes, *said)
-    if fit.force_share > COARSE:
-        notes = (
-            *notes,
-            (
-                f"The sweep is too coarse for its force: the co-energy misses it by {amount(fit.force_share, '')} of "
-                "its rms. Sweep more distances, then fit again."
-            ),
-        )
+    notes = (*notes, *fit.notes())
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
         magnetics=fit.magnetics,
-        validity=ValidityBox(float(rows.distances[0]), float(rows.distances[-1]), *first, tuple(further)),
+        validity=validity,
         circuits=circuits,
         motion=motion,
         sensor=hall,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
-        kind=kind_of(entry),
+        kind=kind,
         other_sensors=others,
     )
     period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
@@ -102,6 +92,35 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     return replace(result, model=replace(model, provenance=provenance))
 
 
+def _validity(fit: CircuitsFit, rows: CircuitRows) -> tuple[ValidityBox, tuple[str, ...]]:
+    """The distances and currents that the co-energy holds for, and which signs of the currents were not swept.
+
+    A quadratic form holds for currents of either sign. A spline holds where it was swept and, without a magnet, where
+    all of these currents flow the other way, which is a box again where all circuits but one were swept to both sides.
+    """
+    low, high = rows.currents.min(axis=0), rows.currents.max(axis=0)
+    either = np.minimum(low, -high), np.maximum(high, -low)
+    mirrored, notes = False, tuple[str, ...]()
+    if isinstance(fit.magnetics, CoenergyMatrix):
+        low, high = either
+    elif not rows.magnet:
+        lopsided = (low != -high).sum()
+        if lopsided == 1 and np.all(low * high <= 0.0):
+            low, high = either
+        mirrored = bool(lopsided > 1)
+    if mirrored:
+        notes = (
+            (
+                f"The currents of {' and '.join(rows.names)} were swept with these signs, and the co-energy also holds "
+                "with all of them reversed, for there is no magnet. Other signs together were not swept: sweep all "
+                "circuits but one to both sides of 0 A."
+            ),
+        )
+    first, *further = zip(low.tolist(), high.tolist(), strict=True)
+    ends = float(rows.distances[0]), float(rows.distances[-1])
+    return ValidityBox(*ends, *first, tuple(further), mirrored), notes
+
+
 def _one_sided(circuits: Sequence[Circuit], low: FloatArray, high: FloatArray) -> list[str]:
     """What to do about circuits that a simulation drives below zero at once, where the sweep says nothing."""
     free = [one.drive.kind == "voltage" and one.drive.diode_V is None for one in circuits]
@@ -115,8 +134,8 @@ def _one_sided(circuits: Sequence[Circuit], low: FloatArray, high: FloatArray) -
     return [text]
 
 
-def circuit_rows(table: SweepTable) -> CircuitRows:
-    """The rows of a table of several circuits, checked."""
+def circuit_rows(table: SweepTable, kind: ActuatorKind | None) -> CircuitRows:
+    """The rows of a table of several circuits, checked; of what the device is made, where that is known."""
     rows = table.valid_rows()
     columns = current_names(rows)
     names = tuple(column.removeprefix("current_").removesuffix("_A") for column in columns)
@@ -129,14 +148,34 @@ def circuit_rows(table: SweepTable) -> CircuitRows:
         )
     force = _numbers(rows, ["force_N"])[:, 0]
     known = "force_error_N" in rows and bool(rows["force_error_N"].notna().all())
-    return CircuitRows(
+    found = CircuitRows(
         names,
         _numbers(rows, ["distance_m"])[:, 0],
         _numbers(rows, columns),
         force,
         _numbers(rows, fluxes),
         np.abs(_numbers(rows, ["force_error_N"])[:, 0]) if known else np.zeros_like(force),
+        _inductances(rows, names),
     )
+    return replace(found, magnet=_pulls_without_current(found) if kind is None else kind.has_magnet)
+
+
+def _inductances(rows: pd.DataFrame, names: tuple[str, ...]) -> FloatArray | None:
+    """All inductances, (rows, n, n), where the table has them in every row."""
+    places = inductance_columns(names)
+    if not all(column in rows and bool(rows[column].notna().all()) for column in places):
+        return None
+    result = np.empty((len(rows), len(names), len(names)))
+    for column, (j, k) in places.items():
+        result[:, j, k] = result[:, k, j] = _numbers(rows, [column])[:, 0]
+    return result
+
+
+def _pulls_without_current(rows: CircuitRows) -> bool:
+    """Whether a table of a device that nobody described looks like one with a magnet, or leaves that open."""
+    idle = ~rows.currents.any(axis=1)
+    values = np.column_stack([rows.force / rms(rows.force), rows.flux_linkage / rows.flux_scale])
+    return not idle.any() or float(np.abs(values[idle]).max()) > NETWORK_IDLE
 
 
 def _hall(table: SweepTable, entry: Mapping[str, Any], rows: CircuitRows) -> tuple[HallSensor | None, tuple[str, ...]]:
@@ -174,11 +213,10 @@ def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows, hall: FloatArray
     """Model minus table, of the force, of all flux linkages together and of the field in T at a Hall element."""
     force = model.magnetics.force(rows.distance, rows.currents) - rows.force
     missed = model.magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
-    scale = np.maximum(np.abs(rows.force), 0.01 * float(np.max(np.abs(rows.force))))
     return Misfit(
         force_rms_N=rms(force),
         force_max_N=float(np.max(np.abs(force))),
-        force_rms_relative=rms(force / scale),
+        force_rms_relative=rms(force / rows.force_scale),
         force_rms_of_weight=None,
         flux_linkage_rms_Wb=rms(missed),
         hall_rms_T=None if hall is None or model.sensor is None else _hall_rms(model.sensor, rows, hall),

@@ -1,7 +1,7 @@
-"""Several circuits: force and all flux linkages of a sweep fitted with one quadratic form in the currents.
+"""Several circuits: force, flux linkages and inductances of a sweep fitted with one co-energy.
 
-Both are linear in the splines of M(d), so that one weighted least squares finds them together. How many cells the
-splines take, and in which coordinate, is what distances left out ask for.
+Without saturation it is a quadratic form in the currents, whose entries are splines in a coordinate of the distance.
+How many cells the splines take, and in which coordinate, is what distances left out ask for.
 """
 
 from dataclasses import dataclass
@@ -10,18 +10,14 @@ from itertools import pairwise
 import numpy as np
 
 from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import FitError
 from femfit.fit.circuit_rows import CircuitRows, choose_along_distance
-from femfit.fit.constants import (
-    DISTANCE_FOLDS,
-    NOT_QUADRATIC,
-    POOR_CIRCUIT,
-    U_DEGREE,
-)
+from femfit.fit.circuit_system import CircuitSolution, solve_circuits
+from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, SMALL_CIRCUIT_FORCE, U_DEGREE
+from femfit.fit.misfit import middles
 from femfit.fit.rows import rms
-from femfit.fit.saturating_circuits import fit_saturating
-from femfit.model.bspline import basis_matrix
+from femfit.fit.saturating_circuits import fit_saturating, points_left_out
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
@@ -29,13 +25,16 @@ from femfit.model.coordinate import DistanceCoordinate
 
 @dataclass(frozen=True, eq=False)
 class CircuitsFit:
-    """A fitted matrix and its errors."""
+    """A fitted co-energy and its errors; those of the force are parts of :attr:`CircuitRows.force_scale`."""
 
     magnetics: CoenergyMatrix | CoenergyTensor
-    # Larger of force and flux linkage on distances, or points of a grid, left out, each over its rms
-    held_out: float
+    worst: float  # Of the force at any point of the table
+    # Of the force at points left out: the largest and the rms; infinite where the sweep has too few points
+    left_out_worst: float
+    left_out_rms: float
     force_share: float
     flux_linkage_share: float
+    finer: tuple[str, tuple[float, ...]]  # The axis of the sweep that is too coarse first, and what to add to it
 
     def lines(self) -> list[str]:
         """What ``femfit fit`` prints of it."""
@@ -43,39 +42,77 @@ class CircuitsFit:
         form = "spline in the distance and" if saturates else "quadratic form in"
         what = "points" if saturates else "distances"
         text = f"{form} the currents of {names}"
-        if not np.isfinite(self.held_out):
-            return [f"{text}; the sweep has too few points to leave {what} out and see what the model misses there"]
-        missed = f"misses force and flux linkages by {amount(self.held_out, '')} of their rms"
-        return [f"{text}; with {what} left out it {missed}"]
+        of = f"of the force there (at least of {100.0 * SMALL_CIRCUIT_FORCE:g} % of the largest)"
+        within = f"each point of the table is met within {amount(self.worst, '')} {of}"
+        if not np.isfinite(self.left_out_worst):
+            return [f"{text}; {within}; the sweep has too few points to leave {what} out and see what it misses there"]
+        missed = f"misses the force by {amount(self.left_out_rms, '')} rms, {amount(self.left_out_worst, '')} at most"
+        return [f"{text}; {within}; with {what} left out it {missed}"]
+
+    def notes(self) -> list[str]:
+        """Where the sweep is too coarse, why, and what to add to it."""
+        left_out = self.left_out_worst if np.isfinite(self.left_out_worst) else 0.0
+        if self.worst <= POOR_POINT and left_out <= POOR_LEFT_OUT:
+            return []
+        missed = f"a point by {amount(self.worst, '')}"
+        if left_out > self.worst:
+            missed = f"a point left out by {amount(left_out, '')}"
+        axis, _ = self.finer
+        why = f"the iron saturates between the currents of {axis}"
+        if axis == "distance":
+            why = "the force changes too much from one distance to the next"
+        text = (
+            f"The sweep is too coarse for its force, which misses {missed}: {why}. Add {self.to_be_added()}, then fit"
+        )
+        return [f"{text} again."]
+
+    def to_be_added(self) -> str:
+        """The values of the axis that is too coarse first."""
+        axis, values = self.finer
+        if axis == "distance":
+            return f"the distances {' and '.join(f'{1e3 * x:.4g}' for x in values)} mm"
+        return f"the currents {' and '.join(f'{x:.4g}' for x in values)} A of {axis}"
 
 
 @dataclass(frozen=True, eq=False)
-class _Basis:
-    coordinate: DistanceCoordinate
-    knots: FloatArray
+class _Products:
+    """v_a v_b of v = (1, i_1, .., i_n), a <= b, half of the squares; those with 1 where there is a magnet alone."""
+
+    circuits: int
+    magnet: bool
+
+    @property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Row and column in M of each; shape (count,)."""
+        a, b = np.triu_indices(self.circuits + 1)
+        kept = (a > 0) | self.magnet
+        return a[kept], b[kept]
 
     @property
     def count(self) -> int:
-        return len(self.knots) - U_DEGREE - 1
+        """How many there are."""
+        return len(self.places[0])
 
-    def equations(self, rows: CircuitRows) -> tuple[FloatArray, FloatArray]:
-        """Matrix and data of force and flux linkages, each over its rms; unknowns (functions, entries), flat."""
-        n = rows.currents.shape[1]
-        v = np.concatenate([np.ones((len(rows.distance), 1)), rows.currents], axis=1)
-        a, b = np.triu_indices(n + 1)
-        u, slope, _ = self.coordinate.with_slopes(rows.distance)
-        value, rate = basis_matrix(u, self.knots, U_DEGREE), basis_matrix(u, self.knots, U_DEGREE, 1)
-        square = np.where(a == b, 0.5, 1.0) * v[:, a] * v[:, b]
-        force_scale = rms(rows.force)
-        blocks = [-(slope[:, None] * rate)[:, :, None] * square[:, None, :] / force_scale]
-        data = [rows.force / force_scale]
-        for k in range(1, n + 1):
-            # flux linkage_k = sum_b M_kb v_b
-            factor = np.where(a == k, v[:, b], np.where(b == k, v[:, a], 0.0))
-            blocks.append(value[:, :, None] * factor[:, None, :] / rows.flux_scale[k - 1])
-            data.append(rows.flux_linkage[:, k - 1] / rows.flux_scale[k - 1])
-        matrix = np.concatenate(blocks).reshape(len(blocks) * len(u), -1)
-        return matrix, np.concatenate(data)
+    @property
+    def constant(self) -> bool:
+        """Whether the first one is a constant."""
+        return self.magnet
+
+    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
+        """As of :class:`femfit.fit.circuit_system.CurrentFunctions`."""
+        a, b = self.places
+        v = np.concatenate([np.ones((len(currents), 1)), currents], axis=1)
+        if not circuits:
+            return np.asarray(np.where(a == b, 0.5, 1.0) * v[:, a] * v[:, b])
+        first, *second = (k + 1 for k in circuits)
+        if not second:
+            return np.where(a == first, v[:, b], np.where(b == first, v[:, a], 0.0))
+        low, high = sorted((first, *second))
+        return np.tile(((a == low) & (b == high)).astype(np.float64), (len(currents), 1))
+
+    def roughness(self) -> FloatArray:
+        """Nothing is left open."""
+        return np.zeros((0, self.count))
 
 
 def fit_circuits(rows: CircuitRows) -> CircuitsFit:
@@ -87,76 +124,79 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
         If the rows do not determine the co-energy, if force and flux linkages contradict each other, or if the
         inductances are not positive definite everywhere.
     """
-    if _not_quadratic(rows) > NOT_QUADRATIC:
+    functions = _Products(len(rows.names), rows.magnet)
+    if _not_quadratic(rows, functions) > NOT_QUADRATIC:
         return _judged(*fit_saturating(rows), rows)
-    along, held_out = choose_along_distance(rows.distances, lambda *along: _held_out(_Basis(*along), rows))
-    basis = _Basis(*along)
-    coefficients = _solve(basis, rows, np.ones(len(rows.distance), dtype=np.bool_))
-    if coefficients is None:
+
+    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
+        found = solve_circuits(rows, coordinate, knots, functions)
+        return np.inf if found is None else found.left_out_in_turn(rows.distance == d for d in rows.distances[1:-1])
+
+    along, _ = choose_along_distance(rows.distances, held_out)
+    found = solve_circuits(rows, *along, functions)
+    if found is None:
         raise FitError(
             f"The rows do not determine the inductances of {', '.join(rows.names)}. Sweep each circuit's current by "
             "itself and at least one point with each two together."
         )
-    magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.knots, U_DEGREE, coefficients)
+    every = _Products(len(rows.names), magnet=True)
+    coefficients = np.zeros((len(found.coefficients), every.count))
+    coefficients[:, (every.places[0] > 0) | rows.magnet] = found.coefficients
+    magnetics = CoenergyMatrix(rows.names, found.coordinate, found.knots, U_DEGREE, coefficients)
     _require_definite(magnetics, rows)
-    return _judged(magnetics, held_out, rows)
+    return _judged(magnetics, found, rows)
 
 
-def _judged(magnetics: CoenergyMatrix | CoenergyTensor, held_out: float, rows: CircuitRows) -> CircuitsFit:
-    force = rms(magnetics.force(rows.distance, rows.currents) - rows.force) / rms(rows.force)
+def _judged(magnetics: CoenergyMatrix | CoenergyTensor, found: CircuitSolution, rows: CircuitRows) -> CircuitsFit:
+    force = magnetics.force(rows.distance, rows.currents) - rows.force
     flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
-    fit = CircuitsFit(magnetics, held_out, force, rows.worst_flux_share(flux))
+    folds = [rows.distance == d for d in rows.distances[1:-1]]
+    if isinstance(magnetics, CoenergyTensor):
+        folds = points_left_out(rows)
+    left_out = np.concatenate([found.left_out(out)[0] for out in folds]) if folds else np.array([np.inf])
+    fit = CircuitsFit(
+        magnetics,
+        float(np.max(np.abs(force) / rows.force_scale)),
+        float(np.max(np.abs(left_out))),
+        rms(left_out),
+        rms(force) / rms(rows.force),
+        rows.worst_flux_share(flux),
+        _finer(found, rows, isinstance(magnetics, CoenergyTensor)),
+    )
     _require_agreement(fit)
     return fit
 
 
-def _held_out(basis: _Basis, rows: CircuitRows) -> float:
-    """Rms error over the rms, the larger of force and flux linkages, with inner distances left out in turn."""
-    inner = rows.distances[1:-1]
-    matrix, data = basis.equations(rows)
-    errors = []
-    for fold in range(min(DISTANCE_FOLDS, len(inner))):
-        out = np.isin(rows.distance, inner[fold::DISTANCE_FOLDS])
-        found = _solve(basis, rows, ~out)
-        if found is None:
-            return np.inf
-        which = np.tile(out, 1 + rows.currents.shape[1])
-        errors.append((matrix[which] @ found.ravel() - data[which]).reshape(-1, int(out.sum())))
-    joined = np.concatenate(errors, axis=1)
-    return max(map(rms, joined))
+def _finer(found: CircuitSolution, rows: CircuitRows, saturates: bool) -> tuple[str, tuple[float, ...]]:
+    """Which axis is too coarse, and the middles beside the value that the others tell least of.
+
+    That is the axis whose inner values, left out with all of their points one after the other, are missed most (rms of
+    the force); of a quadratic form it is the distance.
+    """
+    axes = [("distance", rows.distance)]
+    if saturates:
+        axes += list(zip(rows.names, rows.currents.T, strict=True))
+    poorest, finer = -1.0, ("distance", ())
+    for name, column in axes:
+        values = np.unique(column)
+        missed = [rms(found.left_out(column == value)[0]) for value in values[1:-1]]
+        if missed and max(missed) > poorest:
+            poorest = max(missed)
+            finer = name, tuple(middles(values, values[1 + int(np.argmax(missed))]).tolist())
+    return finer
 
 
-def _solve(basis: _Basis, rows: CircuitRows, kept: BoolArray) -> FloatArray | None:
-    """Coefficients (functions, entries); None where the rows do not determine them. M_00 is zero at the far end."""
-    matrix, data = basis.equations(rows)
-    which = np.tile(kept, 1 + rows.currents.shape[1])
-    entries = matrix.shape[1] // basis.count
-    gauge = 0 if basis.coordinate.inverse else (basis.count - 1) * entries
-    free = np.arange(matrix.shape[1]) != gauge
-    part = matrix[which][:, free]
-    scale = np.linalg.norm(part, axis=0)
-    if len(part) < part.shape[1] or not np.all(scale > 0.0):
-        return None
-    found, _, rank, _ = np.linalg.lstsq(part / scale, data[which], rcond=1e-11)
-    if rank < part.shape[1]:
-        return None
-    coefficients = np.zeros(matrix.shape[1])
-    coefficients[free] = found / scale
-    return coefficients.reshape(basis.count, entries)
-
-
-def _not_quadratic(rows: CircuitRows) -> float:
-    """What the best quadratic form in the currents misses at each distance by itself, over the rms; the worst share."""
-    v = np.concatenate([np.ones((len(rows.distance), 1)), rows.currents], axis=1)
-    a, b = np.triu_indices(v.shape[1])
-    shares = []
-    for columns, values in ((v[:, a] * v[:, b], rows.force[:, None]), (v, rows.flux_linkage)):
-        left = np.zeros_like(values)
+def _not_quadratic(rows: CircuitRows, functions: _Products) -> float:
+    """What the best quadratic form in the currents misses at each distance by itself, over the scale, at most."""
+    flux = zip(rows.flux_linkage.T, rows.relative_flux_scale.T, strict=True)
+    worst = 0.0
+    for circuits, (values, scale) in enumerate([(rows.force, rows.force_scale), *flux]):
+        columns = functions.columns(rows.currents, *range(circuits - 1, circuits)[: circuits > 0]) / scale[:, None]
         for d in rows.distances:
             at = rows.distance == d
-            left[at] = columns[at] @ np.linalg.lstsq(columns[at], values[at], rcond=None)[0] - values[at]
-        shares.append(np.sqrt(np.mean(left**2, axis=0) / np.mean(values**2, axis=0)))
-    return float(np.max(np.concatenate(shares)))
+            best = columns[at] @ np.linalg.lstsq(columns[at], values[at] / scale[at], rcond=None)[0]
+            worst = max(worst, float(np.max(np.abs(best - values[at] / scale[at]))))
+    return worst
 
 
 def _require_agreement(fit: CircuitsFit) -> None:
@@ -165,7 +205,8 @@ def _require_agreement(fit: CircuitsFit) -> None:
     if worst > POOR_CIRCUIT and isinstance(fit.magnetics, CoenergyTensor):
         raise FitError(
             f"The iron saturates, and the co-energy misses force or flux linkages by {amount(worst, '')} of their rms: "
-            "the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances."
+            "the grid is too coarse. Sweep more currents where the iron begins to saturate, then more distances; first "
+            f"of all add {fit.to_be_added()}."
         )
     if worst > POOR_CIRCUIT:
         raise FitError(

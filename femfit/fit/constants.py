@@ -91,11 +91,25 @@ ALLOWED_VIOLATION = 1e-5
 """Numerical: a shape counts as obeyed where it fails by less than this part of its largest value (inductance, slope or
 k_m)."""
 
+TWO_GAPS = (0.2, 0.25, 0.32, 0.43, 0.57)
+"""Calibrated, on two axial bearings and a double-acting solenoid of steel: the stretches of u = sinh((d - d_0) / h)
+about the middle that are tried, as parts of the range of distances."""
+
 CIRCUIT_CELLS = (1, 2, 3, 4, 6, 8, 12)
 """Assumed: cells in the distance that are tried for several circuits."""
 
-NOT_QUADRATIC = 0.02
-"""Conventional: misfit of several circuits, of force or flux linkages over their rms, from which iron saturates."""
+SMALL_CIRCUIT_FORCE, SMALL_FLUX = 0.02, 0.05
+"""Conventional: errors of several circuits are parts of each row's own force and flux linkage, but at least of these
+parts of the largest ones: where two magnets cancel, or another circuit alone links a little, nothing is to be divided
+by."""
+
+NOT_QUADRATIC = 0.01
+"""Conventional: what the best quadratic form in several currents misses at a point, over the scale of its force or flux
+linkage, from which the iron saturates: a third of :data:`POOR_POINT`."""
+
+POOR_POINT, POOR_LEFT_OUT = 0.03, 0.05
+"""Conventional: error of the force of several circuits at a point of the table, and at one left out, over the force or
+a part of the largest (:data:`SMALL_CIRCUIT_FORCE`), from which the user is told to sweep more finely."""
 
 MOST_UNKNOWNS = 4000
 """Conventional: coefficients of a spline over the distance and several currents; they take half a GB and a minute."""
@@ -103,15 +117,20 @@ MOST_UNKNOWNS = 4000
 LEFT_OUT_EVERY = 7
 """Conventional: every seventh inner point of a grid of several currents is left out once, to be told by the others."""
 
-FEWER_FUNCTIONS = 3
-"""Conventional: bases in the currents that are tried, each with one function less; few currents far apart over a knee
-make a spline through all of them swing."""
+FINER_CURRENTS = (0.34, 0.5, 1.0)
+"""Conventional: cells between the currents that are tried, over the steps from one current to the next: inductances
+beside flux linkages determine the last."""
 
 LEAST_OF_GRID = 0.75
 """Conventional: part of a grid of several currents that must be there; points that failed are few."""
 
-SMOOTHNESS = 1e-5
-"""Derived: norm of the smoothness penalty over that of the rows; below the rounding of the fit where rows decide."""
+SMOOTHNESS, SMOOTH_DISTANCE = 1e-5, 1e-4
+"""Numerical: norm of the penalties on what currents and distance leave open, over that of the rows; below the error of
+a sweep where rows decide. A tenth and ten times these change what four devices miss at points left out by a tenth."""
+
+ALONE = 1e-2
+"""Numerical: penalty on one current's bends over that on bends in two: a corner of the grid that failed is the sum of
+what its neighbours do alone."""
 
 # How rows are weighted and left out
 

@@ -122,7 +122,7 @@ def misfit_notes(
         remedy = "A co-energy (femfit fit without --model) holds both."
         if isinstance(model.magnetics, CoenergySpline) and rows.flux_linkage is not None:
             off = model.magnetics.flux_linkage(rows.distance, rows.current) - rows.flux_linkage
-            more = _middles(rows.currents, rows.current[np.argmax(np.abs(off))])
+            more = middles(rows.currents, rows.current[np.argmax(np.abs(off))])
             finer = " and ".join(f"{x:.4g}" for x in more)
             wanted = f"Add to [sweep] the currents {finer} A" if len(more) else "Give [sweep] more than one current"
             remedy = f"{wanted}, then sweep and fit again."
@@ -160,10 +160,10 @@ def finer_settings(missed: FloatArray, rows: FitRows) -> dict[str, list[float]]:
     """The ``distance_m`` and ``current_A`` that halve the intervals around the largest error of the force."""
     worst = int(np.argmax(missed))
     around = {"distance_m": (rows.distances, rows.distance[worst]), "current_A": (rows.currents, rows.current[worst])}
-    return {name: _middles(axis, at).tolist() for name, (axis, at) in around.items()}
+    return {name: middles(axis, at).tolist() for name, (axis, at) in around.items()}
 
 
-def _middles(axis: FloatArray, at: float) -> FloatArray:
+def middles(axis: FloatArray, at: float) -> FloatArray:
     """The middles of the intervals on both sides of a value of an axis."""
     k = int(np.searchsorted(axis, at))
     around = axis[max(k - 1, 0) : k + 2]

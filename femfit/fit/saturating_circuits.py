@@ -1,83 +1,103 @@
 """Several circuits whose iron saturates: one spline in the distance and all currents, fitted to a grid of points.
 
-Force and flux linkages are linear in the spline's coefficients, so that one least squares finds them. In each current
-the flux linkages take as many functions as there are swept currents, a cubic spline through them without knots of its
-own at the ends. Products of functions that vanish at all swept currents are left open by such rows; a penalty on mixed
-second differences of the coefficients, far below the data's weight, takes the smoothest. How many cells the distance
-takes, and in which coordinate, is what distances left out ask for, one combination of currents beside the other.
-
-References
-----------
-P. H. C. Eilers and B. D. Marx, Statistical Science 11 (1996) 89: difference penalties on the coefficients of B-splines.
+In each current the spline has a cell for every step between the swept currents, or half as many, whichever misses less
+at points left out. Without a magnet it goes from the largest current to its negative, and W'(d, -i) = W'(d, i), with
+W'(d, 0) = 0, hold in every one of its functions, so that there is neither a force nor a flux linkage without current.
+What currents of signs that were not swept together leave open takes the smoothest: in each two currents a sum of what
+each does alone and of what one does in proportion to the other.
 """
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import combinations
 
 import numpy as np
-from scipy.linalg import lstsq
 
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.circuit_rows import Along, CircuitRows, choose_along_distance
+from femfit.fit.circuit_rows import CircuitRows, choose_along_distance
+from femfit.fit.circuit_system import CircuitSolution, solve_circuits
 from femfit.fit.constants import (
-    DISTANCE_FOLDS,
-    FEWER_FUNCTIONS,
+    ALONE,
     FEWEST_CURRENTS,
+    FINER_CURRENTS,
     LEAST_OF_GRID,
     LEFT_OUT_EVERY,
     MOST_UNKNOWNS,
-    SMOOTHNESS,
     U_DEGREE,
 )
-from femfit.fit.rows import rms
 from femfit.model.bspline import basis_matrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
 
 
 @dataclass(frozen=True, eq=False)
-class _Basis:
-    coordinate: DistanceCoordinate
-    u_knots: FloatArray
-    current_knots: tuple[FloatArray, ...]
-    current_degrees: tuple[int, ...]
+class CurrentSplines:
+    """Products of one spline in each current; without a magnet those sums of them that are even, and 0 at 0."""
+
+    knots: tuple[FloatArray, ...]
+    even: bool
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Functions along each axis."""
-        currents = zip(self.current_knots, self.current_degrees, strict=True)
-        return len(self.u_knots) - U_DEGREE - 1, *(len(knots) - degree - 1 for knots, degree in currents)
+        """Functions of each current."""
+        return tuple(len(knots) - U_DEGREE - 1 for knots in self.knots)
 
-    def equations(self, rows: CircuitRows) -> tuple[FloatArray, FloatArray]:
-        """Matrix and data of the force and of each flux linkage, each over its rms."""
-        u, slope, _ = self.coordinate.with_slopes(rows.distance)
-        along = basis_matrix(u, self.u_knots, U_DEGREE), basis_matrix(u, self.u_knots, U_DEGREE, 1)
-        axes = list(enumerate(zip(self.current_knots, self.current_degrees, strict=True)))
+    @property
+    def count(self) -> int:
+        """How many sums are free."""
+        return int(self.products.shape[1])
 
-        def columns(first: FloatArray, risen: int | None) -> FloatArray:
-            parts = [basis_matrix(rows.currents[:, k], *axis, int(k == risen)) for k, axis in axes]
-            return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts, first)
+    @property
+    def constant(self) -> bool:
+        """Whether a constant is among them: all splines of one current add up to 1."""
+        return not self.even
 
-        force, flux = rms(rows.force), rows.flux_scale
-        blocks = [columns(-slope[:, None] * along[1], None) / force]
-        blocks += [columns(along[0], k) / flux[k] for k, _ in axes]
-        return np.concatenate(blocks), np.concatenate([rows.force / force, (rows.flux_linkage / flux).T.ravel()])
+    @cached_property
+    def products(self) -> FloatArray:
+        """Each sum's coefficients of the products, (products, count)."""
+        size = int(np.prod(self.shape))
+        if not self.even:
+            return np.eye(size)
+        pairs = np.eye(size)[:, : (size - 1) // 2]  # those in the middle follow from W'(d, 0) = 0
+        pairs = pairs + pairs[::-1]
+        return np.asarray(pairs - self._all(np.zeros((1, len(self.knots)))) @ pairs)
 
-    def penalty(self) -> FloatArray:
-        """Mixed second differences of the coefficients along each two currents, as rows beside the equations'."""
-        along = [np.eye(count) for count in self.shape]
-        blocks: list[FloatArray] = []
-        for pair in combinations(range(1, len(self.shape)), 2):
-            parts = [np.diff(one, 2, axis=0) if k in pair else one for k, one in enumerate(along)]
-            blocks.append(reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
-        return np.concatenate(blocks)
+    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
+        """As of :class:`femfit.fit.circuit_system.CurrentFunctions`."""
+        return np.asarray(self._all(currents, *circuits) @ self.products)
+
+    def _all(self, currents: FloatArray, *circuits: int) -> FloatArray:
+        parts = [basis_matrix(currents[:, k], knots, U_DEGREE, circuits.count(k)) for k, knots in enumerate(self.knots)]
+        return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts)
+
+    def roughness(self) -> FloatArray:
+        """Mixed second differences along each two currents, and, far weaker, third ones along each by itself."""
+        orders = [dict.fromkeys(pair, 2) for pair in combinations(range(len(self.knots)), 2)]
+        orders += [{k: 3} for k in range(len(self.knots))]
+        blocks = []
+        for order in orders:
+            parts = [_differences(knots, order.get(k, 0)) for k, knots in enumerate(self.knots)]
+            weight = 1.0 if len(order) == 2 else ALONE
+            blocks.append(weight * reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
+        return np.asarray(np.concatenate(blocks) @ self.products)
 
 
-def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, float]:
-    """The spline, and its error on rows left out: the larger of force and flux linkages, each over its rms.
+def _differences(knots: FloatArray, order: int) -> FloatArray:
+    """Divided differences of a spline's coefficients, zero for polynomials of lower order, times the mean step.
+
+    The coefficients stand at the means of U_DEGREE knots (Greville).
+    """
+    places = np.lib.stride_tricks.sliding_window_view(knots[1:-1], U_DEGREE).mean(axis=1)
+    step, found = np.ptp(places) / (len(places) - 1), np.eye(len(places))
+    for k in range(1, order + 1):
+        found = np.diff(found, axis=0) * (k * step / (places[k:] - places[:-k]))[:, None]
+    return found
+
+
+def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
+    """The spline, and how it was found.
 
     Raises
     ------
@@ -86,6 +106,47 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, float]:
         inductances are not positive definite everywhere.
     """
     axes = [np.unique(column) for column in rows.currents.T]
+    _require_grid(rows, axes)
+    signed = axes if rows.magnet else [np.unique(np.concatenate([axis, -axis])) for axis in axes]
+    trials = [
+        CurrentSplines(tuple(_knots(axis, part, not rows.magnet) for axis in signed), not rows.magnet)
+        for part in FINER_CURRENTS
+    ]
+    unknowns = len(rows.distances) * trials[-1].count
+    if unknowns > MOST_UNKNOWNS:
+        raise FitError(
+            f"The spline over the distance and {len(axes)} currents would have {unknowns} coefficients; femfit fits at "
+            f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
+        )
+
+    finest = trials[-1 if rows.inductance is not None else -2]  # a knee that is not met hides what the distances show
+
+    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
+        found = solve_circuits(rows, coordinate, knots, finest)
+        return np.inf if found is None else found.left_out_in_turn(rows.distance == d for d in rows.distances[1:-1])
+
+    along, _ = choose_along_distance(rows.distances, held_out)
+    folds = points_left_out(rows)
+    solved = [(trial, solve_circuits(rows, *along, trial)) for trial in trials]
+    tried = [(found.left_out_in_turn(folds), trial, found) for trial, found in solved if found is not None]
+    indefinite: list[str] = []
+    for _, trial, found in sorted(tried, key=lambda one: one[0]):
+        magnetics = _tensor(trial, found, rows)
+        indefinite.append(_indefinite(magnetics, rows, axes))
+        if not indefinite[-1]:
+            return magnetics, found
+    if not indefinite:
+        raise FitError(
+            f"The rows do not determine the co-energy of {', '.join(rows.names)}. Sweep every combination of the "
+            "currents at every distance."
+        )
+    raise FitError(
+        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. Sweep more currents, "
+        "where the iron begins to saturate above all."
+    )
+
+
+def _require_grid(rows: CircuitRows, axes: list[FloatArray]) -> None:
     for name, axis in zip(rows.names, axes, strict=True):
         if len(axis) < FEWEST_CURRENTS:
             raise FitError(
@@ -98,128 +159,56 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, float]:
             f"The iron saturates, and the rows are {len(rows.distance)} of the {points} points of their grid. Sweep "
             "every combination of the currents at every distance."
         )
-    coordinate, knots = _along_distance(rows)
-    bases = []
-    for fewer in range(FEWER_FUNCTIONS):
-        currents = [_current_knots(axis, fewer) for axis in axes]
-        bases.append(_Basis(coordinate, knots, tuple(k for k, _ in currents), tuple(degree for _, degree in currents)))
-    unknowns = int(np.prod(bases[0].shape))
-    if unknowns > MOST_UNKNOWNS:
-        raise FitError(
-            f"The spline over the distance and {len(axes)} currents would have {unknowns} coefficients; femfit fits at "
-            f"most {MOST_UNKNOWNS}. Sweep fewer currents or distances."
-        )
-    out = _inner(rows, axes)
-    tried = [(_left_out(basis, rows, out), basis) for basis in bases]
-    indefinite: list[str] = []
-    for error, basis in sorted(tried, key=lambda pair: pair[0]):
-        magnetics = _tensor(basis, _solve(basis, rows, np.ones(len(out), dtype=np.bool_)), rows)
-        indefinite.append(_indefinite(magnetics, rows, axes))
-        if not indefinite[-1]:
-            return magnetics, error
-    raise FitError(
-        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. Sweep more currents, "
-        "where the iron begins to saturate above all."
-    )
 
 
-def _left_out(basis: _Basis, rows: CircuitRows, out: BoolArray) -> float:
-    return _error(_tensor(basis, _solve(basis, rows, ~out), rows), rows, out) if out.any() else np.inf
+def points_left_out(rows: CircuitRows) -> list[BoolArray]:
+    """The inner points with a current, in folds of every so many-th; the signs of all currents are one."""
+    inner = (rows.distance > rows.distances[0]) & (rows.distance < rows.distances[-1]) & rows.currents.any(axis=1)
+    for column in rows.currents.T:
+        low, high = column.min(), column.max()
+        inner &= ((column > low) | (not rows.magnet and low == 0.0)) & (column < high)
+    places = np.flatnonzero(inner)
+    turns = np.arange(len(rows.distance))
+    return [np.isin(turns, places[k::LEFT_OUT_EVERY]) for k in range(min(LEFT_OUT_EVERY, len(places)))]
 
 
-def _current_knots(currents: FloatArray, fewer: int) -> tuple[FloatArray, int]:
-    """Knots and degree of one function more than there are currents, for the derivative loses one, less ``fewer``."""
-    functions = max(len(currents) + 1 - fewer, FEWEST_CURRENTS)
-    degree = min(U_DEGREE, functions - 1)
-    inner = np.quantile(currents[1:-1], np.linspace(0.0, 1.0, functions - degree + 1)[1:-1])
-    if not fewer and len(currents) > U_DEGREE:
-        inner = currents[2:-2]
-    return np.concatenate([np.repeat(currents[0], degree + 1), inner, np.repeat(currents[-1], degree + 1)]), degree
+def _knots(currents: FloatArray, part: float, even: bool) -> FloatArray:
+    """Clamped knots of so many cells a step; between the steps they follow the currents."""
+    steps = len(currents) - 1
+    cells = max(1, round(part * steps))
+    breaks = np.interp(np.linspace(0, steps, cells + 1), np.arange(steps + 1), currents)
+    if even:  # to rounding
+        breaks = 0.5 * (breaks - breaks[::-1])
+    return np.concatenate([np.repeat(breaks[0], U_DEGREE), breaks, np.repeat(breaks[-1], U_DEGREE)])
 
 
-def _along_distance(rows: CircuitRows) -> Along:
-    """Coordinate and knots of the distance, each combination of currents with coefficients of its own."""
-    values = np.column_stack([rows.force / rms(rows.force), rows.flux_linkage / rows.flux_scale])
-    order = np.lexsort((rows.distance, *rows.currents.T))
-    _, starts, counts = np.unique(rows.currents[order], axis=0, return_index=True, return_counts=True)
-    whole = [order[s : s + c] for s, c in zip(starts, counts, strict=True) if c == len(rows.distances)]
-    if not whole:
-        raise FitError(
-            "The iron saturates, and no combination of currents was solved at every distance. Sweep again, so that the "
-            "points that failed are tried once more."
-        )
-    curves = np.stack([values[rows_of] for rows_of in whole], axis=1)  # (distances, combinations, 1 + n)
-
-    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
-        return _curves_left_out(coordinate, knots, rows.distances, curves)
-
-    return choose_along_distance(rows.distances, held_out)[0]
-
-
-def _curves_left_out(
-    coordinate: DistanceCoordinate, knots: FloatArray, distances: FloatArray, curves: FloatArray
-) -> float:
-    """Rms of force and flux linkages at distances left out, the larger; each curve is a spline of its own."""
-    u, slope, _ = coordinate.with_slopes(distances)
-    inner = np.arange(1, len(distances) - 1)
-    errors = []
-    for matrix, values in (
-        (-slope[:, None] * basis_matrix(u, knots, U_DEGREE, 1), curves[:, :, 0]),
-        (basis_matrix(u, knots, U_DEGREE), curves[:, :, 1:].reshape(len(distances), -1)),
-    ):
-        missed = []
-        for fold in range(min(DISTANCE_FOLDS, len(inner))):
-            out = np.isin(np.arange(len(distances)), inner[fold::DISTANCE_FOLDS])
-            found = np.linalg.lstsq(matrix[~out], values[~out], rcond=1e-11)[0]
-            missed.append(matrix[out] @ found - values[out])
-        errors.append(rms(np.concatenate(missed)))
-    return max(errors)
-
-
-def _inner(rows: CircuitRows, axes: list[FloatArray]) -> BoolArray:
-    """Every so many-th of the rows that lie within the grid on every axis."""
-    within = (rows.distance > rows.distances[0]) & (rows.distance < rows.distances[-1])
-    for column, axis in zip(rows.currents.T, axes, strict=True):
-        within &= (column > axis[0]) & (column < axis[-1])
-    out = np.zeros(len(within), dtype=np.bool_)
-    out[np.flatnonzero(within)[::LEFT_OUT_EVERY]] = True
-    return out
-
-
-def _solve(basis: _Basis, rows: CircuitRows, kept: BoolArray) -> FloatArray:
-    """Coefficients, flat; the first, a constant in W', is zero."""
-    matrix, data = basis.equations(rows)
-    which = np.tile(kept, 1 + rows.currents.shape[1])
-    matrix, data, rough = matrix[which][:, 1:], data[which], basis.penalty()[:, 1:]
-    weight = SMOOTHNESS * np.linalg.norm(matrix) / np.linalg.norm(rough)
-    stacked, right = np.concatenate([matrix, weight * rough]), np.concatenate([data, np.zeros(len(rough))])
-    found = lstsq(stacked, right, cond=1e-12, lapack_driver="gelsy")[0]
-    return np.concatenate([[0.0], found])
-
-
-def _tensor(basis: _Basis, coefficients: FloatArray, rows: CircuitRows) -> CoenergyTensor:
-    """The model's magnetics, W' counted from zero current at the farthest distance."""
+def _tensor(functions: CurrentSplines, found: CircuitSolution, rows: CircuitRows) -> CoenergyTensor:
+    """The model's magnetics; with a magnet W' is counted from zero current at the farthest distance."""
+    degrees = (U_DEGREE,) * len(rows.names)
 
     def tensor(table: FloatArray) -> CoenergyTensor:
-        knots, degrees = basis.current_knots, basis.current_degrees
-        return CoenergyTensor(rows.names, basis.coordinate, basis.u_knots, U_DEGREE, knots, degrees, table)
+        return CoenergyTensor(rows.names, found.coordinate, found.knots, U_DEGREE, functions.knots, degrees, table)
 
-    table = coefficients.reshape(basis.shape)
+    table = (found.coefficients @ functions.products.T).reshape(-1, *functions.shape)
+    if functions.even:
+        return tensor(table)
     origin = np.clip(np.zeros(len(rows.names)), rows.currents.min(axis=0), rows.currents.max(axis=0))
     return tensor(table - tensor(table).coenergy(rows.distances[-1], origin))
 
 
-def _error(magnetics: CoenergyTensor, rows: CircuitRows, which: BoolArray) -> float:
-    at = rows.distance[which], rows.currents[which]
-    force = rms(magnetics.force(*at) - rows.force[which]) / rms(rows.force)
-    return max(force, rows.worst_flux_share(magnetics.flux_linkage(*at) - rows.flux_linkage[which]))
-
-
 def _indefinite(magnetics: CoenergyTensor, rows: CircuitRows, axes: list[FloatArray]) -> str:
-    """Where between the rows the inductances are not positive definite; empty where they are everywhere."""
+    """Where at or between the rows the inductances are not positive definite; empty where they are everywhere."""
     fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
-    distance, *along = (grid.ravel() for grid in np.meshgrid(*fine, indexing="ij"))
+    distance, *along = (one.ravel() for one in np.meshgrid(*fine, indexing="ij"))
     currents = np.stack(along, axis=-1)
+    swept = {tuple(one) for one in np.column_stack([rows.distance, rows.currents])}
+    grid = np.isin(distance, rows.distances) & np.all(
+        [np.isin(i, axis) for i, axis in zip(along, axes, strict=True)], 0
+    )
+    kept = [
+        not on or tuple(point) in swept for on, point in zip(grid, np.column_stack([distance, currents]), strict=True)
+    ]
+    distance, currents = distance[kept], currents[kept]
     least = np.linalg.eigvalsh(magnetics.inductance(distance, currents))[:, 0]
     worst = int(np.argmin(least))
     if least[worst] > 0.0:

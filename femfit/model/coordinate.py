@@ -1,4 +1,4 @@
-"""The coordinate in which splines follow the distance: an inverse distance, or the distance itself."""
+"""The coordinate in which splines follow the distance: an inverse distance, the distance, or one for two gaps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,16 +16,18 @@ FloatPlaces = Callable[[list[float]], tuple[list[float], list[float]]]
 
 @dataclass(frozen=True)
 class DistanceCoordinate:
-    """u = d_0 / (d + s), or u = d / d_0.
+    """u = d_0 / (d + s), u = d / d_0, or u = sinh((d - d_0) / h).
 
     A force that grows towards a face is nearly a polynomial in the inverse distance; one of a body that passes the
-    face is finite there, as the distance itself is.
+    face is finite there, as the distance itself is. A body between two magnets has a gap on either side: the third one
+    is stretched towards both ends, without a pole beyond them.
     """
 
     reference_distance_m: float  # d_0
     # s >= 0: the part of the magnetic path that the distance does not close, so that a small one leaves W' finite
     distance_shift_m: float = 0.0
     inverse: bool = True
+    stretch_m: float | None = None  # h, where the coordinate is the one for two gaps; several circuits alone have it
 
     def of(self, distance: FloatArray) -> FloatArray:
         """The coordinate u at distances in m."""
@@ -34,10 +36,16 @@ class DistanceCoordinate:
     def distance(self, u: FloatArray) -> FloatArray:
         """Distances in m at coordinates u."""
         d_0 = self.reference_distance_m
+        if self.stretch_m is not None:
+            return np.asarray(d_0 + self.stretch_m * np.arcsinh(u))
         return d_0 / u - self.distance_shift_m if self.inverse else d_0 * u
 
     def with_slopes(self, distance: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """u, du/dd in 1/m and d^2u/dd^2 in 1/m^2."""
+        if self.stretch_m is not None:
+            x = (distance - self.reference_distance_m) / self.stretch_m
+            u = np.sinh(x)
+            return u, np.cosh(x) / self.stretch_m, u / self.stretch_m**2
         if not self.inverse:
             u = distance / self.reference_distance_m
             return u, np.full_like(u, 1.0 / self.reference_distance_m), np.zeros_like(u)

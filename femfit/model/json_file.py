@@ -269,7 +269,11 @@ def _validity_from(section: Section) -> ValidityBox:
     further = section.array("further_A", 2) if section.data.get("further_A") else np.zeros((0, 2))
     if further.shape[1] != 2:
         raise section.refusal("further_A", "pairs of a lowest and a highest current")
-    return section.record(ValidityBox, further_A=tuple((float(low), float(high)) for low, high in further))
+    return section.record(
+        ValidityBox,
+        further_A=tuple((float(low), float(high)) for low, high in further),
+        mirrored="mirrored" in section.data and section.truth("mirrored"),
+    )
 
 
 def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:

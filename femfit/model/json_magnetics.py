@@ -16,12 +16,12 @@ from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Ma
 from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.model.sensed_field import SensedField
 
-INVERSE, PLAIN = "inverse_distance", "distance"
-"""What u may be: d_0 / (d + s), or d / d_0."""
+INVERSE, PLAIN, TWO_GAPS = "inverse_distance", "distance", "two_gaps"
+"""What u may be: d_0 / (d + s), d / d_0, or, of several circuits, sinh((d - d_0) / h)."""
 
 NETWORK_KIND, MATRIX_KIND, TENSOR_KIND = "reluctance_network", "coenergy_matrix", "coenergy_tensor"
 
-COORDINATE_KEYS = ("coordinate", "reference_distance_m", "distance_shift_m")
+COORDINATE_KEYS = ("coordinate", "reference_distance_m", "distance_shift_m", "stretch_m")
 _SPLINE_KEYS = "kind", *COORDINATE_KEYS, "u_knots", "current_knots_A", "u_degree", "current_degree", "coefficients"
 
 
@@ -177,6 +177,12 @@ def nested_from(
 
 def coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
     """The coordinate of the distance as JSON-ready data."""
+    if coordinate.stretch_m is not None:
+        return {
+            "coordinate": TWO_GAPS,
+            "reference_distance_m": coordinate.reference_distance_m,
+            "stretch_m": coordinate.stretch_m,
+        }
     return {
         "coordinate": INVERSE if coordinate.inverse else PLAIN,
         "reference_distance_m": coordinate.reference_distance_m,
@@ -209,8 +215,12 @@ def spline_from(section: Section, beyond: int = PARABOLA) -> tuple[DistanceCoord
 def coordinate_from(section: Section) -> DistanceCoordinate:
     """The coordinate; an inverse distance in files of schema 1, which do not name it."""
     kind = section.text("coordinate") if "coordinate" in section.data else INVERSE
-    if kind not in {INVERSE, PLAIN}:
-        raise section.refusal("coordinate", f"{INVERSE} or {PLAIN}")
+    several = section.data.get("kind") != "coenergy_spline"
+    if kind not in {INVERSE, PLAIN, *([TWO_GAPS] if several else [])}:
+        raise section.refusal("coordinate", f"{INVERSE} or {PLAIN}{f' or {TWO_GAPS}' if several else ''}")
+    if kind == TWO_GAPS:
+        middle, stretch = section.number("reference_distance_m"), section.number("stretch_m", positive=True)
+        return DistanceCoordinate(middle, inverse=False, stretch_m=stretch)
     shift = section.number("distance_shift_m", lower=0.0, absent=0.0)
     if shift and kind == PLAIN:
         raise section.refusal("distance_shift_m", f"absent beside coordinate {PLAIN}")

@@ -17,6 +17,7 @@ class ValidityBox:
     current_min_A: float
     current_max_A: float
     further_A: tuple[tuple[float, float], ...] = ()  # Of each further circuit; currents then have the shape (..., n)
+    mirrored: bool = False  # Whether all currents may be reversed together
 
     def of_each(self, current: FloatArray) -> list[tuple[FloatArray, float, float]]:
         """Currents of each circuit and their limits."""
@@ -52,10 +53,18 @@ class ValidityBox:
         """Whether each point lies in the domain (to 1e-9 of its width); NaN does not."""
         slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)
         inside = (distance >= self.distance_min_m - slack_d) & (distance <= self.distance_max_m + slack_d)
+        reached = self._reached(current)
+        if self.mirrored:
+            reached = reached | self._reached(-np.asarray(current))
+        return np.asarray(inside & reached)
+
+    def _reached(self, current: FloatArray) -> BoolArray:
+        """Whether all currents were swept."""
+        inside = np.asarray(True)
         for one, low, high in self.of_each(current):
-            slack_i = 1e-9 * (high - low)
-            inside = inside & (one >= low - slack_i) & (one <= high + slack_i)
-        return np.asarray(inside)
+            slack = 1e-9 * (high - low)
+            inside = inside & (one >= low - slack) & (one <= high + slack)
+        return inside
 
     def require(self, distance: FloatArray, current: FloatArray) -> None:
         """Refuse points outside of the domain."""
@@ -65,6 +74,7 @@ class ValidityBox:
             each = self.of_each(current)
             d, *i = (np.broadcast_to(one, inside.shape).ravel()[where] for one in (distance, *(e[0] for e in each)))
             ranges = ", ".join(f"{low:g}..{high:g} A" for _, low, high in each)
+            ranges += " (or all of them reversed)" if self.mirrored else ""
             raise DomainError(
                 f"Distance and current must lie in {1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm and "
                 f"{ranges}, where the model was fitted; instead received "

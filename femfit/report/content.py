@@ -63,7 +63,7 @@ class ReportContent:
         """The same with all currents, where there are several circuits."""
         if self.sweep is None or len(self.model.validity.current_limits_A) == 1:
             return None
-        return circuit_rows(self.sweep)
+        return circuit_rows(self.sweep, self.model.kind)
 
     @property
     def idle(self) -> BoolArray:

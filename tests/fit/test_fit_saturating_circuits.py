@@ -79,7 +79,7 @@ def test_force_and_flux_linkages_follow_the_closed_form_between_the_points(fit, 
     ):
         errors.append(np.sqrt(np.mean((found - true) ** 2) / np.mean(true**2)))
     assert max(errors) < 5e-3  # seven currents over a knee
-    assert max(errors) < 3.0 * fit.circuits.held_out  # what is printed covers what is true between the points
+    assert max(errors) < fit.circuits.left_out_worst  # what is printed covers what is true between the points
     assert "with points left out" in fit.circuits.lines()[0]
 
 
@@ -183,14 +183,6 @@ def test_a_winding_of_few_turns_is_judged_by_its_own_flux_linkage():
 def test_four_currents_over_a_sharp_knee_are_said_to_be_too_few():
     with pytest.raises(FitError, match="Sweep more currents"):
         fit_model(table(currents=np.array([-40.0, -13.0, 13.0, 40.0])))
-
-
-def test_a_grid_of_which_every_combination_lacks_a_point_is_refused():
-    rows = table().rows
-    lacking = rows.groupby([f"current_{name}_A" for name in NAMES]).cumcount()  # 0 to 8 along the distances
-    which = rows.groupby([f"current_{name}_A" for name in NAMES]).ngroup() % len(DISTANCES)
-    with pytest.raises(FitError, match="no combination of currents"):
-        fit_model(replace(table(), rows=rows[lacking != which].reset_index(drop=True)))
 
 
 def test_too_few_currents_or_no_grid_is_refused_with_what_is_needed():

@@ -1,0 +1,139 @@
+"""The co-energy of several circuits as one linear least squares: force, flux linkages and inductances together.
+
+W' = sum of c_af N_a(u(d)) f(i), with splines N_a in a coordinate of the distance and functions f of all currents. Every
+row counts relative to itself, so that a small force is met as well as a large one. What no row determines takes the
+smoothest coefficients, by penalties far below the data's weight. The fit is a projection: one factorisation gives what
+is missed at rows left out, too.
+
+References
+----------
+P. H. C. Eilers and B. D. Marx, Statistical Science 11 (1996) 89: difference penalties on the coefficients of B-splines.
+R. D. Cook and S. Weisberg, Residuals and Influence in Regression (Chapman and Hall, 1982), section 2.2: cases left out.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import combinations_with_replacement
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from femfit.core.arrays import BoolArray, FloatArray
+from femfit.fit.circuit_rows import CircuitRows
+from femfit.fit.constants import INDUCTANCE_SIGMA, SMOOTH_DISTANCE, SMOOTHNESS, U_DEGREE
+from femfit.fit.rows import rms
+from femfit.model.bspline import basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
+
+_UNDETERMINED = 1e-11
+"""Numerical: what is left of a column beside those before it, or of its square beside rows left out, next to rounding.
+"""
+
+
+class CurrentFunctions(Protocol):
+    """Functions of all currents."""
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+
+    @property
+    def constant(self) -> bool:
+        """Whether a constant in W', which no row determines, is among their sums."""
+
+    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
+        """Each function at currents (rows, n), differentiated once along each circuit named; (rows, count)."""
+
+    def roughness(self) -> FloatArray:
+        """Which sums of their coefficients are penalised, (penalties, count)."""
+
+
+@dataclass(frozen=True, eq=False)
+class CircuitSolution:
+    """The coefficients, and what they miss."""
+
+    circuits: int  # Number n of them
+    coordinate: DistanceCoordinate
+    knots: FloatArray
+    coefficients: FloatArray  # (functions of u, functions of the currents)
+    missed: FloatArray  # (quantities, rows): force, flux linkages and inductances, each over its scale
+    projection: FloatArray  # Orthonormal columns, (quantities, rows, unknowns)
+
+    def left_out(self, out: BoolArray) -> FloatArray:
+        """What a fit to the other rows misses at these, as ``missed``; infinite where they do not determine it."""
+        missed, part = self.missed[:, out], self.projection[:, out]
+        part = part.reshape(-1, part.shape[2])
+        left, vectors = np.linalg.eigh(np.eye(len(part)) - part @ part.T)
+        if left[0] < _UNDETERMINED:
+            return np.full(missed.shape, np.inf)
+        return np.asarray(vectors @ ((vectors.T @ missed.ravel()) / left)).reshape(missed.shape)
+
+    def left_out_in_turn(self, folds: Iterable[BoolArray]) -> float:
+        """Rms of what is missed at rows left out, over its scale: the larger of force and each flux linkage."""
+        errors = [self.left_out(out)[: 1 + self.circuits] for out in folds]
+        return max(map(rms, np.concatenate(errors, axis=1))) if errors else np.inf
+
+
+def solve_circuits(
+    rows: CircuitRows, coordinate: DistanceCoordinate, knots: FloatArray, functions: CurrentFunctions
+) -> CircuitSolution | None:
+    """The least squares; None where the rows do not determine it."""
+    u, slope, _ = coordinate.with_slopes(rows.distance)
+    along = basis_matrix(u, knots, U_DEGREE)
+    rising = -slope[:, None] * basis_matrix(u, knots, U_DEGREE, 1)
+    n, flux_scale = len(rows.names), rows.relative_flux_scale
+    blocks = [_products(rising, functions.columns(rows.currents)) / _divisor(rows.force_scale)[:, None]]
+    data = [rows.force / _divisor(rows.force_scale)]
+    for k, scale in enumerate(map(_divisor, flux_scale.T)):
+        blocks.append(_products(along, functions.columns(rows.currents, k)) / scale[:, None])
+        data.append(rows.flux_linkage[:, k] / scale)
+    if rows.inductance is not None:
+        own = _divisor(np.diagonal(rows.inductance, axis1=1, axis2=2))
+        for j, k in combinations_with_replacement(range(n), 2):
+            scale = INDUCTANCE_SIGMA * np.sqrt(own[:, j] * own[:, k])
+            blocks.append(_products(along, functions.columns(rows.currents, j, k)) / scale[:, None])
+            data.append(rows.inductance[:, j, k] / scale)
+    matrix, values = np.concatenate(blocks), np.concatenate(data)
+    free = np.ones(matrix.shape[1], dtype=np.bool_)
+    if functions.constant:
+        free[0 if coordinate.inverse else -functions.count] = False
+    penalties = _penalties(along.shape[1], functions, float(np.linalg.norm(matrix)))
+    whole = np.concatenate([matrix, *penalties])[:, free]
+    norms = np.linalg.norm(whole, axis=0)
+    if len(whole) < whole.shape[1] or not np.all(norms > 0.0):
+        return None
+    orthonormal, triangle = np.linalg.qr(whole / norms)
+    if np.abs(np.diag(triangle)).min() < _UNDETERMINED:
+        return None
+    projection = orthonormal[: len(values)]
+    coefficients = np.zeros(len(free))
+    coefficients[free] = solve_triangular(triangle, projection.T @ values) / norms
+    missed = (matrix @ coefficients - values).reshape(len(blocks), -1)
+    return CircuitSolution(
+        n,
+        coordinate,
+        knots,
+        coefficients.reshape(-1, functions.count),
+        missed,
+        projection.reshape(*missed.shape, -1),
+    )
+
+
+def _divisor(scale: FloatArray) -> FloatArray:
+    return np.where(scale > 0.0, scale, 1.0)
+
+
+def _products(first: FloatArray, second: FloatArray) -> FloatArray:
+    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
+
+
+def _penalties(count: int, functions: CurrentFunctions, size: float) -> Iterator[FloatArray]:
+    """What the smoothest coefficients have none of, along the currents and along the distance."""
+    bent = np.diff(np.eye(count), U_DEGREE, axis=0)
+    for penalty, weight in (
+        (np.kron(np.eye(count), functions.roughness()), SMOOTHNESS),
+        (np.kron(bent, np.eye(functions.count)), SMOOTH_DISTANCE),
+    ):
+        if len(penalty):
+            yield weight * size / np.linalg.norm(penalty) * penalty

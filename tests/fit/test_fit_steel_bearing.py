@@ -1,0 +1,174 @@
+"""A bearing whose steel saturates, from its sweep to its model: by the command, against its closed form."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import femfit as ff
+from femfit.core.errors import DomainError, FitError
+from support.bearing import grid
+from support.command import femfit
+from support.reference import REFERENCE, needs_reference
+from support.saturating_bearing import DISTANCES, GAP, force, inductance, share, write_sweep
+
+ONE_SIDE, BOTH_SIDES = np.array([0.0, 1.0, 2.0, 3.0]), np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
+BETWEEN = grid(np.linspace(0.21e-3, 0.79e-3, 9), np.linspace(0.0, 2.9, 6), np.linspace(0.0, 2.9, 6))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Swept from 0 A up, and fitted by the command."""
+    folder = write_sweep(tmp_path_factory.mktemp("bearing") / "sweep", ONE_SIDE, ONE_SIDE)
+    told = femfit("fit", folder, "-o", folder / "model.json", "--json", folder / "fit.json")
+    assert told.returncode == 0, told.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model(folder):
+    return ff.read_model(folder / "model.json")
+
+
+def test_the_device_saturates_so_that_no_quadratic_form_is_near_it():
+    ends = np.array([[0.1, 0.0], [3.0, 0.0]])
+    first, last = force(np.array([0.2e-3, 0.2e-3]), ends) / ends[:, 0] ** 2
+    assert last < 0.8 * first
+
+
+def test_each_point_and_what_lies_between_is_met_relative_to_its_own_force(model):
+    for (d, i), most in ((grid(DISTANCES, ONE_SIDE, ONE_SIDE), 0.03), (BETWEEN, 0.05)):
+        missed = share(model.force(d, i), force(d, i))
+        assert missed.max() < most
+        assert np.sqrt(np.mean(missed**2)) < 0.01
+
+
+def test_without_current_there_is_no_force_and_all_currents_reversed_give_the_same(model):
+    d = np.linspace(0.2e-3, 0.8e-3, 25)
+    largest = force(0.2e-3, np.array([3.0, 0.0]))
+    assert np.abs(model.force(d, np.zeros((25, 2)))).max() < 1e-12 * largest
+    assert np.abs(model.flux_linkage(d, np.zeros((25, 2)))).max() < 1e-12
+    d, i = BETWEEN
+    np.testing.assert_allclose(model.force(d, -i), model.force(d, i), atol=1e-12 * largest)
+    np.testing.assert_allclose(model.flux_linkage(d, -i), -model.flux_linkage(d, i), atol=1e-12)
+
+
+def test_seen_from_the_other_side_the_bearing_is_the_same(model):
+    d, i = BETWEEN
+    assert share(-model.force(GAP - d, i[:, ::-1]), model.force(d, i)).max() < 2e-3
+
+
+def test_the_inductances_are_positive_definite_and_near_their_closed_form(model):
+    d, i = BETWEEN
+    found = model.inductance(d, i)
+    assert np.linalg.eigvalsh(found).min() > 0.0
+    own = np.diagonal(inductance(d, i), axis1=1, axis2=2)
+    assert np.abs(np.diagonal(found, axis1=1, axis2=2) - own).max() < 0.05 * own.max()
+
+
+def test_signs_that_were_not_swept_together_are_outside_and_said(folder, model):
+    assert model.force(0.5e-3, [-1.0, -2.0]) == pytest.approx(model.force(0.5e-3, [1.0, 2.0]), abs=1e-9)
+    with pytest.raises(DomainError, match="reversed"):
+        model.force(0.5e-3, [1.0, -1.0])
+    notes = json.loads((folder / "fit.json").read_text())["notes"]
+    assert any("both sides of 0 A" in note for note in notes)
+    assert "mirrored" in json.loads((folder / "model.json").read_text())["validity"]
+
+
+def test_one_circuit_swept_to_both_sides_makes_the_model_valid_for_every_sign(tmp_path):
+    fit = ff.fit_model(write_sweep(tmp_path / "sweep", ONE_SIDE, BOTH_SIDES))
+    np.testing.assert_array_equal(fit.model.validity.current_limits_A, [[-3.0, 3.0], [-3.0, 3.0]])
+    assert not fit.model.validity.mirrored
+    d, i = grid(np.linspace(0.25e-3, 0.75e-3, 5), np.linspace(-2.9, 2.9, 7), np.linspace(-2.9, 2.9, 7))
+    assert share(fit.model.force(d, i), force(d, i)).max() < 0.05
+
+
+def test_currents_over_a_knee_too_far_apart_are_refused_with_those_to_add(tmp_path):
+    coarse = write_sweep(tmp_path / "sweep", np.array([0.0, 10.0, 20.0]), BOTH_SIDES)
+    with pytest.raises(FitError, match="currents 5 and 15 A of bottom"):
+        ff.fit_model(coarse)
+
+
+def test_distances_too_far_apart_are_what_the_note_asks_to_refine(tmp_path):
+    fit = ff.fit_model(write_sweep(tmp_path / "sweep", ONE_SIDE, ONE_SIDE, distances=np.linspace(0.02e-3, 0.98e-3, 6)))
+    (note,) = (note for note in fit.notes if "too coarse" in note)
+    assert "from one distance to the next" in note
+
+
+def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
+    """As models of such devices were fitted before: a quadratic form with linear terms, valid for either sign."""
+    right = json.loads((folder / "model.json").read_text())
+    wrong, d = right | {"name": "as-before"}, DISTANCES
+    knots = [0.2, 0.2, 0.2, 0.8, 0.8, 0.8]
+    inverse = {"coordinate": "distance", "reference_distance_m": 1e-3, "u_knots": knots, "u_degree": 2}
+    own = inductance(d[[0, 3, 6]], np.zeros((3, 2)))
+    entries = [[0.002 * k, 3e-4 * k, -2e-4 * k, own[k, 0, 0], own[k, 0, 1], own[k, 1, 1]] for k in range(3)]
+    wrong["magnetics"] = {
+        "kind": "coenergy_matrix", "circuits": ["bottom", "top"], **inverse, "coefficients": entries,
+    }  # fmt: skip
+    wrong["validity"] = {key: value for key, value in right["validity"].items() if key != "mirrored"} | {
+        "current_min_A": -3.0, "further_A": [[-3.0, 3.0]],
+    }  # fmt: skip
+    (folder / "before.json").write_text(json.dumps(wrong))
+    told = femfit("audit", folder / "before.json", "--json", folder / "before-audit.json")
+    assert told.returncode == 1
+    found = json.loads((folder / "before-audit.json").read_text())["findings"]
+    assert {"point_misfit", "force_without_current", "evenness"} <= {
+        one["code"] for one in found if one["severity"] == "wrong"
+    }
+    assert femfit("audit", folder / "model.json", "--json", folder / "audit.json").returncode == 0
+    found = {one["code"]: one for one in json.loads((folder / "audit.json").read_text())["findings"]}
+    assert {found[code]["severity"] for code in ("point_misfit", "force_without_current", "evenness")} == {"holds"}
+
+
+def test_a_loop_holds_the_bearing_and_its_record_is_observed(folder, tmp_path):
+    told = femfit(
+        "simulate", folder / "model.json", "--runs", 1, "--seconds", 0.05, "--controller", "state-feedback",
+        "--csv", tmp_path / "loop.csv",
+    )  # fmt: skip
+    assert told.returncode == 0, told.stderr
+    assert "Held: 1 of 1" in told.stdout
+    record = pd.read_csv(tmp_path / "loop.csv")
+    record.drop(columns="distance_m", errors="ignore").to_csv(tmp_path / "record.csv", index=False)
+    told = femfit("observe", folder / "model.json", tmp_path / "record.csv")
+    assert told.returncode == 0, told.stderr
+
+
+def test_voltages_move_it_and_energy_is_kept(model):
+    moved = ff.simulate(model, voltage_V={"bottom": 1.2, "top": 0.4}, start_m=0.5e-3, duration_s=4e-3)
+    assert not moved.extrapolated
+    assert moved.table["distance_m"][-1] < 0.5e-3
+
+
+def test_a_bench_of_the_device_itself_fits_and_one_of_more_turns_does_not(model, tmp_path):
+    d, i = grid(np.linspace(0.25e-3, 0.75e-3, 6), [0.5, 1.5, 2.5], [0.5, 1.5, 2.5])
+    noise = 0.2 * np.random.default_rng(1).standard_normal((2, len(d)))  # in N
+    head = "run,distance_m,current_bottom_A,current_top_A,force_N\n"
+    for name, scale in (("same", 1.0), ("more", 1.08)):
+        pulled = force(d, i * [scale, 1.0])
+        rows = [
+            f"{run + 1},{a},{b[0]},{b[1]},{c}\n"
+            for run in range(2)
+            for a, b, c in zip(d, i, pulled + noise[run], strict=True)
+        ]
+        (tmp_path / f"{name}.csv").write_text(head + "".join(rows))
+    same, more = (ff.compare(model, tmp_path / f"{name}.csv") for name in ("same", "more"))
+    assert same.channels[0].rms < 0.5  # the noise and what the fit misses between the points
+    assert more.channels[0].rms > 1.0
+    assert ff.diagnose(model, tmp_path / "more.csv").to_dict()["verdict"] != same.verdict
+
+
+@pytest.mark.long
+@needs_reference
+def test_a_swept_bearing_of_steel_1010_is_met_at_every_point(tmp_path):
+    drawing = REFERENCE / "strangers" / "amb2.toml"
+    assert femfit("sweep", drawing, "-o", tmp_path / "sweep").returncode == 0
+    fit = ff.fit_model(tmp_path / "sweep")
+    rows = ff.read_sweep(tmp_path / "sweep").valid_rows()
+    d, i = rows["distance_m"].to_numpy(), rows[["current_bottom_A", "current_top_A"]].to_numpy()
+    missed = share(fit.model.force(d, i), rows["force_N"].to_numpy())
+    assert missed.max() < 0.03
+    assert np.sqrt(np.mean(missed**2)) < 0.01
+    assert fit.circuits.left_out_worst < 0.05
+    assert share(-fit.model.force(1e-3 - d, i[:, ::-1]), fit.model.force(d, i)).max() < 2e-3
