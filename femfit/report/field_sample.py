@@ -44,7 +44,8 @@ def solve_point(
     from femfit.field.problem import prepare
 
     settings = settings or settings_for(actuator)
-    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings, currents=[current])
+    asked = np.atleast_2d(current)
+    problem = prepare(actuator, (distance,), layout_of(actuator, settings), settings, currents=asked)
     field = problem.field(distance, current)
     return SolvedPoint(
         actuator, distance, current, problem.mesh, field.w, field.force, field.self_force, problem.unknowns
