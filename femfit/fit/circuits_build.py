@@ -124,6 +124,8 @@ def _validity(fit: CircuitsFit, rows: CircuitRows) -> tuple[ValidityBox, tuple[s
 def _one_sided(circuits: Sequence[Circuit], low: FloatArray, high: FloatArray) -> list[str]:
     """What to do about circuits that a simulation drives below zero at once, where the sweep says nothing."""
     free = [one.drive.kind == "voltage" and one.drive.diode_V is None for one in circuits]
+    if not circuits:
+        return []
     names = [one.name for one, own, a, b in zip(circuits, free, low, high, strict=True) if own and a * b == 0.0]
     if not names:
         return []
