@@ -37,6 +37,7 @@ def test_rooms_import_downwards_only():
 KINDS = ("Derived", "Conventional", "Calibrated", "Assumed", "Numerical")
 NO_DECISION = {
     "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
+    "fit/circuit_system.py": "what rounding leaves of a column, beside the solver",
     "fit/result.py": "how many labels a sentence lists",
     "identify/comparison/curves.py": "what a picture shows",
     "identify/comparison/misfit_maps.py": "what a picture shows",
