@@ -3,18 +3,13 @@
 import functools
 import inspect
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
 from threadpoolctl import threadpool_limits
 
 from femfit.core.errors import ArgumentError
-
-_LOCK = threading.Lock()
-_limits: list[threadpool_limits] = []
-"""The limit, once for each call that is at work; the last one to end lifts it."""
 
 
 def public(function: Callable[..., Any], module: str, name: str) -> Callable[..., Any]:
@@ -30,29 +25,40 @@ def public(function: Callable[..., Any], module: str, name: str) -> Callable[...
             signature.bind(*arguments, **keywords)
         except TypeError as error:
             raise ArgumentError(_wrong_argument(name, signature, keywords, str(error))) from None
-        with one_blas_thread():
+        with _ONE_BLAS_THREAD:
             return function(*arguments, **keywords)
 
     called.__module__, called.__qualname__, called.__name__ = module, name, name
     return called
 
 
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Let BLAS work with one thread inside of the block, and as before after it.
+class _OneBlasThread:
+    """Lets BLAS work with one thread from the first call that enters until the last one leaves.
 
     femfit's matrices are small. Threads that wait for each other on cores with other work cost up to twenty times the
-    time. The limit is the process's: it holds for the caller's own threads too, until the last block ends.
+    time. The limit is the process's: it holds for the caller's own threads, too.
     """
-    with _LOCK:
-        _limits.append(_limits[-1] if _limits else threadpool_limits(1, user_api="blas"))
-    try:
-        yield
-    finally:
-        with _LOCK:
-            limit = _limits.pop()
-            if not _limits:
-                limit.restore_original_limits()
+
+    def __init__(self) -> None:
+        self.lock, self.calls = threading.Lock(), 0
+        self.limit: threadpool_limits | None = None
+
+    def __enter__(self) -> None:
+        with self.lock:
+            self.calls += 1
+            if self.limit is None:
+                self.limit = threadpool_limits(1, user_api="blas")
+
+    def __exit__(self, *_: object) -> None:
+        with self.lock:
+            self.calls -= 1
+            if not self.calls and self.limit is not None:
+                self.limit.restore_original_limits()
+                self.limit = None
+
+
+_ONE_BLAS_THREAD = _OneBlasThread()
+"""One for the process, as the limit is."""
 
 
 def _wrong_argument(name: str, signature: inspect.Signature, keywords: dict[str, Any], problem: str) -> str:

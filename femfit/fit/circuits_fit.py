@@ -188,10 +188,11 @@ def _finer(found: CircuitSolution, rows: CircuitRows, saturates: bool) -> tuple[
 
 def _not_quadratic(rows: CircuitRows, functions: _Products) -> float:
     """What the best quadratic form in the currents misses at each distance by itself, over the scale, at most."""
-    flux = zip(rows.flux_linkage.T, rows.relative_flux_scale.T, strict=True)
+    flux = enumerate(zip(rows.flux_linkage.T, rows.relative_flux_scale.T, strict=True))
+    readings = [((), rows.force, rows.force_scale), *(((circuit,), *column) for circuit, column in flux)]
     worst = 0.0
-    for circuits, (values, scale) in enumerate([(rows.force, rows.force_scale), *flux]):
-        columns = functions.columns(rows.currents, *range(circuits - 1, circuits)[: circuits > 0]) / scale[:, None]
+    for circuits, values, scale in readings:
+        columns = functions.columns(rows.currents, *circuits) / scale[:, None]
         for d in rows.distances:
             at = rows.distance == d
             best = columns[at] @ np.linalg.lstsq(columns[at], values[at] / scale[at], rcond=None)[0]

@@ -1,8 +1,9 @@
 """Several circuits whose iron saturates: one spline in the distance and all currents, fitted to a grid of points.
 
-In each current the spline has a cell for every step between the swept currents, or half as many, whichever misses less
-at points left out. Without a magnet it goes from the largest current to its negative, and W'(d, -i) = W'(d, i), with
-W'(d, 0) = 0, hold in every one of its functions, so that there is neither a force nor a flux linkage without current.
+In each current the spline has a cell for every step between the swept currents, for every second, or for every third,
+whichever misses least at points left out. Without a magnet it goes from the largest current to its negative, and
+W'(d, -i) = W'(d, i), with W'(d, 0) = 0, hold in every one of its functions, so that there is neither a force nor a flux
+linkage without current.
 What currents of signs that were not swept together leave open takes the smoothest: in each two currents a sum of what
 each does alone and of what one does in proportion to the other.
 """

@@ -8,6 +8,7 @@ from math import comb, factorial
 import numpy as np
 
 from femfit.core.arrays import FloatArray
+from femfit.core.errors import DomainError
 from femfit.model.bspline import TensorSpline
 
 Orders = tuple[tuple[int, int], ...]
@@ -69,6 +70,7 @@ class DistanceCoordinate:
         ----------
         L. Comtet, Advanced Combinatorics (Reidel, 1974), section 3.3, for the Lah numbers.
         """
+        self._require_one_gap()
         d_0 = self.reference_distance_m
         if not self.inverse:
             values = spline.derivatives(distance / d_0, current, orders)
@@ -81,6 +83,7 @@ class DistanceCoordinate:
 
     def in_floats(self) -> FloatPlaces:
         """A function from distances to u and -du/dd, for a handful of points in Python's floats."""
+        self._require_one_gap()
         d_0, shift = self.reference_distance_m, self.distance_shift_m
 
         def inverse(distances: list[float]) -> tuple[list[float], list[float]]:
@@ -92,6 +95,10 @@ class DistanceCoordinate:
             return [d / d_0 for d in distances], [-1.0 / d_0] * len(distances)
 
         return inverse if self.inverse else plain
+
+    def _require_one_gap(self) -> None:
+        if self.stretch_m is not None:
+            raise DomainError("The coordinate of two gaps is that of several circuits; use one of a single gap here.")
 
 
 @cache

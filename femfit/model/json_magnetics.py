@@ -105,7 +105,9 @@ def _matrix_from(section: Section) -> CoenergyMatrix:
     names = section.names("circuits", 2)
     knots, degree = knots_from(section, "u_knots", section.integer("u_degree", 2, 9))
     needed = (len(knots) - degree - 1, (len(names) + 1) * (len(names) + 2) // 2)
-    return CoenergyMatrix(names, coordinate_from(section), knots, degree, section.shaped("coefficients", needed))
+    return CoenergyMatrix(
+        names, coordinate_from(section, further=TWO_GAPS), knots, degree, section.shaped("coefficients", needed)
+    )
 
 
 def knots_from(section: Section, key: str, degree: int) -> tuple[FloatArray, int]:
@@ -172,7 +174,14 @@ def nested_from(
     each = [knots_from(one, "knots_A", one.integer("degree", least_degree, 9)) for one in along]
     needed = tuple(len(inner) - power - 1 for inner, power in ((knots, degree), *each))
     inner, powers = tuple(one for one, _ in each), tuple(power for _, power in each)
-    return coordinate_from(section), knots, degree, inner, powers, section.shaped("coefficients", needed)
+    return (
+        coordinate_from(section, further=TWO_GAPS),
+        knots,
+        degree,
+        inner,
+        powers,
+        section.shaped("coefficients", needed),
+    )
 
 
 def coordinate_to(coordinate: DistanceCoordinate) -> dict[str, Any]:
@@ -212,12 +221,12 @@ def spline_from(section: Section, beyond: int = PARABOLA) -> tuple[DistanceCoord
     return coordinate_from(section), spline
 
 
-def coordinate_from(section: Section) -> DistanceCoordinate:
-    """The coordinate; an inverse distance in files of schema 1, which do not name it."""
+def coordinate_from(section: Section, *, further: str = PLAIN) -> DistanceCoordinate:
+    """The coordinate, of which several circuits have a further one; an inverse distance in files of schema 1."""
     kind = section.text("coordinate") if "coordinate" in section.data else INVERSE
-    several = section.data.get("kind") != "coenergy_spline"
-    if kind not in {INVERSE, PLAIN, *([TWO_GAPS] if several else [])}:
-        raise section.refusal("coordinate", f"{INVERSE} or {PLAIN}{f' or {TWO_GAPS}' if several else ''}")
+    allowed = list(dict.fromkeys((INVERSE, PLAIN, further)))
+    if kind not in allowed:
+        raise section.refusal("coordinate", " or ".join(allowed))
     if kind == TWO_GAPS:
         middle, stretch = section.number("reference_distance_m"), section.number("stretch_m", positive=True)
         return DistanceCoordinate(middle, inverse=False, stretch_m=stretch)

@@ -54,7 +54,8 @@ class Section:
         needed = "a finite number" + (" > 0" if positive else f" >= {lower:g}" if np.isfinite(lower) else "")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.refusal(key, needed)
-        needed += f", of less than {_LARGEST:g}" * (abs(value) >= _LARGEST)
+        if abs(value) >= _LARGEST:
+            needed += f", of less than {_LARGEST:g}"
         if not abs(value) < _LARGEST or value < lower or (positive and value <= 0):
             raise self.refusal(key, needed)
         return float(value)

@@ -7,7 +7,7 @@ adds to it.
 
 References
 ----------
-S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), section 5.3.2.
+S. Skogestad and I. Postlethwaite, Multivariable Feedback Control (Wiley, 2005), section 5.3.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from femfit.simulation.tune import Bench
 
 @dataclass(frozen=True)
 class BlindBound:
-    """The largest modulus margin of any controller, where zero and pole are nearest to each other."""
+    """An upper bound on the modulus margin of any controller, by the zero that lies nearest to a pole."""
 
     distance_m: float
     zero_rad_s: float

@@ -107,7 +107,7 @@ def margins(
     room : array, shape (n,)
         From the resting commands to the nearer limits, in the commands' units.
     points : int
-        Of the frequency response; with fewer than usual, the gains of several circuits together are not sought.
+        Of the frequency response; with fewer than usual, gains are those of each circuit alone, not of all together.
     """
     poles = np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller)))
     largest = float(poles.max())
@@ -127,7 +127,8 @@ def margins(
     below, above, phase, delay = 0.0, np.inf, np.pi, np.inf
     for k in range(n):
         L: ComplexArray = np.asarray(1.0 / S[:, k, k] - 1.0, dtype=np.complex128)
-        below, above = gain_margins(L)
+        own_below, own_above = gain_margins(L)
+        below, above = max(below, own_below), min(above, own_above)
         own_phase, own_delay = phase_and_delay_margin(w, L)
         phase, delay = min(phase, own_phase), min(delay, own_delay)
     if n > 1 and points >= FREQUENCIES:

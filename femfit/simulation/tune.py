@@ -175,7 +175,7 @@ def _fastest(bench: Bench, made: Callable[[float], C]) -> C:
         tried.append((bench.score(found), found))
     if not tried:
         raise DomainError(
-            f"No state feedback was found: between {lowest:.4g} and {highest:.4g} rad/s no bandwidth has a regulator. "
+            f"No controller was found: between {lowest:.4g} and {highest:.4g} rad/s no bandwidth keeps the loop. "
             "Use another controller, or a shorter sample time."
         )
     return max(tried, key=lambda one: one[0])[1]
