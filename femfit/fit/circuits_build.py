@@ -13,7 +13,7 @@ from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.circuit import Circuit
 from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_fit import CircuitsFit, fit_circuits
-from femfit.fit.constants import NETWORK_IDLE
+from femfit.fit.constants import FEWEST_CURRENTS, NETWORK_IDLE, SAME_SETTING
 from femfit.fit.eddy import conductivities, fit_eddy
 from femfit.fit.impedance_numbers import with_impedances
 from femfit.fit.misfit import as_written, import_notes, sheet_notes
@@ -52,10 +52,12 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     """
     kind = kind_of(entry)
     rows = circuit_rows(table, kind)
+    if kind is not None and kind.saturates:
+        _require_currents(rows)
     fit = fit_circuits(rows)
     circuits, notes = circuits_of(entry, rows.names)
     validity, said = _validity(fit, rows)
-    notes = (*notes, *said, *_one_sided(circuits, *validity.current_limits_A.T))
+    notes = (*notes, *said, *_absent(rows), *_one_sided(circuits, *validity.current_limits_A.T))
     motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
     if motion is None:
         notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
@@ -90,6 +92,35 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
     }
     return replace(result, model=replace(model, provenance=provenance))
+
+
+def _require_currents(rows: CircuitRows) -> None:
+    """Refuse two currents of a circuit whose iron has a curve: a quadratic form would meet both, however it bends."""
+    few = [
+        name
+        for name, column in zip(rows.names, rows.currents.T, strict=True)
+        if len(np.unique(column)) < FEWEST_CURRENTS
+    ]
+    if few:
+        raise FitError(
+            f"The drawing's iron has a magnetisation curve, and each circuit then needs {FEWEST_CURRENTS} currents or "
+            f"more to show how it bends; {' and '.join(few)} {'has' if len(few) == 1 else 'have'} fewer. Sweep more."
+        )
+
+
+def _absent(rows: CircuitRows) -> list[str]:
+    """What points that the grid of a sweep lacks mean for the co-energy between the others."""
+    axes = [rows.distances, *(np.unique(column) for column in rows.currents.T)]
+    points = int(np.prod([len(axis) for axis in axes]))
+    absent = points - len(rows.distance)
+    if absent <= 0:
+        return []
+    return [
+        (
+            f"{absent} of the {points} points of the grid failed or are missing, and the co-energy is less sure around "
+            "them. Mend what made them fail, or move these points, and sweep again before anything else."
+        )
+    ]
 
 
 def _validity(fit: CircuitsFit, rows: CircuitRows) -> tuple[ValidityBox, tuple[str, ...]]:
@@ -149,17 +180,26 @@ def circuit_rows(table: SweepTable, kind: ActuatorKind | None) -> CircuitRows:
             "with femfit, or import these columns."
         )
     force = _numbers(rows, ["force_N"])[:, 0]
+    if not force.any():
+        raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
     known = "force_error_N" in rows and bool(rows["force_error_N"].notna().all())
     found = CircuitRows(
         names,
-        _numbers(rows, ["distance_m"])[:, 0],
-        _numbers(rows, columns),
+        _on_grid(_numbers(rows, ["distance_m"])[:, 0]),
+        np.column_stack([_on_grid(column) for column in _numbers(rows, columns).T]),
         force,
         _numbers(rows, fluxes),
         np.abs(_numbers(rows, ["force_error_N"])[:, 0]) if known else np.zeros_like(force),
         _inductances(rows, names),
     )
     return replace(found, magnet=_pulls_without_current(found) if kind is None else kind.has_magnet)
+
+
+def _on_grid(values: FloatArray) -> FloatArray:
+    """Values of which those count as one that differ by rounding, as of a table that was written with few digits."""
+    distinct, place = np.unique(values, return_inverse=True)
+    first = np.diff(distinct, prepend=-np.inf) > SAME_SETTING * np.abs(distinct).max()
+    return np.asarray(distinct[first][np.cumsum(first) - 1][place])
 
 
 def _inductances(rows: pd.DataFrame, names: tuple[str, ...]) -> FloatArray | None:

@@ -196,7 +196,10 @@ class System:
             def inside(
                 _: float, state: FloatArray, k: int = index, low: float = low - slack, high: float = high + slack
             ) -> float:
-                return min(float(state[k]) - low, high - float(state[k]))
+                # Of a mirrored domain all currents count reversed together, where most of them flow that way
+                reversed_together = k >= 2 and box.mirrored and float(np.sum(state[2 : 2 + len(limits)])) < 0.0
+                value = -float(state[k]) if reversed_together else float(state[k])
+                return min(value - low, high - value)
 
             found.append(Watch(name, inside, -1.0))
         return found

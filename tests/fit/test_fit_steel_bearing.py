@@ -1,8 +1,10 @@
 """A bearing whose steel saturates, from its sweep to its model: by the command, against its closed form."""
 
 import json
+import shutil
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import femfit as ff
@@ -96,6 +98,40 @@ def test_distances_too_far_apart_are_what_the_note_asks_to_refine(tmp_path):
     fit = ff.fit_model(write_sweep(tmp_path / "sweep", fine, fine, distances=np.linspace(0.02e-3, 0.98e-3, 6)))
     (note,) = (note for note in fit.notes if "too coarse" in note)
     assert "from one distance to the next" in note
+
+
+def test_settings_that_differ_by_rounding_are_one(folder, model, tmp_path):
+    rounded = tmp_path / "rounded"
+    shutil.copytree(folder, rounded)
+    rows = pd.read_csv(folder / "sweep.csv")
+    jitter = 1.0 + 1e-9 * np.random.default_rng(1).uniform(-1.0, 1.0, len(rows))
+    rows.assign(distance_m=rows["distance_m"] * jitter).to_csv(rounded / "sweep.csv", index=False)
+    d, i = BETWEEN
+    assert share(ff.fit_model(rounded).model.force(d, i), model.force(d, i)).max() < 1e-3
+
+
+def test_two_currents_that_cannot_show_how_iron_bends_are_refused(tmp_path):
+    with pytest.raises(FitError, match="3 currents"):
+        ff.fit_model(write_sweep(tmp_path / "sweep", np.array([0.0, 3.0]), np.array([0.0, 3.0])))
+
+
+def test_points_that_failed_are_counted_before_any_are_asked_for(folder, tmp_path):
+    holes = tmp_path / "holes"
+    shutil.copytree(folder, holes)
+    rows = pd.read_csv(folder / "sweep.csv")
+    rows.loc[[20, 50, 80], "status"] = "failed: no mesh"
+    rows.to_csv(holes / "sweep.csv", index=False)
+    (note,) = (note for note in ff.fit_model(holes).notes if "points of the grid" in note)
+    assert note.startswith(f"3 of the {len(rows)} ")
+
+
+def test_voltages_reversed_together_move_it_as_they_do_forwards(model):
+    forwards, backwards = (
+        ff.simulate(model, voltage_V={"bottom": sign * 5.0, "top": sign * 4.0}, start_m=0.5e-3, duration_s=1.2e-3)
+        for sign in (1.0, -1.0)
+    )
+    assert backwards.table["time_s"][-1] == pytest.approx(1.2e-3)
+    np.testing.assert_allclose(backwards.table["distance_m"][-1], forwards.table["distance_m"][-1], rtol=1e-9)
 
 
 def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
