@@ -405,9 +405,7 @@ class ActuatorModel(Printed):
         """The sensor, or :class:`MissingPartError` with the remedy."""
         if self.sensor is None:
             raise MissingPartError(
-                self._missing(
-                    "sensor (field at a Hall element)", "[sensors.NAME] of kind hall, and a sweep with hall_T"
-                )
+                self._missing("sensor that tells the distance", "[sensors.NAME] of kind hall or position")
             )
         return self.sensor
 

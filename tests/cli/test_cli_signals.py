@@ -70,7 +70,9 @@ def swallowing_at(distance, number):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_that_the_solver_swallows_is_no_failed_distance(tmp_path, monkeypatch, number):
+def test_a_signal_that_the_solver_swallows_is_no_failed_distance(tmp_path, monkeypatch, request, number):
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for work in the background
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, handler))
     (tmp_path / "a.toml").write_text(SMALL.replace("stop = 12", "stop = 6"))
     command = ("sweep", tmp_path / "a.toml", "-o", tmp_path / "run", "--workers", 1)
     monkeypatch.setattr(sweep_task.DistanceTask, "result", swallowing_at(5e-3, number))

@@ -59,7 +59,7 @@ def test_a_model_without_a_hall_sensor_says_how_to_get_one_and_exits_1(levitatio
     write_model(replace(levitation_model, sensor=None), tmp_path / "model.json")
     result = simulate(tmp_path / "model.json")
     assert result.returncode == 1
-    assert "[hall]" in result.stderr
+    assert "[sensors.NAME]" in result.stderr
     assert "Traceback" not in result.stderr
 
 

@@ -188,8 +188,12 @@ def test_a_model_changes_with_a_number_as_the_field_does(swept):
             assert np.all(np.abs(change - expected) < limit + 1e-6 * np.abs(z) / number.tolerance), number.key
 
 
-def test_without_signatures_the_file_goes(swept):
+def test_the_file_stays_for_the_same_drawing_and_goes_with_another(swept):
     directory, _ = swept
+    run_sweep(directory / "pot.toml", directory / "run", workers=1)
     assert (directory / "run" / NAME).is_file()
+    drawing = (directory / "pot.toml").read_text()
+    assert "turns = " in drawing
+    (directory / "pot.toml").write_text(drawing.replace("turns = ", "turns = 1"))
     run_sweep(directory / "pot.toml", directory / "run", workers=1)
     assert not (directory / "run" / NAME).exists()

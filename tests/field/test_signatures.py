@@ -161,6 +161,9 @@ def test_a_sweep_writes_signatures_beside_its_table_and_reads_them_back(tmp_path
     assert by_key["materials.iron.relative_permeability"].tolerance == pytest.approx(0.1)
     assert str(again).startswith("the remanence of hard +- 1.5 %: force ")
     run_sweep(drawing, tmp_path / "run", workers=1)
+    assert read_sweep_table(tmp_path / "run").signatures.numbers == again.numbers  # of the same drawing
+    drawing.write_text(SMALL.replace("turns = ", "turns = 1"))
+    run_sweep(drawing, tmp_path / "run", workers=1)
     assert read_sweep_table(tmp_path / "run").signatures is None  # those of a sweep that is no more
 
 

@@ -85,7 +85,8 @@ def calibrate(
 
     Examples
     --------
-    >>> found = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers="hall.z_mm", effects=["core_saturation"])
+    >>> place, effects = "sensors.hall.z_mm", ["core_saturation"]
+    >>> found = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers=place, effects=effects)
     >>> number = found.numbers[0]
     >>> number.drawn, number.unit
     (0.0, 'mm')

@@ -91,9 +91,10 @@ class CalibrationResult(Printed):
     Examples
     --------
     >>> import femfit as ff
-    >>> found = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers="hall.z_mm", effects=["core_saturation"])
+    >>> place, effects = "sensors.hall.z_mm", ["core_saturation"]
+    >>> found = ff.calibrate("rig.toml", "bench.csv", "runs/rig", numbers=place, effects=effects)
     >>> [one.key for one in found.numbers]
-    ['hall.z_mm']
+    ['sensors.hall.z_mm']
     """
 
     drawing: str  # Its text: that of the old one with other numbers

@@ -168,7 +168,7 @@ def read_parameters(path: Path) -> ParameterSet:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise TableError(f"{path} must be TOML; {error}.") from error
-    if "electromagnet" in data:
+    if "schema" in data:
         raise TableError(
             f"{path} is an actuator file; audit its model: femfit sweep, femfit fit, then audit MODEL.json."
         )
