@@ -73,6 +73,8 @@ def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_ref
     assert {"hall_temperature", "external_field"} < set(result.missing[1].members)
     assert len(made) <= 8, len(made)
     assert not [one for one in result.findings if one.code == "search-ended"]
+    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", len(made))  # It ends by itself at the limit
+    assert not [one for one in diagnose(levitation_model, table, **QUICK).findings if one.code == "search-ended"]
     monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", 2)
     made.clear()
     ended = diagnose(levitation_model, table, **QUICK)

@@ -64,7 +64,7 @@ def explain(campaign: Campaign) -> Posterior:
         _propose(found, one)
     # A large effect's own curvature may spoil what it promises to first order
     likeliest = max(alone, key=lambda one: one.log_evidence, default=nothing)
-    odds, least, in_vain = _prior_odds(len(space.variants)), np.log(LOOKED_AT), 0
+    odds, least, in_vain, ended = _prior_odds(len(space.variants)), np.log(LOOKED_AT), 0, False
     for refits in count():
         logs = _log_posterior(found, odds)
         total = np.logaddexp.reduce(list(logs.values()))
@@ -82,6 +82,7 @@ def explain(campaign: Campaign) -> Posterior:
             if found[best].linear is not None or logs[frozenset(), False] - total > least:
                 break
         if refits == MOST_REFITS:
+            ended = True
             break
         found[best] = _refitted(space, found[best])
         better = _log_posterior({best: found[best]}, odds)[best, False] > logs[top, False]
@@ -92,7 +93,7 @@ def explain(campaign: Campaign) -> Posterior:
                 promised[best][frozenset(one.names)] = one.log_evidence
                 _propose(found, one)
     probability = {key: float(np.exp(value - total)) for key, value in logs.items()}
-    return Posterior(space, found, probability, refits == MOST_REFITS)
+    return Posterior(space, found, probability, ended)
 
 
 def _as_promising(
