@@ -76,7 +76,8 @@ def explain(campaign: Campaign) -> Posterior:
         if best is None or (logs[best, False] - total < least and not deeper):
             best = _without_one(found, top)
             if best is None and logs[top, False] - total > least:
-                best = _as_promising(found, promised, top, odds if logs[top, False] > logs[top, True] else np.inf)
+                beside_unknown = logs[top, True] >= logs[top, False]
+                best = _as_promising(found, promised, top, odds, beside_unknown=beside_unknown)
         if best is None:
             best = frozenset(likeliest.names)
             if found[best].linear is not None or logs[frozenset(), False] - total > least:
@@ -101,17 +102,20 @@ def _as_promising(
     promised: Mapping[frozenset[str], Mapping[frozenset[str], float]],
     top: frozenset[str],
     odds: float,
+    *,
+    beside_unknown: bool,
 ) -> frozenset[str] | None:
     """An exchange of one effect that promised as much, beside the same others, as the most probable set did.
 
-    One that makes these others no more probable stands at first order, unless it has parameters beside its size.
+    One that makes these others no more probable stands at first order. Beside an unknown cause that says little of it.
     """
+    every = beside_unknown and len(top) > 1
     alike = [
         (log, names)
         for left in top
         for rest in (promised.get(top - {left}, {}),)
         for names, log in rest.items()
-        if found[names].linear is None and log > rest[top] + np.log(LOOKED_AT) and _adds(found[names], odds)
+        if found[names].linear is None and log > rest[top] + np.log(LOOKED_AT) and (every or _adds(found[names], odds))
     ]
     return max(alike, key=lambda pair: pair[0])[1] if alike else None
 
