@@ -134,6 +134,13 @@ def test_corners_of_other_shapes_do_not_take_certainty_away(solenoid, corners):
     assert found.dimensions_suspected
 
 
+def test_a_part_below_one_half_is_printed_as_it_is(solenoid):
+    found = ff.diagnose(solenoid, shifted(solenoid), bootstrap=0)
+    missing = tuple(replace(one, explained_share=0.41) for one in found.missing)
+    text = str(replace(found, verdict="form_insufficient", missing=missing))
+    assert "41 %" in text.splitlines()[0]
+
+
 def test_what_is_certain_among_the_catalogue_says_that_no_dimension_was_suspected(solenoid):
     found = ff.diagnose(solenoid, shifted(solenoid), bootstrap=0)
     assert found.confident

@@ -112,7 +112,7 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
 
 def _part(share: float) -> str:
     """The part of a misfit that something explains but does not explain in all."""
-    return amount(min(share, 0.999), "", 3 if share > 0.99 else 2) if share > 0.5 else "most"
+    return amount(min(max(share, 0.0), 0.999), "", 3 if share > 0.99 else 2)
 
 
 def _left(diagnosis: "Diagnosis") -> tuple[dict[str, float], dict[str, float], dict[str, str]]:
