@@ -11,6 +11,7 @@ import femfit as ff
 from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.identify.decision.diagnosis import CleanCampaigns
 from femfit.identify.refit.sizes import EffectSize
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
@@ -132,6 +133,17 @@ def test_corners_of_other_shapes_do_not_take_certainty_away(solenoid, corners):
     found = ff.diagnose(model, shifted(model), bootstrap=0)
     assert found.confident
     assert found.dimensions_suspected
+
+
+@pytest.mark.parametrize(("named", "certain"), [(4, True), (5, False)])
+def test_nothing_is_certain_where_noise_alone_is_named_in_more_than_a_tenth(solenoid, monkeypatch, named, certain):
+    clean = CleanCampaigns(named, 40)
+    monkeypatch.setattr("femfit.identify.decision.diagnose.clean_campaigns", lambda *_: clean)
+    found = ff.diagnose(solenoid, shifted(solenoid))
+    assert [one.name for one in found.missing] == ["distance_offset"]
+    assert found.confident is certain
+    assert (f"{named} of 40" in str(found).splitlines()[0]) is not certain
+    assert ("Not certain" in str(found)) is not certain
 
 
 def test_a_part_below_one_half_is_printed_as_it_is(solenoid):

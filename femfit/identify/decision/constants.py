@@ -86,6 +86,9 @@ EXPLAINED = 0.5
 """Conventional: part of the squared misfit above the noise that effects of another form must explain, fitted to all
 readings, where the search names them: less than where one effect is called most of it though the search names none."""
 
+FALSE_NAMES = 0.1
+"""Conventional: share of simulated clean campaigns that are given a name, above which no name is certain."""
+
 CERTAIN = 0.5
 """Conventional: probability of just what is named below which it is not certain."""
 
