@@ -11,6 +11,7 @@ import femfit as ff
 from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.identify.decision.diagnosis import CleanCampaigns
 from femfit.identify.refit.sizes import EffectSize
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
@@ -48,17 +49,17 @@ def solenoid(levitation_model):
     return replace(levitation_model, magnetics=magnetics, sensor=None)
 
 
-def with_corners(solenoid, *shares):
-    """The solenoid with corners of a yoke: what each, moved by 1 mm, has of a distance that is 1 mm longer."""
+def with_numbers(solenoid, **shares):
+    """The solenoid with numbers of its drawing: what 1 mm of each, per place, has of a distance that is 1 mm longer."""
 
-    def corner(k, share):
+    def number(place, share):
         def change(d, i):
             return share(d) * 1e-3 * -0.5 * 5.0 * np.exp(-d / 0.01) * i**2
 
         term = FieldTerm("change_mm", COORDINATE, fitted_spline(change, CURRENTS, 2))
-        return DrawnEffect(f"fixed.regions.yoke.polygon_mm[{k}][1]", (), f"corner {k}", 5.0, "mm", 0.1, (term,))
+        return DrawnEffect(f"fixed.regions.yoke.{place}", (), place, 5.0, "mm", 0.1, (term,))
 
-    return replace(solenoid, drawn=tuple(corner(3 + k, share) for k, share in enumerate(shares)))
+    return replace(solenoid, drawn=tuple(number(place, share) for place, share in shares.items()))
 
 
 def near(d):
@@ -108,20 +109,48 @@ def test_a_cause_without_an_equal_is_no_tie(solenoid):
     assert named.tie == ("distance_offset",)
 
 
-def test_two_corners_that_move_together_like_the_stage_leave_nothing_certain(solenoid):
-    model = with_corners(solenoid, near, far)
+def whole(d):
+    return np.ones_like(d)
+
+
+FACE, CORNERS = "polygon_mm[3..4][1]", {"polygon_mm[3][1]": near, "polygon_mm[4][1]": far}
+
+
+def test_a_face_that_moves_like_the_stage_leaves_nothing_certain(solenoid):
+    model = with_numbers(solenoid, **{FACE: whole}, **CORNERS)
     found = ff.diagnose(model, shifted(model), bootstrap=0)
-    assert [one.name for one in found.missing] == ["distance_offset"]
+    assert {"distance_offset", f"fixed.regions.yoke.{FACE}"} <= set(found.missing[0].members)
     assert not found.confident
     assert found.dimensions_suspected
-    assert all(f"polygon_mm[{k}][1]" in found.look_alikes[0] for k in (3, 4))
+    suspects = {one.name for one in found.ranking}
+    assert {one for one in found.look_alikes if not one.startswith("a constant error of")} <= suspects
 
 
-def test_corners_of_other_shapes_do_not_take_certainty_away(solenoid):
-    model = with_corners(solenoid, near)
+@pytest.mark.parametrize("corners", [dict([next(iter(CORNERS.items()))]), CORNERS])
+def test_corners_of_other_shapes_do_not_take_certainty_away(solenoid, corners):
+    """Nor do two of them that no face moves together: each is a suspect by itself."""
+    model = with_numbers(solenoid, **corners)
     found = ff.diagnose(model, shifted(model), bootstrap=0)
     assert found.confident
     assert found.dimensions_suspected
+
+
+@pytest.mark.parametrize(("named", "certain"), [(4, True), (5, False)])
+def test_nothing_is_certain_where_noise_alone_is_named_in_more_than_a_tenth(solenoid, monkeypatch, named, certain):
+    clean = CleanCampaigns(named, 40)
+    monkeypatch.setattr("femfit.identify.decision.diagnose.clean_campaigns", lambda *_: clean)
+    found = ff.diagnose(solenoid, shifted(solenoid))
+    assert [one.name for one in found.missing] == ["distance_offset"]
+    assert found.confident is certain
+    assert (f"{named} of 40" in str(found).splitlines()[0]) is not certain
+    assert ("Not certain" in str(found)) is not certain
+
+
+def test_a_part_below_one_half_is_printed_as_it_is(solenoid):
+    found = ff.diagnose(solenoid, shifted(solenoid), bootstrap=0)
+    missing = tuple(replace(one, explained_share=0.41) for one in found.missing)
+    text = str(replace(found, verdict="form_insufficient", missing=missing))
+    assert "41 %" in text.splitlines()[0]
 
 
 def test_what_is_certain_among_the_catalogue_says_that_no_dimension_was_suspected(solenoid):

@@ -7,12 +7,10 @@ to every reading of a channel has more causes than any list holds, so that a con
 among the examples.
 
 A number of the drawing is known to first order alone. Beside a refit of a large effect, which follows its curvature, it
-would look different for that reason only; so it is compared with the first order of what is named as well. There two
-coordinates of one part are also moved together, as by a tool that was set too deep.
+would look different for that reason only; so it is compared with the first order of what is named as well.
 """
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 
@@ -68,7 +66,7 @@ def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
         examples.append(campaign.whitening.full(observations.of(name).astype(np.float64)))
         longest.append(np.inf)
     compared = [(linear, names, examples, longest)]
-    numbers = _moved_alone_and_together(space, chosen.names)
+    numbers = _drawn_numbers(space, chosen.names)
     if numbers[0]:
         compared.append((_to_first_order(space, fit), *numbers))
     result: dict[str, float] = {}
@@ -82,29 +80,15 @@ def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
     return result
 
 
-def _moved_alone_and_together(
-    space: EffectSpace, named: Sequence[str]
-) -> tuple[list[str], list[FloatArray], list[float]]:
-    """Numbers of the drawing, each alone and two coordinates of one outline moved alike.
-
-    Returns their names, whitened changes per unit, and lengths of those over the whole plausible range.
-    """
+def _drawn_numbers(space: EffectSpace, named: Sequence[str]) -> tuple[list[str], list[FloatArray], list[float]]:
+    """Of numbers of the drawing: names, whitened changes per unit, and their lengths over the plausible range."""
     drawn = {effect.name for effect in space.campaign.observations.nominal.drawn} - set(named)
     suspects = [one for one in space.campaign.effects if one.name in drawn]
-    together = [pair for pair in combinations(suspects, 2) if _outline(pair[0].name) == _outline(pair[1].name) != ""]
-    names, changes, longest = list[str](), list[FloatArray](), list[float]()
-    for moved in (*((one,) for one in suspects), *together):
-        names.append(" together with ".join(one.name for one in moved))
-        changes.append(np.sum([one.whitened[:, 0] for one in moved], axis=0))
-        longest.append(2.0 * min(half_ranges(one)[0] for one in moved) * float(np.linalg.norm(changes[-1])))
-    return names, changes, longest
-
-
-def _outline(key: str) -> str:
-    """Of a corner's coordinate, ``fixed.regions.yoke.polygon_mm[3][1]``, its outline and axis; empty of others."""
-    corner, _, axis = key.rpartition("[")
-    outline = corner.rpartition("[")[0]
-    return f"{outline}[{axis}" if outline else ""
+    changes = [one.whitened[:, 0] for one in suspects]
+    longest = [
+        2.0 * half_ranges(one)[0] * float(np.linalg.norm(change)) for one, change in zip(suspects, changes, strict=True)
+    ]
+    return [one.name for one in suspects], changes, longest
 
 
 def _to_first_order(space: EffectSpace, fit: Refit) -> Linear:

@@ -82,6 +82,13 @@ RIVALS = 2.0
 RIVALS_REFITTED = 6
 """Numerical, for the time that it takes: how many of these are refitted, the best to first order."""
 
+EXPLAINED = 0.5
+"""Conventional: part of the squared misfit above the noise that effects of another form must explain, fitted to all
+readings, where the search names them: less than where one effect is called most of it though the search names none."""
+
+FALSE_NAMES = 0.1
+"""Conventional: share of simulated clean campaigns that are given a name, above which no name is certain."""
+
 CERTAIN = 0.5
 """Conventional: probability of just what is named below which it is not certain."""
 

@@ -159,6 +159,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
         confident=bool(
             decision.verdict == "named"
             and not alike
+            and not (clean and clean.name_too_often)
             and decision.probability_of_chosen > CERTAIN
             and "guess" not in campaign.noise.source.values()
             and all(one.plausible for one in missing)

@@ -12,6 +12,7 @@ from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.comparison.where import Where
+from femfit.identify.decision.constants import FALSE_NAMES
 from femfit.identify.decision.diagnosis_text import diagnosis_lines
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
@@ -82,6 +83,11 @@ class CleanCampaigns:
             return 1.0
         return float(stats.beta.ppf(0.975, self.named + 1, self.campaigns - self.named))
 
+    @property
+    def name_too_often(self) -> bool:
+        """Whether noise alone is given a name so often that no name is certain."""
+        return self.named > FALSE_NAMES * self.campaigns
+
     def __str__(self) -> str:
         return f"{self.named} of {self.campaigns} simulated clean campaigns, at most {100.0 * self.bound:.2g} %"
 
@@ -122,8 +128,9 @@ class Diagnosis(Printed):
         Effects, or constant errors of a channel, that would bear the same name on these data, had they been the cause
         and not been listed.
     confident : bool
-        Whether the verdict is ``named``, without look-alikes among the effects considered and with every parameter in
-        its plausible range. The drawing's dimensions are among them where ``dimensions_suspected`` says so.
+        Whether the verdict is ``named``, without look-alikes among the effects considered, with every parameter in
+        its plausible range, and noise alone is seldom given a name. The drawing's dimensions are among the effects
+        considered where ``dimensions_suspected`` says so.
     excluded : tuple of str
         Effects that were not considered: nothing is certain beside them.
     campaign, decision : Campaign and Decision, or None

@@ -97,7 +97,7 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
         assumed = if_mounts_are_assumed(diagnosis.observations, diagnosis.campaign.noise, rms, left)
         kind = f"{kind}_if_assumed" if assumed else kind
     allowed = _scatter(diagnosis)
-    return _VERDICTS[kind].format(
+    sentence = _VERDICTS[kind].format(
         names=names,
         it=it,
         explain=explain,
@@ -108,11 +108,16 @@ def verdict_sentence(diagnosis: "Diagnosis") -> str:
         left=" and ".join(left.values()),
         assumed=assumed,
     )
+    if diagnosis.missing and (clean := diagnosis.clean) and clean.name_too_often:
+        sentence += (
+            f" But noise alone was given a name in {clean.named} of {clean.campaigns} simulated clean campaigns."
+        )
+    return sentence
 
 
 def _part(share: float) -> str:
     """The part of a misfit that something explains but does not explain in all."""
-    return amount(min(share, 0.999), "", 3 if share > 0.99 else 2) if share > 0.5 else "most"
+    return amount(min(max(share, 0.0), 0.999), "", 3 if share > 0.99 else 2)
 
 
 def _left(diagnosis: "Diagnosis") -> tuple[dict[str, float], dict[str, float], dict[str, str]]:
@@ -159,6 +164,8 @@ def _why_uncertain(diagnosis: "Diagnosis") -> str:
         return "the noise is a guess. Measure some settings twice, or declare it"
     if any(not fit.converged for fit in diagnosis.explanations[:1]):
         return "the fit was ended before it had settled, so its sizes are not final"
+    if diagnosis.clean and diagnosis.clean.name_too_often:
+        return "noise alone is often given a name with these readings"
     if diagnosis.verdict != "named":
         return "the readings differ from its exact form"
     if all(one.plausible for one in diagnosis.missing):
@@ -221,8 +228,8 @@ def _evidence(diagnosis: "Diagnosis") -> list[str]:
     if diagnosis.clean is not None:
         named = diagnosis.clean
         lines.append(
-            f"False names: of {named.campaigns} simulated clean campaigns, in which nothing is wrong, {named.named} "
-            f"were given a name: false names are no more frequent than {100.0 * named.bound:.2g} % (95 % confidence)."
+            f"False names: noise alone was given a name in {named.named} of {named.campaigns} simulated clean "
+            f"campaigns; with 95 % confidence that happens in no more than {100.0 * named.bound:.2g} % of all such."
         )
     return lines
 

@@ -11,6 +11,7 @@ from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import (
     DOMINANT,
+    EXPLAINED,
     IN_CLASS,
     NOTHING_MISSING,
     OWN_MISFIT,
@@ -121,14 +122,14 @@ def decide(campaign: Campaign) -> Decision:
 
 
 def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
-    """Whether effects of another form than the readings leave less than half of the squared misfit, and spoil nothing.
+    """Whether effects of another form than the readings explain most of the squared misfit, and spoil nothing.
 
     Where no explanation fits, the best of them is still no explanation; nor is one that makes a channel worse, or one
     whose size is as unlikely as its form.
     """
     before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
     fit = chosen.fit if chosen else None
-    if fit is None or fit.chi2 - len(fit.whitened_residual) >= 0.5 * before:
+    if fit is None or fit.chi2 - len(fit.whitened_residual) >= (1.0 - EXPLAINED) * before:
         return False
     return _plausible(fit) and not _spoils(campaign, fit)
 

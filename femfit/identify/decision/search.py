@@ -64,7 +64,7 @@ def explain(campaign: Campaign) -> Posterior:
         _propose(found, one)
     # A large effect's own curvature may spoil what it promises to first order
     likeliest = max(alone, key=lambda one: one.log_evidence, default=nothing)
-    odds, least, in_vain = _prior_odds(len(space.variants)), np.log(LOOKED_AT), 0
+    odds, least, in_vain, ended = _prior_odds(len(space.variants)), np.log(LOOKED_AT), 0, False
     for refits in count():
         logs = _log_posterior(found, odds)
         total = np.logaddexp.reduce(list(logs.values()))
@@ -76,12 +76,14 @@ def explain(campaign: Campaign) -> Posterior:
         if best is None or (logs[best, False] - total < least and not deeper):
             best = _without_one(found, top)
             if best is None and logs[top, False] - total > least:
-                best = _as_promising(found, promised, top, odds if logs[top, False] > logs[top, True] else np.inf)
+                beside_unknown = logs[top, True] >= logs[top, False]
+                best = _as_promising(found, promised, top, odds, beside_unknown=beside_unknown)
         if best is None:
             best = frozenset(likeliest.names)
             if found[best].linear is not None or logs[frozenset(), False] - total > least:
                 break
         if refits == MOST_REFITS:
+            ended = True
             break
         found[best] = _refitted(space, found[best])
         better = _log_posterior({best: found[best]}, odds)[best, False] > logs[top, False]
@@ -92,7 +94,7 @@ def explain(campaign: Campaign) -> Posterior:
                 promised[best][frozenset(one.names)] = one.log_evidence
                 _propose(found, one)
     probability = {key: float(np.exp(value - total)) for key, value in logs.items()}
-    return Posterior(space, found, probability, refits == MOST_REFITS)
+    return Posterior(space, found, probability, ended)
 
 
 def _as_promising(
@@ -100,17 +102,20 @@ def _as_promising(
     promised: Mapping[frozenset[str], Mapping[frozenset[str], float]],
     top: frozenset[str],
     odds: float,
+    *,
+    beside_unknown: bool,
 ) -> frozenset[str] | None:
     """An exchange of one effect that promised as much, beside the same others, as the most probable set did.
 
-    One that makes these others no more probable stands at first order, unless it has parameters beside its size.
+    One that makes these others no more probable stands at first order. Beside an unknown cause that says little of it.
     """
+    every = beside_unknown and len(top) > 1
     alike = [
         (log, names)
         for left in top
         for rest in (promised.get(top - {left}, {}),)
         for names, log in rest.items()
-        if found[names].linear is None and log > rest[top] + np.log(LOOKED_AT) and _adds(found[names], odds)
+        if found[names].linear is None and log > rest[top] + np.log(LOOKED_AT) and (every or _adds(found[names], odds))
     ]
     return max(alike, key=lambda pair: pair[0])[1] if alike else None
 
