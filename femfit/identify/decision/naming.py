@@ -92,7 +92,7 @@ def decide(campaign: Campaign) -> Decision:
     chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
     if _KINDS[verdict][0]:
         near = _near(posterior, unknown)
-        tie = _tied(posterior, near, unknown)
+        tie = _tied(campaign, posterior, near, unknown)
         near = [*tie[:1], *(names for names in near if names != tie[0])]
         chosen = posterior.explanations[near[0]]
         if chosen.fit is not None:
@@ -200,20 +200,30 @@ def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
     return ranked(sets, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
 
 
-def _tied(posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
+def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
     """The sets that are as probable as the best of a usual size, that with the fewest moved parameters first.
 
     Of sets that exchange one effect of the best. The evidence lets an effect be as large as half of its plausible range
     at one standard deviation, so that it hardly counts against a number of the drawing to be off by four tolerances;
-    what is beyond its plausible range stands first only where nothing of a usual size is in the class.
+    what is beyond its plausible range stands first only where nothing of a usual size leaves as little of the readings.
     """
     best = near[0]
     exchanged = [names for names in near if len(names) == len(best) and len(names - best) <= 1]
     fits = {names: fit for names in exchanged if (fit := posterior.explanations[names].fit)}
-    usual = [names for names, fit in fits.items() if _plausible(fit)] or list(fits) or near[:1]
+    left = {names: _mean_square_left(campaign, fit) for names, fit in fits.items()}
+    most = RIVALS * max(min(left.values(), default=1.0), 1.0)  # what is granted to mounts is no reason for a name
+    as_good = [names for names in fits if left[names] <= most]
+    usual = [names for names in as_good if _plausible(fits[names])] or as_good or near[:1]
     least = TIED * max(posterior.probability[names, unknown] for names in usual)
     alike = [names for names in usual if posterior.probability[names, unknown] >= least]
     return sorted(alike, key=lambda names: np.count_nonzero(~fits[names].active) if names in fits else 0)
+
+
+def _mean_square_left(campaign: Campaign, fit: Refit) -> float:
+    """Mean square of what effects leave of the readings, in the noise of one reading of each channel."""
+    observations = campaign.observations
+    left = observations.value - observations.predict(fit.effects)
+    return float(np.mean((left / campaign.noise.sigma[observations.channel]) ** 2))
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
