@@ -142,7 +142,7 @@ def _with_resistances(prepared: Prepared) -> Prepared:
     return replace(prepared, model=replace(prepared.model, circuits=circuits))
 
 
-def _run(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise | None) -> OneFilter:
+def _run(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
     """The record through one filter."""
     model, built = prepared.model, filter_of(prepared, name, biases, noise)
     replayed = replay(built, prepared.log, resting_filter(prepared, built))

@@ -45,9 +45,9 @@ class OneFilter:
 
     @property
     def misfit(self) -> float:
-        """By how much the squares of its normalised innovations exceed their number; infinite where it was lost."""
+        """By how much the mean square of all normalised innovations exceeds 1; infinite where none is judged."""
         excess = sum(one.count * max(one.mean_square - 1.0, 0.0) for one in self.innovations)
-        return excess if self.lost_at_s is None else float("inf")
+        return excess / sum(one.count for one in self.innovations) if self.innovations else float("inf")
 
     @property
     def sentence(self) -> str:
@@ -136,9 +136,10 @@ class Observation(Printed):
     @property
     def of_resistance(self) -> bool:
         """Whether the resistances that steady currents show account for most of the first filter's misfit."""
-        return self.with_resistances is not None and (
-            self.with_resistances.trusted or self.with_resistances.misfit < MOST_LEFT * self.filters[0].misfit
-        )
+        mended = self.with_resistances
+        if mended is None or mended.lost_at_s is not None:
+            return False
+        return mended.trusted or mended.misfit < MOST_LEFT * self.filters[0].misfit
 
     def __str__(self) -> str:
         first, *others = self.filters
