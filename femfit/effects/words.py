@@ -82,14 +82,12 @@ def titled(text: str, titles: Mapping[str, str]) -> str:
     if not titles:
         return text
     keys = "|".join(map(re.escape, sorted(titles, key=len, reverse=True)))
-    name = re.compile(rf"(?<![\w.])({keys})(?![\w\[])(?!\.[\w.])")
-    head = re.compile(rf"^( *)({keys})(?=[:,])")
+    command = r"femfit (?:add|calibrate) \S+\.(?:json|toml|csv)\b[^<\n]*"
+    head, name = rf"^( *)({keys})(?=[:,])", rf"(?<![\w.])({keys})(?![\w\[])(?!\.[\w.])"
 
-    def line(words: str) -> str:
-        if "femfit add " in words or "femfit calibrate " in words:
-            return words
-        first = head.match(words)
-        start = f"{first[1]}{titles[first[2]]} [{first[2]}]" if first else ""
-        return start + name.sub(lambda match: titles[match[1]], words[first.end() if first else 0 :])
+    def shown(match: re.Match[str]) -> str:
+        if match[2]:
+            return f"{match[1]}{titles[match[2]]} [{match[2]}]"
+        return titles[match[3]] if match[3] else match[0]
 
-    return "\n".join(map(line, text.split("\n")))
+    return re.sub(f"{command}|{head}|{name}", shown, text, flags=re.MULTILINE)

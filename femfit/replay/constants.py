@@ -17,6 +17,9 @@ LAGS = 20
 DELAY_GAIN = 0.9
 """Conventional: a shift counts as a delay if it takes the rms of what is left of a channel below this part."""
 
+MOST_LEFT = 0.5
+"""Conventional: a cause accounts for a misfit where the model with it leaves less than this part."""
+
 STANDS_STILL = 1e-3
 """Numerical: random walk of a held body's distance in a sample, over the noise of its reading: Q is definite."""
 

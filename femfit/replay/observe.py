@@ -9,7 +9,6 @@ import numpy as np
 from femfit.core.amount import counted
 from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.finding import Finding
-from femfit.filters.filter import Filter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.noise import FilterNoise
 from femfit.model.actuator_model import ActuatorModel
@@ -22,7 +21,7 @@ from femfit.replay.constants import LEAST_JUDGED, NOISE_SAMPLES
 from femfit.replay.find_noise import find_noise
 from femfit.replay.prepare import Prepared, prepare
 from femfit.replay.result import Observation, OneFilter
-from femfit.replay.run_filter import Replayed, replay
+from femfit.replay.run_filter import replay
 from femfit.replay.score import can_be_filtered
 from femfit.replay.seating import find_seatings
 from femfit.replay.unread import estimates_beside
@@ -97,10 +96,10 @@ def observe(
         raise FilterError(f"A filter must be one of {', '.join(FILTERS)}; instead received {filter!r}.")
     prepared = prepare(model, series, sensors)
     noise = noise_of(prepared, noise)
-    runs = []
-    for name in names:
-        built = filter_of(prepared, name, biases, noise)
-        runs.append(_one(prepared, name, built, replay(built, prepared.log, resting_filter(prepared, built))))
+    runs = [_run(prepared, name, biases, noise) for name in names]
+    mended = None
+    if not runs[0].trusted and any(one.contradicts for one in prepared.resistances):
+        mended = _run(_with_resistances(prepared), names[0], biases, noise)
     found = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
@@ -118,6 +117,7 @@ def observe(
         noise=found,
         seatings=find_seatings(prepared, runs[0].built, runs[0].replayed),
         resistances=prepared.resistances,
+        with_resistances=mended,
     )
 
 
@@ -133,8 +133,19 @@ def filtered(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
         return None
 
 
-def _one(prepared: Prepared, name: str, built: Filter, replayed: Replayed) -> OneFilter:
-    model = prepared.model
+def _with_resistances(prepared: Prepared) -> Prepared:
+    """The record with a model whose resistances are those that steady currents show."""
+    ohm = {one.circuit: one.ohm for one in prepared.resistances if one.contradicts}
+    circuits = tuple(
+        replace(one, resistance_ohm=ohm.get(one.name, one.resistance_ohm)) for one in prepared.model.circuits
+    )
+    return replace(prepared, model=replace(prepared.model, circuits=circuits))
+
+
+def _run(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
+    """The record through one filter."""
+    model, built = prepared.model, filter_of(prepared, name, biases, noise)
+    replayed = replay(built, prepared.log, resting_filter(prepared, built))
     judged = [
         innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
         for k, reading in enumerate(prepared.readings)

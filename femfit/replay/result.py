@@ -16,7 +16,7 @@ from femfit.filters.filter_state import FilterOutcome
 from femfit.model.actuator_model import ActuatorModel
 from femfit.records.resistance import SteadyResistance
 from femfit.replay.consistency import Beside, Innovations
-from femfit.replay.constants import LEAST_JUDGED, MOST_SEATINGS
+from femfit.replay.constants import LEAST_JUDGED, MOST_LEFT, MOST_SEATINGS
 from femfit.replay.found_noise import FoundNoise
 from femfit.replay.run_filter import Replayed
 from femfit.replay.seating import Seating, not_followed
@@ -42,6 +42,12 @@ class OneFilter:
         """Whether it ran through, and its innovations are as large as it says and white; not without any judged."""
         judged = self.innovations
         return self.lost_at_s is None and bool(judged) and all(one.consistent and one.white for one in judged)
+
+    @property
+    def misfit(self) -> float:
+        """By how much the mean square of all normalised innovations exceeds 1; infinite where none is judged."""
+        excess = sum(one.count * max(one.mean_square - 1.0, 0.0) for one in self.innovations)
+        return excess / sum(one.count for one in self.innovations) if self.innovations else float("inf")
 
     @property
     def sentence(self) -> str:
@@ -125,6 +131,15 @@ class Observation(Printed):
     noise: FoundNoise | None
     seatings: tuple[Seating, ...] = ()  # As the first filter tells them
     resistances: tuple[SteadyResistance, ...] = ()  # That steady currents show, whatever the filters do
+    with_resistances: OneFilter | None = None  # The first filter with those that contradict, where it is not trusted
+
+    @property
+    def of_resistance(self) -> bool:
+        """Whether the resistances that steady currents show account for most of the first filter's misfit."""
+        mended = self.with_resistances
+        if mended is None or mended.lost_at_s is not None:
+            return False
+        return mended.trusted or mended.misfit < MOST_LEFT * self.filters[0].misfit
 
     def __str__(self) -> str:
         first, *others = self.filters
@@ -136,10 +151,13 @@ class Observation(Printed):
             f"{self.source}: {count} from {span}, read through {', '.join(self.sensors)}",
             *(str(one) for one in unused),
         ]
-        cause = [str(one) for one in self.resistances if one.contradicts and not first.trusted]
-        if cause:
+        shown = [str(one) for one in self.resistances if self.with_resistances is not None and one.contradicts]
+        if self.with_resistances is not None and self.of_resistance:
             lost = f"lost at {amount(first.lost_at_s, 's', 4)}" if first.lost_at_s is not None else "not consistent"
-            lines[:1] = [*cause, f"{first.name}: {lost}, as it must be with another resistance than the winding's."]
+            rest = "it is consistent" if self.with_resistances.trusted else "most of the misfit is gone, not all of it"
+            lines[:1] = [*shown, f"{first.name}: {lost}; with this resistance {rest}."]
+        else:
+            lines[1:1] = shown
         told = [one for one in self.seatings if one.followed]
         lines += [str(one) for one in told[:MOST_SEATINGS]]
         if len(told) > MOST_SEATINGS:
@@ -148,10 +166,10 @@ class Observation(Printed):
             lines.append(not_followed(open_))
         for other in others:
             lines += other.lines()
-        if self.noise is not None and not cause:
+        if self.noise is not None and not self.of_resistance:
             lines += self.noise.lines(lost=first.lost_at_s is not None)
         notes = [str(one) for one in self.findings if one.severity == "info" and one not in unused]
-        notes += [str(one) for one in self.resistances if str(one) not in cause]
+        notes += [str(one) for one in self.resistances if str(one) not in shown]
         return "\n".join([*lines, *(f"note: {one}" for one in notes)])
 
     @property
@@ -177,6 +195,7 @@ class Observation(Printed):
             "seatings": [vars(one) for one in self.seatings],
             "noise": None if self.noise is None else self.noise.to_dict(),
             "resistances": [{**vars(one), "contradicts": one.contradicts} for one in self.resistances],
+            "of_resistance": self.of_resistance,
             "findings": [str(one) for one in self.findings],
         }
 

@@ -9,7 +9,7 @@ from effect_signature import typical_parameters
 from femfit.core.amount import amount
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.effects.words import describe, range_of, size_of, smallest_visible
+from femfit.effects.words import describe, range_of, size_of, smallest_visible, titled
 from femfit.model.with_effects import nominal_of
 
 
@@ -95,3 +95,18 @@ def test_a_time_constant_is_said_as_a_time_and_no_share(nominal):
         assert "%" not in size_of(p, 100.0, nominal)
         assert "%" not in range_of(p, *p.plausible, nominal)
         assert range_of(p, *p.plausible, nominal).startswith("20 to 500 ")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("Missing: one of KEY, distance_offset or turns; femfit calibrate finds it.",
+         "Missing: one of TITLE, distance_offset or turns; femfit calibrate finds it."),
+        ("<p>With KEY fitted: <code>femfit add MODEL.json KEY bench.csv --with KEY</code> has KEY.</p>",
+         "<p>With TITLE fitted: <code>femfit add MODEL.json KEY bench.csv --with KEY</code> has TITLE.</p>"),
+        ("  KEY: it is 0.1 mm more, or KEY[1] or pole.KEY", "  TITLE [KEY]: it is 0.1 mm more, or KEY[1] or pole.KEY"),
+    ],
+)  # fmt: skip
+def test_a_number_is_called_by_its_title_but_in_a_command_that_is_typed(text, shown):
+    key, title = "fixed.regions.pole.z_mm[1]", "the pole's face at z = 5 mm"
+    assert titled(text.replace("KEY", key), {key: title}) == shown.replace("KEY", key).replace("TITLE", title)

@@ -76,6 +76,33 @@ def test_a_probe_that_stands_far_beside_its_place_is_found_with_its_gain(actuato
     assert found["left_T"] == pytest.approx(NOISE_T, rel=0.4)
 
 
+@pytest.mark.parametrize(("top", "end"), [(0.0205, "edge"), (1.0, "settled")])
+def test_a_fit_that_leads_out_of_the_solved_field_explains_nothing(actuator, monkeypatch, top, end):
+    """A probe that stands 1.5 mm higher than recorded, where the solved field ends 0.5 mm above the highest place."""
+
+    def on_axis(z):
+        return 0.5 / (1.0 + (z / 5e-3) ** 2)
+
+    def solved(radius, height):
+        if np.any(height > top):
+            raise DomainError("outside")
+        return on_axis(height)
+
+    monkeypatch.setattr("femfit.identify.comparison.field_scan.axial_field", lambda *_: solved)
+    z, zero = np.linspace(5e-3, 20e-3, 16), np.zeros(16)
+    field = on_axis(z + 1.5e-3) + 1e-5 * np.random.default_rng(0).standard_normal(16)
+    found = compare_field_scan(actuator, FieldScan(zero + 20e-3, zero, zero, z, field))
+    assert found.fit_end == found.to_dict()["fit_end"] == end
+    if end == "edge":
+        assert found.explained == {}
+        assert found.left_T == found.rms_T
+        assert "[sweep]" in str(found)
+        assert "explains a part" not in str(found)
+    else:
+        value, error = found.explained["higher_m"]
+        assert abs(value - 1.5e-3) < 3.0 * error
+
+
 def test_a_place_outside_of_the_solved_domain_is_refused(actuator, scan):
     with pytest.raises(DomainError, match="solved domain"):
         compare_field_scan(actuator, replace(scan, height=1e3 * scan.height))

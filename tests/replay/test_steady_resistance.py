@@ -17,10 +17,14 @@ WARMER = 1.1376
 """Of copper that is 35 K warmer."""
 
 
-def record(factor, seed=1):
-    """Two pulses of 12 V on a winding whose resistance is so many times the drawn one."""
+def record(factor, seed=1, mass=1.0):
+    """Two pulses of 12 V on a device whose resistance and mass are so many times the drawn ones."""
     own = solenoid()
-    plant = replace(own, circuits=(replace(own.circuit, resistance_ohm=factor * own.circuit.resistance_ohm),))
+    plant = replace(
+        own,
+        circuits=(replace(own.circuit, resistance_ohm=factor * own.circuit.resistance_ohm),),
+        motion=replace(own.motion, mass_kg=mass * own.motion.mass_kg),
+    )
     return logged([switched([0.0, 0.01, 0.05, 0.07, 0.10], [0.0, 12.0, 0.0, 12.0, 0.0], 0.13, model=plant)], seed)
 
 
@@ -34,7 +38,35 @@ def test_voltage_over_steady_current_is_the_true_resistance_within_its_interval(
     assert abs(shown.ohm - factor * drawn) < 1.5 * half < 0.02 * drawn  # 1.5 of 95 % are three deviations
     assert shown.contradicts == (factor != 1.0)
     assert ("resistance" in str(seen).splitlines()[0]) == (factor != 1.0)
-    assert sum("The resistance of" in line for line in str(seen).splitlines()) == 1
+    assert sum("over steady current" in line for line in str(seen).splitlines()) == 1
+
+
+def test_a_resistance_that_accounts_for_little_of_the_misfit_is_not_blamed_for_it():
+    """A body of twice the mass makes nearly all of it; 1.2 % of the resistance are significant all the same."""
+    seen = ff.observe(solenoid(), record(1.012, mass=2.0))
+    lines = str(seen).splitlines()
+    assert seen.resistances[0].contradicts
+    assert not seen.to_dict()["of_resistance"]
+    assert lines[0] == seen.filters[0].sentence
+    assert "1.2 % larger" in lines[1]
+    assert set(seen.noise.lines(lost=False)) <= set(lines)
+
+
+def test_a_small_resistance_that_accounts_for_the_misfit_is_said_first():
+    seen = ff.observe(solenoid(), record(1.012), find=False)
+    assert seen.of_resistance
+    assert "1.2 % larger" in str(seen).splitlines()[0]
+
+
+def test_an_ammeter_of_another_gain_looks_like_a_resistance_and_is_named_beside_it():
+    """It reads 3 % too little, so that voltage over current is 1 / 0.97 of the resistance."""
+    right = record(1.0)
+    little = replace(right, rows=right.rows.assign(current_A=0.97 * right.rows["current_A"]))
+    seen = ff.observe(solenoid(), little, find=False)
+    (shown,) = seen.resistances
+    assert shown.ohm == pytest.approx(solenoid().circuit.resistance_ohm / 0.97, rel=3e-3)
+    assert "ammeter" in str(shown)
+    assert not seen.of_resistance  # the force follows the true current
 
 
 def test_a_current_at_the_end_of_its_range_tells_no_resistance():

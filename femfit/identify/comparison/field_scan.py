@@ -6,11 +6,12 @@ Where the field is B_z(r, z), a probe at a recorded place reads
 
 a gain of the probe (or of all sources of the field), an offset, and a probe that stands beside the recorded place.
 All four are fitted at once by least squares, by Gauss and Newton: the field is taken anew where each step puts the
-probe. One counts where twice its standard error does not reach zero.
+probe. One counts where twice its standard error does not reach zero. A fit whose steps lead out of the solved field
+has no minimum within it and tells nothing.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,6 +24,16 @@ from femfit.field.probe import AxialField, axial_field
 from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
 from femfit.identify.readings.place import notes
 from femfit.tables.field_scan import FieldScan
+
+FitEnd = Literal["settled", "edge", "steps"]
+"""How a fit ended: by steps far below the standard errors, at the edge of the solved field, or after too many steps."""
+
+_UNSETTLED = {
+    "edge": "The fit of gain, offset and place of the probe reached the end of the solved field, so neither is known. "
+    "Check the places' unit and zero; a larger largest distance in [sweep] has a larger field solved.",
+    "steps": f"The fit of gain, offset and place of the probe did not settle in {SCAN_STEPS} steps, so neither is "
+    "known. Scan places where the field differs more.",
+}
 
 _WORDS = {
     "gain": "the probe reads {size} too {much|little}, or the sources are {stronger|weaker} than drawn",
@@ -43,7 +54,9 @@ class FieldScanComparison(Printed):
     explained : dict of str to (float, float)
         Of ``gain``, ``offset_T``, ``higher_m`` and ``outer_m`` those that count, each with its standard error.
     left_T : float
-        Root mean square that all four leave.
+        Root mean square that those leave: ``rms_T`` where none counts.
+    fit_end : {"settled", "edge", "steps"}
+        How the fit ended; where it did not settle, ``explained`` is empty.
     """
 
     scan: FieldScan
@@ -51,6 +64,7 @@ class FieldScanComparison(Printed):
     residual_T: FloatArray
     explained: dict[str, tuple[float, float]]
     left_T: float
+    fit_end: FitEnd = "settled"
 
     @property
     def rms_T(self) -> float:  # noqa: N802  the unit
@@ -63,6 +77,7 @@ class FieldScanComparison(Printed):
             "readings": len(self.residual_T),
             "rms_T": self.rms_T,
             "left_T": self.left_T,
+            "fit_end": self.fit_end,
             "explained": {name: list(pair) for name, pair in self.explained.items()},
             "predicted_T": self.predicted_T.tolist(),
             "residual_T": self.residual_T.tolist(),
@@ -82,6 +97,8 @@ class FieldScanComparison(Printed):
         if said:
             lines += [f"  {one}." for one in said]
             lines.append(f"Together {'they leave' if len(said) > 1 else 'it leaves'} {amount(self.left_T, 'T')} rms.")
+        elif self.fit_end != "settled":
+            lines.append(_UNSETTLED[self.fit_end])
         elif len(self.residual_T) >= LEAST_SCAN:
             lines.append("Neither a gain, an offset nor another place of the probe explains a part of it.")
         return "\n".join([*lines, *notes(scan.findings)])
@@ -105,52 +122,70 @@ def compare_field_scan(actuator: Actuator, scan: FieldScan) -> FieldScanComparis
     solved = axial_field(actuator, scan.distance, scan.current)
     predicted = solved(scan.radius, scan.height)
     residual = scan.field - predicted
-    explained, left = _explained(scan, solved) if len(residual) >= LEAST_SCAN else ({}, _rms(residual))
-    return FieldScanComparison(scan, predicted, residual, explained, left)
+    if len(residual) < LEAST_SCAN:
+        return FieldScanComparison(scan, predicted, residual, {}, _rms(residual))
+    return FieldScanComparison(scan, predicted, residual, *_explained(scan, solved))
 
 
-def _explained(scan: FieldScan, solved: AxialField) -> tuple[dict[str, tuple[float, float]], float]:
-    """What counts, with its standard error, fitted again without the others; and the rms that this leaves."""
+def _explained(scan: FieldScan, solved: AxialField) -> tuple[dict[str, tuple[float, float]], float, FitEnd]:
+    """What counts, with its standard error, fitted again without the others; the rms that it leaves; the fit's end."""
     value = dict.fromkeys(_WORDS, 0.0)
+    end: FitEnd = "settled"
+    misfit = _rms(scan.field - solved(scan.radius, scan.height))
     while value:
-        value, error, left = _fitted(scan, solved, value)
+        value, error, rms, last = _fitted(scan, solved, value)
         if all(abs(value[name]) > 2.0 * error[name] for name in value):
-            return {name: (value[name], error[name]) for name in value}, left
+            if last != "settled":
+                return {}, misfit, last
+            return {name: (value[name], error[name]) for name in value}, rms, last
+        end = last if last != "settled" else end
         del value[min(value, key=lambda name: abs(value[name]) / max(error[name], 1e-300))]
-    return {}, _rms(scan.field - solved(scan.radius, scan.height))
+    return {}, misfit, end
 
 
 def _fitted(
     scan: FieldScan, solved: AxialField, start: dict[str, float]
-) -> tuple[dict[str, float], dict[str, float], float]:
-    """Values and standard errors by least squares, and the rms that they leave.
+) -> tuple[dict[str, float], dict[str, float], float, FitEnd]:
+    """Values and standard errors by least squares, the rms that they leave, and how the fit ended.
 
     A step is halved while it leaves more, or puts the probe where no field is solved.
     """
-    value, part = np.array(list(start.values())), 1.0
-    matrix, residual = _linearised(scan, solved, dict(zip(start, value, strict=True)))
+    value = np.array(list(start.values()))
+    end: FitEnd = "steps"
+    matrix, residual = _linearised(scan, solved, start)
     for _ in range(SCAN_STEPS):
-        scale = np.linalg.norm(matrix, axis=0)
-        scale[scale == 0.0] = 1.0
-        rows, sizes, columns = np.linalg.svd(matrix / scale, full_matrices=False)
-        keep = sizes > 1e-6 * sizes[0]
-        step = (columns[keep].T @ ((rows[:, keep].T @ residual) / sizes[keep])) / scale
-        freedom = max(len(residual) - len(value), 1)
-        unit = np.sqrt(np.sum((columns[keep] / sizes[keep, None]) ** 2, axis=0)) / scale
-        error = np.sqrt(residual @ residual / freedom) * unit
-        if np.all(np.abs(part * step) <= SCAN_SETTLED * error):
+        step, error = _step(matrix, residual)
+        if np.all(np.abs(step) <= SCAN_SETTLED * error):
+            end = "settled"
             break
-        try:
-            moved = _linearised(scan, solved, dict(zip(start, value + part * step, strict=True)))
-        except DomainError:
-            part *= 0.5
-            continue
-        if moved[1] @ moved[1] > residual @ residual:
-            part *= 0.5
-            continue
-        (matrix, residual), value, part = moved, value + part * step, 1.0
+        end = "settled"  # Unless a step that leaves less is found: this is a minimum, to the solved field's own error
+        for part in 0.5 ** np.arange(SCAN_STEPS):
+            try:
+                moved = _linearised(scan, solved, dict(zip(start, value + part * step, strict=True)))
+            except DomainError:
+                end = "edge"
+                continue
+            if moved[1] @ moved[1] < residual @ residual:
+                break
+        else:
+            break
+        (matrix, residual), value = moved, value + part * step
+        end = "steps" if end == "settled" else end
     names = list(start)
-    return dict(zip(names, value.tolist(), strict=True)), dict(zip(names, error.tolist(), strict=True)), _rms(residual)
+    values, errors = (dict(zip(names, one.tolist(), strict=True)) for one in (value, error))
+    return values, errors, _rms(residual), end
+
+
+def _step(matrix: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The step of Gauss and Newton to the least squares of a linear model, and the standard errors there."""
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0.0] = 1.0
+    rows, sizes, columns = np.linalg.svd(matrix / scale, full_matrices=False)
+    keep = sizes > 1e-6 * sizes[0]
+    step = (columns[keep].T @ ((rows[:, keep].T @ residual) / sizes[keep])) / scale
+    unit = np.sqrt(np.sum((columns[keep] / sizes[keep, None]) ** 2, axis=0)) / scale
+    freedom = max(len(residual) - matrix.shape[1], 1)
+    return step, np.sqrt(residual @ residual / freedom) * unit
 
 
 def _linearised(scan: FieldScan, solved: AxialField, value: dict[str, float]) -> tuple[FloatArray, FloatArray]:
