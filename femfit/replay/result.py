@@ -63,8 +63,8 @@ class OneFilter:
             return f"{self.name}: not judged, because {few}. It claims the distance to {certain}."
         if self.cautious:
             return (
-                f"{self.name}: too cautious, as it allows for more noise than the record has. It claims the distance to "
-                f"{certain}, which is an upper bound of its error."
+                f"{self.name}: too cautious: it allows for more noise than the record has. It claims the distance "
+                f"to {certain}, an upper bound of its error."
             )
         return f"{self.name}: not consistent with its noise. It claims the distance to {certain}; do not rely on it."
 
