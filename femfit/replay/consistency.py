@@ -4,6 +4,8 @@ References
 ----------
 Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
 section 5.4 (normalised innovations squared, whiteness).
+R. K. Mehra, On the identification of variances and adaptive Kalman filtering, IEEE Trans. Automatic Control 15 (1970)
+175 (correlation of the innovations of a gain that is too high or too low).
 """
 
 from dataclasses import dataclass
@@ -39,9 +41,20 @@ class Innovations:
 
         At 20 lags a white sequence leaves the 95 % band at more than four lags in 0.3 % of cases.
         """
-        size = np.abs(self.autocorrelation)
-        outside = int((size > self.correlation_band).sum())
-        return outside <= len(size) // 5 and not (size > 2.0 * self.correlation_band).any()
+        return self._within(np.abs(self.autocorrelation))
+
+    @property
+    def bold(self) -> bool:
+        """Whether they are larger than the filter says, or a reading's error comes back in the next ones.
+
+        A filter that allows for more than there is follows each reading too far and takes it back in the next: its
+        innovations are smaller than it says, or correlated with a negative sign, and its error is less than it claims.
+        """
+        return self.mean_square > self.band.upper or not self._within(self.autocorrelation)
+
+    def _within(self, correlation: FloatArray) -> bool:
+        outside = int((correlation > self.correlation_band).sum())
+        return outside <= len(correlation) // 5 and not (correlation > 2.0 * self.correlation_band).any()
 
 
 def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: FloatArray) -> Innovations | None:

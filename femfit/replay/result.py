@@ -50,6 +50,12 @@ class OneFilter:
         return excess / sum(one.count for one in self.innovations) if self.innovations else float("inf")
 
     @property
+    def cautious(self) -> bool:
+        """Whether it is not trusted only because it allows for more noise than the record has."""
+        ran = self.lost_at_s is None and bool(self.innovations)
+        return ran and not self.trusted and not any(one.bold for one in self.innovations)
+
+    @property
     def sentence(self) -> str:
         """Whether it can be relied on."""
         settled = self.replayed.deviation[len(self.replayed.deviation) // 2 :, 0]
@@ -61,6 +67,11 @@ class OneFilter:
         if not self.innovations:
             few = f"no sensor has {LEAST_JUDGED} readings"
             return f"{self.name}: not judged, because {few}. It claims the distance to {certain}."
+        if self.cautious:
+            return (
+                f"{self.name}: too cautious: it allows for more noise than the record has. It claims the distance "
+                f"to {certain}, an upper bound of its error."
+            )
         return f"{self.name}: not consistent with its noise. It claims the distance to {certain}; do not rely on it."
 
     @property
@@ -204,6 +215,7 @@ def _filter_data(one: OneFilter) -> dict[str, Any]:
     return {
         "name": one.name,
         "trusted": one.trusted,
+        "cautious": one.cautious,
         "lost_at_s": one.lost_at_s,
         "states": list(one.built.process.names),
         "innovations": [

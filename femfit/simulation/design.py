@@ -146,13 +146,23 @@ class LoopDesign:
             return tuned_pid(self._filtered)
         return tuned_regulator(self._filtered)
 
-    @property
+    @cached_property
     def _filtered(self) -> Bench:
-        """With a filter in the loop; with the exact state where the samples are too slow for the filter's coil."""
+        """With a filter in the loop; with the exact state where the samples are too slow for the filter's coil.
+
+        A filter that estimates a bias as well passes on more noise, which must find room too; where the readings do not
+        tell the bias there is no such filter.
+        """
         try:
-            return self.bench("ekf")
+            bench = self.bench("ekf")
         except FilterError:
             return self.bench("exact")
+        try:
+            biased = self.bench("ekf4")
+            _ = biased.observers
+        except (DomainError, FilterError):
+            return bench
+        return replace(bench, noisier=biased)
 
     @cached_property
     def _designed(self) -> dict[str, Controller]:

@@ -5,8 +5,8 @@ the noise.
 
 - *Steps* follow the reference distances: root mean square of measured minus true distance over the whole run.
 - *Holds* are at rest, at the smallest and the largest reference distance: the loop is closed once the filter has
-  settled on the supported body, and the statistics start four time constants of the unstable pole later. Direct and
-  filtered distance come from the same readings; no filter passes 1/sqrt(2 lambda t_s).
+  settled on the supported body, and the statistics start four time constants of the slowest loop that a design allows
+  later. Direct and filtered distance come from the same readings; no filter passes 1/sqrt(2 lambda t_s).
 - *Faults* are holds with something wrong: an offset of the first sensor, a wrong force law, a wrong first estimate, no
   filter.
 """
@@ -26,7 +26,7 @@ from femfit.core.printed import Printed
 from femfit.filters.theory import noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensor_named
-from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
+from femfit.simulation.constants import SETTLING_PART, SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopResult, Show
@@ -39,8 +39,9 @@ from femfit.simulation.study_text import study_lines
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 
-SETTLE, WINDOW = 4.0, 10.0
-"""Conventional: time constants of the slowest unstable pole before the statistics of a hold, and of them."""
+SETTLE, WINDOW = 4.0 / SETTLING_PART, 10.0
+"""Time constants of the slowest unstable pole before the statistics of a hold, and of them. Derived: after four of the
+slowest motion that a design allows 2 % of the release is left. Conventional: the window."""
 
 RUNS = 16
 """Conventional: repeats of a hold; an rms over ten time constants of each is known to 6 %."""

@@ -2,9 +2,9 @@
 
 A candidate is judged at the nearest, the middle and the farthest point of rest by the least phase margin and modulus
 margin (the distance of the loop's gain from -1) over those that are wanted, the largest share of the commands' room
-that the sensors' noise takes, and how fast the loop's slowest motion decays. Wanted is the fastest one that keeps
-:data:`WANTED_PHASE_DEG`, :data:`WANTED_MODULUS`, :data:`NOISE_ROOM` and :data:`SETTLING_PART`; where none does, the one
-that comes nearest.
+that the sensors' noise takes with any of the filters that may run, and how fast the loop's slowest motion decays.
+Wanted is the fastest one that keeps :data:`WANTED_PHASE_DEG`, :data:`WANTED_MODULUS`, :data:`NOISE_ROOM` and
+:data:`SETTLING_PART`; where none does, the one that comes nearest.
 
 References
 ----------
@@ -12,7 +12,7 @@ K. J. Astrom and T. Hagglund, Advanced PID Control (ISA, 2006), section 4.3: rob
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -77,6 +77,7 @@ class Bench:
     sensors: tuple[LoopSensor, ...]
     observer: Filter | DirectObserver | None
     latency: int
+    noisier: "Bench | None" = None  # With a filter that may run as well and passes on more of the sensors' noise
 
     @property
     def middle(self) -> int:
@@ -110,6 +111,9 @@ class Bench:
         worst = worst_of(self.judge(controller, SEARCH_FREQUENCIES))
         if not worst.stable:
             return worst.slowest_pole_rad_s * self.model.sample_time_s
+        if self.noisier is not None:
+            other = worst_of(self.noisier.judge(controller, SEARCH_FREQUENCIES))
+            worst = replace(worst, noise_share=max(worst.noise_share, other.noise_share))
         rate = SETTLING_PART * min(point.natural_rad_s for point in self.points)
         return worst.kept * min(1.0, worst.slowest_pole_rad_s / max(rate, 1e-300))
 

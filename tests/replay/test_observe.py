@@ -8,9 +8,11 @@ import pytest
 import femfit as ff
 from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.finding import Finding
+from femfit.device.sensors import PositionSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.filters.filter_state import FilterOutcome
+from femfit.model.process_noise import ProcessNoise
 from femfit.model.sensors import reading_of
 from femfit.model.with_effects import with_effects
 from femfit.replay.found_noise import FoundNoise, NoiseEstimate, with_noise
@@ -58,6 +60,38 @@ def test_a_filter_that_is_told_too_little_noise_is_not(log):
     assert not found.filters[0].trusted
     judged = {one.sensor: one for one in found.filters[0].innovations}
     assert judged["laser"].mean_square == pytest.approx(4.0, rel=0.2)  # a quarter of the variance that there is
+
+
+def test_a_filter_that_is_told_too_much_noise_is_cautious_and_its_claim_is_an_upper_bound(log):
+    noises = {**TRUE, "acceleration": 10.0 * TRUE["acceleration"], "voltage": 0.6}
+    one = ff.observe(damped(noises), log[1], find=False).filters[0]
+    assert not one.trusted
+    assert one.cautious
+    assert "upper bound" in one.sentence
+    error = (one.replayed.mean - log[0])[500:, 0]
+    assert np.sqrt(np.mean(error**2)) < np.median(one.replayed.deviation[500:, 0])
+    bold = ff.observe(damped({**TRUE, "laser": 1e-5, "current": 1e-3}), log[1], find=False).filters[0]
+    assert not bold.cautious
+
+
+def test_a_loop_of_a_model_without_unknown_forces_is_read_cautiously_and_consistently_with_its_own_noise(
+    levitation_model, tmp_path
+):
+    """The plant of `simulate` is the model itself: the forces that a filter allows for by default are not there."""
+    laser = PositionSensor(name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3)
+    cautious = ProcessNoise(0.3**2, 0.1)
+    model = replace(levitation_model, sensor=None, other_sensors=(laser,), process_noise=cautious)
+    ff.close_loop(model, runs=1, seconds=1.0, rng=1).write_csv(tmp_path / "loop.csv")
+    first = ff.observe(model, tmp_path / "loop.csv")
+    assert not first.filters[0].trusted
+    assert first.filters[0].cautious
+    assert first.to_dict()["filters"][0]["cautious"]
+    found = {one.name: one for one in first.noise.estimates}
+    own = replace(
+        first.model,
+        process_noise=ProcessNoise(found["acceleration"].high ** 2, found["voltage"].high),
+    )
+    assert ff.observe(own, tmp_path / "loop.csv", find=False).filters[0].trusted
 
 
 def test_self_sensing_finds_the_distance_from_voltage_and_current(log):
