@@ -110,7 +110,7 @@ def _label(face: Face, parts: Sequence[_Part]) -> str:
         words = "bore" if face.side > 0 else "outer surface"
     elif _is_pole(face, parts):
         words = "pole face"
-    return f"{face.part[-1]}, {words} at {axis} = {face.value:g} mm"
+    return f"{face.part[-1]}: {words} at {axis} = {face.value:g} mm"
 
 
 def _is_pole(face: Face, parts: Sequence[_Part]) -> bool:
@@ -197,15 +197,15 @@ def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
     """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
     place, height, radius = circle
     path, body, name = (*part.path, "circle_mm"), part.body, part.path[-1]
-    size = f"{name}, radius of {radius:g} mm"
+    size = f"{name}: radius of {radius:g} mm"
     if abs(height - radius) < COINCIDENT:
         top = place, height + radius
         yield Face(1, radius, ((*path, 2), (*path, 1)), body, part=part.path, label=size, at=top)
     else:
         yield Face(1, radius, ((*path, 2),), body, part=part.path, label=size, at=(place, height + radius))
-        centre = f"{name}, centre at z = {height:g} mm"
+        centre = f"{name}: centre at z = {height:g} mm"
         yield Face(1, height, ((*path, 1),), body, part=part.path, label=centre, at=(place, height))
-    centre = f"{name}, centre at r = {place:g} mm"
+    centre = f"{name}: centre at r = {place:g} mm"
     yield Face(0, place, ((*path, 0),), body, part=part.path, label=centre, at=(place, height))
 
 
@@ -228,7 +228,7 @@ def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Fac
             along, value = [corners[one][across] for one in run], corners[run[0]][axis]
             if len(run) == 1:
                 r, z = corners[run[0]][:2]
-                label = f"{part.path[-1]}, corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
+                label = f"{part.path[-1]}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
                 face = Face(axis, value, locations, part.body, part=part.path, label=label, at=(r, z))
             else:
                 rising = along[-1] > along[0]
@@ -276,7 +276,7 @@ def _contour(
     values, along = [corners[k][axis] for k in run], [corners[k][1 - axis] for k in run]
     if not flat:
         ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
-        label = f"{part.path[-1]}, slanted face from {ends}"
+        label = f"{part.path[-1]}: slanted face from {ends}"
         at = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
         return Face(axis, values[0], locations, part.body, part=part.path, label=label, key=key, at=at)
     longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)

@@ -64,8 +64,8 @@ class NumberFacts:
     @property
     def subject(self) -> str:
         """The number as the subject of a sentence."""
-        part, comma, face = self.label.partition(", ")
-        words = f"the {part}'s {face}" if comma else f"the {part}"
+        part, colon, face = self.label.partition(": ")
+        words = f"the {part}'s {face}" if colon else f"the {part}"
         name = self.key.split(".")[1] if "." in self.key else ""
         return KINDS[self.kind].words.format(key=words if self.label else self.key, name=name)
 

@@ -47,7 +47,7 @@ def test_the_drawing_is_written_with_what_was_changed_above_it(place, done):
     text = (place / "new.toml").read_text()
     first, second, blank, rest = text.split("\n", 3)
     assert first == "# Calibrated by femfit from small.toml and bench.csv:"
-    assert second.startswith(f"#   magnet, face at z = 4 mm [{KEY}] = 4.0")
+    assert second.startswith(f"#   magnet: face at z = 4 mm [{KEY}] = 4.0")
     assert second.endswith(" mm (drawn 4 mm)")
     assert (blank, len(rest.splitlines())) == ("", len(DRAWN.splitlines()))
     written = tomllib.loads(text)["moving"]["regions"]["magnet"]["z_mm"][1]

@@ -47,11 +47,11 @@ def test_everything_goes_into_a_directory(tmp_path):
     assert names == pictures | {"field.vtu"}
     numbers = json.loads((tmp_path / "all.json").read_text())["numbers"]  # which the picture marks
     titles = {one["key"]: one["title"] for one in numbers}
-    assert titles["moving.regions.magnet.z_mm[1]"] == "magnet, face at z = 5 mm"
+    assert titles["moving.regions.magnet.z_mm[1]"] == "magnet: face at z = 5 mm"
     places = {one["key"]: one["at_mm"] for one in numbers}
     assert places["moving.regions.magnet.z_mm[1]"] == [2.75, 5.0]
     lines = result.stdout.splitlines()
-    marked = [line for line in lines if line.endswith("magnet, face at z = 5 mm [moving.regions.magnet.z_mm[1]]")]
+    marked = [line for line in lines if line.endswith("magnet: face at z = 5 mm [moving.regions.magnet.z_mm[1]]")]
     assert [line.split()[0] for line in marked] == [str(1 + list(titles).index("moving.regions.magnet.z_mm[1]"))]
 
 

@@ -32,12 +32,12 @@ def test_a_pole_face_moves_with_its_cone(numbers):
 
 def test_names_are_those_of_a_machinist(numbers):
     titles = {key: one.facts.title for key, one in numbers.items()}
-    assert titles[POLE] == "frame, pole face at z = 5 mm with its cone"
-    assert titles[f"{FRAME}[8][1]"] == "frame, face at z = 5 mm without its cone"
-    assert titles[f"{FRAME}[3][0]"] == "frame, bore at r = 6.3 mm"
-    assert titles[f"{FRAME}[1][0]"] == "frame, outer surface at r = 16 mm"
-    assert titles[f"{FRAME}[10][1]"] == "frame, corner at r = 1.6 and z = 0.1111 mm along z"
-    assert titles["coils.winding.z_mm[1]"] == "winding, face at z = 29 mm"
+    assert titles[POLE] == "frame: pole face at z = 5 mm with its cone"
+    assert titles[f"{FRAME}[8][1]"] == "frame: face at z = 5 mm without its cone"
+    assert titles[f"{FRAME}[3][0]"] == "frame: bore at r = 6.3 mm"
+    assert titles[f"{FRAME}[1][0]"] == "frame: outer surface at r = 16 mm"
+    assert titles[f"{FRAME}[10][1]"] == "frame: corner at r = 1.6 and z = 0.1111 mm along z"
+    assert titles["coils.winding.z_mm[1]"] == "winding: face at z = 29 mm"
 
 
 @pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "bearing", "voice-coil", "ball", "magnet-pair"])
@@ -51,7 +51,7 @@ def test_a_pole_is_a_face_of_iron_that_looks_at_the_moving_part():
         data = parse(read_text(GEOMETRY / f"{name}.toml"), name)
         return {face.label for face in drawn_faces(data) if "pole face" in face.label}
 
-    assert poles("plunger-solenoid") == {"pole_and_bottom, pole face at z = 0 mm"}
+    assert poles("plunger-solenoid") == {"pole_and_bottom: pole face at z = 0 mm"}
     assert poles("voice-coil") == set()
     assert poles("magnet-pair") == set()
 
@@ -65,7 +65,7 @@ def test_a_picture_marks_a_face_with_its_cone_for_the_one_without(numbers):
 
 
 @pytest.mark.parametrize(
-    "name", ["frame, pole face at z = 5 mm with its cone", "frame, pole face at z = 5 mm", "pole face", POLE]
+    "name", ["frame: pole face at z = 5 mm with its cone", "frame: pole face at z = 5 mm", "pole face", POLE]
 )
 def test_a_face_is_asked_for_by_its_name(name, tmp_path):
     drawing = Drawing(CONICAL, "conical.toml", tmp_path)

@@ -56,7 +56,7 @@ def model(place):
     """Fitted to the sweep of the drawing, which stands where ``femfit calibrate`` looks for it."""
     done = femfit("sweep", place / "conical.toml", "-o", place / "runs" / "drawn", "--workers", 1, "--signatures")
     assert done.returncode == 0, done.stderr
-    assert "frame, pole face at z = 5 mm with its cone +- 0.05" in done.stdout
+    assert "frame: pole face at z = 5 mm with its cone +- 0.05" in done.stdout
     done = femfit("fit", place / "runs" / "drawn", "--model", "coenergy", "-o", place / "model.json")
     assert done.returncode == 0, done.stderr
     return place / "model.json"
@@ -116,7 +116,7 @@ def test_a_deeper_pole_is_among_the_causes_of_readings_that_it_would_give(model,
 @pytest.mark.long
 def test_a_face_is_calibrated_by_its_name_and_written_with_all_its_corners(model, bench, place):
     done = femfit(
-        "calibrate", place / "conical.toml", bench, "--numbers", "frame, pole face at z = 5 mm", "-o",
+        "calibrate", place / "conical.toml", bench, "--numbers", "frame: pole face at z = 5 mm", "-o",
         place / "new.toml", "--runs", place / "runs", "--json", place / "calibrated.json", "--workers", 1,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr

@@ -64,21 +64,11 @@ class Drawing:
             )
         if keys == [ALL]:
             return self.each
-        wanted = tuple(dict.fromkeys(self._called(key) for key in self._whole(list(map(str, keys)))))
+        wanted = tuple(dict.fromkeys(self._called(key) for key in map(str, keys)))
         for one, other in combinations(wanted, 2):
             if one.overlaps(other):
                 raise UsageError(f"{shown(one)} and {shown(other)} move the same corner. Give one of them.")
         return wanted
-
-    def _whole(self, pieces: Sequence[str]) -> Iterator[str]:
-        """Names that were taken apart at their commas in one piece again."""
-        labels = [one.label for one in self.suspects if one.label]
-        rest = list(pieces)
-        while rest:
-            joins = [", ".join(rest[:count]) for count in range(len(rest), 1, -1)]
-            name = next((one for one in joins if any(one in label for label in labels)), rest[0])
-            yield name
-            del rest[: name.count(", ") + 1 if name in joins else 1]
 
     def _called(self, key: str) -> NumberFacts:
         paths = [((one.key, *(() if one.is_contour else one.also)), one) for one in self.suspects]
