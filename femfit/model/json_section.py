@@ -19,6 +19,9 @@ Record = TypeVar("Record", bound="DataclassInstance")
 _LARGEST = 1e60
 """Derived: products of five such numbers are finite. No quantity of an actuator comes near it."""
 
+_SMALLEST = 1 / _LARGEST
+"""Derived: one over it is still such a number. Nearer to zero only zero itself is a quantity."""
+
 
 @dataclass(frozen=True)
 class Section:
@@ -56,6 +59,9 @@ class Section:
             raise self.refusal(key, needed)
         if abs(value) >= _LARGEST:
             needed += f", of less than {_LARGEST:g}"
+        if 0 < abs(value) < _SMALLEST:
+            needed += f", of at least {_SMALLEST:g} or zero"
+            raise self.refusal(key, needed)
         if not abs(value) < _LARGEST or value < lower or (positive and value <= 0):
             raise self.refusal(key, needed)
         return float(value)
