@@ -111,9 +111,7 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows | CircuitRows:
         )
     if several:
         return circuit_rows(table, model.kind)
-    return rows_of_table(
-        table, motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0
-    )
+    return rows_of_table(table, motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0)
 
 
 def _require_within(rows: FitRows | CircuitRows, model: ActuatorModel, table: str | Path) -> None:

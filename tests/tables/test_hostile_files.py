@@ -198,3 +198,9 @@ def test_an_intact_file_that_needs_more_memory_is_not_called_damaged(intact):
     with pytest.raises(TableError, match="memory") as refused:
         read_measurement(intact.with_suffix(".h5"))
     assert "damaged" not in str(refused.value)
+
+
+def test_readings_beyond_every_quantity_are_said_to_be_that(tmp_path):
+    (tmp_path / "bench.csv").write_text("distance_mm,current_A,force_N\n3,0.4,1.5e199\n4,0.4,1.2e199\n")
+    with pytest.raises(TableError, match=r"below 1e\+100 \('1\.5e199'\)"):
+        read_measurement(tmp_path / "bench.csv")
