@@ -128,9 +128,9 @@ def _require_within(rows: FitRows | CircuitRows, model: ActuatorModel, table: st
     for (low, high), beyond, given, unit in zip(limits, more, values.T, ("m", *"A" * (len(limits) - 1)), strict=True):
         if given.min() < low - beyond or given.max() > high + beyond:
             raise TableError(
-                f"{table} goes from {amount(float(given.min()), unit, 3)} to {amount(float(given.max()), unit, 3)}; the "
-                f"model holds from {amount(float(low), unit, 3)} to {amount(float(high), unit, 3)}. Give the table that "
-                "it was fitted to."
+                f"{table} goes from {amount(float(given.min()), unit, 3)} to {amount(float(given.max()), unit, 3)}; "
+                f"the model holds from {amount(float(low), unit, 3)} to {amount(float(high), unit, 3)}. Give the table "
+                "that it was fitted to."
             )
 
 

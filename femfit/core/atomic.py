@@ -54,7 +54,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def _prepare(path: str | Path, target: Path, partial: Path) -> int | None:
-    """Make the file that is written to; return the permissions of the one that it replaces, None where there is none."""
+    """Make the file that is written to; return the permissions of the one that it replaces, if there is one."""
     if target.is_dir() or str(path).endswith(os.sep):
         raise IsADirectoryError(errno.EISDIR, "Is a directory, where a file is to be written", str(path))
     if target.is_symlink():  # a link that could be followed is resolved by now

@@ -325,8 +325,8 @@ def _check_values(model: ActuatorModel, source: str) -> None:
     own = [circuit.name for circuit in model.circuits]
     if len(set(names)) < len(names) or (own and len(names) > 1 and own != list(names)):
         raise ModelFileError(
-            f"{source} is damaged: the circuits of its magnetics ({listing(names)}) must have a name each, and be those "
-            f"of its circuits ({listing(own)}), in their order. Write it again with femfit fit."
+            f"{source} is damaged: the circuits of its magnetics ({listing(names)}) must have a name each, and be "
+            f"those of its circuits ({listing(own)}), in their order. Write it again with femfit fit."
         )
     if len(names) > 1 and not np.all(limits[:, 0] < limits[:, 1]):
         raise ModelFileError(

@@ -20,7 +20,7 @@ _LARGEST = 1e60
 """Derived: products of five such numbers are finite. No quantity of an actuator comes near it."""
 
 _SMALLEST = 1 / _LARGEST
-"""Derived: one over it is still such a number. Nearer to zero only zero itself is a quantity."""
+"""Derived: one over it is still such a number, and what must be > 0 is divided by."""
 
 
 @dataclass(frozen=True)
@@ -59,9 +59,8 @@ class Section:
             raise self.refusal(key, needed)
         if abs(value) >= _LARGEST:
             needed += f", of less than {_LARGEST:g}"
-        if 0 < abs(value) < _SMALLEST:
-            needed += f", of at least {_SMALLEST:g} or zero"
-            raise self.refusal(key, needed)
+        if positive and 0 < value < _SMALLEST:
+            raise self.refusal(key, f"{needed}, of at least {_SMALLEST:g}")
         if not abs(value) < _LARGEST or value < lower or (positive and value <= 0):
             raise self.refusal(key, needed)
         return float(value)
