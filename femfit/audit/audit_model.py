@@ -11,6 +11,7 @@ from femfit.audit.held_currents import held_by_several
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
+from femfit.core.finding import listing
 from femfit.device.hall_range import REMEDY, where_clipped
 from femfit.fit.circuit_rows import CircuitRows
 from femfit.fit.circuits_build import circuit_rows, misfit_of_circuits
@@ -26,7 +27,7 @@ from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.misfit import Misfit
 from femfit.model.sensors import HALL, reading_of
-from femfit.tables.sweep_table import TABLE_STEM, read_sweep_table
+from femfit.tables.sweep_table import TABLE_STEM, current_names, read_sweep_table
 
 _GRID = (41, 15)
 
@@ -79,6 +80,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
                 findings.append(AuditFinding("table", "note", "table", text))
     if table is not None:
         rows = _rows_of(Path(table), model)
+        _require_within(rows, model, table)
     several = len(model.validity.current_limits_A) > 1
     d, i = model.validity.grid(_GRID[0], _EACH if several else _GRID[1])
     findings += [*_misfit(model, rows, d, i), *_positive(model), *_circuit(model, d, i)]
@@ -99,11 +101,37 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
 
 def _rows_of(path: Path, model: ActuatorModel) -> FitRows | CircuitRows:
     motion = model.without_effects.motion
-    if len(model.validity.current_limits_A) > 1:
-        return circuit_rows(read_sweep_table(path), model.kind)
-    return rows_of_table(
-        read_sweep_table(path), motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0
-    )
+    several, table = len(model.validity.current_limits_A) > 1, read_sweep_table(path)
+    columns = current_names(table.rows)
+    names = [f"current_{name}_A" for name in model.without_effects.magnetics.names] if several else ["current_A"]  # type: ignore[attr-defined]
+    if columns != names:
+        raise TableError(
+            f"{path} must have the current of each circuit of the model ({listing(names)}); it has "
+            f"{listing(columns)}. Give the table that the model was fitted to."
+        )
+    if several:
+        return circuit_rows(table, model.kind)
+    return rows_of_table(table, motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0)
+
+
+def _require_within(rows: FitRows | CircuitRows, model: ActuatorModel, table: str | Path) -> None:
+    """Refuse a table of another device: one without force, or that goes where the model does not hold, to rounding."""
+    if not rows.force.any():
+        raise TableError(f"{table} must have forces; all are 0 N. Give the table that the model was fitted to.")
+    box = model.validity
+    currents = rows.currents if isinstance(rows, CircuitRows) else rows.current[:, None]
+    limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])
+    if isinstance(rows, CircuitRows):  # currents of one sign may hold for the other one
+        limits[1:] = np.abs(limits[1:]).max(axis=1, keepdims=True) * (-1.0, 1.0)
+    values = np.column_stack([rows.distance, currents])
+    more = _ROUNDING * np.ptp(limits, axis=1)
+    for (low, high), beyond, given, unit in zip(limits, more, values.T, ("m", *"A" * (len(limits) - 1)), strict=True):
+        if given.min() < low - beyond or given.max() > high + beyond:
+            raise TableError(
+                f"{table} goes from {amount(float(given.min()), unit, 3)} to {amount(float(given.max()), unit, 3)}; "
+                f"the model holds from {amount(float(low), unit, 3)} to {amount(float(high), unit, 3)}. Give the table "
+                "that it was fitted to."
+            )
 
 
 def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | CircuitRows | None:

@@ -9,8 +9,9 @@ import json
 import math
 import os
 import secrets
+import stat
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,24 +29,41 @@ def replacing(path: str | Path) -> Iterator[Path]:
     ...     rows.to_csv(partial)
     """
     target = Path(os.path.realpath(path))
-    if Path(path).exists() and not Path(path).is_file() and not target.is_dir():
-        yield Path(path)  # a pipe behind /dev/stdout has no path of its own
-        return
+    device = Path(path).exists() and not Path(path).is_file() and not target.is_dir()
     # A name that nobody can foresee, of a file that must be new: a link laid in its place would be written through
-    partial = target.with_name(f".{target.stem}.{secrets.token_hex(8)}.partial{target.suffix}")
+    name = f".{target.stem[:40]}.{secrets.token_hex(8)}.partial{target.suffix}"
+    # A pipe behind /dev/stdout has no path of its own
+    partial = Path(path) if device else target.parent / name
     try:
-        if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "Is a directory, where a file is to be written", str(target))
-        target.parent.mkdir(parents=True, exist_ok=True)
-        os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # less what the umask denies
+        if device:
+            yield partial
+            return
+        mode = _prepare(path, target, partial)
         yield partial
+        if mode is not None:
+            partial.chmod(mode)
         partial.replace(target)
     except OSError as error:
         if error.errno is not None and error.filename in (None, str(partial), partial):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
     finally:
-        partial.unlink(missing_ok=True)
+        if not device:
+            with suppress(OSError):  # what cannot be made cannot be removed, and the first error says why
+                partial.unlink(missing_ok=True)
+
+
+def _prepare(path: str | Path, target: Path, partial: Path) -> int | None:
+    """Make the file that is written to; return the permissions of the one that it replaces, if there is one."""
+    if target.is_dir() or str(path).endswith(os.sep):
+        raise IsADirectoryError(errno.EISDIR, "Is a directory, where a file is to be written", str(path))
+    if target.is_symlink():  # a link that could be followed is resolved by now
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+    target.parent.mkdir(parents=True, exist_ok=True)
+    mode = stat.S_IMODE(target.stat().st_mode) if target.exists() else None
+    # Less what the umask denies; what replaces a secret is one before it is complete
+    os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666 if mode is None else 0o600))
+    return mode
 
 
 def write_text(path: str | Path, text: str) -> None:

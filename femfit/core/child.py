@@ -28,7 +28,7 @@ def in_child(function: Callable[..., Any], *arguments: Any, timeout: float, memo
     """Call a function in a child process of so many bytes, which is killed after ``timeout`` s and by a Ctrl-C here.
 
     The function is imported there by its name; it, its arguments and its result must be picklable. An error of femfit
-    is raised as it is, each other one as ChildError.
+    is raised as it is, each other one as ChildError, too little memory as MemoryError.
     """
     limits = [str(math.ceil(timeout) + _GRACE_S), str(math.ceil(memory))]
     command = [sys.executable, "-P", "-m", "femfit.core.child", *limits]
@@ -46,7 +46,7 @@ def in_child(function: Callable[..., Any], *arguments: Any, timeout: float, memo
         raise ChildError(f"the library that reads it ended with {how}")
     result, failure = pickle.loads(child.stdout)  # noqa: S301 - our own child wrote it
     if failure is not None:
-        raise failure if isinstance(failure, FemfitError) else ChildError(failure)
+        raise failure if isinstance(failure, FemfitError | MemoryError) else ChildError(failure)
     return result
 
 
@@ -54,6 +54,8 @@ def _answer() -> None:
     """Call what the parent asks for on standard input, and write its result and its error to standard output."""
     seconds, memory = map(int, sys.argv[1:])
     signal.alarm(seconds)  # the kernel's own end of this process, which no library holds up
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]  # which no process may raise
+    memory = memory if hard == resource.RLIM_INFINITY else min(memory, hard)
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
     with os.fdopen(os.dup(1), "wb") as out:
         os.dup2(2, 1)  # what a library prints is no answer
@@ -62,6 +64,8 @@ def _answer() -> None:
             answer = pickle.dumps((function(*arguments), None))
         except FemfitError as error:
             answer = pickle.dumps((None, error))
+        except MemoryError:
+            answer = pickle.dumps((None, MemoryError(f"{memory / 1e9:.3g} GB")))
         except Exception as error:  # noqa: BLE001  whatever a library raises; its own classes may not be picklable
             answer = pickle.dumps((None, f"{type(error).__name__}: {error}"))
         out.write(answer)

@@ -106,12 +106,17 @@ class Journal:
     def _make_room(self, header: JournalHeader, directory: Path) -> None:
         """Put a journal of another configuration aside, and take this one's up again where it was put aside."""
         self._file.seek(0)
-        first = _parse(self._file.readline())
+        first = _header(self._file.readline())
         own = _kept(directory, header.configuration_hash)
-        if first is not None and first.get("configuration_hash") != header.configuration_hash:
-            self.changed = () if own.exists() else _changed(header, first.get("parts", {}))
+        if first is None and (end := self._file.tell()):
+            self._file.seek(end - 1)
+            cut_short = self._file.read(1) != b"\n"
+            self.changed = () if cut_short or own.exists() else ("the journal's first line, which is damaged",)
+            self._file.truncate(0)
+        elif first is not None and first.configuration_hash != header.configuration_hash:
+            self.changed = () if own.exists() else _changed(header, first.parts)
             self._file.seek(0)
-            _kept(directory, str(first.get("configuration_hash"))).write_bytes(self._file.read())
+            _kept(directory, first.configuration_hash).write_bytes(self._file.read())
             self._file.truncate(0)
             first = None
         if first is None and own.exists():
@@ -138,10 +143,11 @@ def holds(directory: Path, configuration_hash: str) -> bool:
     """Whether a directory has a configuration's journal, be it put aside."""
     try:
         with (directory / JOURNAL_NAME).open("rb") as file:
-            first = _parse(file.readline()) or {}
+            first = _header(file.readline())
     except FileNotFoundError:
         return False
-    return first.get("configuration_hash") == configuration_hash or _kept(directory, configuration_hash).exists()
+    own = first is not None and first.configuration_hash == configuration_hash
+    return own or _kept(directory, configuration_hash).exists()
 
 
 def _changed(header: JournalHeader, parts: Mapping[str, str]) -> tuple[str, ...]:
@@ -153,14 +159,22 @@ def _changed(header: JournalHeader, parts: Mapping[str, str]) -> tuple[str, ...]
 
 def _kept(directory: Path, configuration_hash: str) -> Path:
     """Where the journal of another configuration waits."""
-    return directory / f"journal-{re.sub(r'[^0-9a-f]', '', configuration_hash)[:12] or 'unknown'}.jsonl"
+    return directory / f"journal-{configuration_hash[:12]}.jsonl"
+
+
+def _header(line: bytes) -> JournalHeader | None:
+    """What a journal belongs to, by its first line; None where that does not say it."""
+    entry = _parse(line) or {}
+    hashed, parts = entry.get("configuration_hash"), entry.get("parts", {})  # no parts before there were any
+    if not isinstance(hashed, str) or not re.fullmatch(r"[0-9a-f]+", hashed) or not isinstance(parts, dict):
+        return None
+    return JournalHeader(hashed, parts)
 
 
 def _is_item(entry: Mapping[str, Any]) -> bool:
     """Whether a line is a finished item: what is damaged is dropped with all behind it, and worked out again."""
-    return {"key", "result", "checksum"} <= entry.keys() and entry["checksum"] == _checksum(
-        entry["key"], entry["result"]
-    )
+    key, result = entry.get("key"), entry.get("result")
+    return isinstance(key, str) and isinstance(result, dict) and entry.get("checksum") == _checksum(key, result)
 
 
 def _checksum(key: str, result: Mapping[str, Any]) -> int:

@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import os
 import threading
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -25,8 +26,12 @@ def public(function: Callable[..., Any], module: str, name: str) -> Callable[...
             signature.bind(*arguments, **keywords)
         except TypeError as error:
             raise ArgumentError(_wrong_argument(name, signature, keywords, str(error))) from None
-        with _ONE_BLAS_THREAD:
+        call = object()
+        try:  # an interrupt in the first line of the block is undone as well
+            _ONE_BLAS_THREAD.enter(call)
             return function(*arguments, **keywords)
+        finally:
+            _ONE_BLAS_THREAD.leave(call)
 
     called.__module__, called.__qualname__, called.__name__ = module, name, name
     return called
@@ -40,25 +45,40 @@ class _OneBlasThread:
     """
 
     def __init__(self) -> None:
-        self.lock, self.calls = threading.Lock(), 0
+        self.lock = threading.Lock()
+        self.calls: dict[object, int] = {}  # Each with its thread
         self.limit: threadpool_limits | None = None
 
-    def __enter__(self) -> None:
+    def enter(self, call: object) -> None:
+        """Begin a call."""
         with self.lock:
-            self.calls += 1
+            self.calls[call] = threading.get_ident()
             if self.limit is None:
-                self.limit = threadpool_limits(1, user_api="blas")
+                self.limit = threadpool_limits(None, user_api="blas")  # the caller's, noted before it is changed
+                threadpool_limits(1, user_api="blas")
 
-    def __exit__(self, *_: object) -> None:
+    def leave(self, call: object) -> None:
+        """End a call, also one that an interrupt kept from beginning."""
         with self.lock:
-            self.calls -= 1
-            if not self.calls and self.limit is not None:
-                self.limit.restore_original_limits()
-                self.limit = None
+            self.calls.pop(call, None)
+            self._lift()
+
+    def after_fork(self) -> None:
+        """Drop the calls of threads that a child process does not have, and the lock that one of them may hold."""
+        self.lock = threading.Lock()
+        self.calls = {call: thread for call, thread in self.calls.items() if thread == threading.get_ident()}
+        self._lift()
+
+    def _lift(self) -> None:
+        if not self.calls and self.limit is not None:
+            self.limit.restore_original_limits()
+            self.limit = None
 
 
 _ONE_BLAS_THREAD = _OneBlasThread()
 """One for the process, as the limit is."""
+
+os.register_at_fork(after_in_child=_ONE_BLAS_THREAD.after_fork)
 
 
 def _wrong_argument(name: str, signature: inspect.Signature, keywords: dict[str, Any], problem: str) -> str:

@@ -52,6 +52,7 @@ class _Part:
     entry: OutlineEntry
     box: tuple[tuple[float, float], tuple[float, float]]
     conducts_flux: bool
+    name: str  # As the file gives it, after "coil" where a region has the same one
 
 
 def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
@@ -60,6 +61,7 @@ def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
     Contours stand behind them.
     """
     parts = list(_parts(data))
+    names = {part.path: part.name for part in parts}
     found = [face for part in parts for face in _faces(part)]
     faces = [face for face in found if not face.key and (face.axis == 1 or abs(face.value) > COINCIDENT)]
     group = list(range(len(faces)))
@@ -72,7 +74,7 @@ def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
         if group[place] == place:
             members = [one for one, own in zip(faces, group, strict=True) if own == place]
             locations = tuple(chain.from_iterable(one.locations for one in members))
-            beside = dict.fromkeys(str(one.part[-1]) for one in members if one.part != face.part)
+            beside = dict.fromkeys(names[one.part] for one in members if one.part != face.part)
             touching = f" on {' and '.join(beside)}" if beside else ""
             merged.append(replace(face, locations=locations, label=f"{_label(face, parts)}{touching}"))
     contours = [face for face in found if face.key]
@@ -105,12 +107,13 @@ def _label(face: Face, parts: Sequence[_Part]) -> str:
     """What a machinist calls a face."""
     if face.label or face.span is None:
         return face.label
+    own = next(part for part in parts if part.path == face.part)
     axis, words = "rz"[face.axis], "face"
     if face.axis == 0:
         words = "bore" if face.side > 0 else "outer surface"
     elif _is_pole(face, parts):
         words = "pole face"
-    return f"{face.part[-1]}: {words} at {axis} = {face.value:g} mm"
+    return f"{own.name}: {words} at {axis} = {face.value:g} mm"
 
 
 def _is_pole(face: Face, parts: Sequence[_Part]) -> bool:
@@ -157,11 +160,14 @@ def _parts(data: Mapping[str, Any]) -> Iterator[_Part]:
         tables.append((("coil",), "fixed", data["coil"]))
     for name, table in table_at(data, "coils").items():
         tables.append((("coils", name), "moving" if table.get("moves") is True else "fixed", table))
+    regions = {path[-1] for path, _, _ in tables if "regions" in path[:2]}
     for path, body, table in tables:
         entry = read_part(OutlineEntry, table)
         box = None if entry is None else _box(entry)
         if entry is not None and box is not None:
-            yield _Part(path, body, entry, box, conducts_flux(data, table.get("material")))
+            shared = path[0] == "coils" and path[-1] in regions
+            name = f"{'coil ' * shared}{path[-1]}"
+            yield _Part(path, body, entry, box, conducts_flux(data, table.get("material")), name)
 
 
 def _box(entry: OutlineEntry) -> tuple[tuple[float, float], tuple[float, float]] | None:
@@ -196,7 +202,7 @@ def _place(axis: int, value: float, across: float) -> tuple[float, float]:
 def _of_circle(circle: Sequence[float], part: _Part) -> Iterator[Face]:
     """Centre and radius; a circle that stands on z = 0, from which distances count, keeps standing there."""
     place, height, radius = circle
-    path, body, name = (*part.path, "circle_mm"), part.body, part.path[-1]
+    path, body, name = (*part.path, "circle_mm"), part.body, part.name
     size = f"{name}: radius of {radius:g} mm"
     if abs(height - radius) < COINCIDENT:
         top = place, height + radius
@@ -228,7 +234,7 @@ def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Fac
             along, value = [corners[one][across] for one in run], corners[run[0]][axis]
             if len(run) == 1:
                 r, z = corners[run[0]][:2]
-                label = f"{part.path[-1]}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
+                label = f"{part.name}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
                 face = Face(axis, value, locations, part.body, part=part.path, label=label, at=(r, z))
             else:
                 rising = along[-1] > along[0]
@@ -274,13 +280,17 @@ def _contour(
     locations = tuple((*path, place, axis) for one in run for place in places[one])
     key = f"{joined('', *path)}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
     values, along = [corners[k][axis] for k in run], [corners[k][1 - axis] for k in run]
+    curved = any(len(corners[k]) == 3 and corners[k][2] for k in run[:-1])
     if not flat:
         ends = f"{'rz'[axis]} = {values[0]:g} to {values[-1]:g} mm"
-        label = f"{part.path[-1]}: slanted face from {ends}"
+        label = f"{part.name}: slanted face from {ends}"
+        if curved and abs(values[0] - values[-1]) < COINCIDENT:
+            label = f"{part.name}: rounded edge at {'rz'[axis]} = {values[0]:g} mm"
+        elif curved:
+            label = f"{part.name}: rounded edge from {ends}"
         at = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
         return Face(axis, values[0], locations, part.body, part=part.path, label=label, key=key, at=at)
     longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)
-    curved = any(len(corners[k]) == 3 and corners[k][2] for k in run[:-1])
     return replace(
         longest,
         locations=locations,

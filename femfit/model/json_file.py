@@ -12,6 +12,7 @@ import numpy as np
 from femfit.core.atomic import write_text
 from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
+from femfit.core.finding import listing
 from femfit.core.outputs import MODEL, require_outputs
 from femfit.core.paths import path_of
 from femfit.device.circuit import Circuit, Drive
@@ -320,6 +321,17 @@ def _check_values(model: ActuatorModel, source: str) -> None:
         raise ModelFileError(
             f"{source} is damaged: magnetics, circuits and validity must be of as many circuits; instead received "
             f"{len(names)}, {len(model.circuits)} and {len(limits)}. Write it again with femfit fit."
+        )
+    own = [circuit.name for circuit in model.circuits]
+    if len(set(names)) < len(names) or (own and len(names) > 1 and own != list(names)):
+        raise ModelFileError(
+            f"{source} is damaged: the circuits of its magnetics ({listing(names)}) must have a name each, and be "
+            f"those of its circuits ({listing(own)}), in their order. Write it again with femfit fit."
+        )
+    if len(names) > 1 and not np.all(limits[:, 0] < limits[:, 1]):
+        raise ModelFileError(
+            f"{source} is damaged: validity must span a range of each circuit's current; instead received "
+            f"{limits.tolist()} A. Write it again with femfit fit."
         )
     d, along = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 5), np.linspace(0.0, 1.0, 5))
     i = limits[:, 0] + along[..., None] * (limits[:, 1] - limits[:, 0])

@@ -19,6 +19,9 @@ Record = TypeVar("Record", bound="DataclassInstance")
 _LARGEST = 1e60
 """Derived: products of five such numbers are finite. No quantity of an actuator comes near it."""
 
+_SMALLEST = 1 / _LARGEST
+"""Derived: one over it is still such a number, and what must be > 0 is divided by."""
+
 
 @dataclass(frozen=True)
 class Section:
@@ -56,6 +59,8 @@ class Section:
             raise self.refusal(key, needed)
         if abs(value) >= _LARGEST:
             needed += f", of less than {_LARGEST:g}"
+        if positive and 0 < value < _SMALLEST:
+            raise self.refusal(key, f"{needed}, of at least {_SMALLEST:g}")
         if not abs(value) < _LARGEST or value < lower or (positive and value <= 0):
             raise self.refusal(key, needed)
         return float(value)

@@ -75,11 +75,11 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
     valid = f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm"
     if domain.further_A:
         each = zip(base.magnetics.names, ((domain.current_min_A, domain.current_max_A), *domain.further_A), strict=True)  # type: ignore[attr-defined]
-        ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} A" for name, (low, high) in each)
+        ranges = ", ".join(f"{name} {low + 0.0:.4g} to {high + 0.0:.4g} A" for name, (low, high) in each)
         return [*lines, f"{valid} and {ranges}{', or all of them reversed' if domain.mirrored else ''}"]
     if domain.current_min_A == domain.current_max_A == 0.0:  # a pair of magnets
         return [*lines, valid, *known]
-    return [*lines, f"{valid} and {domain.current_min_A:.4g} to {domain.current_max_A:.4g} A", *known]
+    return [*lines, f"{valid} and {domain.current_min_A + 0.0:.4g} to {domain.current_max_A + 0.0:.4g} A", *known]
 
 
 def misfit_lines(misfit: "Misfit") -> list[str]:

@@ -20,7 +20,7 @@ from femfit.core.quoted import quoted
 from femfit.tables.column_option import column_option, likely_columns
 from femfit.tables.header import find_header, match_score, parse_header, same_header
 from femfit.tables.measurement import CHANNELS, SETTINGS
-from femfit.tables.number_text import EMPTY, clock_seconds
+from femfit.tables.number_text import EMPTY, LARGEST, clock_seconds, looks_numeric
 from femfit.tables.raw_table import RawTable
 from femfit.tables.units import column_unit, given_factor, unit_factor
 
@@ -293,5 +293,7 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     if not len(bad):
         return values * column.factor, []
     count = counted(len(bad), "cell holds", "cells hold")
-    text = f"In {quoted(column.header)} {count} no number ({quoted(cells[bad[0]])!r}); these readings count as missing."
+    below = f" below {LARGEST:g}" if looks_numeric(cells[bad[0]]) else ""
+    text = f"In {quoted(column.header)} {count} no number{below} ({quoted(cells[bad[0]])!r}); these readings "
+    text += "count as missing."
     return values * column.factor, [Finding("cells", "info", text, size=float(len(bad)), column=column.name)]

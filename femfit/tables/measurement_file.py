@@ -183,7 +183,7 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
     given = tuple(
         name for name in known if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )
-    _require("bench table", given, path, unused)
+    _require("bench table", given, path, unused, _about(findings, given))
     full = _complete_bench(rows, of_circuits)
     copies: list[Finding] = []
     if not planned:

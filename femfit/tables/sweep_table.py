@@ -223,6 +223,7 @@ def _table_file(path: Path) -> Path:
 
 
 def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
+    from pandas import to_numeric  # noqa: PLC0415
     from pandas.api.types import is_numeric_dtype  # noqa: PLC0415
 
     currents = current_names(rows)
@@ -240,7 +241,9 @@ def _check(rows: "pd.DataFrame", file: Path, *, swept: bool) -> None:
         raise TableError(f"Sweep table {file} has no row with status ok.")
     for name in required:
         if not is_numeric_dtype(usable[name]):
-            raise TableError(f"Column {name} of {file} must be numeric; it holds {quoted(usable[name].iloc[0])!r}.")
+            texts = usable[name][to_numeric(usable[name], errors="coerce").isna()]
+            held = quoted((texts if len(texts) else usable[name]).iloc[0])
+            raise TableError(f"Column {name} of {file} must be numeric; it holds {held!r}.")
         if not np.isfinite(usable[name].to_numpy(dtype=float)).all():
             raise TableError(f"Column {name} of {file} has rows with status ok but no finite number.")
     if not swept and (usable["distance_m"] <= 0).any():

@@ -166,6 +166,26 @@ def test_a_table_of_another_range_beside_a_model_is_not_its_own(fitted, levitati
     assert audit_model(directory / "other.json").findings == audit_model(other).findings
 
 
+@pytest.mark.parametrize(
+    ("change", "needed"),
+    [
+        (lambda rows: rows.assign(distance_m=0.1 * rows["distance_m"]), "mm"),
+        (lambda rows: rows.assign(current_A=10.0 * rows["current_A"]), " A"),
+        (lambda rows: rows.rename(columns={"current_A": "current_top_A"}), "current_A"),
+        (lambda rows: rows.assign(current_top_A=rows["current_A"]), "current_top_A"),
+        (lambda rows: rows.assign(force_N=0.0), "0 N"),
+    ],
+)
+def test_a_table_of_another_device_is_refused_with_what_does_not_match(fitted, tmp_path, change, needed):
+    directory, _ = fitted
+    table = full_table()
+    write_sweep_table(replace(table, rows=change(table.rows)), tmp_path)
+    done = femfit("audit", directory / "model.json", "--table", tmp_path)
+    assert done.returncode == 1
+    assert needed in done.stderr
+    assert "wrong" not in done.stdout
+
+
 def test_the_command_prints_the_count_first(levitation_model, tmp_path):
     write_model(levitation_model, tmp_path / "model.json")
     done = femfit("audit", tmp_path / "model.json", "--json", tmp_path / "a.json")

@@ -92,3 +92,42 @@ def test_what_is_written_to_a_pipe_arrives(tmp_path):
     code = "from femfit.core.atomic import write_text; write_text('/dev/stdout', 'whole')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "whole"
+
+
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path):
+    path = tmp_path / "secret.json"
+    path.write_text("old")
+    path.chmod(0o600)
+    write_text(path, "new")
+    assert (path.read_text(), path.stat().st_mode & 0o777) == ("new", 0o600)
+
+
+def test_links_in_a_circle_and_a_directory_to_be_are_refused_and_nothing_is_made(tmp_path):
+    loop = tmp_path / "loop.json"
+    loop.symlink_to(loop)
+    with pytest.raises(OSError, match=r"loop\.json") as circle:
+        write_text(loop, "x")
+    assert circle.value.errno == errno.ELOOP
+    with pytest.raises(IsADirectoryError):
+        write_text(f"{tmp_path}/new/", "x")
+    assert loop.is_symlink()
+    assert [file.name for file in tmp_path.iterdir()] == ["loop.json"]
+
+
+def test_a_file_in_place_of_a_directory_is_the_error_that_is_reported(tmp_path):
+    (tmp_path / "file").write_text("x")
+    path = tmp_path / "file" / "out.json"
+    with pytest.raises(FileExistsError, match="file"):
+        write_text(path, "x")
+
+
+def test_a_name_as_long_as_the_system_allows_is_written(tmp_path):
+    path = tmp_path / f"{'n' * 250}.txt"
+    write_text(path, "x")
+    assert path.read_text() == "x"
+
+
+def test_a_full_device_is_named():
+    with pytest.raises(OSError, match="/dev/full") as full:
+        write_text("/dev/full", "x")
+    assert full.value.errno == errno.ENOSPC

@@ -2,11 +2,12 @@
 
 import json
 import resource
+import zlib
 
 import pytest
 
 from femfit.core.errors import RunDirectoryError
-from femfit.core.journal import JOURNAL_NAME, Journal, JournalHeader
+from femfit.core.journal import JOURNAL_NAME, Journal, JournalHeader, holds
 
 HEADER = JournalHeader("a" * 64, {"the drawing": "a"})
 RESULTS = {str(n): {"status": "ok", "force_N": n / 3.0} for n in range(5)}
@@ -116,3 +117,36 @@ def test_a_digit_that_was_changed_is_noticed(tmp_path):
         (tmp_path / JOURNAL_NAME).write_text(text.replace(repr(1 / 3), other))
         with Journal(tmp_path, HEADER) as again:
             assert again.finished == {"0": RESULTS["0"]}
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"configuration_hash": "abc", "parts": [1]},
+        {"configuration_hash": "abc", "parts": "xx"},
+        {"configuration_hash": None},
+        {"configuration_hash": [1]},
+        {},
+    ],
+)
+def test_a_damaged_first_line_is_no_journal_of_any_drawing_and_is_said(header, tmp_path):
+    (tmp_path / JOURNAL_NAME).write_text(json.dumps(header) + "\n")
+    assert not holds(tmp_path, "a" * 64)
+    with Journal(tmp_path, HEADER) as journal:
+        (said,) = journal.changed
+        assert "damaged" in said
+        journal.record("0", RESULTS["0"])
+    assert [file.name for file in tmp_path.iterdir()] == [JOURNAL_NAME]
+    with Journal(tmp_path, HEADER) as again:
+        assert (again.finished, again.changed) == ({"0": RESULTS["0"]}, ())
+
+
+@pytest.mark.parametrize(("key", "result"), [([1], {"status": "ok"}), ("1", [1]), ("1", 2.0), (None, None)])
+def test_an_item_of_another_form_is_dropped(key, result, tmp_path):
+    with Journal(tmp_path, HEADER) as journal:
+        journal.record("0", RESULTS["0"])
+    line = {"key": key, "result": result, "checksum": zlib.crc32(json.dumps([key, result]).encode())}
+    with (tmp_path / JOURNAL_NAME).open("a") as file:
+        file.write(json.dumps(line) + "\n")
+    with Journal(tmp_path, HEADER) as again:
+        assert again.finished == {"0": RESULTS["0"]}

@@ -1,5 +1,7 @@
 """Which numbers of a file are one face."""
 
+import tomllib
+
 import pytest
 
 from femfit.device.drawn_faces import drawn_faces
@@ -56,3 +58,30 @@ def test_the_side_of_a_polygons_face_does_not_depend_on_the_sense_of_its_corners
     before = sorted((face.axis, face.value, len(face.locations)) for face in drawn_faces(data))
     data["fixed"] = {"regions": turned}
     assert sorted((face.axis, face.value, len(face.locations)) for face in drawn_faces(data)) == before
+
+
+ROUNDED = """
+[fixed.regions.bottom]
+material = "air"
+polygon_mm = [[10, 0], [30, 0], [34, 4, 4], [34, 8], [30, 8], [10, 8]]
+[coils.bottom]
+r_mm = [12, 20]
+z_mm = [2, 6]
+"""
+
+
+def test_a_coil_and_a_part_of_one_name_are_told_apart():
+    labels = {face.label.partition(":")[0] for face in drawn_faces(tomllib.loads(ROUNDED))}
+    assert labels == {"bottom", "coil bottom"}
+
+
+@pytest.mark.parametrize(
+    ("corners", "label"),
+    [
+        ([[10, 0], [34, 0, 60], [34, 8], [10, 8]], "bottom: rounded edge at r = 34 mm"),
+        ([[10, 0], [30, 0], [34, 4, 45], [34, 8], [30, 8], [10, 8]], "bottom: rounded edge from r = 30 to 34 mm"),
+    ],
+)
+def test_an_arc_is_a_rounded_edge_and_no_slanted_face(corners, label):
+    data = tomllib.loads(f'[fixed.regions.bottom]\nmaterial = "air"\npolygon_mm = {corners}')
+    assert label in {face.label for face in drawn_faces(data)}

@@ -1,5 +1,6 @@
 """No circuit, one and several obey the same equations, and what is in series with a coil counts."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +16,11 @@ from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.exponential_step import exponential_step
 from femfit.model.float_steps import float_step
+from femfit.model.json_file import model_to_dict
 from femfit.model.sensors import reading_of
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import with_effects
+from support.command import femfit
 from support.halves import NAMES, cut_in_two
 from support.readings import predict_sensors
 
@@ -144,3 +147,27 @@ def test_a_domain_spans_a_grid_of_all_currents():
     assert (d.shape, i.shape) == ((18,), (18, 2))
     assert {tuple(row) for row in i.tolist()} == {(a, b) for a in (0.0, 0.5, 1.0) for b in (-1.0, 0.0, 1.0)}
     assert ValidityBox(1e-3, 2e-3, 0.0, 1.0).grid(2, 3)[1].shape == (6,)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda data: data["circuits"][1].update(name="inner"), "circuits"),
+        (lambda data: data["circuits"][1].update(name="other"), "other"),
+        (lambda data: data["magnetics"].update(circuits=["inner", "inner"]), "circuits"),
+        (lambda data: data["validity"].update(current_min_A=0.0, current_max_A=0.0), "range"),
+        (lambda data: data["motion"].update(mass_kg=1e-320), "mass_kg"),
+    ],
+)
+def test_circuits_that_cannot_be_told_apart_and_absurd_numbers_are_refused_in_a_file(halves, tmp_path, change, said):
+    data = model_to_dict(halves)
+    change(data)
+    (tmp_path / "model.json").write_text(json.dumps(data))
+    done = femfit("simulate", tmp_path / "model.json")
+    assert done.returncode == 1
+    assert said in done.stderr
+
+
+def test_a_range_that_ends_at_zero_has_no_sign_there(halves):
+    text = str(replace(halves, validity=replace(halves.validity, current_min_A=-3.0, current_max_A=-0.0)))
+    assert "-3 to 0 A" in text

@@ -1,10 +1,14 @@
 """Whatever stands in a file, a user reads one clear sentence of a sane size, within a second or two."""
 
 import json
+import subprocess
+import sys
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from femfit.core.errors import TableError
 from femfit.tables.coil_record import open_coil_record
@@ -166,3 +170,37 @@ def test_the_currents_of_a_headerless_matrix_can_be_given(tmp_path):
     table = read_foreign_table([path], ImportOptions(column_names=names, distance_start_m=0.025, accept=("units",)))
     assert table.rows["current_A"].nunique() == 11
     assert table.rows["distance_m"].nunique() == 20
+
+
+def test_the_cell_that_is_no_number_is_shown(tmp_path):
+    (tmp_path / "sweep.csv").write_text("distance_m,current_A,force_N\n0.01,0.5,1\n0.02,0.5,oops\n")
+    with pytest.raises(TableError, match="'oops'"):
+        read_sweep_table(tmp_path)
+
+
+@pytest.fixture
+def intact(tmp_path):
+    columns = {"distance_mm": np.linspace(1.0, 3.0, 20), "current_A": np.ones(20), "force_N": np.linspace(3.0, 1.0, 20)}
+    savemat(tmp_path / "table.mat", columns)
+    return tmp_path / "table.mat"
+
+
+def test_a_file_is_read_where_the_shell_limits_the_memory(intact):
+    program = "import resource, sys, femfit; resource.setrlimit(resource.RLIMIT_AS, (1_700_000_000,) * 2); "
+    program += "print(len(femfit.read_measurement(sys.argv[1]).rows))"
+    done = subprocess.run([sys.executable, "-c", program, intact], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "20"), done.stderr
+
+
+def test_an_intact_file_that_needs_more_memory_is_not_called_damaged(intact):
+    with h5py.File(intact.with_suffix(".h5"), "w") as file:  # 4 GB of zeros, of which no byte is written
+        file.create_dataset("force_N", (500_000_000,), dtype="f8", chunks=True, compression="gzip")
+    with pytest.raises(TableError, match="memory") as refused:
+        read_measurement(intact.with_suffix(".h5"))
+    assert "damaged" not in str(refused.value)
+
+
+def test_readings_beyond_every_quantity_are_said_to_be_that(tmp_path):
+    (tmp_path / "bench.csv").write_text("distance_mm,current_A,force_N\n3,0.4,1.5e199\n4,0.4,1.2e199\n")
+    with pytest.raises(TableError, match=r"below 1e\+100 \('1\.5e199'\)"):
+        read_measurement(tmp_path / "bench.csv")

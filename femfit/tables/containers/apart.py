@@ -34,6 +34,11 @@ def read_apart(kind: str, content: bytes, source: str) -> tuple[list[NamedTable]
     timeout, memory = TIMEOUT_S + TIMEOUT_S_PER_BYTE * len(content), MEMORY + MEMORY_PER_BYTE * len(content)
     try:
         tree, remark = in_child(_DECODERS[kind], content, timeout=timeout, memory=memory)
+    except MemoryError as error:
+        raise TableError(
+            f"{source} unpacks to more than the memory that reading {len(content) / 1e6:.3g} MB of {kind} may take "
+            f"({error}). Raise a limit of this shell (ulimit -v), or export only the columns needed."
+        ) from error
     except ChildError as error:
         raise TableError(damaged(source, kind, error)) from error
     return nested_tables(tree, source, kind, separator="/" if kind == "HDF5" else "."), remark
