@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import femfit as ff
@@ -10,7 +11,7 @@ from femfit.core.errors import DomainError, FitError
 from support.bearing import grid
 from support.command import femfit
 from support.reference import REFERENCE, needs_reference
-from support.saturating_bearing import DISTANCES, GAP, force, inductance, share, write_sweep
+from support.saturating_bearing import CIRCUIT, DISTANCES, GAP, KIND, force, inductance, share, write_sweep
 
 ONE_SIDE, BOTH_SIDES = np.array([0.0, 1.0, 2.0, 3.0]), np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
 BETWEEN = grid(np.linspace(0.21e-3, 0.79e-3, 9), np.linspace(0.0, 2.9, 6), np.linspace(0.0, 2.9, 6))
@@ -172,3 +173,41 @@ def test_a_swept_bearing_of_steel_1010_is_met_at_every_point(tmp_path):
     assert np.sqrt(np.mean(missed**2)) < 0.01
     assert fit.circuits.left_out_worst < 0.05
     assert share(-fit.model.force(1e-3 - d, i[:, ::-1]), fit.model.force(d, i)).max() < 2e-3
+
+
+def write_shared_core(folder, currents, leakage_H):
+    """Two windings of as many turns on one core that saturates, W' = E (sqrt(1 + q^2) - 1) + l (i_1^2 + i_2^2) / 2."""
+    energy, reach = 0.12, 0.15e-3
+    d, i = grid(np.array([0.2, 0.5, 0.9, 1.4, 2.0]) * 1e-3, currents, currents)
+    per_ampere = 2.0 * reach / (d + reach)
+    q = per_ampere * i.sum(axis=1)
+    common = energy * per_ampere**2 * (1.0 + q**2) ** -1.5
+    rows = {"distance_m": d, "force_N": energy * q**2 / np.sqrt(1.0 + q**2) / (d + reach), "status": "ok"}
+    for k, name in enumerate(("pull", "hold")):
+        rows[f"current_{name}_A"] = i[:, k]
+        rows[f"flux_linkage_{name}_Wb"] = energy * q / np.sqrt(1.0 + q**2) * per_ampere + leakage_H * i[:, k]
+        rows[f"inductance_{name}_H"] = common + leakage_H
+    rows["inductance_pull_hold_H"] = common
+    entry = {"name": "holdpull", "kind": KIND, "circuits": [{"name": name, **CIRCUIT} for name in ("pull", "hold")]}
+    folder.mkdir()
+    pd.DataFrame(rows).to_csv(folder / "sweep.csv", index=False)
+    (folder / "manifest.json").write_text(json.dumps({"kind": "sweep", "name": "holdpull", "actuator": entry}))
+    return folder
+
+
+@pytest.mark.parametrize("count", [5, 7])
+def test_windings_that_share_a_core_are_refused_for_their_coupling_and_not_for_their_currents(tmp_path, count):
+    folder = write_shared_core(tmp_path / "sweep", np.linspace(-2.0, 2.0, count), 2e-3)
+    told = femfit("fit", folder, "-o", tmp_path / "model.json")
+    assert told.returncode == 1
+    assert "share one core" in told.stderr
+    assert "one winding at a time" in told.stderr
+    assert "more currents" not in told.stderr
+
+
+def test_windings_apart_that_are_swept_too_coarsely_do_not_share_a_core(tmp_path):
+    coarse = np.array([0.0, 20.0, 40.0])
+    told = femfit("fit", write_sweep(tmp_path / "sweep", coarse, coarse), "-o", tmp_path / "model.json")
+    assert told.returncode == 1
+    assert "share one core" not in told.stderr
+    assert "Sweep more currents" in told.stderr
