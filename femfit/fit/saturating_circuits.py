@@ -156,21 +156,21 @@ def _tightly_coupled(magnetics: CoenergyTensor, rows: CircuitRows) -> str:
 
     Divided by sqrt(L_jj L_kk) the inductances have 1 on the diagonal, and the couplings k beside it. Their least
     eigenvalue, 1 - k of two windings, is the leakage: an error below it leaves them positive definite (Weyl), one above
-    may not. Of windings apart that is 1, so that an error of 1 somewhere needs no coupling to be too large.
+    may not. Of windings apart that is 1, so that an error of 1 needs no coupling to be too large.
     """
     if rows.inductance is None:
         return ""
     own = np.diagonal(rows.inductance, axis1=1, axis2=2)
     scale = np.sqrt(own[:, :, None] * own[:, None, :])
     off = magnetics.inductance(rows.distance, rows.currents) - rows.inductance
-    errors = np.linalg.norm(off / scale, ord=2, axis=(1, 2))
+    missed = rms(np.linalg.norm(off / scale, ord=2, axis=(1, 2)))
     leakage = float(np.linalg.eigvalsh(rows.inductance / scale).min())
-    if rms(errors) < leakage or errors.max() >= 1.0:
+    if not leakage <= missed < 1.0:
         return ""
     coupling = float(np.abs(np.triu(rows.inductance / scale, 1)).max())
     return (
         f"The windings share one core: they couple by up to {coupling:.2f}, which leaves a leakage of "
-        f"{amount(leakage, '')} of their inductances, less than the {amount(rms(errors), '')} (rms) by which the fit misses "
+        f"{amount(leakage, '')} of their inductances, less than the {amount(missed, '')} (rms) by which the fit misses "
         "these. More points seldom mend that. Sweep and fit one winding at a time, or connect them in one circuit."
     )
 
