@@ -1,6 +1,7 @@
 """A bearing whose steel saturates, from its sweep to its model: by the command, against its closed form."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -195,9 +196,8 @@ def write_shared_core(folder, currents, leakage_H):
     return folder
 
 
-@pytest.mark.parametrize("count", [5, 7])
-def test_windings_that_share_a_core_are_refused_for_their_coupling_and_not_for_their_currents(tmp_path, count):
-    folder = write_shared_core(tmp_path / "sweep", np.linspace(-2.0, 2.0, count), 2e-3)
+def test_windings_that_share_a_core_are_refused_for_their_coupling_and_not_for_their_currents(tmp_path):
+    folder = write_shared_core(tmp_path / "sweep", np.linspace(-2.0, 2.0, 5), 2e-3)
     told = femfit("fit", folder, "-o", tmp_path / "model.json")
     assert told.returncode == 1
     assert "share one core" in told.stderr
@@ -211,3 +211,24 @@ def test_windings_apart_that_are_swept_too_coarsely_do_not_share_a_core(tmp_path
     assert told.returncode == 1
     assert "share one core" not in told.stderr
     assert "Sweep more currents" in told.stderr
+
+
+def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirror_are_refined(tmp_path):
+    """Five distances leave the force between them open by more than points left out show, which keep the others."""
+    folder = write_sweep(tmp_path / "sweep", ONE_SIDE, ONE_SIDE, distances=np.linspace(0.12e-3, 0.88e-3, 5))
+    told = femfit("fit", folder, "-o", tmp_path / "model.json")
+    assert told.returncode == 0, told.stderr
+    of_points, of_distances, _ = map(float, re.findall(r"([\d.]+) % at most", told.stdout))
+    d, i = grid(np.linspace(0.12e-3, 0.88e-3, 33), ONE_SIDE, ONE_SIDE)
+    between = 100.0 * share(ff.read_model(tmp_path / "model.json").force(d, i), force(d, i)).max()
+    assert between > 10.0 * of_points
+    assert between < 4.0 * of_distances
+    (note,) = (note for note in ff.fit_model(folder).notes if "too coarse" in note)
+    assert "whole distance left out" in note
+    added = [float(x) for x in re.findall(r"\d+\.\d+", note.partition("distances")[2].partition(" mm")[0])]
+    assert len(added) > 1
+    np.testing.assert_allclose(np.sort(added), np.sort(1.0 - np.array(added)), atol=1e-9)
+
+
+def test_a_sweep_fine_in_the_distance_is_not_called_too_coarse(folder):
+    assert "too coarse" not in str(json.loads((folder / "fit.json").read_text())["notes"])
