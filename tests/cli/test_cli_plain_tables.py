@@ -188,3 +188,14 @@ def test_rows_pasted_twice_beside_repeats_that_differ_are_still_copies(folder, l
     _, data, _ = compared(folder, pd.concat([rows, rows[:12]]))
     (copies,) = found(data, "copies")
     assert copies["size"] == 12
+
+
+def test_an_ammeters_column_that_gives_way_to_the_true_current_is_not_asked_for(folder, levitation_model):
+    """As docs/reference/files.md advises for a record of ideal instruments."""
+    rows = passes(levitation_model, 1, 2)
+    both = rows.rename(columns={"distance_m": "true_distance_m"}).assign(true_current_A=rows["current_A"])
+    ideal = ("--column", "true_distance_m=distance_m", "--column", "true_current_A=current_A")
+    said, data, _ = compared(folder, both, *ideal)
+    assert "current_A is needed" not in said
+    (unused,) = found(data, "unused-column")
+    assert not unused["column"]
