@@ -4,6 +4,7 @@ Without saturation it is a quadratic form in the currents, whose entries are spl
 How many cells the splines take, and in which coordinate, is what distances left out ask for.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -34,6 +35,9 @@ class CircuitsFit:
     left_out_rms: float
     force_share: float
     flux_linkage_share: float
+    # Where the iron saturates: of the force, with a whole distance, and with a whole current, left out; the largest
+    whole_distance_worst: float
+    whole_current_worst: float
     finer: tuple[str, tuple[float, ...]]  # The axis of the sweep that is too coarse first, and what to add to it
 
     def lines(self) -> list[str]:
@@ -47,16 +51,32 @@ class CircuitsFit:
         if not np.isfinite(self.left_out_worst):
             return [f"{text}; {within}; the sweep has too few points to leave {what} out and see what it misses there"]
         missed = f"misses the force by {amount(self.left_out_rms, '')} rms, {amount(self.left_out_worst, '')} at most"
-        return [f"{text}; {within}; with {what} left out it {missed}"]
+        text = f"{text}; {within}; with {what} left out it {missed}"
+        if saturates:
+            text += f", with a whole distance left out by {amount(self.whole_distance_worst, '')} at most"
+            text += f", with a whole current by {amount(self.whole_current_worst, '')} at most"
+        return [text]
+
+    @property
+    def between_distances(self) -> float:
+        """Estimate of the largest error between two distances: half of that at a distance left out.
+
+        Assumed of first order, for few cells follow few distances. In the currents, with a cell for every step or two,
+        a quartic spline misses a sixteenth when the step is halved, and points left out show that.
+        """
+        return 0.5 * self.whole_distance_worst
 
     def notes(self) -> list[str]:
         """Where the sweep is too coarse, why, and what to add to it."""
         left_out = self.left_out_worst if np.isfinite(self.left_out_worst) else 0.0
-        if self.worst <= POOR_POINT and left_out <= POOR_LEFT_OUT:
+        between = self.between_distances if np.isfinite(self.between_distances) else 0.0
+        if self.worst <= POOR_POINT and max(left_out, between) <= POOR_LEFT_OUT:
             return []
         missed = f"a point by {amount(self.worst, '')}"
         if left_out > self.worst:
             missed = f"a point left out by {amount(left_out, '')}"
+        if between > max(left_out, self.worst):
+            missed = f"a whole distance left out by {amount(self.whole_distance_worst, '')}"
         axis, _ = self.finer
         why = f"the iron saturates between the currents of {axis}"
         if axis == "distance":
@@ -70,8 +90,13 @@ class CircuitsFit:
         """The values of the axis that is too coarse first."""
         axis, values = self.finer
         if axis == "distance":
-            return f"the distances {' and '.join(f'{1e3 * x:.4g}' for x in values)} mm"
-        return f"the currents {' and '.join(f'{x:.4g}' for x in values)} A of {axis}"
+            return f"the distances {_listed([1e3 * x for x in values])} mm"
+        return f"the currents {_listed(values)} A of {axis}"
+
+
+def _listed(values: Sequence[float]) -> str:
+    *others, last = (f"{x:.4g}" for x in values)
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +172,27 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
     return _judged(magnetics, found, rows)
 
 
+@dataclass(frozen=True)
+class _Planes:
+    """The inner values of an axis, each left out with all of its points, and the force that is then missed."""
+
+    poorest: float  # The largest rms of a value; below 0 where the axis has no inner value
+    worst: float  # The largest of a point
+    finer: tuple[str, tuple[float, ...]]
+
+    @classmethod
+    def of(cls, found: CircuitSolution, name: str, column: FloatArray) -> "_Planes":
+        """The middles beside all values that are missed at least half as much (rms) as the most missed one."""
+        values = np.unique(column)
+        missed = [found.left_out(column == value)[0] for value in values[1:-1]]
+        if not missed:
+            return cls(-1.0, 0.0, (name, ()))
+        sizes = np.array([rms(one) for one in missed])
+        most = values[1:-1][2.0 * sizes >= sizes.max()]
+        finer = np.unique(np.concatenate([middles(values, value) for value in most]))
+        return cls(float(sizes.max()), max(float(np.max(np.abs(one))) for one in missed), (name, tuple(finer.tolist())))
+
+
 def _judged(magnetics: CoenergyMatrix | CoenergyTensor, found: CircuitSolution, rows: CircuitRows) -> CircuitsFit:
     force = magnetics.force(rows.distance, rows.currents) - rows.force
     flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
@@ -154,6 +200,10 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, found: CircuitSolution, 
     if isinstance(magnetics, CoenergyTensor):
         folds = points_left_out(rows)
     left_out = np.concatenate([found.left_out(out)[0] for out in folds]) if folds else np.array([np.inf])
+    axes = [("distance", rows.distance)]
+    if isinstance(magnetics, CoenergyTensor):
+        axes += list(zip(rows.names, rows.currents.T, strict=True))
+    planes = [_Planes.of(found, name, column) for name, column in axes]
     fit = CircuitsFit(
         magnetics,
         float(np.max(np.abs(force) / rows.force_scale)),
@@ -161,29 +211,12 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, found: CircuitSolution, 
         rms(left_out),
         rms(force) / rms(rows.force),
         rows.worst_flux_share(flux),
-        _finer(found, rows, isinstance(magnetics, CoenergyTensor)),
+        planes[0].worst,
+        max((one.worst for one in planes[1:]), default=0.0),
+        max(planes, key=lambda one: one.poorest).finer,
     )
     _require_agreement(fit)
     return fit
-
-
-def _finer(found: CircuitSolution, rows: CircuitRows, saturates: bool) -> tuple[str, tuple[float, ...]]:
-    """Which axis is too coarse, and the middles beside the value that the others tell least of.
-
-    That is the axis whose inner values, left out with all of their points one after the other, are missed most (rms of
-    the force); of a quadratic form it is the distance.
-    """
-    axes = [("distance", rows.distance)]
-    if saturates:
-        axes += list(zip(rows.names, rows.currents.T, strict=True))
-    poorest, finer = -1.0, ("distance", ())
-    for name, column in axes:
-        values = np.unique(column)
-        missed = [rms(found.left_out(column == value)[0]) for value in values[1:-1]]
-        if missed and max(missed) > poorest:
-            poorest = max(missed)
-            finer = name, tuple(middles(values, values[1 + int(np.argmax(missed))]).tolist())
-    return finer
 
 
 def _not_quadratic(rows: CircuitRows, functions: _Products) -> float:

@@ -28,6 +28,7 @@ from femfit.fit.constants import (
     MOST_UNKNOWNS,
     U_DEGREE,
 )
+from femfit.fit.rows import rms
 from femfit.model.bspline import basis_matrix
 from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
@@ -131,8 +132,11 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
     solved = [(trial, solve_circuits(rows, *along, trial)) for trial in trials]
     tried = [(found.left_out_in_turn(folds), trial, found) for trial, found in solved if found is not None]
     indefinite: list[str] = []
+    tightly = ""
     for _, trial, found in sorted(tried, key=lambda one: one[0]):
         magnetics = _tensor(trial, found, rows)
+        if not indefinite:
+            tightly = _tightly_coupled(magnetics, rows)
         indefinite.append(_indefinite(magnetics, rows, axes))
         if not indefinite[-1]:
             return magnetics, found
@@ -142,8 +146,32 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
             "currents at every distance."
         )
     raise FitError(
-        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. Sweep more currents, "
-        "where the iron begins to saturate above all."
+        f"The inductances of {', '.join(rows.names)} must be positive definite; {indefinite[0]}. "
+        f"{tightly or 'Sweep more currents, where the iron begins to saturate above all.'}"
+    )
+
+
+def _tightly_coupled(magnetics: CoenergyTensor, rows: CircuitRows) -> str:
+    """Why no finer sweep helps windings that share a core; empty where the swept inductances do not say so.
+
+    Divided by sqrt(L_jj L_kk) the inductances have 1 on the diagonal, and the couplings k beside it. Their least
+    eigenvalue, 1 - k of two windings, is the leakage: an error below it leaves them positive definite (Weyl), one above
+    may not. Of windings apart that is 1, so that an error of 1 needs no coupling to be too large.
+    """
+    if rows.inductance is None:
+        return ""
+    own = np.diagonal(rows.inductance, axis1=1, axis2=2)
+    scale = np.sqrt(own[:, :, None] * own[:, None, :])
+    off = magnetics.inductance(rows.distance, rows.currents) - rows.inductance
+    missed = rms(np.linalg.norm(off / scale, ord=2, axis=(1, 2)))
+    leakage = float(np.linalg.eigvalsh(rows.inductance / scale).min())
+    if not leakage <= missed < 1.0:
+        return ""
+    coupling = float(np.abs(np.triu(rows.inductance / scale, 1)).max())
+    return (
+        f"The windings share one core: they couple by up to {coupling:.2f}, which leaves a leakage of "
+        f"{amount(leakage, '')} of their inductances, less than the {amount(missed, '')} (rms) by which the fit misses "
+        "these. More points seldom mend that. Sweep and fit one winding at a time, or connect them in one circuit."
     )
 
 

@@ -116,7 +116,7 @@ def match_columns(
         unit = texts.get(name, said.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
-    return used, rivals, findings + _unused(unused, names, [name for name in names if name not in chosen])
+    return used, rivals, findings + _unused(unused, [name for name in names if name not in chosen])
 
 
 def recognise(
@@ -220,7 +220,8 @@ def _said(code: str, text: str, column: str) -> Finding:
     return Finding(code, "info", text, column=column)
 
 
-def _unused(headers: Sequence[str], names: Sequence[str], free: Sequence[str]) -> list[Finding]:
+def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
+    """What each of the other headers may be among the columns that are still free."""
     findings, others = [], []
     for header in headers:
         if header.startswith(SIMULATED):
@@ -228,11 +229,11 @@ def _unused(headers: Sequence[str], names: Sequence[str], free: Sequence[str]) -
             continue
         parsed = parse_header(header)
         bare = replace(parsed, unit=None)
-        meant = next((name for name in names if parsed.unit and match_score(bare, name, guess=False)), None)
+        meant = next((name for name in free if parsed.unit and match_score(bare, name, guess=False)), None)
         if meant:
             text = f"Column {quoted(header)!r} is in {quoted(parsed.unit)}, where {meant} is needed; it was not used."
             findings.append(_said("unused-column", text, meant))
-        elif near := get_close_matches(header.strip()[:100], names, n=1, cutoff=0.75):
+        elif near := get_close_matches(header.strip()[:100], free, n=1, cutoff=0.75):
             text = f"Column {quoted(header)!r} was not used; did you mean {near[0]}?"
             findings.append(Finding("unused-column", "info", text, column=near[0]))
         else:

@@ -100,12 +100,15 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
 
     Single rows that could be equal by chance are kept.
     """
+    channels = [name for name in given if parts_of(name)[0] in CHANNELS]
     copies = rows.duplicated(subset=list(given)).to_numpy()
     if not {"run", "order"} <= set(given):
         block = np.cumsum(np.concatenate([[False], copies[1:] != copies[:-1]]))
         copies = copies & (np.bincount(block)[block] >= _LEAST_COPIES)
+        if _equal_by_chance(rows, channels, copies, untold=False):
+            copies = np.zeros(len(rows), dtype=bool)
     renumbered = rows.duplicated(subset=[name for name in given if name not in _NUMBERS]).to_numpy() & ~copies
-    if _equal_by_chance(rows, [name for name in given if parts_of(name)[0] in CHANNELS], renumbered):
+    if _equal_by_chance(rows, channels, renumbered, untold=len(channels) == 1):
         renumbered = np.zeros(len(rows), dtype=bool)
     numbers, findings = ", ".join(name for name in _NUMBERS if name in given), []
     for which, but in ((copies, ""), (renumbered, f" but {numbers}")):
@@ -117,12 +120,12 @@ def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataF
     return rows[~(copies | renumbered)].reset_index(drop=True), findings
 
 
-def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArray) -> bool:
+def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArray, *, untold: bool) -> bool:
     """Whether so many rows may equal earlier ones of their setting because the channels are rounded.
 
     Only readings that stand at no other setting say anything. Two readings of a setting that differ by s (median) are
     rounded to the same step q with the chance q / (s sqrt(2 pi)), of several channels the product; a channel with
-    s < 3 q is too coarse to tell s. Where all repeats are equal nothing does, and one channel alone may be coarse.
+    s < 3 q is too coarse to tell s. Where all repeats are equal nothing does, and ``untold`` is returned.
     """
     settings = [name for name in rows if is_current(str(name)) or name in {"distance_m", "branch", "frequency_Hz"}]
     setting = rows.groupby(settings, dropna=False).ngroup()
@@ -134,7 +137,7 @@ def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArr
     order = np.argsort(number, kind="stable")
     follows = np.diff(number[order]) == 0
     if not follows.any():
-        return len(channels) == 1
+        return untold
     chance = 1.0
     for name in channels:
         values = rest[name].to_numpy()

@@ -169,3 +169,33 @@ def test_a_bench_of_more_rows_than_can_be_compared_is_refused_at_once(levitation
     assert "5,000" in done.stderr
     assert "5,020" in done.stderr
     assert len(done.stderr.strip().split("\n")) == 1
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_readings_that_are_equal_by_their_coarse_digit_are_repeats_of_their_noise(folder, levitation_model, count):
+    """Steps five times as wide as the sensor's noise: most repeats agree, many on end, and some are a step apart."""
+    digit, floors = 5.0 * SIGMA, []
+    for seed in range(4):
+        rows = passes(levitation_model, seed, count)
+        _, data, channels = compared(folder, rows.assign(force_N=(rows["force_N"] / digit).round() * digit))
+        assert not found(data, "copies")
+        floors.append(channels["force_N"]["noise_floor"])
+    assert np.mean(floors) == pytest.approx(np.hypot(SIGMA, digit / np.sqrt(12.0)), rel=0.2)
+
+
+def test_rows_pasted_twice_beside_repeats_that_differ_are_still_copies(folder, levitation_model):
+    rows = passes(levitation_model, 1, 2).round({"force_N": 5})
+    _, data, _ = compared(folder, pd.concat([rows, rows[:12]]))
+    (copies,) = found(data, "copies")
+    assert copies["size"] == 12
+
+
+def test_an_ammeters_column_that_gives_way_to_the_true_current_is_not_asked_for(folder, levitation_model):
+    """As docs/reference/files.md advises for a record of ideal instruments."""
+    rows = passes(levitation_model, 1, 2)
+    both = rows.rename(columns={"distance_m": "true_distance_m"}).assign(true_current_A=rows["current_A"])
+    ideal = ("--column", "true_distance_m=distance_m", "--column", "true_current_A=current_A")
+    said, data, _ = compared(folder, both, *ideal)
+    assert "current_A is needed" not in said
+    (unused,) = found(data, "unused-column")
+    assert not unused["column"]

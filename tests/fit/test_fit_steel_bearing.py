@@ -1,6 +1,7 @@
 """A bearing whose steel saturates, from its sweep to its model: by the command, against its closed form."""
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -12,7 +13,7 @@ from femfit.core.errors import DomainError, FitError
 from support.bearing import grid
 from support.command import femfit
 from support.reference import REFERENCE, needs_reference
-from support.saturating_bearing import DISTANCES, GAP, force, inductance, share, write_sweep
+from support.saturating_bearing import CIRCUIT, DISTANCES, GAP, KIND, force, inductance, share, write_sweep
 
 ONE_SIDE, BOTH_SIDES = np.array([0.0, 1.0, 2.0, 3.0]), np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
 BETWEEN = grid(np.linspace(0.21e-3, 0.79e-3, 9), np.linspace(0.0, 2.9, 6), np.linspace(0.0, 2.9, 6))
@@ -208,3 +209,61 @@ def test_a_swept_bearing_of_steel_1010_is_met_at_every_point(tmp_path):
     assert np.sqrt(np.mean(missed**2)) < 0.01
     assert fit.circuits.left_out_worst < 0.05
     assert share(-fit.model.force(1e-3 - d, i[:, ::-1]), fit.model.force(d, i)).max() < 2e-3
+
+
+def write_shared_core(folder, currents, leakage_H):
+    """Two windings of as many turns on one core that saturates, W' = E (sqrt(1 + q^2) - 1) + l (i_1^2 + i_2^2) / 2."""
+    energy, reach = 0.12, 0.15e-3
+    d, i = grid(np.array([0.2, 0.5, 0.9, 1.4, 2.0]) * 1e-3, currents, currents)
+    per_ampere = 2.0 * reach / (d + reach)
+    q = per_ampere * i.sum(axis=1)
+    common = energy * per_ampere**2 * (1.0 + q**2) ** -1.5
+    rows = {"distance_m": d, "force_N": energy * q**2 / np.sqrt(1.0 + q**2) / (d + reach), "status": "ok"}
+    for k, name in enumerate(("pull", "hold")):
+        rows[f"current_{name}_A"] = i[:, k]
+        rows[f"flux_linkage_{name}_Wb"] = energy * q / np.sqrt(1.0 + q**2) * per_ampere + leakage_H * i[:, k]
+        rows[f"inductance_{name}_H"] = common + leakage_H
+    rows["inductance_pull_hold_H"] = common
+    entry = {"name": "holdpull", "kind": KIND, "circuits": [{"name": name, **CIRCUIT} for name in ("pull", "hold")]}
+    folder.mkdir()
+    pd.DataFrame(rows).to_csv(folder / "sweep.csv", index=False)
+    (folder / "manifest.json").write_text(json.dumps({"kind": "sweep", "name": "holdpull", "actuator": entry}))
+    return folder
+
+
+def test_windings_that_share_a_core_are_refused_for_their_coupling_and_not_for_their_currents(tmp_path):
+    folder = write_shared_core(tmp_path / "sweep", np.linspace(-2.0, 2.0, 5), 2e-3)
+    told = femfit("fit", folder, "-o", tmp_path / "model.json")
+    assert told.returncode == 1
+    assert "share one core" in told.stderr
+    assert "one winding at a time" in told.stderr
+    assert "more currents" not in told.stderr
+
+
+def test_windings_apart_that_are_swept_too_coarsely_do_not_share_a_core(tmp_path):
+    coarse = np.array([0.0, 20.0, 40.0])
+    told = femfit("fit", write_sweep(tmp_path / "sweep", coarse, coarse), "-o", tmp_path / "model.json")
+    assert told.returncode == 1
+    assert "share one core" not in told.stderr
+    assert "Sweep more currents" in told.stderr
+
+
+def test_what_whole_distances_left_out_miss_is_printed_and_both_halves_of_a_mirror_are_refined(tmp_path):
+    """Five distances leave the force between them open by more than points left out show, which keep the others."""
+    folder = write_sweep(tmp_path / "sweep", ONE_SIDE, ONE_SIDE, distances=np.linspace(0.12e-3, 0.88e-3, 5))
+    told = femfit("fit", folder, "-o", tmp_path / "model.json")
+    assert told.returncode == 0, told.stderr
+    of_points, of_distances, _ = map(float, re.findall(r"([\d.]+) % at most", told.stdout))
+    d, i = grid(np.linspace(0.12e-3, 0.88e-3, 33), ONE_SIDE, ONE_SIDE)
+    between = 100.0 * share(ff.read_model(tmp_path / "model.json").force(d, i), force(d, i)).max()
+    assert between > 10.0 * of_points
+    assert between < 4.0 * of_distances
+    (note,) = (note for note in ff.fit_model(folder).notes if "too coarse" in note)
+    assert "whole distance left out" in note
+    added = [float(x) for x in re.findall(r"\d+\.\d+", note.partition("distances")[2].partition(" mm")[0])]
+    assert len(added) > 1
+    np.testing.assert_allclose(np.sort(added), np.sort(1.0 - np.array(added)), atol=1e-9)
+
+
+def test_a_sweep_fine_in_the_distance_is_not_called_too_coarse(folder):
+    assert "too coarse" not in str(json.loads((folder / "fit.json").read_text())["notes"])
