@@ -36,8 +36,8 @@ def read_apart(kind: str, content: bytes, source: str) -> tuple[list[NamedTable]
         tree, remark = in_child(_DECODERS[kind], content, timeout=timeout, memory=memory)
     except MemoryError as error:
         raise TableError(
-            f"{source} unpacks to more than the memory that reading {len(content) / 1e6:.3g} MB of {kind} may take "
-            f"({error}). Raise a limit of this shell (ulimit -v), or export only the columns needed."
+            f"{source} says that it unpacks to more memory than its {len(content) / 1e6:.3g} MB may take "
+            f"({error}). Unless it is damaged, raise this shell's limit (ulimit -v), or export fewer columns."
         ) from error
     except ChildError as error:
         raise TableError(damaged(source, kind, error)) from error
