@@ -89,7 +89,7 @@ def test_a_key_of_the_actuator_file_has_an_example_from_its_own_table(site):
         ("coils-name", example["coils"]["coil"], "temperature_C"),
         ("moving-regions-name", magnet, "z_mm"),
         ("moving-regions-name", magnet, "temperature_C"),
-        ("sensors-name-hall-element", later["sensors"]["gap"], "z_mm"),
+        ("sensors-name-hall-element", example["sensors"]["hall"], "z_mm"),
     ):
         (row,) = [row for row in sections[section].split("<tr") if f">{key}<" in row]
         assert re.sub("<[^>]*>", "", row.split("<td>")[-1]).strip() == str(table[key]), (section, key)
