@@ -60,6 +60,11 @@ class CircuitRows:
         """Distinct distances, ascending."""
         return np.unique(self.distance)
 
+    @property
+    def grid_points(self) -> int:
+        """Points of the grid of all distances and currents, of which a row may be missing."""
+        return len(self.distances) * int(np.prod([len(np.unique(column)) for column in self.currents.T]))
+
 
 Along = tuple[DistanceCoordinate, FloatArray]
 """A coordinate of the distance, and the knots in it."""

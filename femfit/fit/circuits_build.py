@@ -110,15 +110,13 @@ def _require_currents(rows: CircuitRows) -> None:
 
 def _absent(rows: CircuitRows) -> list[str]:
     """What points that the grid of a sweep lacks mean for the co-energy between the others."""
-    axes = [rows.distances, *(np.unique(column) for column in rows.currents.T)]
-    points = int(np.prod([len(axis) for axis in axes]))
-    absent = points - len(rows.distance)
+    absent = rows.grid_points - len(rows.distance)
     if absent <= 0:
         return []
     return [
         (
-            f"{absent} of the {points} points of the grid failed or are missing, and the co-energy is less sure around "
-            "them. Mend what made them fail, or move these points, and sweep again before anything else."
+            f"{absent} of the {rows.grid_points} points of the grid failed or are missing, and the co-energy is less "
+            "sure around them. Mend what made them fail, or move these points, and sweep again before anything else."
         )
     ]
 

@@ -182,7 +182,7 @@ def _require_grid(rows: CircuitRows, axes: list[FloatArray]) -> None:
                 f"The iron saturates, and each circuit then needs {FEWEST_CURRENTS} currents or more; circuit {name!r} "
                 f"has {len(axis)}. Sweep more of its currents, together with all of the others'."
             )
-    points = len(rows.distances) * int(np.prod([len(axis) for axis in axes]))
+    points = rows.grid_points
     if len(rows.distance) < LEAST_OF_GRID * points:
         raise FitError(
             f"The iron saturates, and the rows are {len(rows.distance)} of the {points} points of their grid. Sweep "
