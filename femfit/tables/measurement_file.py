@@ -62,7 +62,7 @@ def read_measurement(
     ----------
     path : str or Path
         ``.csv`` (commas, semicolons, tabs or blanks; decimal point or comma; title lines are passed over),
-        ``.parquet``, ``.xlsx``, ``.mat``, HDF5, TDMS, ``.wav`` or ``.s1p``; ``NAME.toml`` or ``NAME.csv.toml``
+        ``.parquet``, ``.xlsx``, ``.mat``, HDF5, TDMS or ``.wav``; ``NAME.toml`` or ``NAME.csv.toml``
         beside it may declare the noise.
     columns : mapping of str to str, optional
         Header to the column that it is, where its name does not say it: ``{"Kanal 3": "force_N"}``.

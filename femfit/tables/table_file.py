@@ -13,7 +13,6 @@ from femfit.tables.containers.named_table import NamedTable
 from femfit.tables.decoding import decoding
 from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, parse_parquet
 from femfit.tables.text_table import parse_text
-from femfit.tables.touchstone import parse_touchstone
 
 SUFFIXES = (
     ".csv",
@@ -28,7 +27,6 @@ SUFFIXES = (
     ".hdf5",
     ".tdms",
     ".wav",
-    ".s1p",
 )
 """What is taken for a table where a directory is read."""
 
@@ -66,8 +64,6 @@ def parse_table(
         raise TableError(f"{source} holds one table, so that --table {quoted(table)} has no meaning. Leave it out.")
     if content.startswith(PARQUET_MAGIC) or source.endswith(".parquet"):
         return parse_parquet(content, source)
-    if source.casefold().endswith(".s1p"):
-        return parse_touchstone(content, source)
     return parse_text(content, source, **dialect)
 
 

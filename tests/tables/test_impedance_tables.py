@@ -210,33 +210,6 @@ def test_readings_above_the_winding_s_resonance_are_set_aside(tmp_path):
     assert any(one.code == "resonance" for one in table.findings)
 
 
-@pytest.mark.parametrize("form", ["S RI", "S MA", "S DB", "Z RI", "Y MA"])
-def test_a_touchstone_file_is_read(tmp_path, form):
-    kind, written_as = form.split()
-    value = {"S": (Z - 50.0) / (Z + 50.0), "Z": Z / 50.0, "Y": 50.0 / Z}[kind]
-    a, b = value.real, value.imag
-    if written_as != "RI":
-        a, b = np.abs(value), np.degrees(np.angle(value))
-    a = 20.0 * np.log10(a) if written_as == "DB" else a
-    lines = ["! made by an analyser", f"# kHz {kind} {written_as} R 50"]
-    lines += [f"{f / 1e3:.12g} {x:.14g} {y:.14g} ! a row" for f, x, y in zip(FREQUENCY, a, b, strict=True)]
-    (tmp_path / "z.s1p").write_text("\n".join(lines))
-    table = read_measurement(tmp_path / "z.s1p", settings={"distance_mm": 1.0})
-    np.testing.assert_allclose(table.rows["resistance_ohm"], RESISTANCE, rtol=1e-8)
-    np.testing.assert_allclose(table.rows["inductance_H"], INDUCTANCE, rtol=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [("[Version] 2.0\n", "version 1"), ("# Hz S RI R 50\n1 2 3 4 5\n", "one port"), ("# Hz H RI\n1 2 3", "Export S"),
-     ("# Hz S RI R 50\n", "none")],
-)  # fmt: skip
-def test_a_touchstone_file_of_another_kind_is_refused(tmp_path, text, said):
-    (tmp_path / "z.s1p").write_text(text)
-    with pytest.raises(TableError, match=said):
-        read_measurement(tmp_path / "z.s1p", settings={"distance_mm": 1.0})
-
-
 @pytest.mark.parametrize("form", ["series", "polar"])
 def test_a_mutual_impedance_by_itself_is_of_either_sign(tmp_path, form):
     columns = {
