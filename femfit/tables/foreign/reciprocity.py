@@ -1,4 +1,4 @@
-"""Whether force and flux linkage of a table belong to one co-energy, and if not, the likely reason.
+"""Whether force and flux linkage of a table belong to one co-energy.
 
 The co-energy W'(d, i) is a state function: dW' = -F dd + lambda di. Around a rectangle d1..d2 x i1..i2 the circulation
 vanishes, so that
@@ -13,8 +13,6 @@ References
 H. H. Woodson, J. R. Melcher, Electromechanical Dynamics, Part I, Wiley 1968, section 3.1 (conservative fields).
 """
 
-import itertools
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -25,8 +23,6 @@ from scipy.interpolate import CubicSpline
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding
 from femfit.tables.foreign.grid import complete_grid
-from femfit.tables.foreign.options import QUANTITIES
-from femfit.tables.suspected_units import common_factors
 
 _AGREES = 0.02
 """First-order field solutions keep reciprocity within 1 %; coarse grids add as much by integration."""
@@ -41,13 +37,6 @@ _NO_MAGNET = 0.01
 """Force at zero current over the largest force, up to which there is no magnet but numerical noise."""
 
 _LARGE = 0.05  # rectangles whose work is below this share of the largest hold more noise than information
-
-
-_PARTS = (
-    (2 * math.pi, "force of one radian of an axisymmetric model (give --unit force=6.283185)"),
-    (1 / (2 * math.pi), "flux linkage of one radian of an axisymmetric model (give --unit flux_linkage=6.283185)"),
-    (2.0, "force of one half of a symmetric model (give --unit force=2)"),
-)
 
 FluxOf = Callable[[FloatArray, FloatArray], FloatArray]
 
@@ -76,7 +65,7 @@ class _Loops:
 
 
 def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
-    """Compare the force's work with the flux linkage's, and name what a disagreement means.
+    """Compare the force's work with the flux linkage's.
 
     It is said where reciprocity holds or cannot be judged, a warning up to 10 %, an error beyond; nothing is said
     without a column of flux linkages.
@@ -124,15 +113,11 @@ def _judge_factor(loops: _Loops) -> Finding:
             return Finding("reciprocity", "info", f"Reciprocity holds: {size}.", size=error)
         remedy = "Refine the mesh, or leave the flux linkage out if it comes from another model."
         return Finding("reciprocity", "warning", f"Reciprocity holds roughly: {size}.", remedy, error)
-    magnitude = abs(loops.factor)
-    causes = _causes_of(magnitude, 0.02 + loops.spread) if abs(magnitude - 1) > _WRONG else []
-    if loops.factor < 0:
-        causes.insert(0, "the sign of force or flux linkage is reversed (--flip-force, or --unit flux_linkage=-1)")
     text = (
         f"Flux linkage and force do not belong together: -d(flux linkage)/dd is {loops.factor:.4g} times dF/di (the "
-        f"same {loops.within}). Likely causes: {'; '.join(causes) or 'unknown'}."
+        f"same {loops.within})."
     )
-    remedy = "Correct the unit or column, or leave the flux linkage out with --without flux_linkage."
+    remedy = "Correct the unit, sign or column, or leave the flux linkage out with --without flux_linkage."
     return Finding("reciprocity", "error", text, remedy, loops.factor)
 
 
@@ -175,31 +160,6 @@ def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Findi
         f"{loops.loops} closed loops."
     )
     return points.assign(flux_linkage=flux), [Finding("inductance", "info", text, size=error)]
-
-
-def _causes_of(factor: float, tolerance: float) -> list[str]:
-    """Likely causes of a positive factor, flux side over force side: units, turns, parts of a model."""
-    known = list(_PARTS)
-    for quantity, power in (("flux_linkage", 1), ("distance", -1), ("current", 1), ("force", -1)):
-        column, name = QUANTITIES[quantity], quantity.replace("_", " ")
-        units = {column.rpartition("_")[2]: 1.0, **common_factors(column)}
-        for true, read in itertools.permutations(units, 2):
-            if quantity == "distance" or 1.0 in (units[true], units[read]):
-                cause = f"{name} in {true} read as {read} (--unit {quantity}={true})"
-                known.append(((units[read] / units[true]) ** power, cause))
-    causes = [cause for value, cause in known if abs(math.log(factor / value)) < tolerance]
-    turns = 1 / factor
-    if turns > 1.5:
-        causes.append(
-            f"flux of one turn instead of the linkage of about {turns:.4g} turns (give --unit flux_linkage={turns:.4g} "
-            "with the exact number of turns)"
-        )
-    elif factor > 1.5:
-        causes.append(
-            f"current in ampere-turns of a coil of about {factor:.4g} turns (give --unit current={turns:.4g}, one over "
-            "the exact number of turns)"
-        )
-    return causes
 
 
 def _compare_loops(distances: FloatArray, currents: FloatArray, force: FloatArray, flux_linkage: FloatArray) -> _Loops:
