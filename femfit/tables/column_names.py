@@ -1,4 +1,4 @@
-"""What tables call their columns: one row a column and language; a further language is a row here, not code.
+"""What tables call their columns, in English and German.
 
 Written without accents, blanks and punctuation. A name of one letter, and one behind ``?``, counts in a measurement
 only beside a unit of the right kind: a column ``mass`` or ``scale`` is a force where it is in grams or newtons.
@@ -22,46 +22,16 @@ field_T               de feld flussdichte
 current_A             en i current currents curr amp amps ampere amperes coilcurrent icoil
 current_A             en idc ibias biascurrent dcbias dcbiascurrent dccurrent ?bias
 current_A             de strom stromstarke spulenstrom gleichstrom vorstrom biasstrom
-current_A             nl stroom stroomsterkte spoelstroom
-current_A             fr courant intensite intensitecourant
-current_A             it corrente intensita
-current_A             es corriente intensidad
-current_A             sl tok tokovi
 distance_m            en d x z s y gap airgap distance distances dist position positions pos displacement disp stroke
 distance_m            en travel separation clearance zpos xpos
 distance_m            de abstand luftspalt spalt weg hub verschiebung auslenkung lage
-distance_m            nl afstand positie luchtspleet verplaatsing slag
-distance_m            fr entrefer deplacement course ecart
-distance_m            it distanza posizione traferro spostamento corsa
-distance_m            es distancia posicion entrehierro desplazamiento carrera
-distance_m            pt posicao entreferro deslocamento
-distance_m            sl razdalja polozaj zracnareza reza pomik odmik hod
-distance_m            no avstand
 force_N               en f fz fx fy fem fmag force forces pull pullforce thrust attraction ?mass ?scale ?balance ?weight
 force_N               en ?loadcell ?load
 force_N               de kraft krafte magnetkraft zugkraft haltekraft ?masse ?waage ?gewicht ?kraftmessdose
-force_N               nl kracht trekkracht
-force_N               it forza
-force_N               es fuerza
-force_N               pt forca
-force_N               sl sila
 flux_linkage_Wb       en psi lambda λ ψ phi fluxlinkage linkage linkedflux flux
 flux_linkage_Wb       de verketteterfluss flussverkettung spulenfluss fluss
-flux_linkage_Wb       nl gekoppeldeflux fluxkoppeling spoelflux
-flux_linkage_Wb       fr fluxembrasse fluxtotalise fluxtotal fluxbobine
-flux_linkage_Wb       it flussoconcatenato flusso
-flux_linkage_Wb       es flujoconcatenado flujoenlazado flujo
-flux_linkage_Wb       pt fluxoconcatenado fluxo
-flux_linkage_Wb       sl magnetnisklep sklep
-flux_linkage_Wb       no fluks flode
 frequency_Hz          en f freq frequency frequencies testfrequency testfreq omega hz
 frequency_Hz          de frequenz frequenzen messfrequenz pruffrequenz
-frequency_Hz          nl frequentie
-frequency_Hz          fr frequence
-frequency_Hz          es frecuencia
-frequency_Hz          pt frequencia
-frequency_Hz          sl frekvenca
-frequency_Hz          no frekvens
 impedance_ohm         en z zabs absz zmag magz impedance impedancemagnitude ?magnitude ?mag
 impedance_ohm         de impedanz scheinwiderstand betragz zbetrag ?betrag
 phase_deg             en phase phaseangle theta thetaz phasez zphase argz zarg thz θ θz phi ?angle ?arg
@@ -78,23 +48,12 @@ D                     en d df dissipation dissipationfactor lossfactor tandelta
 D                     de verlustfaktor
 inductance_H          en l inductance selfinductance ls lser seriesinductance
 inductance_H          de induktivitat induktivitaet reiheninduktivitat serieninduktivitat
-inductance_H          nl inductiviteit zelfinductie inductantie
-inductance_H          it induttanza
-inductance_H          es inductancia
-inductance_H          pt indutancia
-inductance_H          sl induktivnost
-inductance_H          no induktans
 resistance_ohm        en r resistance dcresistance coilresistance windingresistance rdc
 resistance_ohm        en rs rser seriesresistance esr rac acresistance rez zre realz zreal
 resistance_ohm        de widerstand wicklungswiderstand spulenwiderstand
 resistance_ohm        de wirkwiderstand reihenwiderstand serienwiderstand realteilz
 hall_T                en b bz hall hallfield bhall fluxdensity magneticfluxdensity magneticfield
 hall_T                de flussdichte hallfeld
-hall_T                nl fluxdichtheid
-hall_T                fr inductionmagnetique densitedeflux
-hall_T                it densitadiflusso induzione
-hall_T                es densidaddeflujo induccion
-hall_T                sl gostotapretoka
 hall_V                en hall vhall uhall hallvoltage halloutput hallsensor
 hall_V                de hallspannung
 voltage_V             en u v voltage ucoil vcoil coilvoltage
@@ -111,10 +70,6 @@ magnet_temperature_C  en magnettemperature magnettemp tmagnet
 magnet_temperature_C  de magnettemperatur
 coenergy_J            en wc wco coenergy magneticcoenergy
 coenergy_J            de koenergie
-coenergy_J            fr coenergie
-coenergy_J            it coenergia
-coenergy_J            sl koenergija
-coenergy_J            no koenergi
 force_error_N         en forceerror
 """
 
@@ -127,20 +82,18 @@ COLUMN_NAMES: dict[str, tuple[str, ...]] = {
     column: tuple(name.lstrip("?") for other, names in _rows() for name in names if other == column)
     for column in dict.fromkeys(column for column, _ in _rows())
 }
-"""Column to its names in all languages."""
+"""Column to its names."""
 
 NEEDS_UNIT = frozenset(name[1:] for _, names in _rows() for name in names if name.startswith("?"))
 """Names that mean the column only beside a unit of its kind."""
 
-_STEPS = "step steps schritt schritte stap stappen pas passo passi paso pasos korak koraki"
-_FOREIGN = """
-resistance widerstand weerstand resistencia resistenza upor voltage spannung spanning tension tensione napetost power
-leistung puissance potenza time zeit temps tempo cas loss losses nodes elements error density energy velocity speed
-temperature torque moment
+_OTHER_QUANTITIES = """
+resistance widerstand voltage spannung tension power leistung time zeit tempo loss losses nodes elements error density
+energy velocity speed temperature torque moment
 """
 
-STEP_NAMES = frozenset(_STEPS.split())
+STEP_NAMES = frozenset(("step", "steps", "schritt", "schritte"))
 """Names of a distance that counts steps: it needs the step's size."""
 
-FOREIGN_WORDS = frozenset(_FOREIGN.split())
+OTHER_QUANTITIES = frozenset(_OTHER_QUANTITIES.split())
 """Words that make a header something else: *current density*, *force error*, *coil resistance*."""

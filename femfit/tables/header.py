@@ -9,12 +9,12 @@ from functools import lru_cache
 from femfit.core.errors import TableError
 from femfit.core.finding import listing
 from femfit.core.quoted import quoted
-from femfit.tables.column_names import COLUMN_NAMES, FOREIGN_WORDS, NEEDS_UNIT, STEP_NAMES
+from femfit.tables.column_names import COLUMN_NAMES, NEEDS_UNIT, OTHER_QUANTITIES, STEP_NAMES
 from femfit.tables.number_text import looks_numeric
 from femfit.tables.units import column_unit, is_unit, unit_factor
 
 _BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*)[\])}>]")
-_BEFORE = r"(?:\s*/\s*|\s*,\s*|\s+in\s+|\s+en\s+|\s+v\s+|[_\s]+)"
+_BEFORE = r"(?:\s*/\s*|\s*,\s*|\s+in\s+|[_\s]+)"
 _TRAILING = tuple(re.compile(_BEFORE + unit) for unit in (r"([^\s_/,]+[/_][^\s_/,]+)$", r"([^\s_/,]+)$"))
 """Units at the end of a header, a quotient before its denominator alone."""
 
@@ -49,8 +49,7 @@ class Header:
 
 def plain(text: str) -> str:
     """Remove accents and ligatures, so that ``Induktivität`` is spelled as in the table of names."""
-    replaced = text.replace("ß", "ss").replace("ø", "o").replace("Ø", "O").replace("æ", "ae")
-    decomposed = unicodedata.normalize("NFKD", replaced)
+    decomposed = unicodedata.normalize("NFKD", text.replace("ß", "ss"))
     return "".join(character for character in decomposed if not unicodedata.combining(character))
 
 
@@ -133,7 +132,7 @@ def _name_score(words: tuple[str, ...], names: Collection[str]) -> int:
     compact = "".join(words)
     if compact in names:
         return 3
-    if FOREIGN_WORDS.intersection(words) or not words:
+    if OTHER_QUANTITIES.intersection(words) or not words:
         return 0
     if words[0] in names and len(words) == 2:
         return 2

@@ -34,8 +34,8 @@ _MOST_WORDS = 60
 _LONGEST_LINE = 2**17
 
 _SUMMARY_WORDS = """
-mean means average avg mittel mittelwert durchschnitt moyenne media gemiddelde sum summe total min max minimum maximum
-sd std stdev stddev standardabweichung streuung
+mean means average avg mittel mittelwert durchschnitt sum summe total min max minimum maximum sd std stdev stddev
+standardabweichung streuung
 """
 _SUMMARIES = frozenset(_SUMMARY_WORDS.split())
 """First words of a last line that is worked out from the readings above and is none itself."""

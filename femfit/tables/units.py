@@ -23,11 +23,11 @@ _SYMBOLS = {name: name for name in ("m", "A", "N", "H", "T", "J", "V", "s")} | {
 
 _WORDS: dict[str, dict[str, float]] = {
     "m": {
-        "meter metre meters metres metri metros": 1.0,
+        "meter metre meters metres": 1.0,
         "millimeter millimetre millimeters millimetres": 1e-3,
         "centimeter centimetre centimeters centimetres": 1e-2,
         "micron microns": 1e-6,
-        "in inch inches zoll pouce pouces pulgada pollice \" ''": 0.0254,
+        "in inch inches zoll \" ''": 0.0254,
         "mil thou": 2.54e-5,
         "ft": 0.3048,
     },

@@ -71,12 +71,7 @@ HEADERS = [
     ["Strom (A)", "Luftspalt (mm)", "Kraft (N)", "verketteter Fluss (Wb)"],
     ["I / A", "Abstand / mm", "Magnetkraft / N", "Flussverkettung / Wb"],
     ["Strom in A", "Abstand in mm", "Kraft in N", "Psi in Wb"],
-    ["Stroom [A]", "Positie [mm]", "Kracht [N]", "Gekoppelde flux [Wb]"],
-    ["Intensité (A)", "Entrefer (mm)", "Force (N)", "Flux embrassé (Wb)"],
-    ["Courant_A", "Déplacement_mm", "Force_N", "Flux total_Wb"],
-    ["Corrente [A]", "Traferro [mm]", "Forza [N]", "Flusso concatenato [Vs]"],
-    ["Corriente (A)", "Entrehierro (mm)", "Fuerza (N)", "Flujo concatenado (Wb)"],
-    ["Tok (A)", "Zračna reža (mm)", "Sila (N)", "Magnetni sklep (Wb)"],
+    ["Stromstärke_A", "Luftspalt_mm", "Zugkraft_N", "Spulenfluss_Vs"],
     ["i", "d (mm)", "Fz", "λ"],
 ]
 
@@ -85,19 +80,19 @@ HEADERS = [
     ("header", "encoding"),
     [
         *((header, "utf-8") for header in HEADERS),
-        *((HEADERS[4], encoding) for encoding in ("utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252")),
+        *((HEADERS[3], encoding) for encoding in ("utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252")),
     ],
 )
-def test_headers_in_many_languages_and_encodings(tmp_path, law, header, encoding):
+def test_english_and_german_headers_are_understood_in_every_encoding(tmp_path, law, header, encoding):
     table = law.table()
     body = rows_of(table, ("current", 1), ("distance", 1e3), ("force", 1), ("flux_linkage", 1))
     assert_same(read_foreign_table([write(tmp_path / "t.csv", header, body, encoding=encoding)]), table)
 
 
-def test_dutch_headers_without_units_take_them_from_the_options(tmp_path, law):
+def test_headers_without_units_take_them_from_the_options(tmp_path, law):
     table = law.table()
     body = rows_of(table, ("current", 1), ("distance", 1e3), ("force", 1))
-    path = write(tmp_path / "t.csv", ["Stroom", "Positie", "Kracht"], body, delimiter=",")
+    path = write(tmp_path / "t.csv", ["Strom", "Position", "Kraft"], body, delimiter=",")
     with pytest.raises(TableError, match="distance_m=mm"):
         read_foreign_table([path])
     imported = read_foreign_table([path], ImportOptions(units={"distance": "mm"}))
