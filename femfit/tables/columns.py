@@ -18,7 +18,7 @@ from femfit.core.errors import TableError
 from femfit.core.finding import Finding, listing
 from femfit.core.quoted import quoted
 from femfit.tables.column_option import column_option, likely_columns
-from femfit.tables.header import find_header, match_score, parse_header, same_header
+from femfit.tables.header import SURELY, find_header, match_score, parse_header, same_header
 from femfit.tables.measurement import CHANNELS, SETTINGS
 from femfit.tables.number_text import EMPTY, LARGEST, clock_seconds, looks_numeric
 from femfit.tables.raw_table import RawTable
@@ -207,7 +207,7 @@ def _units_by_header(headers: Sequence[str], units: Mapping[str, str]) -> dict[s
 def _score(header: str, name: str, said: str | None, guess: bool) -> int:
     """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
     if header.strip() == name:
-        return 7 if guess else 2
+        return SURELY
     parsed, (_, si_unit) = parse_header(header), column_unit(name)
     if said is not None and unit_factor(said, si_unit) is not None:
         parsed = replace(parsed, unit=said)

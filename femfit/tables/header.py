@@ -28,6 +28,9 @@ _IMPEDANCE = (
 """How the parts of an impedance are written, whose marks would be taken for units or for nothing."""
 
 _WORD = re.compile(r"[A-ZΑ-Ω]?[a-zα-ω]+|[A-ZΑ-Ω]+(?![a-z])|\d+")
+SURELY = 7
+"""The score of a header that is a column's name."""
+
 _LONGEST = 200
 """Characters of a header that are looked at."""
 
@@ -106,7 +109,7 @@ def match_score(header: Header, column: str, *, guess: bool = True) -> int:
     """Tell how surely a header names a column.
 
     0: not; 2: a name stands inside a word; 4: it stands as words; 6: it is the name; one more if the unit fits. A unit
-    of another kind makes it 0. Without guessing 2: it is the name; 1: it may be, or is made of its names as in
+    of another kind makes it 0. Without guessing 7: it is the name; 1: it may be, or is made of its names as in
     ``Spannung U [mV]``, and the unit fits. A name of one letter, and one that means several things, then counts only
     beside a unit of the right kind.
     """
@@ -120,7 +123,8 @@ def match_score(header: Header, column: str, *, guess: bool = True) -> int:
         named = header.name == re.sub("[_-]", "", stem).casefold() or header.name in names
         if not named:
             return int(fits and bool(header.words) and all(word in names for word in header.words))
-        return (2 - vague) * (fits or not (vague or len(header.name) == 1))
+        certain = fits or not (vague or len(header.name) == 1)
+        return (1 if vague else SURELY) * certain
     if column == "distance_m":
         names = (*names, *STEP_NAMES)
     score = _name_score(header.words, [name for name in names if name not in NEEDS_UNIT])

@@ -13,12 +13,14 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.finding import Finding
 from femfit.tables.units import UNITS, column_unit
 
+LEAST_TRAVEL_M = 5e-5
+"""Assumed: the distances of an imported table go further; smaller ones were taken for another unit."""
+
 _KELVIN = (200.0, 400.0)
 """Assumed: temperatures between these are more likely kelvins than degrees."""
 
 _LARGEST_STEP_S = 0.5
 """Assumed: a usual step of a record's clock above it is more likely milliseconds."""
-
 
 _LEAST_SHARE = 0.05
 """Assumed: part of the model's largest distance or current that a converted column must reach: zero always fits."""
@@ -30,42 +32,32 @@ OTHER_SIGN = "of the other sign"
 
 
 class Limit(NamedTuple):
-    """Median above which a column is suspected, size above which it is impossible, and the unit it is likelier in."""
+    """Median above which a column is suspected, size above which it is impossible, and units that it is often in.
+
+    The first of these is the one that it is likelier in where it is too large.
+    """
 
     usual: float
     possible: float
-    unit: str
+    units: tuple[str, ...]
 
 
 LIMITS: dict[str, Limit] = {
-    "distance_m": Limit(0.5, 0.5, "mm"),
-    "current_A": Limit(1e2, 2e3, "mA"),
-    "force_N": Limit(1e4, 1e5, "mN"),
-    "flux_linkage_Wb": Limit(1e2, 1e2, "mWb"),
-    "inductance_H": Limit(1e2, 1e2, "mH"),
-    "hall_T": Limit(3.0, 3.0, "mT"),
-    "hall_V": Limit(1e2, 1e3, "mV"),
-    "voltage_V": Limit(1e3, 1e4, "mV"),
-    "resistance_ohm": Limit(1e5, 1e6, "mohm"),
+    "distance_m": Limit(0.5, 0.5, ("mm", "cm", "um", "inch")),
+    "current_A": Limit(1e2, 2e3, ("mA",)),
+    "force_N": Limit(1e4, 1e5, ("mN", "uN", "kgf", "gf", "lbf", "ozf")),
+    "flux_linkage_Wb": Limit(1e2, 1e2, ("mWb", "uWb", "Mx")),
+    "inductance_H": Limit(1e2, 1e2, ("mH", "uH")),
+    "hall_T": Limit(3.0, 3.0, ("mT",)),
+    "hall_V": Limit(1e2, 1e3, ("mV",)),
+    "voltage_V": Limit(1e3, 1e4, ("mV",)),
+    "resistance_ohm": Limit(1e5, 1e6, ("mohm", "kohm")),
 }
-
-COMMON_UNITS: dict[str, tuple[str, ...]] = {
-    "distance_m": ("mm", "cm", "um", "inch"),
-    "current_A": ("mA",),
-    "force_N": ("mN", "uN", "kgf", "gf", "lbf", "ozf"),
-    "flux_linkage_Wb": ("mWb", "uWb", "Mx"),
-    "hall_V": ("mV",),
-    "voltage_V": ("mV",),
-    "inductance_H": ("mH", "uH"),
-    "resistance_ohm": ("mohm", "kohm"),
-}
-"""Units that columns are often in without saying so."""
 
 
 def common_factors(column: str) -> dict[str, float]:
-    """Units that a column is often in, each with the factor to SI; nothing for a column that has none."""
-    _, si_unit = column_unit(column)
-    return {unit: UNITS[si_unit][unit] for unit in COMMON_UNITS.get(column, ())}
+    """Units that a column is often in without saying so, each with the factor to SI; nothing for one without."""
+    return {unit: UNITS[column_unit(column)[1]][unit] for unit in LIMITS[column].units} if column in LIMITS else {}
 
 
 def suspicion(column: str, unit: str, why: str, remedy: str = "") -> Finding:
@@ -100,15 +92,15 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
     findings = []
     for name in (str(name) for name in rows if name in LIMITS):
         size = np.abs(rows[name].to_numpy(dtype=np.float64))
-        size, limit = size[np.isfinite(size)], LIMITS[str(name)]
-        factor = UNITS[column_unit(name)[1]][limit.unit]
+        size, limit = size[np.isfinite(size)], LIMITS[name]
+        unit, factor = next(iter(common_factors(name).items()))
         beyond = size > limit.usual
         if beyond.any() and _apart(size, beyond, factor):
-            findings.append(suspicion_of_rows(name, limit.unit, beyond, f"they are up to {size.max():.3g}"))
+            findings.append(suspicion_of_rows(name, unit, beyond, f"they are up to {size.max():.3g}"))
         elif len(size) and limit.usual < np.median(size) <= limit.usual / factor:
-            findings.append(suspicion(name, limit.unit, f"it is {np.median(size):.3g} in the median"))
+            findings.append(suspicion(name, unit, f"it is {np.median(size):.3g} in the median"))
         elif solved and len(size) and size.max() > limit.possible:
-            findings.append(suspicion(name, limit.unit, f"it goes up to {size.max():.3g}"))
+            findings.append(suspicion(name, unit, f"it goes up to {size.max():.3g}"))
     for name in (name for name in ("coil_temperature_C", "magnet_temperature_C") if name in rows):
         temperature = rows[name].dropna()
         if len(temperature) and _KELVIN[0] < temperature.min() and temperature.max() < _KELVIN[1]:

@@ -6,7 +6,7 @@ vectors of its lengths, is a grid with one row a point.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -127,28 +127,19 @@ def _of_matrices(matrices: Mapping[str, NDArray[Any]], vectors: Mapping[str, NDA
     numbers = {name: vector for name, vector in vectors.items() if vector.dtype.kind in "iuf"}
     texts = [vector for vector in vectors.values() if vector.dtype.kind not in _NUMBERS]
     for name, matrix in matrices.items():
-        alike = {other: one for other, one in matrices.items() if one.shape == matrix.shape}
+        alike = {header: values for header, values in matrices.items() if values.shape == matrix.shape}
         rows, columns = matrix.shape
-        down, along = _of_length(numbers, rows), _of_length(numbers, columns)
-        if (names := _only(text for text in texts if len(text) == columns)) is not None:
-            result[name] = {str(header): matrix[:, k] for k, header in enumerate(names)}
-        elif (names := _only(text for text in texts if len(text) == rows)) is not None:
-            result[name] = {str(header): matrix[k] for k, header in enumerate(names)}
-        elif rows != columns and len(down) == len(along) == 1:
-            axes = {key: np.repeat(x, columns) for key, x in down.items()}
-            axes |= {key: np.tile(x, rows) for key, x in along.items()}
-            result["+".join(alike)] = axes | {other: one.ravel() for other, one in alike.items()}
-        elif len(alike) > 1:
-            result["+".join(alike)] = {other: one.ravel() for other, one in alike.items()}
+        headed = [(names, lines) for lines in (matrix.T, matrix) for names in texts if len(names) == len(lines)]
+        alone = [pair for pair in headed if sum(len(names) == len(pair[0]) for names in texts) == 1]
+        down, along = ([(key, axis) for key, axis in numbers.items() if len(axis) == length] for length in matrix.shape)
+        axes: Columns = {}
+        if rows != columns and len(down) == len(along) == 1:
+            axes = {down[0][0]: np.repeat(down[0][1], columns), along[0][0]: np.tile(along[0][1], rows)}
+        if alone:
+            names, lines = alone[0]
+            result[name] = dict(zip(map(str, names), lines, strict=True))
+        elif axes or len(alike) > 1:
+            result["+".join(alike)] = {**axes, **{header: values.ravel() for header, values in alike.items()}}
         else:
             result[name] = {f"{name} column {k + 1}": matrix[:, k] for k in range(columns)}
     return result
-
-
-def _of_length(vectors: Mapping[str, NDArray[Any]], length: int) -> dict[str, NDArray[Any]]:
-    return {name: vector for name, vector in vectors.items() if len(vector) == length}
-
-
-def _only(many: Iterable[NDArray[Any]]) -> NDArray[Any] | None:
-    found = list(many)
-    return found[0] if len(found) == 1 else None

@@ -6,7 +6,7 @@ grid of a nanometre, which joins a corner to the line that it was drawn on.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree
 
 from femfit.core.amount import counted
-from femfit.tables.femm.model import FemLabel, FemLine, FemModel
+from femfit.tables.femm.model import FemLabel, FemLine, FemMaterial, FemModel
 from femfit.tables.femm.notes import Notes
 from femfit.tables.femm.parse import DIGITS
 
@@ -34,6 +34,32 @@ class FemFace:
 
     polygon: Polygon
     label: FemLabel
+
+
+@dataclass(frozen=True)
+class FemPiece:
+    """A connected piece of one material, in the file's coordinates in mm."""
+
+    polygon: Polygon
+    material: FemMaterial
+    labels: tuple[FemLabel, ...]
+
+    @property
+    def group(self) -> int:
+        """Group of its blocks."""
+        return self.labels[0].group
+
+    @property
+    def place(self) -> str:
+        """How messages name it."""
+        return f"{self.labels[0].place}, group {self.group}"
+
+
+def connected_faces(faces: Sequence[FemFace]) -> Iterator[tuple[Polygon, list[FemFace]]]:
+    """What faces that touch are together, and which they are."""
+    union = shapely.unary_union([face.polygon for face in faces], grid_size=GRID)
+    for piece in getattr(union, "geoms", [union]):
+        yield piece, [face for face in faces if piece.contains(face.polygon.representative_point())]
 
 
 def is_straight(line: FemLine) -> bool:

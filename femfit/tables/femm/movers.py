@@ -13,8 +13,7 @@ from femfit.tables.femm.options import FemOptions
 from femfit.tables.femm.parts import FemPart, volume_mm3
 from femfit.tables.femm.winding import FemCoil
 
-Piece = FemPart | FemCoil
-Body = list[Piece]
+Body = list[FemPart | FemCoil]
 
 HOW = "Say which blocks move with --moving-group N, --moving-block NAME or --moving-label N."
 
@@ -219,7 +218,7 @@ def _magnet(body: Body) -> bool:
     return any(isinstance(piece, FemPart) and piece.direction is not None for piece in body)
 
 
-def _iron(piece: Piece) -> bool:
+def _iron(piece: FemPart | FemCoil) -> bool:
     return isinstance(piece, FemPart) and piece.direction is None
 
 
@@ -238,11 +237,11 @@ def _clear(body: Body, bodies: Sequence[Body]) -> bool:
     return bool(bottom >= high or top <= low)
 
 
-def _listed(pieces: Sequence[Piece]) -> str:
+def _listed(pieces: Sequence[FemPart | FemCoil]) -> str:
     return " and ".join(piece.place for piece in pieces)
 
 
-def _connected(pieces: Sequence[Piece]) -> list[Body]:
+def _connected(pieces: Sequence[FemPart | FemCoil]) -> list[Body]:
     """Pieces that touch each other, together."""
     bodies: list[Body] = []
     for piece in pieces:
@@ -252,11 +251,11 @@ def _connected(pieces: Sequence[Piece]) -> list[Body]:
     return bodies
 
 
-def _spacers(moving: Sequence[Piece], air: Sequence[FemFace]) -> tuple[FemPart, ...]:
+def _spacers(moving: Sequence[FemPart | FemCoil], air: Sequence[FemFace]) -> tuple[FemPart, ...]:
     """Non-magnetic blocks of the moving groups that touch the body; without them it would be in pieces."""
     groups = {piece.group for piece in moving if piece.group}
     return tuple(
-        FemPart(face.polygon, face.label.material, None, (face.label,))
+        FemPart(face.polygon, face.label.material, (face.label,), None)
         for face in air
         if face.label.material is not None and face.label.group in groups
     )

@@ -4,32 +4,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import shapely
 from shapely import Polygon
 
-from femfit.tables.femm.faces import GRID, FemFace
+from femfit.tables.femm.faces import FemFace, FemPiece, connected_faces
 from femfit.tables.femm.limits import Direction, magnet_direction
-from femfit.tables.femm.model import FemLabel, FemMaterial
+from femfit.tables.femm.model import FemMaterial
 
 
 @dataclass(frozen=True)
-class FemPart:
+class FemPart(FemPiece):
     """A connected piece of one material, magnetization and group; it may have holes."""
 
-    polygon: Polygon
-    material: FemMaterial
     direction: Direction | None
-    labels: tuple[FemLabel, ...]
-
-    @property
-    def group(self) -> int:
-        """Group of its blocks."""
-        return self.labels[0].group
-
-    @property
-    def place(self) -> str:
-        """How messages name it."""
-        return f"{self.labels[0].place}, group {self.group}"
 
 
 def volume_mm3(polygon: Polygon) -> float:
@@ -45,8 +31,6 @@ def merge_parts(faces: Sequence[FemFace]) -> tuple[FemPart, ...]:
             kinds.setdefault((face.label.material, magnet_direction(face.label), face.label.group), []).append(face)
     parts = []
     for (material, direction, _), alike in kinds.items():
-        union = shapely.unary_union([face.polygon for face in alike], grid_size=GRID)
-        for piece in getattr(union, "geoms", [union]):
-            own = [face.label for face in alike if piece.contains(face.polygon.representative_point())]
-            parts.append(FemPart(piece, material, direction, tuple(own)))
+        for polygon, joined in connected_faces(alike):
+            parts.append(FemPart(polygon, material, tuple(face.label for face in joined), direction))
     return tuple(sorted(parts, key=lambda part: part.labels[0].number))

@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
-from femfit.tables.femm.faces import GRID, FemFace
+from femfit.tables.femm.faces import GRID, FemFace, connected_faces
 from femfit.tables.femm.model import FemBoundary, FemModel
 from femfit.tables.femm.notes import Notes
 
@@ -54,12 +54,7 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -
 
 def _interior(meshed: Sequence[FemFace], notes: Notes) -> tuple[list[FemFace], list[FemFace]]:
     """The faces of the one piece of the drawing that holds parts, and those of a Kelvin transformation's outside."""
-    own = [face for face in meshed if not face.label.external]
-    union = shapely.unary_union([face.polygon for face in own], grid_size=GRID)
-    pieces = [
-        [face for face in own if piece.contains(face.polygon.representative_point())]
-        for piece in getattr(union, "geoms", [union])
-    ]
+    pieces = [joined for _, joined in connected_faces([face for face in meshed if not face.label.external])]
     holding = [piece for piece in pieces if any(_is_part(face) for face in piece)]
     if len(holding) > 1:
         places = "; ".join(next(face for face in piece if _is_part(face)).label.place for piece in holding)

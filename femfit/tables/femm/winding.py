@@ -4,11 +4,8 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import shapely
-from shapely import Polygon
-
-from femfit.tables.femm.faces import GRID, FemFace
-from femfit.tables.femm.model import FemCircuit, FemLabel, FemMaterial
+from femfit.tables.femm.faces import FemFace, FemPiece, connected_faces
+from femfit.tables.femm.model import FemCircuit
 from femfit.tables.femm.notes import Notes
 from femfit.tables.femm.outlines import without_holes
 
@@ -20,23 +17,10 @@ PLAIN_WIRE = 3
 
 
 @dataclass(frozen=True)
-class FemCoil:
-    """A winding with its section in the file's coordinates in mm; negative turns are wound the other way."""
+class FemCoil(FemPiece):
+    """A winding by its section; negative turns are wound the other way."""
 
-    polygon: Polygon
     turns: float
-    material: FemMaterial
-    labels: tuple[FemLabel, ...]
-
-    @property
-    def group(self) -> int:
-        """Group of its blocks."""
-        return self.labels[0].group
-
-    @property
-    def place(self) -> str:
-        """How messages name it."""
-        return f"{self.labels[0].place}, group {self.group}"
 
 
 @dataclass(frozen=True)
@@ -167,15 +151,15 @@ def _coils(blocks: Sequence[tuple[FemFace, float]]) -> tuple[FemCoil, ...]:
     coils = []
     for _, faces in kinds:
         densities = {id(face): density for face, density in blocks}
-        union = shapely.unary_union([face.polygon for face in faces], grid_size=GRID)
-        for piece in getattr(union, "geoms", [union]):
-            own = [face for face in faces if piece.contains(face.polygon.representative_point())]
-            turns = sum(densities[id(face)] * face.polygon.area for face in own)
-            labels = tuple(face.label for face in own)
+        for section, joined in connected_faces(faces):
+            turns = sum(densities[id(face)] * face.polygon.area for face in joined)
+            labels = tuple(face.label for face in joined)
             material = labels[0].material
             if material is not None:
-                simple = without_holes(piece)
-                coils += [FemCoil(one, turns * one.area / piece.area, material, labels) for one in simple]
+                coils += [
+                    FemCoil(polygon, material, labels, turns * polygon.area / section.area)
+                    for polygon in without_holes(section)
+                ]
     return tuple(sorted(coils, key=lambda coil: coil.labels[0].number))
 
 

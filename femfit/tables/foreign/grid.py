@@ -10,13 +10,12 @@ from femfit.core.amount import counted
 from femfit.core.arrays import FloatArray
 from femfit.core.finding import Finding, listing
 from femfit.tables.foreign.options import QUANTITIES, REQUIRED
-from femfit.tables.suspected_units import suspected_by_size, suspicion
+from femfit.tables.suspected_units import LEAST_TRAVEL_M, suspected_by_size, suspicion
 
 _SAME_LEVEL = 1e-6  # of the axis' span: loops that add 0.1 ten times differ by 1e-16, units by rounding of 6 digits
 _SAME_VALUE = 1e-9  # of the column's largest: a repeated row of the same solve, not of another mesh
 _AGREEMENT = 0.95  # of the force change that must have one sign before it is called obvious
 _SETTINGS = ("current_A", "distance_m")
-_LARGEST_DISTANCE_AT_LEAST_M = 5e-5
 
 
 def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[Finding]]:
@@ -65,12 +64,9 @@ def check_units(points: pd.DataFrame) -> list[Finding]:
         for one in suspected_by_size(rows, solved=True)
     ]
     distance = points["distance"].to_numpy(dtype=float)
-    if 0 < float(np.max(distance)) < _LARGEST_DISTANCE_AT_LEAST_M:
-        findings.append(
-            replace(
-                suspicion("distance_m", "m", f"the largest is {np.max(distance) * 1e6:g} micrometres"), severity="error"
-            )
-        )
+    if 0 < float(np.max(distance)) < LEAST_TRAVEL_M:
+        largest = suspicion("distance_m", "m", f"the largest is {np.max(distance) * 1e6:g} micrometres")
+        findings.append(replace(largest, severity="error"))
     if (distance <= 0).any():
         where = points[distance <= 0]
         findings.append(
