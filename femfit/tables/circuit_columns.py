@@ -46,7 +46,7 @@ def circuit_columns(names: Iterable[str], fewest: int = FEWEST) -> tuple[str, ..
     >>> circuit_columns(["frequency_Hz", "inductance_bias [uH]"])
     ('inductance_bias_H',)
     """
-    found: dict[str, str] = {}
+    circuit_of: dict[str, str] = {}
     in_brackets: dict[str, str] = {}
     several = False
     for name in names:
@@ -55,11 +55,11 @@ def circuit_columns(names: Iterable[str], fewest: int = FEWEST) -> tuple[str, ..
         if parts is None or parse_header(name).name in _OTHER_NAMES:
             continue
         if unit_factor(parts[3], _QUANTITIES[parts[1]]) is not None:
-            kind = found if plain == name.strip() else in_brackets
+            kind = circuit_of if plain == name.strip() else in_brackets
             kind[f"{parts[1]}_{parts[2]}_{_QUANTITIES[parts[1]]}"] = parts[2]
             several |= parts[1] in _OF_IMPEDANCE
-    found |= in_brackets if several else {}
-    return tuple(found) if several or len(set(found.values())) >= fewest else ()
+    circuit_of |= in_brackets if several else {}
+    return tuple(circuit_of) if several or len(set(circuit_of.values())) >= fewest else ()
 
 
 def parts_of(column: str) -> tuple[str, str]:

@@ -29,15 +29,15 @@ class CoilBlock:
 
 def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
     """Consecutive coil blocks as one."""
-    whole = list(blocks)
+    stretches = list(blocks)
 
     def column(parts: list[FloatArray | None]) -> FloatArray | None:
-        known = [part for part in parts if part is not None]
-        return np.concatenate(known) if known else None
+        present = [values for values in parts if values is not None]
+        return np.concatenate(present) if present else None
 
     return CoilBlock(
-        np.concatenate([block.time for block in whole]),
-        np.concatenate([block.voltage for block in whole]),
-        column([block.hall for block in whole]),
-        column([block.current for block in whole]),
+        np.concatenate([block.time for block in stretches]),
+        np.concatenate([block.voltage for block in stretches]),
+        column([block.hall for block in stretches]),
+        column([block.current for block in stretches]),
     )

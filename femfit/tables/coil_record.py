@@ -64,27 +64,27 @@ class CoilRecord:
 
     def blocks(self, rows: int = BLOCK_ROWS) -> Iterator[CoilBlock]:
         """The record's blocks in order; rows without a time or a voltage are left out and show as gaps."""
-        before, seen = -np.inf, 0
+        before, count = -np.inf, 0
         for table in self._tables(rows):
             time, voltage = table["time_s"], table["coil_voltage_V"]
-            known = np.isfinite(time) & np.isfinite(voltage)
+            complete = np.isfinite(time) & np.isfinite(voltage)
             block = CoilBlock(time, voltage, table.get("hall_T"), table.get("current_A"))
-            if not known.all():
-                block = block[known]
+            if not complete.all():
+                block = block[complete]
             time = block.time
             if len(time) == 0:
                 continue
             back = np.flatnonzero(np.diff(time, prepend=before) <= 0.0)
             if len(back):
-                at = float(time[back[0]])
+                moment = float(time[back[0]])
                 raise TableError(
-                    f"{self.path} must have a rising time_s; it jumps back to {at:.9g} s after "
-                    f"{counted(int(seen + back[0]), 'row')}. "
+                    f"{self.path} must have a rising time_s; it jumps back to {moment:.9g} s after "
+                    f"{counted(int(count + back[0]), 'row')}. "
                     "Split the record there, or repair the clock."
                 )
-            before, seen = float(time[-1]), seen + len(time)
+            before, count = float(time[-1]), count + len(time)
             yield block
-        if seen == 0:
+        if count == 0:
             raise TableError(f"{self.path} has no row with a time and a voltage.")
 
     def _tables(self, rows: int) -> Iterator[dict[str, FloatArray]]:
@@ -231,8 +231,8 @@ def _raw_layout(path: Path) -> dict[str, Any]:
         raise TableError(
             f"{path} needs a sidecar {path.stem}.toml or {path.stem}.json beside it, with sample_rate_Hz and columns."
         )
-    data, *others = (read_settings(side, 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]') for side in sides)
-    if others and others[0] != data:
+    data, *second = (read_settings(side, 'sample_rate_Hz = 1000 and columns = ["coil_voltage_V"]') for side in sides)
+    if second and second[0] != data:
         raise TableError(
             f"{path} has two sidecars that differ, {sides[0].name} and {sides[1].name}. Delete the one that does not "
             "belong to it."

@@ -49,10 +49,10 @@ def remedy_for_columns(unused: Sequence[str], needed: Sequence[str]) -> str:
 def likely_columns(headers: Sequence[str], names: Sequence[str], *, by_words: bool = True) -> dict[str, str]:
     """What headers may mean, each column once; without words whatever their units allow comes after."""
     result: dict[str, str] = {}
-    for said in (True, by_words):
+    for only_words in (True, by_words):
         for name in names:
             free = [header for header in headers if header not in result]
-            meant = next((header for header in free if _may_be(header, name, by_words=said)), None)
+            meant = next((header for header in free if _may_be(header, name, by_words=only_words)), None)
             if meant is not None and name not in result.values():
                 result[meant] = name
     return result

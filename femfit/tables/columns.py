@@ -75,21 +75,23 @@ def match_columns(
     findings : list of Finding
         What was left to the user, and what is not used.
     """
-    given = {find_header(header, headers, source, "--column"): name for header, name in (columns or {}).items()}
-    for header, wanted in given.items():
+    header_columns = {
+        find_header(header, headers, source, "--column"): name for header, name in (columns or {}).items()
+    }
+    for header, wanted in header_columns.items():
         if wanted not in names:
             raise TableError(
                 f"Column {quoted(header)!r} of {source} cannot be {quoted(wanted)!r}; give one of {', '.join(names)}."
             )
-    texts = settled_units(headers, source, names, given, units, guess=guess)
-    said = _units_by_header(headers, texts)
+    texts = settled_units(headers, source, names, header_columns, units, guess=guess)
+    unit_of = _units_by_header(headers, texts)
     for_name = {} if guess else texts
-    chosen = {name: headers.index(header) for header, name in given.items()}
+    chosen = {name: headers.index(header) for header, name in header_columns.items()}
     findings: list[Finding] = []
     rivals: dict[str, list[int]] = {}
     undecided: set[int] = set()
     scores = {
-        name: [_score(header, name, said.get(header) or for_name.get(name), guess) for header in headers]
+        name: [_score(header, name, unit_of.get(header) or for_name.get(name), guess) for header in headers]
         for name in names
     }
     best = [max(of_header) for of_header in zip(*scores.values(), strict=True)]
@@ -106,14 +108,14 @@ def match_columns(
             if len(top) == 1 or name not in optional:
                 chosen[name] = top[0]
         rivals[name] = [k for k in free if k != chosen.get(name)]
-        if rivals[name] and name not in given.values():
+        if rivals[name] and name not in header_columns.values():
             taken = f"{quoted(headers[chosen[name]])} was taken" if name in chosen else "none was taken"
             text = f"{listing(headers[k] for k in rivals[name])} might be {name}; {taken}."
             findings.append(Finding("choice", "info", text, f"Choose with --column HEADER={name}.", column=name))
             undecided |= set(rivals[name])
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
-        unit = texts.get(name, said.get(headers[k]))
+        unit = texts.get(name, unit_of.get(headers[k]))
         used[k] = used_column(headers[k], name, parse_header(headers[k]).unit, source, unit)
     unused = [header for k, header in enumerate(headers) if k not in used and k not in undecided]
     return used, rivals, findings + _unused(unused, [name for name in names if name not in chosen])
@@ -133,14 +135,14 @@ def recognise(
     for key in texts:
         if key not in {column.name for column in used.values()}:
             find_header(key, headers, source, "--unit")
-    said = []
+    conversions = []
     for column in used.values():
         if column.header.strip() != column.name:
             how = f"converted to {column.name}, times {column.factor:g}"
             how = f"read as {column.name}" if column.factor == 1.0 else how
             how += f" ({column.unit} as a weight, gram-force)" if _is_gram(column) else ""
-            said.append(_said("column", f"Column {quoted(column.header)!r} was {how}.", column.name))
-    return list(used.values()), findings + said
+            conversions.append(_said("column", f"Column {quoted(column.header)!r} was {how}.", column.name))
+    return list(used.values()), findings + conversions
 
 
 def _is_gram(column: UsedColumn) -> bool:
@@ -154,10 +156,12 @@ def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColum
     return None if name is None else used_column(header, name, parsed.unit, "")
 
 
-def used_column(header: str, name: str, unit: str | None, source: str, given: str | float | None = None) -> UsedColumn:
+def used_column(
+    header: str, name: str, unit: str | None, source: str, override: str | float | None = None
+) -> UsedColumn:
     """Return the use of a column in the unit that the user gives, or else the file."""
     _, si_unit = column_unit(name)
-    unit = str(given) if given not in {None, ""} else None if header.strip() == name or not si_unit else unit
+    unit = str(override) if override not in {None, ""} else None if header.strip() == name or not si_unit else unit
     if unit is None:
         return UsedColumn(header, name, 1.0, si_unit, assumed=bool(si_unit) and header.strip() != name)
     return UsedColumn(header, name, given_factor(unit, si_unit, header, source, name), unit)
@@ -174,44 +178,44 @@ def settled_units(
 ) -> dict[str, str]:
     """Return units by header or column; a unit that stands alone goes to the one column that it can be of."""
     result: dict[str, str] = {}
-    for key, given in (units or {}).items():
-        unit = str(given)
+    for key, value in (units or {}).items():
+        unit = str(value)
         kinds = [name for name in names if unit_factor(unit, column_unit(name)[1]) is not None]
         if key != unit or not kinds or any(same_header(key, header) for header in headers):
             result[key] = unit
             continue
         meant = {header: name for key, name in columns.items() for header in headers if same_header(key, header)}
-        found = [
+        candidates = [
             header
             for header in headers
             if meant.get(header, kinds[0]) in kinds
             and (header in meant or any(_score(header, name, unit, guess) for name in kinds))
         ]
-        if len(found) != 1:
+        if len(candidates) != 1:
             raise TableError(
-                f"The unit {unit} must belong to one column of {source}; it may be that of {listing(found) or 'none'}. "
-                f"Say which with --unit HEADER={unit}."
+                f"The unit {unit} must belong to one column of {source}; it may be that of "
+                f"{listing(candidates) or 'none'}. Say which with --unit HEADER={unit}."
             )
-        result[found[0]] = unit
+        result[candidates[0]] = unit
     return result
 
 
 def _units_by_header(headers: Sequence[str], units: Mapping[str, str]) -> dict[str, str]:
-    said: dict[str, str] = {}
+    unit_of: dict[str, str] = {}
     for key, unit in units.items():
         exact = [header for header in headers if header.strip() == key.strip()]
-        said |= dict.fromkeys(exact or [header for header in headers if same_header(key, header)], unit)
-    return said
+        unit_of |= dict.fromkeys(exact or [header for header in headers if same_header(key, header)], unit)
+    return unit_of
 
 
-def _score(header: str, name: str, said: str | None, guess: bool) -> int:
+def _score(header: str, name: str, override: str | None, guess: bool) -> int:
     """How surely a header names a column; the unit that the user says counts in place of one of another kind."""
     if header.strip() == name:
         return SURELY
     parsed, (_, si_unit) = parse_header(header), column_unit(name)
-    if said is not None and unit_factor(said, si_unit) is not None:
-        parsed = replace(parsed, unit=said)
-    elif said is not None and not guess and unit_factor(parsed.unit or "", si_unit) is None:
+    if override is not None and unit_factor(override, si_unit) is not None:
+        parsed = replace(parsed, unit=override)
+    elif override is not None and not guess and unit_factor(parsed.unit or "", si_unit) is None:
         parsed = replace(parsed, unit=None)
     return match_score(parsed, name, guess=guess)
 
@@ -222,10 +226,10 @@ def _said(code: str, text: str, column: str) -> Finding:
 
 def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
     """What each of the other headers may be among the columns that are still free."""
-    findings, others = [], []
+    findings, unknown = [], []
     for header in headers:
         if header.startswith(SIMULATED):
-            others.append(header)
+            unknown.append(header)
             continue
         parsed = parse_header(header)
         bare = replace(parsed, unit=None)
@@ -237,11 +241,11 @@ def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
             text = f"Column {quoted(header)!r} was not used; did you mean {near[0]}?"
             findings.append(Finding("unused-column", "info", text, column=near[0]))
         else:
-            others.append(header)
-    if others:
-        options = [column_option(header, name) for header, name in likely_columns(others, free).items()]
+            unknown.append(header)
+    if unknown:
+        options = [column_option(header, name) for header, name in likely_columns(unknown, free).items()]
         remedy = f"Where one is meant, say {' '.join(options)}." if options else ""
-        findings.append(Finding("unused-column", "info", f"Not used: {listing(others, 20)}.", remedy))
+        findings.append(Finding("unused-column", "info", f"Not used: {listing(unknown, 20)}.", remedy))
     return findings
 
 
@@ -250,8 +254,8 @@ def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFra
     findings: list[Finding] = []
     values: dict[str, FloatArray] = {}
     for column in used:
-        values[column.name], said = _values(raw, column)
-        findings += said
+        values[column.name], remarks = _values(raw, column)
+        findings += remarks
         if column.name.endswith("_temperature_C"):
             _require_possible(raw, column, values[column.name])
     if raw.ragged:

@@ -15,15 +15,15 @@ from femfit.tables.measurement import SETTINGS
 from femfit.tables.settings_file import finite_number
 
 
-def constant_settings(said: object, where: str) -> dict[str, float]:
+def constant_settings(settings: object, where: str) -> dict[str, float]:
     """Column to value in SI of what a sidecar or an option says: ``distance_mm = 2.0``."""
-    if not isinstance(said, Mapping):
+    if not isinstance(settings, Mapping):
         raise TableError(
-            f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(said)}."
+            f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(settings)}."
         )
-    result, of_circuits = {}, filter(is_current, circuit_columns(map(str, said), fewest=1))
+    result, of_circuits = {}, filter(is_current, circuit_columns(map(str, settings), fewest=1))
     names = (*SETTINGS, *of_circuits)
-    for key, value in said.items():
+    for key, value in settings.items():
         column, number = match_column(str(key), names), finite_number(value)
         if column is None or column.assumed or number is None:
             raise TableError(

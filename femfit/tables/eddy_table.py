@@ -47,9 +47,9 @@ class Transfers:
         if self.hall is not None and exact.hall is not None:
             pairs.append((self.hall, exact.hall))
         result = np.zeros((len(self.frequencies_Hz), 3))
-        for k, (one, other) in enumerate(pairs):
-            size = np.abs(other).reshape(len(other), -1).max(axis=1, initial=0.0)
-            off = np.abs(one - other).reshape(len(other), -1).max(axis=1, initial=0.0)
+        for k, (response, reference) in enumerate(pairs):
+            size = np.abs(reference).reshape(len(reference), -1).max(axis=1, initial=0.0)
+            off = np.abs(response - reference).reshape(len(reference), -1).max(axis=1, initial=0.0)
             result[:, k] = np.divide(off, size, out=np.zeros_like(off), where=size > 0.0)
         return result
 
@@ -112,13 +112,13 @@ class EddyTable:
         return int(self.force.shape[1]) - 1 - len(self.circuits)
 
     def __str__(self) -> str:
-        low, high = (amount(float(one), "Hz") for one in self.checked_Hz[[0, -1]])
+        low, high = (amount(float(value), "Hz") for value in self.checked_Hz[[0, -1]])
         within = amount(float(self.errors.max(initial=0.0)), "")
         patterns = counted(self.patterns, "pattern")
         text = f"eddy currents: {patterns}, within {within} of direct solutions from {low} to {high}"
         if self.bias_A is None or not self.bias_A.size:
             return text
-        least, most = (amount(float(one), "A") for one in (self.bias_A.min(), self.bias_A.max()))
+        least, most = (amount(float(value), "A") for value in (self.bias_A.min(), self.bias_A.max()))
         return f"{text}, of small currents about {least if least == most else f'{least} to {most}'}"
 
     def induced(self, k: int, frequencies: FloatArray) -> ComplexArray:
@@ -189,8 +189,8 @@ class EddyTable:
 
     def error_at(self, frequencies: FloatArray) -> FloatArray:
         """Relative errors of impedance, force and Hall field at frequencies, shape (f, 3)."""
-        at = np.log(np.maximum(frequencies, self.checked_Hz[0]))
-        return np.column_stack([np.interp(at, np.log(self.checked_Hz), one) for one in self.errors.T])
+        logarithm = np.log(np.maximum(frequencies, self.checked_Hz[0]))
+        return np.column_stack([np.interp(logarithm, np.log(self.checked_Hz), error) for error in self.errors.T])
 
 
 def write_eddy(table: EddyTable | None, directory: Path) -> None:

@@ -63,5 +63,5 @@ def read_field_scan(
     if not usable.all():
         text = f"{counted(int((~usable).sum()), 'row')} without distance, place and field left out."
         findings.append(Finding("cells", "info", text, size=float((~usable).sum())))
-    distance, current, radius, height, field = (one[usable] for one in values)
+    distance, current, radius, height, field = (column[usable] for column in values)
     return FieldScan(distance, current, radius, height, field, tuple(findings), path.name)

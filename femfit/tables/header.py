@@ -63,29 +63,29 @@ def parse_header(text: str) -> Header:
     for written, name in _IMPEDANCE:
         stripped = written.sub(name, stripped)
     stripped = stripped.strip('"').strip()
-    name, unit, known = stripped, None, True
+    name, unit, recognised = stripped, None, True
     for match in reversed(list(_BRACKETS.finditer(stripped))):
         inner = match.group(1).strip()
         if is_unit(inner):
-            unit, name, known = inner, stripped[: match.start()] + " " + stripped[match.end() :], True
+            unit, name, recognised = inner, stripped[: match.start()] + " " + stripped[match.end() :], True
             break
         unknown = " " not in inner and (len(inner) <= 6 or match.group().startswith("["))
         if inner and unit is None and unknown and inner != "-" and not looks_numeric(inner):
-            unit, name, known = inner, stripped[: match.start()] + " " + stripped[match.end() :], False
+            unit, name, recognised = inner, stripped[: match.start()] + " " + stripped[match.end() :], False
     if unit is None:
         for trailing in (pattern.search(stripped) for pattern in _TRAILING):
             if trailing and trailing.start() > 0 and is_unit(trailing.group(1).replace("_", "/")):
                 unit, name = trailing.group(1).replace("_", "/"), stripped[: trailing.start()]
                 break
     words = tuple(word.casefold() for word in _WORD.findall(plain(name)))
-    return Header(stripped, words, unit, known)
+    return Header(stripped, words, unit, recognised)
 
 
 def with_unit(name: str, unit: object) -> str:
     """Return a column's name with its unit in brackets, where it does not say one itself."""
     text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit
-    known = isinstance(text, str) and text.strip() and parse_header(name).unit is None
-    return f"{name} [{str(text).strip()}]" if known else name
+    missing = isinstance(text, str) and text.strip() and parse_header(name).unit is None
+    return f"{name} [{str(text).strip()}]" if missing else name
 
 
 def same_header(key: str, header: str) -> bool:
@@ -95,14 +95,14 @@ def same_header(key: str, header: str) -> bool:
 
 def find_header(key: str, headers: Sequence[str], source: str, option: str) -> str:
     """Find the header that a user means."""
-    found = [header for header in headers if header.strip() == key.strip()]
-    found = found or [header for header in headers if same_header(key, header)]
-    if len(found) != 1:
+    matches = [header for header in headers if header.strip() == key.strip()]
+    matches = matches or [header for header in headers if same_header(key, header)]
+    if len(matches) != 1:
         raise TableError(
             f"{source} has no single column {quoted(key)!r} for {option}; its columns are "
             f"{listing(headers, 20) or 'without names (give --columns)'}."
         )
-    return found[0]
+    return matches[0]
 
 
 def match_score(header: Header, column: str, *, guess: bool = True) -> int:

@@ -62,13 +62,13 @@ def is_impedance(
         used, _, _ = match_columns(raw.headers, raw.source, names, columns, units, optional=names)
     except TableError:
         return False
-    found = {parts_of(column.name)[0] for column in used.values()} | set(settings)
-    return "frequency_Hz" in found and not found.isdisjoint((*SERIES, *FORMS))
+    quantities = {parts_of(column.name)[0] for column in used.values()} | set(settings)
+    return "frequency_Hz" in quantities and not quantities.isdisjoint((*SERIES, *FORMS))
 
 
-def impedance_columns(known: Sequence[str]) -> tuple[str, ...]:
+def impedance_columns(names: Sequence[str]) -> tuple[str, ...]:
     """Columns of a bench table as one of impedances has them; a voltage in it is that of the small current."""
-    return (*(name for name in known if parts_of(name)[0] != "voltage_V"), *FORMS)
+    return (*(name for name in names if parts_of(name)[0] != "voltage_V"), *FORMS)
 
 
 def in_series(
@@ -90,14 +90,14 @@ def in_series(
     _require(f <= 0.0, "a frequency > 0", "frequency_Hz", f, source, lines, "Leave out what was read without one.")
     loose = [name for name in _WITHOUT_NAME if name in rows]
     named = (parts_of(str(name)) for name in rows if name not in loose)
-    found = dict.fromkeys(circuit for quantity, circuit in named if quantity in _ALL)
-    alone = len(found) == 1  # a quality beside inductance_inner_H is that of inner
-    for circuit in found if alone or not loose else {**found, "": None}:
-        own = {name: name if alone and name in loose else column_of(name, circuit) for name in _ALL}
-        given = {name: of for name, of in own.items() if of in rows}
-        z, said = _one_in_series(_One(rows, given, source, lines), mutual=_may_be_of_two(circuit, carried))
-        findings += said
-        rows = rows.drop(columns=list(given.values()))
+    circuits = dict.fromkeys(circuit for quantity, circuit in named if quantity in _ALL)
+    alone = len(circuits) == 1  # a quality beside inductance_inner_H is that of inner
+    for circuit in circuits if alone or not loose else {**circuits, "": None}:
+        columns = {name: name if alone and name in loose else column_of(name, circuit) for name in _ALL}
+        column_of_form = {name: of for name, of in columns.items() if of in rows}
+        z, remarks = _one_in_series(_One(rows, column_of_form, source, lines), mutual=_may_be_of_two(circuit, carried))
+        findings += remarks
+        rows = rows.drop(columns=list(column_of_form.values()))
         rows = rows.assign(**{column_of(name, circuit): values for name, values in z.items()})
     return rows, findings
 
@@ -123,42 +123,46 @@ def _may_be_of_two(name: str, carried: Collection[str]) -> bool:
     return "_" in name and not name.endswith("_shorted") and name not in carried
 
 
-def _one_in_series(one: _One, *, mutual: bool) -> tuple[dict[str, FloatArray], list[Finding]]:
+def _one_in_series(readings: _One, *, mutual: bool) -> tuple[dict[str, FloatArray], list[Finding]]:
     """What there is of :data:`SERIES`; that of two circuits is of either sign."""
-    given, w, findings = list(one.given), 2.0 * np.pi * one.rows["frequency_Hz"].to_numpy(), list[Finding]()
-    if "impedance_ohm" in given:
-        one.require(one.values("impedance_ohm") < 0.0, "a magnitude >= 0", "impedance_ohm", "Name the part of Z.")
-    if "phase_deg" in given and not mutual:
-        column = one.given["phase_deg"]
+    forms, w, findings = list(readings.given), 2.0 * np.pi * readings.rows["frequency_Hz"].to_numpy(), list[Finding]()
+    if "impedance_ohm" in forms:
+        readings.require(
+            readings.values("impedance_ohm") < 0.0, "a magnitude >= 0", "impedance_ohm", "Name the part of Z."
+        )
+    if "phase_deg" in forms and not mutual:
+        column = readings.given["phase_deg"]
         remedy = f"Check its unit (--unit {column}=rad), or change its sign (--unit {column}=-1) or the leads."
-        beyond = np.abs(one.values("phase_deg")) > 90.0 + _METER_DEG
-        one.require(beyond, "a phase of -90 to 90 degrees", "phase_deg", remedy)
-    found = {name: one.values(name) for name in SERIES if name in given}
-    if len(found) < len(SERIES):
-        pair = next(_complete_pairs(given), None)
+        beyond = np.abs(readings.values("phase_deg")) > 90.0 + _METER_DEG
+        readings.require(beyond, "a phase of -90 to 90 degrees", "phase_deg", remedy)
+    series = {name: readings.values(name) for name in SERIES if name in forms}
+    if len(series) < len(SERIES):
+        pair = next(_complete_pairs(forms), None)
         if pair is not None:
-            z = _impedance(*pair, {name: one.values(name) for name in given}, w)
-            found = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
-            both = " and ".join(one.given[name] for name in pair)
+            z = _impedance(*pair, {name: readings.values(name) for name in forms}, w)
+            series = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
+            both = " and ".join(readings.given[name] for name in pair)
             text = f"{both} were converted to resistance and inductance in series."
             findings.append(Finding("impedance", "info", text))
-        elif not found:
-            circuit = parts_of(one.given[given[0]])[1]
-            second = [column_of(name, circuit) for name in _PAIRS.get(given[0], ("parallel_inductance_H",))]
+        elif not series:
+            circuit = parts_of(readings.given[forms[0]])[1]
+            second = [column_of(name, circuit) for name in _PAIRS.get(forms[0], ("parallel_inductance_H",))]
             raise TableError(
-                f"An impedance must have two numbers at each frequency; {one.source} has "
-                f"{listing(one.given.values())}. Add {' or '.join(second)}, or say what a column is with --column "
+                f"An impedance must have two numbers at each frequency; {readings.source} has "
+                f"{listing(readings.given.values())}. Add {' or '.join(second)}, or say what a column is with --column "
                 f"HEADER={second[0]}."
             )
-    if mutual or "inductance_H" not in found:
-        return found, findings
-    column = column_of("inductance_H", parts_of(one.given[given[0]])[1])
-    kept, resonance = without_capacitive(found, one.rows["frequency_Hz"].to_numpy(), one.source, column)
-    return kept, [*findings, *resonance]
+    if mutual or "inductance_H" not in series:
+        return series, findings
+    column = column_of("inductance_H", parts_of(readings.given[forms[0]])[1])
+    inductive, resonance = without_capacitive(series, readings.rows["frequency_Hz"].to_numpy(), readings.source, column)
+    return inductive, [*findings, *resonance]
 
 
-def _complete_pairs(given: Sequence[str]) -> Iterator[tuple[str, str]]:
-    return ((first, second) for first, others in _PAIRS.items() for second in others if {first, second} <= set(given))
+def _complete_pairs(forms: Sequence[str]) -> Iterator[tuple[str, str]]:
+    return (
+        (first, second) for first, partners in _PAIRS.items() for second in partners if {first, second} <= set(forms)
+    )
 
 
 def _impedance(first: str, second: str, of: Mapping[str, FloatArray], w: FloatArray) -> ComplexArray:
@@ -187,7 +191,7 @@ def _require(
 
 def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:
     """The rows without a resistance at direct current, which is no part of an impedance."""
-    header = next((one.header for one in used if one.name == "resistance_ohm"), "")
+    header = next((column.header for column in used if column.name == "resistance_ohm"), "")
     if parse_header(header).name not in _DIRECT:
         return rows, []
     text = f"Column {quoted(header)!r} was not used: a resistance at direct current is no part of an impedance."
@@ -196,20 +200,20 @@ def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> t
 
 
 def _phase_in_radians(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> Iterator[Finding]:
-    for name in (one.name for one in used if parts_of(one.name)[0] == "phase_deg" and one.assumed):
+    for name in (column.name for column in used if parts_of(column.name)[0] == "phase_deg" and column.assumed):
         largest = float(np.nanmax(np.abs(rows[name].to_numpy()), initial=0.0))
         if 0.0 < largest <= np.pi / 2.0:
             yield suspicion(name, "rad", f"it goes up to {largest:.3g}")
 
 
 def without_capacitive(
-    found: dict[str, FloatArray], frequency: FloatArray, source: str, column: str
+    series: dict[str, FloatArray], frequency: FloatArray, source: str, column: str
 ) -> tuple[dict[str, FloatArray], list[Finding]]:
     """An impedance without readings that no inductance gives, those above the winding's own resonance."""
-    wrong = found["inductance_H"] <= 0.0
+    wrong = series["inductance_H"] <= 0.0
     if not wrong.any():
-        return found, []
-    if wrong[np.isfinite(found["inductance_H"])].all():
+        return series, []
+    if wrong[np.isfinite(series["inductance_H"])].all():
         raise TableError(
             f"An impedance of a coil must have an inductance > 0; {source} has none in {column}. If its imaginary "
             "part or its phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
@@ -221,4 +225,4 @@ def without_capacitive(
     )
     remedy = "Read at frequencies well below: a tenth of the resonance raises the inductance by a hundredth."
     finding = Finding("resonance", "warning", text, remedy, size=float(wrong.sum()), column=column)
-    return {name: np.where(wrong, np.nan, values) for name, values in found.items()}, [finding]
+    return {name: np.where(wrong, np.nan, values) for name, values in series.items()}, [finding]

@@ -34,7 +34,7 @@ class ImpedanceSlopes:
 
 def write_slopes(slopes: ImpedanceSlopes | None, directory: Path) -> None:
     """Write the file, or remove that of an earlier sweep where there are none."""
-    numbers = None if slopes is None else json.dumps([asdict(one) for one in slopes.numbers])
+    numbers = None if slopes is None else json.dumps([asdict(number) for number in slopes.numbers])
     write_arrays(None if slopes is None else vars(slopes) | {"numbers": numbers}, directory / NAME)
 
 

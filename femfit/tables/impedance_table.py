@@ -40,43 +40,45 @@ def impedance_rows(
     frames = []
     errors = table.error_at(table.frequencies_Hz)
     for k, distance in enumerate(table.distances_m):
-        found = table.transfers(k, table.frequencies_Hz)
-        fixed = dict(_impedances(found, table.circuits, resistances_ohm, series_H))
+        transfers = table.transfers(k, table.frequencies_Hz)
+        fixed = dict(_impedances(transfers, table.circuits, resistances_ohm, series_H))
         for bias in currents if table.bias_A is None else table.bias_A[k, None]:
             columns = {
-                "distance_m": np.full(len(found.frequencies_Hz), distance),
+                "distance_m": np.full(len(transfers.frequencies_Hz), distance),
                 **dict(zip(current_columns(table.circuits), bias, strict=True)),
-                "frequency_Hz": found.frequencies_Hz,
+                "frequency_Hz": transfers.frequencies_Hz,
                 **fixed,
-                **_transfers(found, table.circuits, bias if table.bias_A is None else np.zeros_like(bias)),
+                **_transfers(transfers, table.circuits, bias if table.bias_A is None else np.zeros_like(bias)),
                 "impedance_error": errors[:, 0],
                 "force_error": errors[:, 1],
             }
-            if found.hall is not None:
+            if transfers.hall is not None:
                 columns["hall_error"] = errors[:, 2]
             frames.append(pd.DataFrame(columns))
     return pd.concat(frames, ignore_index=True)
 
 
 def _impedances(
-    found: Transfers, circuits: Sequence[str], resistances_ohm: Sequence[float], series_H: Sequence[float]
+    transfers: Transfers, circuits: Sequence[str], resistances_ohm: Sequence[float], series_H: Sequence[float]
 ) -> Iterator[tuple[str, FloatArray]]:
     """Resistance and inductance of each circuit, and of each pair."""
-    omega = 2.0 * np.pi * found.frequencies_Hz
+    omega = 2.0 * np.pi * transfers.frequencies_Hz
     for name, (j, k) in inductance_columns(circuits).items():
-        inductance = found.flux_linkage[:, j, k]
-        own = j == k
-        yield resistance_column(name), own * resistances_ohm[j] - omega * inductance.imag
-        yield name, inductance.real + own * series_H[j]
+        inductance = transfers.flux_linkage[:, j, k]
+        diagonal = j == k
+        yield resistance_column(name), diagonal * resistances_ohm[j] - omega * inductance.imag
+        yield name, inductance.real + diagonal * series_H[j]
 
 
-def _transfers(found: Transfers, circuits: Sequence[str], bias: FloatArray) -> Mapping[str, FloatArray]:
+def _transfers(transfers: Transfers, circuits: Sequence[str], bias: FloatArray) -> Mapping[str, FloatArray]:
     """Force and Hall field of an ampere in each circuit about a bias."""
-    force = np.einsum("m,fmn->fn", np.concatenate([[1.0], bias]), found.force)
-    kinds = {"force": (force, "N_per_A"), **({} if found.hall is None else {"hall": (found.hall, "T_per_A")})}
+    force = np.einsum("m,fmn->fn", np.concatenate([[1.0], bias]), transfers.force)
+    kinds = {"force": (force, "N_per_A"), **({} if transfers.hall is None else {"hall": (transfers.hall, "T_per_A")})}
     return {
-        f"{kind}{f'_{name}' * (len(circuits) > 1)}_{part}_{unit}": getattr(values[:, k], part)
-        for (kind, (values, unit)), (k, name), part in product(kinds.items(), enumerate(circuits), ("real", "imag"))
+        f"{kind}{f'_{name}' * (len(circuits) > 1)}_{component}_{unit}": getattr(values[:, k], component)
+        for (kind, (values, unit)), (k, name), component in product(
+            kinds.items(), enumerate(circuits), ("real", "imag")
+        )
     }
 
 

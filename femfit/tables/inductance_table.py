@@ -39,8 +39,8 @@ def is_inductance_table(path: Path) -> bool:
         headers = read_raw_table(path, wanted=has_columns([frozenset(COLUMNS)])).headers
     except TableError:
         return False
-    found = {column.name for header in headers if (column := match_column(header, (*COLUMNS, *_OTHER_KIND)))}
-    return "inductance_H" in found and not found & set(_OTHER_KIND)
+    names = {column.name for header in headers if (column := match_column(header, (*COLUMNS, *_OTHER_KIND)))}
+    return "inductance_H" in names and not names & set(_OTHER_KIND)
 
 
 def read_inductance_table(

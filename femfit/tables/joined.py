@@ -23,22 +23,32 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
     first = measurements[0]
     if len(measurements) == 1:
         return first
-    if any(type(one) is not type(first) for one in measurements):
+    if any(type(measurement) is not type(first) for measurement in measurements):
         raise TableError("Measurements that are taken together must be bench tables alone, or records over time alone.")
-    if any(dict(one.declared_noise) != dict(first.declared_noise) for one in measurements):
+    if any(dict(measurement.declared_noise) != dict(first.declared_noise) for measurement in measurements):
         raise TableError(
             f"Measurements that are taken together must have one declared noise; {first.source} and another differ. "
             "Declare the same for all, or take them one by one."
         )
-    for k, one in enumerate(measurements):
-        if any(one.rows.equals(other.rows) for other in measurements[:k]):
-            raise TableError(f"{one.source} holds the same readings as another one that was given. Give each once.")
+    for k, measurement in enumerate(measurements):
+        if any(measurement.rows.equals(earlier.rows) for earlier in measurements[:k]):
+            raise TableError(
+                f"{measurement.source} holds the same readings as another one that was given. Give each once."
+            )
     rows = pd.concat(_numbered(measurements), ignore_index=True)
-    common = [name for name in first.given if name != "order" or all("order" in one.given for one in measurements)]
-    given = tuple(dict.fromkeys([*common, *(name for one in measurements for name in one.given if name != "order")]))
-    findings = tuple(dict.fromkeys(finding for one in measurements for finding in one.findings))
+    common = [
+        name
+        for name in first.given
+        if name != "order" or all("order" in measurement.given for measurement in measurements)
+    ]
+    columns = tuple(
+        dict.fromkeys(
+            [*common, *(name for measurement in measurements for name in measurement.given if name != "order")]
+        )
+    )
+    findings = tuple(dict.fromkeys(finding for measurement in measurements for finding in measurement.findings))
     result = replace(
-        first, rows=rows, given=given, findings=findings, source=" and ".join(o.source for o in measurements)
+        first, rows=rows, given=columns, findings=findings, source=" and ".join(o.source for o in measurements)
     )
     return replace(result, clipped=_clipped(measurements)) if isinstance(result, TimeSeries) else result
 
@@ -46,9 +56,9 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
 def _numbered(measurements: Sequence[Measurement]) -> list[pd.DataFrame]:
     """The rows of each, with runs, mounts and segments numbered on."""
     result, begin = [], dict.fromkeys(("run", "mount", "segment"), 0)
-    for one in measurements:
-        rows = one.rows.copy()
-        if isinstance(one, BenchTable):
+    for measurement in measurements:
+        rows = measurement.rows.copy()
+        if isinstance(measurement, BenchTable):
             rows["mount"] = rows["mount"].where(rows["mount"].notna(), rows["run"])
         for name, start in begin.items():
             if name in rows:
@@ -61,9 +71,9 @@ def _numbered(measurements: Sequence[Measurement]) -> list[pd.DataFrame]:
 
 def _clipped(series: Sequence[Measurement]) -> dict[str, np.ndarray]:
     """The ends at which samples are clipped, of channels of all files."""
-    records = [one for one in series if isinstance(one, TimeSeries)]
-    names = dict.fromkeys(name for one in records for name in one.clipped)
+    records = [record for record in series if isinstance(record, TimeSeries)]
+    names = dict.fromkeys(name for record in records for name in record.clipped)
     return {
-        name: np.concatenate([one.clipped.get(name, np.full(len(one.rows), np.nan)) for one in records])
+        name: np.concatenate([record.clipped.get(name, np.full(len(record.rows), np.nan)) for record in records])
         for name in names
     }

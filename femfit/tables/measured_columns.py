@@ -23,13 +23,13 @@ def has_columns(
     names = tuple(sorted(frozenset[str]().union(*needs)))
 
     def wanted(raw: RawTable) -> bool:
-        known = (*names, *circuit_columns((*raw.headers, *(columns or {}).values())))
+        candidates = (*names, *circuit_columns((*raw.headers, *(columns or {}).values())))
         try:
-            used, _, _ = match_columns(raw.headers, raw.source, known, columns, units, optional=known)
+            used, _, _ = match_columns(raw.headers, raw.source, candidates, columns, units, optional=candidates)
         except TableError:  # it lacks a column that the user named
             return False
-        found = {parts_of(column.name)[0] for column in used.values()}
-        return any(need <= found for need in needs)
+        quantities = {parts_of(column.name)[0] for column in used.values()}
+        return any(need <= quantities for need in needs)
 
     return wanted
 
@@ -64,6 +64,6 @@ def read_columns(
     used, findings = recognise(filled, raw.source, names, columns, units)
     if not len(raw.lines):
         raise TableError(f"{raw.source} has column names and no row below them; it needs one row a reading.")
-    values, said = column_values(raw, used)
+    values, remarks = column_values(raw, used)
     notes = [Finding("reading", "info", f"{note[0].upper()}{note[1:]}.") for note in raw.notes]
-    return values, used, notes + findings + said
+    return values, used, notes + findings + remarks

@@ -119,8 +119,10 @@ class _Measured(Printed):
         placed = [name for name in dict.fromkeys(settings) if rows[name].notna().any()]
         lines += [f"  {name} {rows[name].min():.4g} to {rows[name].max():.4g}" for name in placed]
         lines += [f"  declared noise of {name}: {value:.3g}" for name, value in self.declared_noise.items()]
-        first = [f"check first: {one}" for one in self.findings if one.severity != "info"]
-        return "\n".join([*first, *lines, *(f"note: {one}" for one in self.findings if one.severity == "info")])
+        first = [f"check first: {finding}" for finding in self.findings if finding.severity != "info"]
+        return "\n".join(
+            [*first, *lines, *(f"note: {finding}" for finding in self.findings if finding.severity == "info")]
+        )
 
     def _repr_html_(self) -> str:
         return super()._repr_html_() + str(self.rows.to_html(max_rows=12))

@@ -62,8 +62,8 @@ def checked(table: BenchTable) -> BenchTable:
     findings = suspected_by_size(table.rows)
     rows = table.rows
     for name in table.channels:
-        values, said = _without_stuck(rows, name)
-        findings += said
+        values, stuck = _without_stuck(rows, name)
+        findings += stuck
         rows = rows.assign(**{name: values})
     return replace(table, rows=rows, findings=(*table.findings, *findings))
 
@@ -78,12 +78,12 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
     for name in (name for name in table.channels if name in predicted):
         values = rows[name].to_numpy().copy()
         residual = values - predicted[name]
-        known = np.flatnonzero(np.isfinite(residual) & _placed(rows))
-        if len(known) < 2:
+        readable = np.flatnonzero(np.isfinite(residual) & _placed(rows))
+        if len(readable) < 2:
             continue
-        run = pd.factorize(rows["run"].to_numpy()[known])[0]
-        places, expected = _places(rows)[known], predicted[name][known]
-        lone = known[isolated_outliers(residual[known], places, run, expected, _step(values[known]))]
+        run = pd.factorize(rows["run"].to_numpy()[readable])[0]
+        places, expected = _places(rows)[readable], predicted[name][readable]
+        lone = readable[isolated_outliers(residual[readable], places, run, expected, _step(values[readable]))]
         if not len(lone):
             continue
         shown = "; ".join(_row(rows, int(k), name) for k in lone[:3]) + ("; and so on" if len(lone) > 3 else "")
@@ -95,22 +95,22 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
     return replace(table, rows=rows, findings=(*table.findings, *findings))
 
 
-def without_copies(rows: pd.DataFrame, given: tuple[str, ...]) -> tuple[pd.DataFrame, list[Finding]]:
+def without_copies(rows: pd.DataFrame, columns: tuple[str, ...]) -> tuple[pd.DataFrame, list[Finding]]:
     """Keep rows once, where the same row stands twice: a file joined with itself would make the noise look smaller.
 
     Single rows that could be equal by chance are kept.
     """
-    channels = [name for name in given if parts_of(name)[0] in CHANNELS]
-    copies = rows.duplicated(subset=list(given)).to_numpy()
-    if not {"run", "order"} <= set(given):
+    channels = [name for name in columns if parts_of(name)[0] in CHANNELS]
+    copies = rows.duplicated(subset=list(columns)).to_numpy()
+    if not {"run", "order"} <= set(columns):
         block = np.cumsum(np.concatenate([[False], copies[1:] != copies[:-1]]))
         copies = copies & (np.bincount(block)[block] >= _LEAST_COPIES)
         if _equal_by_chance(rows, channels, copies, untold=False):
             copies = np.zeros(len(rows), dtype=bool)
-    renumbered = rows.duplicated(subset=[name for name in given if name not in _NUMBERS]).to_numpy() & ~copies
+    renumbered = rows.duplicated(subset=[name for name in columns if name not in _NUMBERS]).to_numpy() & ~copies
     if _equal_by_chance(rows, channels, renumbered, untold=len(channels) == 1):
         renumbered = np.zeros(len(rows), dtype=bool)
-    numbers, findings = ", ".join(name for name in _NUMBERS if name in given), []
+    numbers, findings = ", ".join(name for name in _NUMBERS if name in columns), []
     for which, but in ((copies, ""), (renumbered, f" but {numbers}")):
         count = int(which.sum())
         if count:
@@ -154,21 +154,21 @@ def _equal_by_chance(rows: pd.DataFrame, channels: Sequence[str], equal: BoolArr
 def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Finding]]:
     """A channel without stretches of one and the same reading over changing settings."""
     values = rows[name].to_numpy().copy()
-    known = np.flatnonzero(np.isfinite(values) & _placed(rows))
-    if len(known) < _LEAST_STUCK:
+    readable = np.flatnonzero(np.isfinite(values) & _placed(rows))
+    if len(readable) < _LEAST_STUCK:
         return values, []
-    read, run, places = values[known], rows["run"].to_numpy()[known], _places(rows)[known]
+    read, run, places = values[readable], rows["run"].to_numpy()[readable], _places(rows)[readable]
     follows = np.concatenate([[False], (np.diff(read) == 0.0) & (np.diff(run) == 0.0)])
     stretch = np.cumsum(~follows) - 1
     length = np.bincount(stretch)
     balanced = _balanced(run, length[stretch]) if name == "force_N" else np.zeros(len(read), dtype=bool)
-    found: dict[float, list[int]] = {}
+    lengths_of: dict[float, list[int]] = {}
     for number in np.flatnonzero(length >= _least_length(length)):
         members = np.flatnonzero(stretch == number)
         if balanced[members].all() or not _held(read, places, members):
             continue
-        values[known[members]] = np.nan
-        found.setdefault(float(read[members[0]]), []).append(len(members))
+        values[readable[members]] = np.nan
+        lengths_of.setdefault(float(read[members[0]]), []).append(len(members))
     return values, [
         Finding(
             "stuck",
@@ -178,7 +178,7 @@ def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Find
             size=float(sum(counts)),
             column=name,
         )
-        for value, counts in found.items()
+        for value, counts in lengths_of.items()
     ]
 
 
@@ -204,11 +204,11 @@ def _held(read: FloatArray, places: FloatArray, members: IntArray) -> bool:
     low, high = places[members].min(axis=0), places[members].max(axis=0)
     if (high - low)[:2].max() < 0.1:
         return False
-    other = np.ones(len(read), dtype=bool)
-    other[members] = False
-    around = read[other & np.all((places[:, :2] >= low[:2]) & (places[:, :2] <= high[:2]), axis=1)]
+    outside = np.ones(len(read), dtype=bool)
+    outside[members] = False
+    around = read[outside & np.all((places[:, :2] >= low[:2]) & (places[:, :2] <= high[:2]), axis=1)]
     if len(around) < 3:
-        around = read[other]
+        around = read[outside]
     return len(around) == 0 or float(np.ptp(around)) > 4.0 * _step(read)
 
 
@@ -253,8 +253,8 @@ def in_measuring_order(rows: pd.DataFrame, has_run: bool) -> tuple[pd.DataFrame,
     pieces = []
     for run in pd.unique(rows["run"]):
         piece = rows[rows["run"] == run]
-        said, believable = _clock(piece["order"].to_numpy(), run)
-        findings += said
+        moments, believable = _clock(piece["order"].to_numpy(), run)
+        findings += moments
         if believable:
             piece = piece.sort_values("order", kind="stable")
         else:
@@ -300,22 +300,22 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
     branch, turns, could_turn = np.zeros(len(rows)), 0, 0
     for place in _stretches(rows):
         steps = np.diff(current[place])
-        known = np.flatnonzero(np.abs(steps) > still)
-        if not len(known):
+        moved = np.flatnonzero(np.abs(steps) > still)
+        if not len(moved):
             continue
         # A step's sign holds until the next step, and back to the stretch's first row
-        signs = np.sign(steps[known])
+        signs = np.sign(steps[moved])
         turns += int(np.count_nonzero(np.diff(signs)))
-        could_turn += len(known) - 1
-        before = np.searchsorted(known, np.arange(len(place)) - 1, side="right") - 1
+        could_turn += len(moved) - 1
+        before = np.searchsorted(moved, np.arange(len(place)) - 1, side="right") - 1
         branch[place] = signs[np.maximum(before, 0)]
     rising, falling = int(np.sum(branch > 0.0)), int(np.sum(branch < 0.0))
     # Rows in random order seldom make two steps on end at one distance, and then show no turns either
     if min(rising, falling, could_turn) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
         return None, []
-    said = "There is no column branch; whether the current rose or fell was read from the order of the rows."
+    text = "There is no column branch; whether the current rose or fell was read from the order of the rows."
     remedy = "Give a column branch (+1 rising, -1 falling) if that is not the order of measuring."
-    return branch, [Finding("branch-assumed", "info", said, remedy, column="branch")]
+    return branch, [Finding("branch-assumed", "info", text, remedy, column="branch")]
 
 
 def _stretches(rows: pd.DataFrame) -> list[IntArray]:

@@ -96,21 +96,21 @@ def read_measurement(
             f"{type(path).__name__}. Give the path of a .csv or .parquet file."
         )
     path = Path(path)
-    said = reading_of(path, columns, units, table, noise, settings)
-    wanted = has_columns((*BENCH_NEEDS, *SERIES_NEEDS), said.columns, said.units)
-    raw = read_raw_table(path, table=said.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, said))
-    if _has_impedance(raw, said):
-        return _bench_table(raw, path, said)
-    if "time_s" in said.columns.values():
-        return _time_series(raw, path, said)
+    reading = reading_of(path, columns, units, table, noise, settings)
+    wanted = has_columns((*BENCH_NEEDS, *SERIES_NEEDS), reading.columns, reading.units)
+    raw = read_raw_table(path, table=reading.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, reading))
+    if _has_impedance(raw, reading):
+        return _bench_table(raw, path, reading)
+    if "time_s" in reading.columns.values():
+        return _time_series(raw, path, reading)
     matched = {header: match_column(header, SERIES_COLUMNS) for header in raw.headers}
     clock = next((header for header, column in matched.items() if column and column.name == "time_s"), None)
     if clock is None:
-        return _bench_table(raw, path, said)
+        return _bench_table(raw, path, reading)
     step = _step_of_moments(raw, clock)
     if step < _PROTOCOL_STEP_S:
-        return _time_series(raw, path, said)
-    bench = _bench_table(raw, path, replace(said, columns={clock: "order", **said.columns}))
+        return _time_series(raw, path, reading)
+    bench = _bench_table(raw, path, replace(reading, columns={clock: "order", **reading.columns}))
     text = (
         f"The moments in {quoted(clock)!r} are {step:.3g} s apart, where a record over time has samples less than "
         f"{_PROTOCOL_STEP_S:g} s apart: the rows were taken for readings at rest, and the moments for their order. For "
@@ -147,27 +147,27 @@ def read_bench_table(
     channel counts as given by its column alone, its cells may be empty.
     """
     path = Path(path)
-    said = reading_of(path, columns, units, table, noise, settings)
-    wanted = has_columns(BENCH_NEEDS, said.columns, said.units)
-    raw = read_raw_table(path, table=said.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, said))
-    return _bench_table(raw, path, said, planned)
+    reading = reading_of(path, columns, units, table, noise, settings)
+    wanted = has_columns(BENCH_NEEDS, reading.columns, reading.units)
+    raw = read_raw_table(path, table=reading.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, reading))
+    return _bench_table(raw, path, reading, planned)
 
 
-def _has_impedance(raw: RawTable, said: Reading) -> bool:
-    return is_impedance(raw, said.columns, said.units, said.settings)
+def _has_impedance(raw: RawTable, reading: Reading) -> bool:
+    return is_impedance(raw, reading.columns, reading.units, reading.settings)
 
 
-def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False) -> BenchTable:
-    of_circuits, impedance = circuit_columns((*raw.headers, *said.columns.values())), _has_impedance(raw, said)
-    known = (*BENCH_COLUMNS, *of_circuits)
-    known = impedance_columns(known) if impedance else known
-    rows, used, findings = read_columns(raw, known, said.columns, said.units)
-    rows, declared = with_settings(rows, said.settings, raw.source)
+def _bench_table(raw: RawTable, path: Path, reading: Reading, planned: bool = False) -> BenchTable:
+    of_circuits, impedance = circuit_columns((*raw.headers, *reading.columns.values())), _has_impedance(raw, reading)
+    names = (*BENCH_COLUMNS, *of_circuits)
+    names = impedance_columns(names) if impedance else names
+    rows, used, findings = read_columns(raw, names, reading.columns, reading.units)
+    rows, declared = with_settings(rows, reading.settings, raw.source)
     if impedance:
         rows, converted = in_series(rows, used, raw.source, raw.lines)
         declared += converted
     of_circuits = tuple(str(name) for name in rows if parts_of(str(name))[1])
-    known, channels = (*BENCH_COLUMNS, *of_circuits), (*CHANNELS, *of_circuits)
+    names, channels = (*BENCH_COLUMNS, *of_circuits), (*CHANNELS, *of_circuits)
     findings += declared
     unused, named = _unused(raw, used), [str(name) for name in rows]
     _require("bench table", named, path, unused, _about(findings, named))
@@ -179,23 +179,23 @@ def _bench_table(raw: RawTable, path: Path, said: Reading, planned: bool = False
         *of_circuits,
         *(OF_RUNS + name for name in channels),
     )
-    sidecar = read_sidecar(path, with_noise, used, said.noise)
-    given = tuple(
-        name for name in known if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
+    sidecar = read_sidecar(path, with_noise, used, reading.noise)
+    filled = tuple(
+        name for name in names if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )
-    _require("bench table", given, path, unused, _about(findings, given))
+    _require("bench table", filled, path, unused, _about(findings, filled))
     full = _complete_bench(rows, of_circuits)
     copies: list[Finding] = []
     if not planned:
-        full, copies = without_copies(full, given)
-    ordered, remarks = in_measuring_order(full, "run" in given)
-    if "branch" not in given and not impedance:
+        full, copies = without_copies(full, filled)
+    ordered, remarks = in_measuring_order(full, "run" in filled)
+    if "branch" not in filled and not impedance:
         branch, assumed = branch_from_order(ordered)
         remarks += assumed
         ordered = ordered if branch is None else ordered.assign(branch=branch)
     table = BenchTable(
         rows=ordered.assign(mount=ordered["mount"].fillna(ordered["run"])),
-        given=given,
+        given=filled,
         declared_noise=sidecar.noise,
         findings=(*findings, *copies, *remarks, *sidecar.findings),
         source=path.name,
@@ -210,22 +210,22 @@ def _unused(raw: RawTable, used: Sequence[UsedColumn]) -> list[str]:
     return [header for header in raw.headers if header.strip() and header not in taken]
 
 
-def _about(findings: Sequence[Finding], given: Sequence[str]) -> list[str]:
-    return [one.text for one in findings if one.column and one.column not in given]
+def _about(findings: Sequence[Finding], columns: Sequence[str]) -> list[str]:
+    return [finding.text for finding in findings if finding.column and finding.column not in columns]
 
 
-def _require(kind: str, given: Sequence[str], path: Path, unused: Sequence[str], said: Sequence[str] = ()) -> None:
+def _require(kind: str, columns: Sequence[str], path: Path, unused: Sequence[str], reasons: Sequence[str] = ()) -> None:
     """Refuse a bench table or a time series that lacks its first column, or has no channel."""
     first, channels = ("distance_m", CHANNELS) if kind == "bench table" else ("time_s", SERIES_CHANNELS)
-    missing: dict[str, tuple[str, ...]] = {} if first in given else {first: (first,)}
-    if not any(parts_of(name)[0] in channels for name in given):
+    missing: dict[str, tuple[str, ...]] = {} if first in columns else {first: (first,)}
+    if not any(parts_of(name)[0] in channels for name in columns):
         missing[f"one of {', '.join(channels)}"] = channels
     if missing:
         constant = " Where it was the same throughout, say --setting distance_mm=2.0." * ("distance_m" in missing)
         raise TableError(
             f"A {kind} must have {first} and at least one channel, with numbers in them; {path} lacks "
-            f"{' and '.join(missing)} (it has {', '.join(given) or 'none of the known columns'}). "
-            f"{' '.join([*said[:4], ''])}{remedy_for_columns(unused, [*chain(*missing.values())])}{constant}"
+            f"{' and '.join(missing)} (it has {', '.join(columns) or 'none of the known columns'}). "
+            f"{' '.join([*reasons[:4], ''])}{remedy_for_columns(unused, [*chain(*missing.values())])}{constant}"
         )
 
 
@@ -240,27 +240,27 @@ def _complete_bench(rows: pd.DataFrame, of_circuits: Sequence[str]) -> pd.DataFr
     )
 
 
-def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
-    of_circuits = circuit_columns((*raw.headers, *said.columns.values()))
+def _time_series(raw: RawTable, path: Path, reading: Reading) -> TimeSeries:
+    of_circuits = circuit_columns((*raw.headers, *reading.columns.values()))
     of_circuits = tuple(name for name in of_circuits if parts_of(name)[0] in SERIES_CHANNELS)
-    known = (*SERIES_COLUMNS, *of_circuits)
-    values, used, findings = read_columns(raw, known, said.columns, said.units)
-    values, declared = with_settings(values, said.settings, raw.source)
+    names = (*SERIES_COLUMNS, *of_circuits)
+    values, used, findings = read_columns(raw, names, reading.columns, reading.units)
+    values, declared = with_settings(values, reading.settings, raw.source)
     findings += declared
-    given = tuple(name for name in known if name in values and bool(values[name].notna().any()))
-    _require("time series", given, path, _unused(raw, used), _about(findings, given))
-    sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, said.noise)
-    rows, lost = _complete_series(values, known)
+    filled = tuple(name for name in names if name in values and bool(values[name].notna().any()))
+    _require("time series", filled, path, _unused(raw, used), _about(findings, filled))
+    sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, reading.noise)
+    rows, lost = _complete_series(values, names)
     if lost:
         text = f"{counted(lost, 'row without a time was', 'rows without a time were')} left out."
         findings.append(Finding("cells", "info", text, size=float(lost)))
     rows, coarse = spread_stamps(rows, path.name)
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings, clipped = check_readings(rows)
-    given = tuple(name for name in given if name in clipped or rows[name].notna().any())
+    filled = tuple(name for name in filled if name in clipped or rows[name].notna().any())
     return TimeSeries(
         rows=rows,
-        given=given,
+        given=filled,
         declared_noise=sidecar.noise,
         findings=(*findings, *coarse, *clock, *readings, *suspected_by_size(rows), *sidecar.findings),
         source=path.name,
@@ -270,9 +270,9 @@ def _time_series(raw: RawTable, path: Path, said: Reading) -> TimeSeries:
     )
 
 
-def _complete_series(rows: pd.DataFrame, known: Sequence[str]) -> tuple[pd.DataFrame, int]:
+def _complete_series(rows: pd.DataFrame, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
     """Every column of a time series, rows of one run together; and how many rows had no time."""
-    full = pd.DataFrame({name: rows.get(name, np.nan) for name in known}, index=rows.index).astype(np.float64)
+    full = pd.DataFrame({name: rows.get(name, np.nan) for name in names}, index=rows.index).astype(np.float64)
     full["run"] = full["run"].ffill().fillna(1.0)
     timed = full["time_s"].notna()
     full = full[timed]

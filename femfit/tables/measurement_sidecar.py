@@ -60,17 +60,17 @@ def reading_of(
 ) -> Reading:
     """Return what the caller says of a table, before what its sidecar says."""
     file, data = _sidecar_file(measurement)
-    said: dict[str, dict[str, Any]] = {}
+    tables: dict[str, dict[str, Any]] = {}
     for key, (kinds, example) in _EXAMPLES.items():
         value = data.get(key, {})
         if not isinstance(value, dict) or not all(isinstance(meant, kinds) for meant in value.values()):
             raise TableError(f"[{key}] of {file} must hold lines like {example}; instead received {quoted(value)}.")
-        said[key] = value
+        tables[key] = value
     if not isinstance(data.get("table", ""), str):
         raise TableError(f'table in {file} must be a name like "Messung 2"; instead received {quoted(data["table"])}.')
     return Reading(
-        said["columns"] | dict(columns or {}),
-        said["units"] | dict(units or {}),
+        tables["columns"] | dict(columns or {}),
+        tables["units"] | dict(units or {}),
         table if table is not None else data.get("table"),
         noise or {},
         constant_settings(data.get("settings", {}), str(file)) | constant_settings(settings or {}, "the options"),
@@ -143,10 +143,10 @@ def _channel(key: str, channels: Sequence[str], used: Sequence[UsedColumn]) -> U
     """The channel that a key means: by its name, with another unit, or by the header of its column."""
     if key.startswith(OF_RUNS):
         of_runs = [name.removeprefix(OF_RUNS) for name in channels if name.startswith(OF_RUNS)]
-        found = _channel(key.removeprefix(OF_RUNS), of_runs, used) if of_runs else None
-        return replace(found, name=OF_RUNS + found.name) if found else None
-    own = (column for column in used if column.name in channels and same_header(key, column.header))
-    return match_column(key, channels) if key in channels else next(own, match_column(key, channels))
+        channel = _channel(key.removeprefix(OF_RUNS), of_runs, used) if of_runs else None
+        return replace(channel, name=OF_RUNS + channel.name) if channel else None
+    headed = (column for column in used if column.name in channels and same_header(key, column.header))
+    return match_column(key, channels) if key in channels else next(headed, match_column(key, channels))
 
 
 def _offsets(file: Path, declared: Mapping[str, Any]) -> dict[str, object]:

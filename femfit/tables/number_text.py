@@ -52,8 +52,8 @@ def looks_measured(text: str) -> bool:
 
 def numbers_of(cells: Sequence[str], decimal: str) -> FloatArray:
     """Convert a column of cells; NaN where a cell is no finite number."""
-    other = "," if decimal == "." else "."
-    if not any(other in cell or "_" in cell for cell in cells):
+    grouping = "," if decimal == "." else "."
+    if not any(grouping in cell or "_" in cell for cell in cells):
         try:
             values = np.array([cell.replace(",", ".") if decimal == "," else cell for cell in cells], dtype=np.float64)
         except ValueError:
@@ -68,13 +68,13 @@ def parse_number(text: str, decimal: str) -> float:
     if len(text) > _LONGEST:
         return math.nan
     cleaned = normalise(text)
-    other = "," if decimal == "." else "."
-    if other in cleaned:
-        whole = cleaned.split(decimal, maxsplit=1)[0]
+    grouping = "," if decimal == "." else "."
+    if grouping in cleaned:
+        integer = cleaned.split(decimal, maxsplit=1)[0]
         tail = cleaned.split(decimal, maxsplit=1)[1] if decimal in cleaned else ""
-        if other in tail or not _grouped(whole.lstrip("+-").split(other)):
+        if grouping in tail or not _grouped(integer.lstrip("+-").split(grouping)):
             return math.nan
-        cleaned = cleaned.replace(other, "")
+        cleaned = cleaned.replace(grouping, "")
     cleaned = cleaned.replace(decimal, ".").replace("D", "e").replace("d", "e").replace("E", "e")
     if not _PARSED.match(cleaned):
         return math.nan
@@ -91,26 +91,26 @@ def clock_seconds(cells: Sequence[str], column: str) -> FloatArray | None:
 
     A time of day that goes back by more than half a day is the next day's.
     """
-    found = [_CLOCK.match(cell.strip()) for cell in cells]
+    matches = [_CLOCK.match(cell.strip()) for cell in cells]
     filled = [cell.strip().casefold() not in EMPTY for cell in cells]
-    if not any(found) or any(cell and not match for cell, match in zip(filled, found, strict=True)):
+    if not any(matches) or any(cell and not match for cell, match in zip(filled, matches, strict=True)):
         return None
-    days = {text: _day(text, column) for text in dict.fromkeys(match["day"] for match in found if match)}
+    days = {text: _day(text, column) for text in dict.fromkeys(match["day"] for match in matches if match)}
     if len(days) == 1:
         days = dict.fromkeys(days, 0)
     seconds = np.full(len(cells), np.nan)
-    known = np.array([match is not None for match in found])
-    seconds[known] = [
+    timed = np.array([match is not None for match in matches])
+    seconds[timed] = [
         86400.0 * days[match["day"]]
         + 3600.0 * int(match["h"])
         + 60.0 * int(match["m"])
         + float(match["s"].replace(",", "."))
-        for match in found
+        for match in matches
         if match
     ]
     if len(days) == 1:
-        seconds[known] += 86400.0 * np.cumsum(np.diff(seconds[known], prepend=seconds[known][0]) < -43200.0)
-    return np.asarray(seconds - seconds[known][0])
+        seconds[timed] += 86400.0 * np.cumsum(np.diff(seconds[timed], prepend=seconds[timed][0]) < -43200.0)
+    return np.asarray(seconds - seconds[timed][0])
 
 
 def _day(text: str | None, column: str) -> int:

@@ -57,11 +57,11 @@ def isolated_outliers(
     value, place, run, predicted = value[order], place[order], run[order], predicted[order]
     outlier = np.zeros(len(value), dtype=bool)
     for _ in range(_ROUNDS):
-        left = np.flatnonzero(~outlier)
-        found = left[_lone(value[left], place[left], run[left], predicted[left], floor)]
-        if not len(found):
+        remaining = np.flatnonzero(~outlier)
+        lone = remaining[_lone(value[remaining], place[remaining], run[remaining], predicted[remaining], floor)]
+        if not len(lone):
             break
-        outlier[found] = True
+        outlier[lone] = True
         if outlier.sum() > max(1.0, _MOST * len(value)):
             return np.zeros(len(value), dtype=bool)
     return np.asarray(outlier[np.argsort(order)])
@@ -82,8 +82,8 @@ def _lone(value: FloatArray, place: FloatArray, run: IntArray, predicted: FloatA
     scale[judged] = np.sqrt(local**2 + (0.5 * usual) ** 2 + floor**2)
     score = deviation / np.maximum(scale, 1e-300)
     largest = np.abs(score[judged]) >= np.maximum(np.abs(score[near[judged]]).max(axis=1), _SIGMA)
-    found = [k for k in judged[largest] if _is_alone(k, value, place, run, predicted, near, score, scale)]
-    return np.array(found, dtype=np.intp)
+    alone = [k for k in judged[largest] if _is_alone(k, value, place, run, predicted, near, score, scale)]
+    return np.array(alone, dtype=np.intp)
 
 
 def _is_alone(
@@ -142,15 +142,15 @@ def _slipped(k: int, neighbours: IntArray, value: FloatArray, predicted: FloatAr
 def _nearest(place: FloatArray, run: IntArray) -> IntArray:
     """Indices of each reading's neighbours in its run, shape (n, neighbours); -1 where there are too few."""
     result = np.full((len(place), _NEIGHBOURS), -1, dtype=np.intp)
-    for one in np.unique(run):
-        here = np.flatnonzero(run == one)
+    for number in np.unique(run):
+        here = np.flatnonzero(run == number)
         if len(here) <= _LEAST:
             continue
         count = min(_NEIGHBOURS, len(here) - 1)
         _, index = cKDTree(place[here]).query(place[here], k=count + 1)
-        for row, others in enumerate(np.asarray(index)):
-            kept = here[others[others != row][:count]]
-            result[here[row]] = np.resize(kept, _NEIGHBOURS)
+        for row, nearest in enumerate(np.asarray(index)):
+            neighbours = here[nearest[nearest != row][:count]]
+            result[here[row]] = np.resize(neighbours, _NEIGHBOURS)
     return result
 
 

@@ -54,16 +54,16 @@ class Signatures(Printed):
         """What matters most first: rms change of each channel by one standard deviation of each number."""
         channels = self.channels
         sizes = {
-            one: [one.tolerance * float(np.sqrt(np.nanmean(self.of(one)[name] ** 2))) for name in channels]
-            for one in self.numbers
+            number: [number.tolerance * float(np.sqrt(np.nanmean(self.of(number)[name] ** 2))) for name in channels]
+            for number in self.numbers
         }
         largest = np.max([*sizes.values()], axis=0, initial=0.0)
         largest = np.where(largest > 0.0, largest, 1.0)
-        ranked = sorted(self.numbers, key=lambda one: -max(np.array(sizes[one]) / largest))
+        ranked = sorted(self.numbers, key=lambda number: -max(np.array(sizes[number]) / largest))
         return "\n".join(
-            f"{one.title} +- {amount(one.tolerance, one.unit)}: "
-            + ", ".join(f"{_words(name)} {amount(v, name)}" for name, v in zip(channels, sizes[one], strict=True))
-            for one in ranked
+            f"{number.title} +- {amount(number.tolerance, number.unit)}: "
+            + ", ".join(f"{_words(name)} {amount(v, name)}" for name, v in zip(channels, sizes[number], strict=True))
+            for number in ranked
         )
 
 
@@ -79,7 +79,7 @@ def write_signatures(signatures: Signatures | None, directory: Path) -> None:
         return
     with replacing(directory / f"{STEM}.parquet") as partial:
         signatures.rows.to_parquet(partial, index=False)
-    write_json(directory / f"{STEM}.json", {"numbers": [asdict(one) for one in signatures.numbers]})
+    write_json(directory / f"{STEM}.json", {"numbers": [asdict(number) for number in signatures.numbers]})
 
 
 def read_signatures(directory: Path) -> Signatures | None:

@@ -73,15 +73,17 @@ class SweepTable(Printed):
         """Distances at which the field was solved at rest, and eddy currents, asked for, were not."""
         if self.eddy is None:
             return ()
-        left = sorted(set(self.valid_rows()["distance_m"]) - set(self.eddy.distances_m))
-        return tuple(float(f"{1e3 * one:.6g}") for one in left)
+        unsolved = sorted(set(self.valid_rows()["distance_m"]) - set(self.eddy.distances_m))
+        return tuple(float(f"{1e3 * distance:.6g}") for distance in unsolved)
 
     @property
     def saturating(self) -> tuple[str, ...]:
         """Names of the materials with a magnetisation curve, as the drawing in the manifest has them."""
         inputs = self.manifest.get("inputs") or {}
         regions = [*inputs.get("fixed", ()), *(inputs.get("moving") or {}).get("regions", ())]
-        return tuple(dict.fromkeys(one["material"]["name"] for one in regions if "flux_density_T" in one["material"]))
+        return tuple(
+            dict.fromkeys(region["material"]["name"] for region in regions if "flux_density_T" in region["material"])
+        )
 
     def valid_rows(self) -> "pd.DataFrame":
         """The rows whose status is ``ok``."""
@@ -93,12 +95,13 @@ class SweepTable(Printed):
         rows = self.valid_rows()
         distance = 1e3 * rows["distance_m"]
         currents = [(name.removeprefix("current_").removesuffix("A"), rows[name]) for name in current_names(rows)]
-        said = [
-            f"{counted(one.nunique(), 'current')} {f'of {name[:-1]} ' if name else ''}{one.min():g} to {one.max():g} A"
-            for name, one in currents
+        ranges = [
+            f"{counted(values.nunique(), 'current')} {f'of {name[:-1]} ' if name else ''}"
+            f"{values.min():g} to {values.max():g} A"
+            for name, values in currents
         ]
         return (
-            f"{counted(len(rows), 'point')}: {', '.join(said)}, "
+            f"{counted(len(rows), 'point')}: {', '.join(ranges)}, "
             f"{counted(distance.nunique(), 'distance')} {distance.min():g} to {distance.max():g} mm"
         )
 
@@ -187,28 +190,30 @@ def _require_of_this_sweep(eddy: EddyTable, rows: "pd.DataFrame", manifest: Mapp
             f"{EDDY_NAME} beside {file} must be of its circuits ({listing(circuits) or 'none'}); it is of "
             f"{listing(eddy.circuits) or 'none'}, from another sweep. {remedy}"
         )
-    known = rows["distance_m"].to_numpy(dtype=float)
-    other = [one for one in eddy.distances_m if not np.isclose(one, known, rtol=SAME_DISTANCE, atol=0.0).any()]
-    if other:
+    swept = rows["distance_m"].to_numpy(dtype=float)
+    unknown = [
+        distance for distance in eddy.distances_m if not np.isclose(distance, swept, rtol=SAME_DISTANCE, atol=0.0).any()
+    ]
+    if unknown:
         raise TableError(
-            f"{EDDY_NAME} beside {file} must be at its distances ({_in_mm(np.unique(known))}); it has "
-            f"{_in_mm(other)} as well, from another sweep. {remedy}"
+            f"{EDDY_NAME} beside {file} must be at its distances ({_in_mm(np.unique(swept))}); it has "
+            f"{_in_mm(unknown)} as well, from another sweep. {remedy}"
         )
 
 
-def _circuits(rows: "pd.DataFrame", manifest: Mapping[str, Any], one: tuple[str, ...]) -> tuple[str, ...]:
-    """The circuits of a table; a single current column does not name its own, and without a manifest that is `one`."""
+def _circuits(rows: "pd.DataFrame", manifest: Mapping[str, Any], single: tuple[str, ...]) -> tuple[str, ...]:
+    """The circuits of a table; one current column names none, and without a manifest it is `single`."""
     columns = current_names(rows)
     if len(columns) > 1:
         return tuple(column.removeprefix("current_").removesuffix("_A") for column in columns)
     drawn = manifest.get("actuator", {}).get("circuits")
     if not isinstance(drawn, list):
-        return one[:1]
+        return single[:1]
     return tuple(str(circuit.get("name")) for circuit in drawn if isinstance(circuit, dict))
 
 
 def _in_mm(distances: Iterable[float]) -> str:
-    return f"{listing((f'{1e3 * one:.6g}' for one in distances), 10)} mm"
+    return f"{listing((f'{1e3 * distance:.6g}' for distance in distances), 10)} mm"
 
 
 def _table_file(path: Path) -> Path:

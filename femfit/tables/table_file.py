@@ -121,31 +121,40 @@ def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: W
         raise TableError(f"{source} holds no table: no columns of numbers of one length. {remark}".rstrip())
     if len(tables) == 1:
         return _whole(tables[0], wanted)
-    found = [one for one in tables if wanted is None or wanted(one.raw)]
-    found = found or [one for one in tables if one.wider is not None and wanted is not None and wanted(one.wider)]
-    if len(found) == 1:
-        raw, others = _whole(found[0], wanted), [one.name for one in tables if one is not found[0]]
-        note = f"of {len(tables)} tables {quoted(found[0].name)!r} was taken, not {listing(others)}"
+    suitable = [candidate for candidate in tables if wanted is None or wanted(candidate.raw)]
+    suitable = suitable or [
+        candidate
+        for candidate in tables
+        if candidate.wider is not None and wanted is not None and wanted(candidate.wider)
+    ]
+    if len(suitable) == 1:
+        raw, passed_over = (
+            _whole(suitable[0], wanted),
+            [candidate.name for candidate in tables if candidate is not suitable[0]],
+        )
+        note = f"of {len(tables)} tables {quoted(suitable[0].name)!r} was taken, not {listing(passed_over)}"
         return replace(raw, notes=(*raw.notes, note))
-    if found:
+    if suitable:
         raise TableError(
-            f"{source} holds {len(found)} tables with the columns that are needed: "
-            f"{listing(one.name for one in found)}. Choose one with --table {quoted(found[0].name)!r}."
+            f"{source} holds {len(suitable)} tables with the columns that are needed: "
+            f"{listing(candidate.name for candidate in suitable)}. "
+            f"Choose one with --table {quoted(suitable[0].name)!r}."
         )
     raise TableError(_no_table(tables, source, remark))
 
 
 def _named(tables: Sequence[NamedTable], name: str, source: str, wanted: Wanted | None) -> RawTable:
     """The table of a name, or of a name's end."""
-    exact = [one for one in tables if one.name == name]
-    loose = [one for one in tables if one.name.casefold().endswith(name.strip().casefold())]
-    found = exact or loose
-    if len(found) != 1:
+    exact = [candidate for candidate in tables if candidate.name == name]
+    loose = [candidate for candidate in tables if candidate.name.casefold().endswith(name.strip().casefold())]
+    matches = exact or loose
+    if len(matches) != 1:
         raise TableError(
-            f"{source} must have one table {quoted(name)!r}; it has {listing(one.name for one in tables) or 'none'}. "
+            f"{source} must have one table {quoted(name)!r}; it has "
+            f"{listing(candidate.name for candidate in tables) or 'none'}. "
             "Give one of these names with --table."
         )
-    return _whole(found[0], wanted)
+    return _whole(matches[0], wanted)
 
 
 def _whole(table: NamedTable, wanted: Wanted | None) -> RawTable:
@@ -156,7 +165,10 @@ def _whole(table: NamedTable, wanted: Wanted | None) -> RawTable:
 
 
 def _no_table(tables: Sequence[NamedTable], source: str, remark: str) -> str:
-    lines = [f"  - {quoted(one.name)}: {listing(one.raw.headers, 6) or 'columns without names'}" for one in tables[:12]]
+    lines = [
+        f"  - {quoted(candidate.name)}: {listing(candidate.raw.headers, 6) or 'columns without names'}"
+        for candidate in tables[:12]
+    ]
     lines += [f"  - and {len(tables) - 12} more"] if len(tables) > 12 else []
     head = f"None of the {len(tables)} tables of {source} has all columns that are needed. {remark}".rstrip()
     return "\n".join(

@@ -218,9 +218,9 @@ def _find_header(lines: list[Line], width: int, delimiter: str) -> Layout:
         cells = _header_cells(line.text, delimiter, width)
         if cells is None or all(map(looks_numeric, cells)) or _is_units_line(cells):
             continue
-        known = sum(map(_is_known, cells))
-        if best is None or known > best[0]:
-            best = (known, cells, line.number)
+        count = sum(map(_is_known, cells))
+        if best is None or count > best[0]:
+            best = (count, cells, line.number)
     if best is None:
         headers, used = _axis_line(above, width, delimiter)
         return Layout(delimiter, width, headers, start, used, _passed_over(above, used))
@@ -315,7 +315,7 @@ def _header_cells(text: str, delimiter: str, width: int) -> tuple[str, ...] | No
     if delimiter not in {" ", "\t"} or len(words) > _MOST_WORDS:
         return None
     for wide in (r"\t+", r"\s{2,}", r"\s*[,;]\s*"):
-        parts = [part.strip().strip('"') for part in re.split(wide, text.strip())]
+        parts = [cell.strip().strip('"') for cell in re.split(wide, text.strip())]
         if len(parts) == width:
             return tuple(parts)
     joined: list[str] = []

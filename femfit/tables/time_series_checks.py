@@ -50,11 +50,11 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
     usual = float(np.quantile(forward, 0.95))
     back, pause = same & (step <= 0.0), same & (step > _PAUSE * usual)
     findings = []
-    for where, said in ((back, "does not run on"), (pause, "pauses")):
+    for where, fault in ((back, "does not run on"), (pause, "pauses")):
         if where.any():
             first = int(np.flatnonzero(where)[0])
             text = (
-                f"The clock {said} at {counted(int(where.sum()), 'place')}, first from "
+                f"The clock {fault} at {counted(int(where.sum()), 'place')}, first from "
                 f"{time[first]:.6g} s to {time[first + 1]:.6g} s in run {run[first]:g}; no stretch across it is used."
             )
             findings.append(Finding("clock", "info", text, size=float(where.sum()), column="time_s"))
@@ -69,11 +69,11 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
     levels_of: dict[str, FloatArray] = {}
     for name in (name for name in rows.columns if parts_of(name)[0] in _SENSORS):
         values = rows[name].to_numpy(copy=True)
-        known = np.isfinite(values)
-        if not known.any():
+        readable = np.isfinite(values)
+        if not readable.any():
             continue
-        if not known.all():
-            count = int((~known).sum())
+        if not readable.all():
+            count = int((~readable).sum())
             findings.append(
                 Finding(
                     "cells",
@@ -88,21 +88,23 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
             text = f"{name} has no noise, as in a simulation: no stretch of one reading counts as stuck or clipped."
             findings.append(Finding("noiseless", "info", text, column=name))
             continue
-        for found, word in ((stuck & ~ended, "stuck at"), (ended, "clipped at")):
-            if found.any():
-                levels = np.unique(values[found])
-                at = " and ".join(f"{level:.4g}" for level in levels[:2]) + (" and others" if len(levels) > 2 else "")
+        for faulty, word in ((stuck & ~ended, "stuck at"), (ended, "clipped at")):
+            if faulty.any():
+                levels = np.unique(values[faulty])
+                places = " and ".join(f"{level:.4g}" for level in levels[:2]) + (
+                    " and others" if len(levels) > 2 else ""
+                )
                 text = (
-                    f"{counted(int(found.sum()), 'sample')} of {name} "
-                    f"{'looks' if found.sum() == 1 else 'look'} {word} {at}, first at "
-                    f"{time[np.flatnonzero(found)[0]]:.6g} s; they count as missing."
+                    f"{counted(int(faulty.sum()), 'sample')} of {name} "
+                    f"{'looks' if faulty.sum() == 1 else 'look'} {word} {places}, first at "
+                    f"{time[np.flatnonzero(faulty)[0]]:.6g} s; they count as missing."
                 )
                 clipped = word.startswith("clipped")
                 severity: Severity = "warning" if clipped else "info"
-                findings.append(Finding(word.split()[0], severity, text, size=float(found.sum()), column=name))
+                findings.append(Finding(word.split()[0], severity, text, size=float(faulty.sum()), column=name))
                 if clipped:
-                    levels_of[name] = np.where(found, values, np.nan)
-                values[found] = np.nan
+                    levels_of[name] = np.where(faulty, values, np.nan)
+                values[faulty] = np.nan
         rows[name] = values
     return rows, findings, levels_of
 

@@ -107,10 +107,10 @@ def given_factor(unit: str, si_unit: str, header: str, source: str, column: str)
         except ValueError:
             factor = math.nan
     if not math.isfinite(factor) or factor == 0.0:
-        known = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
+        examples = f"{', '.join(list(UNITS[si_unit])[:8])}... or " if si_unit else ""
         volts = si_unit == "m" and unit_factor(unit, "V") is not None
         raise TableError(
-            f"{source}: {quoted(unit)!r} is not a unit of column {quoted(header)!r}. Give {known}a number that "
+            f"{source}: {quoted(unit)!r} is not a unit of column {quoted(header)!r}. Give {examples}a number that "
             f"multiplies it{' to ' + si_unit if si_unit else ''}, with --unit {column}=UNIT."
             + (f" {POSITION_IN_VOLTS}" if volts else "")
         )

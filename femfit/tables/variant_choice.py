@@ -32,36 +32,36 @@ def choose_variant(table: SweepTable, where: Mapping[str, float | str]) -> Sweep
         rows = _narrowed(rows, name, value, axes)
     if not axes:
         return table
-    left = rows[axes].drop_duplicates()
-    if len(left) > 1:
+    variants = rows[axes].drop_duplicates()
+    if len(variants) > 1:
         raise TableError(
-            f"One actuator's rows are needed; the table holds {len(left)} variants ({_varying(left)}). Choose one with "
-            f"--where {VARIANT}={left[VARIANT].iloc[0]}, or by its parameters, for example "
-            f"--where {axes[-1]}={_shown(left[axes[-1]].iloc[0])}; repeat --where for more of them."
+            f"One actuator's rows are needed; the table holds {len(variants)} variants ({_varying(variants)}). Choose "
+            f"one with --where {VARIANT}={variants[VARIANT].iloc[0]}, or by its parameters, for example "
+            f"--where {axes[-1]}={_shown(variants[axes[-1]].iloc[0])}; repeat --where for more of them."
         )
-    chosen = {name: left[name].tolist()[0] for name in axes}
+    chosen = {name: variants[name].tolist()[0] for name in axes}
     return SweepTable(rows.drop(columns=axes).reset_index(drop=True), _manifest(table.manifest, chosen))
 
 
 def _narrowed(rows: pd.DataFrame, name: str, value: float | str, axes: list[str]) -> pd.DataFrame:
     if name not in axes:
         near = difflib.get_close_matches(name, axes, n=1, cutoff=0.4)
-        known = f"its parameters are {', '.join(axes)}" if axes else "it has none: leave --where out"
+        axes_text = f"its parameters are {', '.join(axes)}" if axes else "it has none: leave --where out"
         raise TableError(
-            f"{name!r} is no parameter of the table; {known}." + (f" Did you mean {near[0]!r}?" if near else "")
+            f"{name!r} is no parameter of the table; {axes_text}." + (f" Did you mean {near[0]!r}?" if near else "")
         )
-    found: pd.DataFrame = rows[_same(rows[name], value)]
-    if found.empty:
+    matching: pd.DataFrame = rows[_same(rows[name], value)]
+    if matching.empty:
         raise TableError(
             f"No row has {name} = {_shown(value)} with what else was chosen; {name} {_values(rows[name])} there. "
             "Choose one of these."
         )
-    return found
+    return matching
 
 
 def _same(column: "pd.Series[Any]", value: float | str) -> BoolArray:
     if not is_numeric_dtype(column):
-        return np.array([str(one) == _shown(value) for one in column])
+        return np.array([str(cell) == _shown(value) for cell in column])
     if isinstance(value, str):
         return np.zeros(len(column), dtype=np.bool_)
     return np.asarray(np.isclose(column.to_numpy(dtype=float), value, rtol=SAME, atol=0.0))
@@ -82,8 +82,8 @@ def _values(column: "pd.Series[Any]") -> str:
 
 
 def _manifest(manifest: Mapping[str, Any], chosen: Mapping[str, Any]) -> dict[str, Any]:
-    own = {name: value for name, value in manifest.items() if name not in {"variants", "parameters"}}
+    general = {name: value for name, value in manifest.items() if name not in {"variants", "parameters"}}
     for entry in manifest.get("variants", ()):
         if entry.get(VARIANT) == chosen[VARIANT]:
-            own |= {name: value for name, value in entry.items() if name in own}
-    return own | {"variant": dict(chosen)}
+            general |= {name: value for name, value in entry.items() if name in general}
+    return general | {"variant": dict(chosen)}

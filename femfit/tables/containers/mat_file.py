@@ -59,7 +59,7 @@ def _value(node: Any, file: Any, h5py: Any) -> Any:
     if isinstance(node, h5py.Group):
         fields = {name: _value(child, file, h5py) for name, child in node.items()}
         lists = [node[name] for name in fields if isinstance(node[name], h5py.Dataset) and _is_cell(node[name], h5py)]
-        arrays = [one for one in lists if "MATLAB_class" not in one.attrs]
+        arrays = [cells for cells in lists if "MATLAB_class" not in cells.attrs]
         if fields and len(arrays) == len(fields):  # a struct array: one list of references a field
             count = len(np.ravel(arrays[0]))
             return [{name: np.ravel(value)[k] for name, value in fields.items()} for k in range(count)]
@@ -84,7 +84,7 @@ def _is_cell(node: Any, h5py: Any) -> bool:
 
 def _cells(values: list[Any], shape: tuple[int, ...]) -> Any:
     """A cell array, without the dimensions of one element; lists of structs stay lists."""
-    if values and all(isinstance(one, Mapping) for one in values):
+    if values and all(isinstance(value, Mapping) for value in values):
         return values
     cells = np.empty(len(values), dtype=object)
     cells[:] = values

@@ -60,7 +60,7 @@ def _sorted(tree: Tree) -> tuple[dict[str, NDArray[Any]], dict[str, Tree]]:
         elif _is_column(value):
             vectors[name] = value
         elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == object:
-            below |= {f"{name}{{{k + 1}}}": {name: part} for k, part in enumerate(value) if _is_column(part)}
+            below |= {f"{name}{{{k + 1}}}": {name: cell} for k, cell in enumerate(value) if _is_column(cell)}
         elif isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in _NUMBERS and value.size:
             matrices[name] = value
     below |= _of_matrices(matrices, vectors)
@@ -72,37 +72,39 @@ def _structs(value: object) -> list[Tree] | None:
     if isinstance(value, Mapping):
         return [value]
     many = list(value) if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object) else []
-    return many if many and all(isinstance(one, Mapping) for one in many) else None
+    return many if many and all(isinstance(struct, Mapping) for struct in many) else None
 
 
 def _sort_structs(name: str, structs: list[Tree], vectors: dict[str, NDArray[Any]], below: dict[str, Tree]) -> None:
     numbered = [name] if len(structs) == 1 else [f"{name}({k + 1})" for k in range(len(structs))]
-    signals = [_signal(own, one) for own, one in zip(numbered, structs, strict=True)]
-    rows = [{key: value for key, value in one.items() if np.ndim(value) == 0} for one in structs]
-    for own, one, signal in zip(numbered, structs, signals, strict=True):
+    signals = [_signal(path, struct) for path, struct in zip(numbered, structs, strict=True)]
+    rows = [{key: value for key, value in struct.items() if np.ndim(value) == 0} for struct in structs]
+    for path, struct, signal in zip(numbered, structs, signals, strict=True):
         if signal is not None:
             vectors[signal[0]] = signal[1]
-        elif len(structs) > 1 and all(row.keys() == rows[0].keys() == one.keys() for row in rows):
+        elif len(structs) > 1 and all(row.keys() == rows[0].keys() == struct.keys() for row in rows):
             below[name] = {key: np.array([row[key] for row in rows]) for key in rows[0]}
             return
         else:
-            below[own] = one
+            below[path] = struct
 
 
 def _signal(name: str, struct: Tree) -> tuple[str, NDArray[Any]] | None:
     """A struct that is one column: its values beside its name or unit, as Simulink and dSPACE write it."""
     values = [value for key, value in struct.items() if key.casefold() in _VALUES and _is_column(value)]
-    if len(values) != 1 or any(_is_column(one) for key, one in struct.items() if key.casefold() not in _VALUES):
+    if len(values) != 1 or any(_is_column(field) for key, field in struct.items() if key.casefold() not in _VALUES):
         return None
-    said = {key.casefold(): value for key, value in struct.items() if isinstance(value, str) and value.strip()}
-    unit = next((said[key] for key in _UNITS if key in said), None)
-    return with_unit(next((said[key] for key in _NAMES if key in said), name), unit), values[0]
+    texts = {key.casefold(): value for key, value in struct.items() if isinstance(value, str) and value.strip()}
+    unit = next((texts[key] for key in _UNITS if key in texts), None)
+    return with_unit(next((texts[key] for key in _NAMES if key in texts), name), unit), values[0]
 
 
 def _is_column(value: object) -> bool:
     if not isinstance(value, np.ndarray) or value.ndim != 1 or len(value) < 2:
         return False
-    return value.dtype.kind in f"{_NUMBERS}US" or (value.dtype == object and all(isinstance(one, str) for one in value))
+    return value.dtype.kind in f"{_NUMBERS}US" or (
+        value.dtype == object and all(isinstance(cell, str) for cell in value)
+    )
 
 
 def _with_first_row(name: str, cells: NDArray[Any]) -> dict[str, NDArray[Any]]:

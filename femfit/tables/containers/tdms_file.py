@@ -45,8 +45,8 @@ def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
 
 def _with_time(channels: dict[str, Any], properties: list[dict[str, Any]]) -> dict[str, Any]:
     """The channels of a group with the time of their samples, if they have one clock and no channel is it."""
-    steps = {float(one.get("wf_increment", 0.0)) for one in properties}
-    begins = {float(one.get("wf_start_offset", 0.0)) for one in properties}
+    steps = {float(entry.get("wf_increment", 0.0)) for entry in properties}
+    begins = {float(entry.get("wf_start_offset", 0.0)) for entry in properties}
     lengths = {len(channel) for channel in channels.values()}
     timed = any((column := match_column(name, ("time_s",))) and column.name == "time_s" for name in channels)
     if timed or not len(steps) == len(begins) == len(lengths) == 1 or next(iter(steps)) in _NO_CLOCK:

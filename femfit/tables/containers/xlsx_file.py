@@ -20,24 +20,24 @@ def read_xlsx(content: bytes, source: str) -> tuple[list[NamedTable], str]:
     """Tables of a workbook's sheets, and which sheets are none."""
     require_library("openpyxl", "openpyxl", source)
     with ZipFile(io.BytesIO(content)) as book:
-        size = sum(part.file_size for part in book.infolist() if part.filename.endswith(".xml"))
+        size = sum(member.file_size for member in book.infolist() if member.filename.endswith(".xml"))
     if size > LARGEST:
         raise TableError(
             f"{source} holds {size / 1e6:.0f} MB of cells, and a workbook is read up to {LARGEST / 1e6:.0f} MB. Save "
             "its sheet as CSV, which is read six times as fast."
         )
     sheets = pd.read_excel(io.BytesIO(content), sheet_name=None, header=None, engine="openpyxl")
-    tables, others = [], []
+    tables, charts = [], []
     for name, cells in sheets.items():
         filled = cells.dropna(axis=1, how="all")
         lines = ["\t".join(map(_text, row)) for row in filled.itertuples(index=False)]
         try:
             raw = parse_text("\n".join(lines).encode(), source, encoding="utf-8", delimiter="\t", decimal=".")
         except TableError:
-            others.append(name)
+            charts.append(name)
         else:
             tables.append(NamedTable(str(name), raw))
-    return tables, f"No table stands in {listing(others)}." if others else ""
+    return tables, f"No table stands in {listing(charts)}." if charts else ""
 
 
 def _text(cell: object) -> str:

@@ -90,8 +90,8 @@ def find_faces(model: FemModel, arc_degrees: float, notes: Notes) -> tuple[FemFa
         notes.problem(f"the drawing has more than {MAX_LINES} lines. Take coarser arcs with --arc-degrees.")
         return ()
     noded = shapely.unary_union(MultiLineString(strings), grid_size=GRID)
-    found, cuts, dangles, _ = shapely.polygonize_full([noded])
-    polygons = [shapely.transform(polygon, _rounded) for polygon in found.geoms]
+    rings, cuts, dangles, _ = shapely.polygonize_full([noded])
+    polygons = [shapely.transform(polygon, _rounded) for polygon in rings.geoms]
     polygons = [polygon for polygon in polygons if polygon.area >= MIN_AREA and polygon.is_valid]
     if not polygons:
         notes.problem("its lines enclose no face. Draw closed outlines, along the axis r = 0 too.")
@@ -120,14 +120,14 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: No
     default = next((label for label in labels if label.default), None)
     faces = []
     for n, polygon in enumerate(polygons):
-        own = owners.get(n, [default] if default else [])
-        if not own:
+        owner = owners.get(n, [default] if default else [])
+        if not owner:
             notes.problem(f"the face {_where(polygon)} has no block label. Add one, air if it is that.")
-        elif len(own) > 1:
-            names = " and ".join(label.place for label in own)
+        elif len(owner) > 1:
+            names = " and ".join(label.place for label in owner)
             notes.problem(f"{names} lie in one face; their border is not closed. Close it, or delete one of them.")
         else:
-            faces.append(FemFace(polygon, own[0]))
+            faces.append(FemFace(polygon, owner[0]))
     return tuple(faces)
 
 

@@ -37,16 +37,16 @@ class FemDevice:
     def outlines(self) -> dict[int, list[list[Edge]]]:
         """Outlines in the actuator file of each part and coil, by its id."""
         fixed, moving = self.bodies.standing, self.bodies.mover
-        simple = {id(one): without_holes(one.polygon) for one in [*fixed, *moving]}
+        simple = {id(piece): without_holes(piece.polygon) for piece in [*fixed, *moving]}
         every = [polygon for pieces in simple.values() for polygon in pieces]
         finder = ArcFinder(self.model.lines, every, self.options.arc_degrees)
         return {
-            id(one): [self.frame.placed(finder.outline(polygon), moving=moves) for polygon in simple[id(one)]]
+            id(piece): [self.frame.placed(finder.outline(polygon), moving=moves) for polygon in simple[id(piece)]]
             for moves, pieces in ((False, fixed), (True, moving))
-            for one in pieces
+            for piece in pieces
         }
 
 
-def own_point_added(values: Sequence[float], own: float) -> list[float]:
+def own_point_added(values: Sequence[float], drawn: float) -> list[float]:
     """An axis with the file's own value in its place."""
-    return sorted([*(value for value in values if not math.isclose(value, own, rel_tol=1e-9, abs_tol=1e-9)), own])
+    return sorted([*(value for value in values if not math.isclose(value, drawn, rel_tol=1e-9, abs_tol=1e-9)), drawn])

@@ -146,14 +146,14 @@ def _polarity(bodies: FemBodies) -> float:
     return 1.0
 
 
-def _say(frame: FemFrame, windings: Sequence[FemWinding], others: Sequence[float], notes: Notes) -> None:
+def _say(frame: FemFrame, windings: Sequence[FemWinding], heights: Sequence[float], notes: Notes) -> None:
     turned = "which is mirrored, for the moving part lies below" if frame.up < 0 else "as it stands"
     notes.info(
         "frame",
         f"Distances are counted from the fixed parts' face at the file's z = {frame.face_mm:.9g} mm to the "
         f"nearest point of the moving part; in the file it is {frame.distance_mm:.9g} mm. That face is z = 0 of "
         f"the drawing, {turned}.",
-        f"Count from another height with --face-mm: {_listed(others)}." if others else "",
+        f"Count from another height with --face-mm: {_listed(heights)}." if heights else "",
     )
     turned_round = [winding.circuit.name for winding in windings if frame.current_sign(winding) < 0]
     if turned_round:

@@ -20,7 +20,7 @@ def check_limits(model: FemModel, notes: Notes) -> None:
     materials = list(dict.fromkeys(label.material for label in used if label.material is not None))
     for n, material in enumerate(materials):
         notes.problems.extend(_material_limits(material))
-        if material.name in {other.name for other in materials[:n]}:
+        if material.name in {earlier.name for earlier in materials[:n]}:
             notes.problem(f"two different materials are named {material.name!r}. Rename one of them.")
     for label in used:
         notes.problems.extend(_label_limits(label))
@@ -44,20 +44,20 @@ def magnet_direction(label: FemLabel) -> Direction | None:
 
 
 def _problem_kind(model: FemModel) -> list[str]:
-    found = []
+    problems = []
     if model.problem_type != "axisymmetric":
-        found.append(
+        problems.append(
             f"[ProblemType] is {model.problem_type[:40]!r}; femfit solves axisymmetric problems. "
             "Draw the actuator as a body of revolution, r to the right."
         )
     if model.version != 4.0:
-        found.append(f"[Format] is {model.version:g}; only 4.0 is read. Open it with FEMM 4.2 and save it again.")
+        problems.append(f"[Format] is {model.version:g}; only 4.0 is read. Open it with FEMM 4.2 and save it again.")
     if model.previous_solution and model.previous_type:
-        found.append(
+        problems.append(
             f"[PrevType] {model.previous_type} starts from the solution {model.previous_solution[:60]!r} (incremental "
             "or frozen permeability). Clear the previous solution in the problem definition."
         )
-    return found
+    return problems
 
 
 def _material_limits(material: FemMaterial) -> Iterable[str]:

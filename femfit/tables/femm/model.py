@@ -47,13 +47,13 @@ class FemMaterial:
         Library curves are extrapolated by hand far into saturation, and there some rise more slowly than vacuum. FEMM
         smooths such a curve; here it is cut, for beyond its last point the field solver goes on with mu_0 anyway.
         """
-        kept = self.curve
-        while len(kept) > FEWEST:
-            (flux, field), (last_flux, last_field) = kept[-2:]
+        curve = self.curve
+        while len(curve) > FEWEST:
+            (flux, field), (last_flux, last_field) = curve[-2:]
             if last_flux - flux >= (1.0 - TOLERANCE) * MU_0 * (last_field - field):
                 break
-            kept = kept[:-1]
-        return kept
+            curve = curve[:-1]
+        return curve
 
     @property
     def magnetic(self) -> bool:

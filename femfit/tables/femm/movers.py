@@ -90,16 +90,16 @@ def _divided(
 ) -> FemBodies | None:
     """What stands still and what moves; None where parts of the two touch, but for windings, which can be trimmed."""
     touched = [
-        (part, other)
+        (part, neighbour)
         for part in parts
-        for other in parts
-        if part in moving and other not in moving and part.polygon.distance(other.polygon) <= GRID
+        for neighbour in parts
+        if part in moving and neighbour not in moving and part.polygon.distance(neighbour.polygon) <= GRID
     ]
     if touched:
-        one, other = touched[0]
+        mover, neighbour = touched[0]
         notes.problem(
-            f"the moving {one.place} touches {other.place}; femfit needs a gap around what moves. Move them apart in "
-            "the drawing, or let both move."
+            f"the moving {mover.place} touches {neighbour.place}; femfit needs a gap around what moves. Move them "
+            "apart in the drawing, or let both move."
         )
         return None
     moving_parts = [part for part in parts if part in moving]
@@ -147,9 +147,9 @@ def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
         (lambda _: True, "the only body that does not touch a winding"),
     )
     if len(bodies) == 2:
-        found, reason = _of_two(bodies)
-        _say(found, reason, [body for body in bodies if body is not found], notes)
-        return found
+        moving, reason = _of_two(bodies)
+        _say(moving, reason, [body for body in bodies if body is not moving], notes)
+        return moving
     for rule, reason in rules:
         if len(matching := [body for body in candidates if rule(body)]) == 1:
             _say(matching[0], reason, [body for body in bodies if body is not matching[0]], notes)
@@ -171,11 +171,11 @@ def _of_two(bodies: Sequence[Body]) -> tuple[Body, str]:
     return smaller, "the smaller one of two bodies"
 
 
-def _say(found: Body, reason: str, others: Sequence[Body], notes: Notes) -> None:
+def _say(moving: Body, reason: str, alternatives: Sequence[Body], notes: Notes) -> None:
     """Say what moves; a warning where another body could move as well."""
-    names = " and ".join(piece.place for piece in found)
-    say = notes.warn if any(not _wound(body) or _wound(found) for body in others) else notes.info
-    options = " or ".join(option_for(body, [found, *others]) for body in others)
+    names = " and ".join(piece.place for piece in moving)
+    say = notes.warn if any(not _wound(body) or _wound(moving) for body in alternatives) else notes.info
+    options = " or ".join(option_for(body, [moving, *alternatives]) for body in alternatives)
     say("mover", f"The moving part is {names}: {reason}.", f"Let another move with {options}.")
 
 
@@ -185,7 +185,7 @@ def option_for(body: Body, bodies: Sequence[Body]) -> str:
     if group is not None:
         return f"--moving-group {group}"
     names = {piece.material.name for piece in body}
-    elsewhere = {piece.material.name for other in bodies if other is not body for piece in other}
+    elsewhere = {piece.material.name for rival in bodies if rival is not body for piece in rival}
     if len(names) == 1 and not names & elsewhere:
         return f"--moving-block {shlex.quote(names.pop())}"
     return f"--moving-label {min(label.number for piece in body for label in piece.labels)}"
@@ -200,14 +200,14 @@ def _candidates(bodies: Sequence[Body]) -> str:
 def _own_group(body: Body, bodies: Sequence[Body]) -> int | None:
     """The group above 0 that a body has throughout and no other body has."""
     groups = {piece.group for piece in body}
-    elsewhere = {piece.group for other in bodies if other is not body for piece in other}
+    elsewhere = {piece.group for rival in bodies if rival is not body for piece in rival}
     return next(iter(groups)) if len(groups) == 1 and 0 not in groups and not groups & elsewhere else None
 
 
 def _alone_in_a_group(body: Body, bodies: Sequence[Body]) -> bool:
     """Whether a body has a group above 0 and all others have none: groups are what FEMM's scripts move."""
-    others = [piece for other in bodies if other is not body for piece in other]
-    return all(piece.group for piece in body) and not any(piece.group for piece in others)
+    elsewhere = [piece for rival in bodies if rival is not body for piece in rival]
+    return all(piece.group for piece in body) and not any(piece.group for piece in elsewhere)
 
 
 def _wound(body: Body) -> bool:
@@ -228,7 +228,7 @@ def _on_axis(body: Body) -> bool:
 
 def _clear(body: Body, bodies: Sequence[Body]) -> bool:
     """Whether a body stands above or below all windings."""
-    wound = [piece.polygon.bounds for other in bodies for piece in other if isinstance(piece, FemCoil)]
+    wound = [piece.polygon.bounds for rival in bodies for piece in rival if isinstance(piece, FemCoil)]
     low = min((bounds[1] for bounds in wound), default=math.inf)
     high = max((bounds[3] for bounds in wound), default=-math.inf)
     if not wound:
@@ -245,9 +245,11 @@ def _connected(pieces: Sequence[FemPart | FemCoil]) -> list[Body]:
     """Pieces that touch each other, together."""
     bodies: list[Body] = []
     for piece in pieces:
-        joined = [body for body in bodies if any(piece.polygon.distance(other.polygon) <= GRID for other in body)]
+        joined = [
+            body for body in bodies if any(piece.polygon.distance(neighbour.polygon) <= GRID for neighbour in body)
+        ]
         bodies = [body for body in bodies if body not in joined]
-        bodies.append([*(other for body in joined for other in body), piece])
+        bodies.append([*(neighbour for body in joined for neighbour in body), piece])
     return bodies
 
 

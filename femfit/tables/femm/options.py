@@ -40,7 +40,7 @@ class FemOptions:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        given = {
+        numbers = {
             "--mass-g": self.mass_g,
             "--density-g-per-cm3": self.density_g_per_cm3,
             "--resistance-ohm": self.resistance_ohm,
@@ -48,7 +48,7 @@ class FemOptions:
         }
         problems = [
             f"{option} must be a positive number; instead received {value:g}."
-            for option, value in given.items()
+            for option, value in numbers.items()
             if value is not None and not 0.0 < value < math.inf
         ]
         if not MIN_ARC_DEGREES <= self.arc_degrees <= MAX_ARC_DEGREES:

@@ -23,10 +23,10 @@ ON_ARC = 4 * GRID
 
 def without_holes(polygon: Polygon) -> list[Polygon]:
     """A polygon's pieces, cut along constant z until none has a hole."""
-    whole = [polygon]
+    pieces = [polygon]
     simple: list[Polygon] = []
-    while whole:
-        piece = whole.pop()
+    while pieces:
+        piece = pieces.pop()
         if not piece.interiors:
             simple.append(piece)
             continue
@@ -35,7 +35,7 @@ def without_holes(polygon: Polygon) -> list[Polygon]:
         cut = round(0.5 * (low + high), DIGITS)
         for half in (box(r0 - 1, z0 - 1, r1 + 1, cut), box(r0 - 1, cut, r1 + 1, z1 + 1)):
             clipped = shapely.intersection(piece, half, grid_size=GRID)
-            whole += [part for part in getattr(clipped, "geoms", [clipped]) if part.area >= MIN_AREA]
+            pieces += [cutting for cutting in getattr(clipped, "geoms", [clipped]) if cutting.area >= MIN_AREA]
     return sorted(simple, key=lambda piece: (piece.bounds[1], piece.bounds[0]))
 
 
@@ -102,7 +102,7 @@ class ArcFinder:
             slack = ON_ARC / self.arcs[run.arc].radius
             low, high = min(run.start, run.stop) + slack, max(run.start, run.stop) - slack
             inner = sorted((angle, point) for angle, point in self.breaks[run.arc].items() if low < angle < high)
-            distinct = [one for n, one in enumerate(inner) if n == 0 or one[0] - inner[n - 1][0] > slack]
+            distinct = [station for n, station in enumerate(inner) if n == 0 or station[0] - inner[n - 1][0] > slack]
             ways = distinct if run.stop > run.start else distinct[::-1]
             stations = [(run.start, first), *ways, (run.stop, 0j)]
             edges += [
@@ -114,17 +114,17 @@ class ArcFinder:
     def _runs(self, ring: list[complex]) -> list[tuple[complex, complex, _Run | None]]:
         """A ring's edges from corner to corner, those of one arc together."""
         count = len(ring)
-        found = [self._chord(ring[k], ring[(k + 1) % count]) for k in range(count)]
-        first = next((k for k in range(count) if not _continues(found[k - 1], found[k])), 0)
+        chords = [self._chord(ring[k], ring[(k + 1) % count]) for k in range(count)]
+        first = next((k for k in range(count) if not _continues(chords[k - 1], chords[k])), 0)
         runs: list[tuple[complex, complex, _Run | None]] = []
         for step in range(count):
             k = (first + step) % count
-            own, end = found[k], ring[(k + 1) % count]
-            if runs and step and own is not None and _continues(found[k - 1], own):
+            chord, end = chords[k], ring[(k + 1) % count]
+            if runs and step and chord is not None and _continues(chords[k - 1], chord):
                 start, _, before = runs[-1]
-                runs[-1] = (start, end, _Run(own.arc, before.start if before else own.start, own.stop))
+                runs[-1] = (start, end, _Run(chord.arc, before.start if before else chord.start, chord.stop))
             else:
-                runs.append((ring[k], end, own))
+                runs.append((ring[k], end, chord))
         return runs
 
     def _chord(self, start: complex, end: complex) -> _Run | None:

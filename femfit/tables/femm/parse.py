@@ -80,12 +80,12 @@ class _Parser:
         for block in self.text.properties.get(section, ()):
             name = unquoted(block.get(name_key, ""))
             values: dict[str, Any] = {}
-            for own, key in keys.items():
+            for field, key in keys.items():
                 if key == "curve" and key in block:
-                    values[own] = self.curve(block[key], f"{what} {name!r}")
+                    values[field] = self.curve(block[key], f"{what} {name!r}")
                 elif key in block:
-                    read = self.text.integer if own in WHOLE else self.text.number
-                    values[own] = read(block[key], f"{what} {name!r}: {key}")
+                    read = self.text.integer if field in WHOLE else self.text.number
+                    values[field] = read(block[key], f"{what} {name!r}: {key}")
             items.append(build(name, **values))
         return items
 

@@ -17,9 +17,9 @@ def offered_axes(device: FemDevice) -> str:
     """Options for a sweep around the file's own point in which nothing collides."""
     axes = []
     nearer, farther = (_free_way(device, sign) for sign in (-1.0, 1.0))
-    own = device.frame.distance_mm
+    drawn = device.frame.distance_mm
     if nearer + farther > 0:
-        start, stop = round(own - nearer, 6), round(own + farther, 6)
+        start, stop = round(drawn - nearer, 6), round(drawn + farther, 6)
         axes.append(f"--distance-mm={start:.9g}:{stop:.9g}:{round((stop - start) / POINTS, 7):.9g}")
     if device.windings:
         current = max(abs(device.frame.current(winding)) for winding in device.windings) or 1.0

@@ -59,7 +59,7 @@ class ImportedFem:
             "kind": "import-fem",
             "name": self.actuator.name,
             "current_A": self.current_A,
-            "currents_A": dict(zip((one.name for one in self.actuator.circuits), self.currents_A, strict=True)),
+            "currents_A": dict(zip((circuit.name for circuit in self.actuator.circuits), self.currents_A, strict=True)),
             "distance_m": self.distance_m,
             "file_face_mm": self.frame.face_mm,
             "mirrored": self.frame.up < 0,
@@ -86,10 +86,10 @@ def import_fem(content: bytes, source: str, options: FemOptions | None = None) -
     notes = Notes()
     model = in_terms_of_femfit(parse_fem(content, source), notes)
     check_limits(model, notes)
-    found = _found(model, options, notes)
-    if notes.problems or found is None:
+    divided = _found(model, options, notes)
+    if notes.problems or divided is None:
         raise FemFileError(source, notes.problems)
-    windings, bodies = found
+    windings, bodies = divided
     frame = find_frame(bodies, windings, options, notes)
     wires = {id(coil): find_wire(coil, options, notes) for winding in windings for coil in winding.coils}
     device = FemDevice(_actuator_name(source, options), model, bodies, windings, wires, frame, options)
@@ -120,17 +120,17 @@ def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[Fe
     faces = find_faces(model, options.arc_degrees, notes)
     if len(notes.problems) > before:
         return None  # what the missing faces touch is not known
-    own = drop_surroundings(model, faces, notes)
-    if own is None:
+    inside = drop_surroundings(model, faces, notes)
+    if inside is None:
         return None
-    windings = find_windings(own, options.circuits, notes)
+    windings = find_windings(inside, options.circuits, notes)
     coils = [coil for winding in windings for coil in winding.coils]
     if len(coils) > 1 and options.resistance_ohm is not None:
         notes.problem(f"--resistance-ohm is of one winding; there are {len(coils)}. Give --wire-diameter-mm instead.")
     if len(notes.problems) > before:
         return None
-    parts = merge_parts([face for face in own if face.label.material is not None and face.label.material.magnetic])
-    bodies = divide(parts, coils, [face for face in faces if face not in own], options, notes)
+    parts = merge_parts([face for face in inside if face.label.material is not None and face.label.material.magnetic])
+    bodies = divide(parts, coils, [face for face in faces if face not in inside], options, notes)
     return None if bodies is None else trim_windings(windings, bodies, notes)
 
 

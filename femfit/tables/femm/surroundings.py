@@ -78,7 +78,7 @@ def _is_part(face: FemFace) -> bool:
 
 def _shells(faces: Sequence[FemFace], domain: Polygon) -> list[FemFace]:
     """Shells of made-up permeability, from the rim inwards."""
-    left = [
+    remaining = [
         face
         for face in faces
         if face.label.material is not None
@@ -88,11 +88,11 @@ def _shells(faces: Sequence[FemFace], domain: Polygon) -> list[FemFace]:
     shells: list[FemFace] = []
     front = _off_axis(domain)
     while True:
-        reached = [face for face in left if face.polygon.intersection(front).length > GRID]
+        reached = [face for face in remaining if face.polygon.intersection(front).length > GRID]
         if not reached:
             return shells
         shells += reached
-        left = [face for face in left if face not in reached]
+        remaining = [face for face in remaining if face not in reached]
         front = shapely.union_all([face.polygon.exterior for face in reached])
 
 

@@ -55,10 +55,10 @@ class FemText:
             return 0
         return int(value)
 
-    def check_count(self, what: str, value: str, found: int) -> None:
+    def check_count(self, what: str, value: str, count: int) -> None:
         """Whether as many rows follow as a line says."""
-        if value != str(found):
-            says = f"{what} says {value[:40] or 'nothing'} but {found} follow"
+        if value != str(count):
+            says = f"{what} says {value[:40] or 'nothing'} but {count} follow"
             self.problems.append(f"{says}; the file is cut or edited wrongly.")
 
 
@@ -71,21 +71,21 @@ def split_fem(content: bytes, source: str) -> FemText:
     except UnicodeDecodeError:
         decoded = content.decode("latin-1")
     lines = [line.strip() for line in decoded.splitlines()]
-    text, at = FemText(source), 0
-    while at < len(lines):
-        found = _KEY.match(lines[at])
-        at += 1
-        if found is None:
+    text, place = FemText(source), 0
+    while place < len(lines):
+        match = _KEY.match(lines[place])
+        place += 1
+        if match is None:
             continue
-        key, value = found[1].lower(), found[2].strip()
+        key, value = match[1].lower(), match[2].strip()
         if key == "solution":
             break
         if key in PROPERTIES:
-            text.properties[key], at = _property_blocks(lines, at, text)
-            text.check_count(found[1], value, len(text.properties[key]))
+            text.properties[key], place = _property_blocks(lines, place, text)
+            text.check_count(match[1], value, len(text.properties[key]))
         elif key in LISTS:
-            text.rows[key], at = _list_rows(lines, at)
-            text.check_count(found[1], value, len(text.rows[key]))
+            text.rows[key], place = _list_rows(lines, place)
+            text.check_count(match[1], value, len(text.rows[key]))
         else:
             text.header[key] = value.strip('"').strip()
     _check_kind(text)
@@ -97,43 +97,43 @@ def unquoted(text: str) -> str:
     return "".join(character for character in text.strip().strip('"') if character.isprintable())[:60]
 
 
-def _property_blocks(lines: list[str], at: int, text: FemText) -> tuple[list[dict[str, str]], int]:
+def _property_blocks(lines: list[str], place: int, text: FemText) -> tuple[list[dict[str, str]], int]:
     blocks: list[dict[str, str]] = []
-    while at < len(lines) and (not lines[at] or lines[at].startswith("<")):
-        found = _PROPERTY.match(lines[at])
-        at += 1
-        if found is None:
+    while place < len(lines) and (not lines[place] or lines[place].startswith("<")):
+        match = _PROPERTY.match(lines[place])
+        place += 1
+        if match is None:
             continue
-        key, value = found[1].lower(), found[2].strip()
+        key, value = match[1].lower(), match[2].strip()
         if key.startswith("begin"):
             blocks.append({})
         elif blocks and not key.startswith("end"):
             blocks[-1][key] = value
             if key == "bhpoints":
-                curve, at = _list_rows(lines, at)
+                curve, place = _list_rows(lines, place)
                 blocks[-1]["curve"] = "\n".join(" ".join(row) for row in curve)
                 text.check_count(f"BHPoints of block {blocks[-1].get('blockname', '')}", value, len(curve))
-    return blocks, at
+    return blocks, place
 
 
-def _list_rows(lines: list[str], at: int) -> tuple[list[list[str]], int]:
+def _list_rows(lines: list[str], place: int) -> tuple[list[list[str]], int]:
     rows = []
-    while at < len(lines) and not lines[at].startswith(("[", "<")):
-        if lines[at]:
-            rows.append(_FIELD.findall(lines[at]))
-        at += 1
-    return rows, at
+    while place < len(lines) and not lines[place].startswith(("[", "<")):
+        if lines[place]:
+            rows.append(_FIELD.findall(lines[place]))
+        place += 1
+    return rows, place
 
 
 def _check_kind(text: FemText) -> None:
     """Refuse a file of FEMM's other solvers by its name, and what is no file of FEMM at all."""
     keys = {key for block in text.properties.get("blockprops", ()) for key in block}
-    other = next((name for name, own in OTHER_PHYSICS.items() if own & keys), None)
-    if other is None and "conductorprops" in text.header:
-        other = "electrostatics, heat flow or current flow"
-    if other is not None:
+    physics = next((name for name, markers in OTHER_PHYSICS.items() if markers & keys), None)
+    if physics is None and "conductorprops" in text.header:
+        physics = "electrostatics, heat flow or current flow"
+    if physics is not None:
         raise FemFileError(
-            text.source, [f"it is FEMM's {other} file; femfit reads magnetics. Give the magnetics (.fem) file."]
+            text.source, [f"it is FEMM's {physics} file; femfit reads magnetics. Give the magnetics (.fem) file."]
         )
     there = text.header.keys() | text.rows.keys()
     missing = [name for name in ("[Format]", "[NumPoints]", "[NumBlockLabels]") if name[1:-1].lower() not in there]

@@ -49,7 +49,7 @@ def actuator_toml(device: FemDevice) -> str:
 def _head(device: FemDevice) -> Iterator[str]:
     model, frame = device.model, device.frame
     turned = "; current and flux linkage have the opposite sign here"
-    own = [
+    currents = [
         f", {number(winding.circuit.current_A)} A{turned if frame.current_sign(winding) < 0 else ''}"
         for winding in device.windings
     ]
@@ -58,7 +58,7 @@ def _head(device: FemDevice) -> Iterator[str]:
     yield "# z grows towards the moving part, which is drawn at distance 0."
     yield f"# The file's z (in {model.unit} there) is {number(frame.face_mm)} mm {'+' if frame.up > 0 else '-'} this z."
     fields = "; every field has the opposite sign here" if frame.field_sign < 0 else ""
-    yield f"# Its own point: {number(frame.distance_mm)} mm{''.join(own)}{fields}."
+    yield f"# Its own point: {number(frame.distance_mm)} mm{''.join(currents)}{fields}."
 
 
 def _materials(parts: Iterable[FemPart]) -> Iterator[str]:
@@ -98,7 +98,7 @@ def _coils(device: FemDevice, outlines: Outlines, taken: set[str]) -> Iterator[s
         for coil in winding.coils:
             yield from ("", f"[coils.{names[id(coil)]}]")
             yield from _winding(device, winding, coil, outlines)
-            if any(coil is one for one in device.bodies.moving_coils):
+            if any(coil is moving for moving in device.bodies.moving_coils):
                 yield "moves = true"
     if len(names) == 1:
         return  # the circuit is the coil
@@ -128,18 +128,18 @@ def _mass(bodies: FemBodies, options: FemOptions) -> Iterator[str]:
     if options.mass_g is not None:
         yield f"mass_g = {number(options.mass_g)}"
         return
-    given = options.density_g_per_cm3
+    density_given = options.density_g_per_cm3
     weights = [
-        (given or (MAGNET_DENSITY if part.direction else STEEL_DENSITY), volume_mm3(part.polygon) * 1e-3)
+        (density_given or (MAGNET_DENSITY if part.direction else STEEL_DENSITY), volume_mm3(part.polygon) * 1e-3)
         for part in bodies.moving
         if part.material.magnetic
     ]
     weights += [
-        (given or COPPER_FILL * COPPER_DENSITY, volume_mm3(coil.polygon) * 1e-3) for coil in bodies.moving_coils
+        (density_given or COPPER_FILL * COPPER_DENSITY, volume_mm3(coil.polygon) * 1e-3) for coil in bodies.moving_coils
     ]
     mass = sum(density * volume for density, volume in weights)
     shown = " + ".join(f"{volume:.5g} cm^3 x {density:g} g/cm^3" for density, volume in weights if volume)
-    origin = "" if given else "ASSUMED density: "
+    origin = "" if density_given else "ASSUMED density: "
     yield f"mass_g = {number(mass, 5)} # {origin}{shown}; weigh the body and correct it"
 
 

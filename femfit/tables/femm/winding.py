@@ -63,13 +63,13 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
         if material is not None and material.magnetic:
             notes.problem(f"{block.label.place} is magnetic and in circuit {circuit.name!r}. Wind it with copper.")
         if material is not None and material.current_density:
-            own = material.current_density * block.polygon.area
+            ampere = material.current_density * block.polygon.area
             notes.warn(
                 "circuit-and-density",
                 f"{block.label.place} is in circuit {circuit.name!r} and has a current density J = "
-                f"{material.current_density:g} MA/m^2 too, which FEMM adds; its {own:.4g} A are left out.",
+                f"{material.current_density:g} MA/m^2 too, which FEMM adds; its {ampere:.4g} A are left out.",
                 "Compare with FEMM at J = 0.",
-                own,
+                ampere,
             )
         if block.label.turns == 0:
             notes.problem(f"{block.label.place} has no turns in circuit {circuit.name!r}. Give their number.")
@@ -90,8 +90,8 @@ def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> lis
         if unknown:
             listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in circuits) or "none"
             notes.problem(f"no circuit is named {' or '.join(unknown)}: {listed}. Name one of these with --circuit.")
-    left = [circuit for circuit in circuits if circuit not in taken]
-    idle = [circuit.name for circuit in left if not circuit.current_A]
+    omitted = [circuit for circuit in circuits if circuit not in taken]
+    idle = [circuit.name for circuit in omitted if not circuit.current_A]
     if idle and taken:
         every = " ".join(f"--circuit {shlex.quote(circuit.name)}" for circuit in circuits)
         notes.info(
@@ -99,7 +99,7 @@ def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> lis
             f"Circuits without current are left out: {', '.join(map(repr, idle))}.",
             f"Take them too with {every}.",
         )
-    lost = [f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in left if circuit.current_A]
+    lost = [f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in omitted if circuit.current_A]
     if lost and taken:
         notes.warn(
             "left-circuits",
@@ -142,12 +142,12 @@ def _coils(blocks: Sequence[tuple[FemFace, float]]) -> tuple[FemCoil, ...]:
     """Coils of faces with their turns per area: blocks that touch and are wound alike are one."""
     kinds: list[tuple[float, list[FemFace]]] = []
     for face, density in blocks:
-        alike = (own for value, own in kinds if abs(density - value) <= DENSITY_TOLERANCE * abs(value))
-        own = next(alike, None)
-        if own is None:
+        alike = (group for value, group in kinds if abs(density - value) <= DENSITY_TOLERANCE * abs(value))
+        group = next(alike, None)
+        if group is None:
             kinds.append((density, [face]))
         else:
-            own.append(face)
+            group.append(face)
     coils = []
     for _, faces in kinds:
         densities = {id(face): density for face, density in blocks}

@@ -60,8 +60,8 @@ def check_units(points: pd.DataFrame) -> list[Finding]:
     """Suspect units by sizes that no actuator has; current and distance, on which all else depends, are errors."""
     rows = pd.DataFrame({column: points[name] for name, column in QUANTITIES.items() if name in points})
     findings = [
-        replace(one, severity="error") if one.column in _SETTINGS else one
-        for one in suspected_by_size(rows, solved=True)
+        replace(finding, severity="error") if finding.column in _SETTINGS else finding
+        for finding in suspected_by_size(rows, solved=True)
     ]
     distance = points["distance"].to_numpy(dtype=float)
     if 0 < float(np.max(distance)) < LEAST_TRAVEL_M:

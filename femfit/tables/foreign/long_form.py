@@ -61,8 +61,8 @@ def long_points(
     for quantity, value in constants.items():
         if quantity not in uses:
             data[quantity] = np.full(len(raw.lines), value, dtype=np.float64)
-            said = f"{value:g} for the whole file"
-            uses[quantity] = UsedColumn(said, QUANTITIES[quantity], 1.0, si_unit(quantity))
+            origin = f"{value:g} for the whole file"
+            uses[quantity] = UsedColumn(origin, QUANTITIES[quantity], 1.0, si_unit(quantity))
     missing = [quantity for quantity in REQUIRED if quantity not in data]
     if missing:
         remedies = [f"  - {quantity}: give {_REMEDIES[quantity]}" for quantity in missing]

@@ -158,12 +158,12 @@ def _first_column(
     if label_unit:
         return ("distance" if _axis_of(label_unit) == "current" else "current"), f"the first row is in {label_unit}"
     first = parse_header(re.split(r"[\\/|]", corner)[0]) if corner else None
-    said = f"the corner says {quoted(corner)}"
+    reason = f"the corner says {quoted(corner)}"
     if first is not None and first.unit and _axis_of(first.unit):
-        return str(_axis_of(first.unit)), said
+        return str(_axis_of(first.unit)), reason
     for axis in ("distance", "current"):
         if first is not None and first.name in COLUMN_NAMES[QUANTITIES[axis]]:
-            return axis, said
+            return axis, reason
     if (down == 0).any() and not (across == 0).any() and options.distance_start_m is None:
         return "current", "a distance cannot be zero, the first column is; --matrix-rows distance if not"
     return "distance", "the usual order; --matrix-rows current if not"

@@ -90,18 +90,18 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     """
     smallest = points[points["current"].abs() == points["current"].abs().min()]
     force, distance = (smallest[name].to_numpy(dtype=float) for name in ("force", "distance"))
-    own = measure_roughness(distance, force)
+    roughness = measure_roughness(distance, force)
     best: tuple[float, str, float] | None = None
     for name in (str(name) for name in points if str(name).startswith("other:")):
-        other = _oriented(smallest, name)
-        curve = measure_roughness(distance, other) if np.isfinite(points[name].to_numpy(dtype=float)).all() else None
-        if curve is None or own is None:
+        rival = _oriented(smallest, name)
+        curve = measure_roughness(distance, rival) if np.isfinite(points[name].to_numpy(dtype=float)).all() else None
+        if curve is None or roughness is None:
             continue
-        scale = np.maximum(np.abs(other), 1e-9 * float(points[name].abs().max()))
-        difference = float(np.median(np.abs(force - other) / scale))
+        scale = np.maximum(np.abs(rival), 1e-9 * float(points[name].abs().max()))
+        difference = float(np.median(np.abs(force - rival) / scale))
         if difference < 1 and (best is None or curve.relative < best[0]):
             best = curve.relative, name, difference
-    if best is None or own is None or not (best[0] < own.relative / 2 and 3 * best[0] < best[2]):
+    if best is None or roughness is None or not (best[0] < roughness.relative / 2 and 3 * best[0] < best[2]):
         return points, []
     size, name, difference = best
     if "force_error" in points:
@@ -109,9 +109,9 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
         points = points.assign(force_error=np.hypot(points["force_error"].to_numpy(dtype=float), away))
     header = name.removeprefix("other:")
     text = (
-        f"Column {header} is smoother (noise {100 * size:.2g} % of F against {100 * own.relative:.2g} %) and differs "
-        f"by {100 * difference:.2g} % (median at the smallest current): so much of the chosen force is probably error. "
-        "The error of each row was raised by it."
+        f"Column {header} is smoother (noise {100 * size:.2g} % of F against {100 * roughness.relative:.2g} %) and "
+        f"differs by {100 * difference:.2g} % (median at the smallest current): so much of the chosen force is "
+        "probably error. The error of each row was raised by it."
     )
     remedy = f"Take it with {column_option(header, 'force')} if it is the same force."
     return points, [Finding("rival-force", "warning", text, remedy, difference)]
@@ -119,8 +119,8 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
 
 def _oriented(points: pd.DataFrame, name: str) -> FloatArray:
     """Another force column with the sign of the chosen one: a reaction points the other way, shape (n,)."""
-    other = points[name].to_numpy(dtype=float)
-    return np.asarray((np.sign(np.sum(other * points["force"].to_numpy(dtype=float))) or 1.0) * other)
+    rival = points[name].to_numpy(dtype=float)
+    return np.asarray((np.sign(np.sum(rival * points["force"].to_numpy(dtype=float))) or 1.0) * rival)
 
 
 def _error_of_rows(points: pd.DataFrame, curves: dict[float, Roughness]) -> FloatArray:
@@ -129,9 +129,9 @@ def _error_of_rows(points: pd.DataFrame, curves: dict[float, Roughness]) -> Floa
     for current in points["current"].unique():
         rows = (points["current"] == current).to_numpy()
         nearest = judged[np.abs(judged - current).argmin()]
-        known = points.loc[points["current"] == nearest, "distance"].to_numpy(dtype=float)
+        places = points.loc[points["current"] == nearest, "distance"].to_numpy(dtype=float)
         distances = points.loc[rows, "distance"].to_numpy(dtype=float)
-        errors[rows] = np.interp(distances, known, curves[float(nearest)].sigma_N)
+        errors[rows] = np.interp(distances, places, curves[float(nearest)].sigma_N)
     return np.maximum(errors, _ROUNDING * float(points["force"].abs().max()))
 
 

@@ -112,12 +112,12 @@ def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = No
     files = _files(paths)
     contents = {file: file_content(file, "table") for file in files}
     points, mapping, findings, dialects = _gather(contents, options)
-    good, bad, found = check_cells(points)
-    findings += found
+    good, bad, faults = check_cells(points)
+    findings += faults
     if good.empty:
         raise TableError(
             f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
-            f"{found[0].text if found else 'there is no row below the header.'}"
+            f"{faults[0].text if faults else 'there is no row below the header.'}"
         )
     good = _place(good, options)
     findings += check_units(good)
@@ -133,10 +133,10 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     files: list[Path] = []
     for path in map(Path, paths):
         if path.is_dir():
-            found = sorted(file for file in path.iterdir() if file.suffix.casefold() in SUFFIXES)
-            if not found:
+            tables = sorted(file for file in path.iterdir() if file.suffix.casefold() in SUFFIXES)
+            if not tables:
                 raise TableError(f"Directory {path} holds no table ({', '.join(SUFFIXES)}).")
-            files += found
+            files += tables
         elif path.is_file():
             files.append(path)
         else:
@@ -161,9 +161,9 @@ def _gather(
         dialects[file.name] = raw.dialect
         findings += [Finding("reading", "info", f"{file.name}: {note}.") for note in raw.notes]
         matrix = is_matrix(raw, options)
-        frame, uses, found = matrix_points(raw, options) if matrix else long_points(raw, constants, options)
+        frame, uses, remarks = matrix_points(raw, options) if matrix else long_points(raw, constants, options)
         frames.append(frame)
-        findings += [finding for finding in found if finding not in findings]
+        findings += [finding for finding in remarks if finding not in findings]
         for quantity, use in uses.items():
             mapping.setdefault(quantity, use)
     assumed = [f"{quoted(use.header)} in {use.unit}" for use in mapping.values() if use.assumed]
@@ -188,8 +188,8 @@ def _is_wanted(options: ImportOptions, constants: Mapping[str, float]) -> Wanted
 def _constants(file: Path, index: int, count: int, options: ImportOptions) -> dict[str, float]:
     """Current and distance of a whole file, from the options or from its name."""
     constants = {}
-    given = {"current": options.file_currents_A, "distance": options.file_distances_m}
-    for quantity, values in given.items():
+    declared = {"current": options.file_currents_A, "distance": options.file_distances_m}
+    for quantity, values in declared.items():
         if values and len(values) != count:
             raise TableError(
                 f"--file-{quantity} has {counted(len(values), 'value')} for {counted(count, 'file')}; give one a file."
@@ -206,21 +206,21 @@ def _value_in_name(path: Path, quantity: str) -> float | None:
     A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
     with its unit or after the quantity's name.
     """
-    known = (*COLUMN_NAMES[QUANTITIES[quantity]], *(STEP_NAMES if quantity == "distance" else ()))
+    words = (*COLUMN_NAMES[QUANTITIES[quantity]], *(STEP_NAMES if quantity == "distance" else ()))
     with_unit = [
         (match.group("number"), match.group("unit"))
         for match in re.finditer(rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[quantity]}(?![A-Za-z0-9])", path.stem)
     ]
-    names = "|".join(sorted((name for name in known if name.isascii()), key=len, reverse=True))
+    names = "|".join(sorted((name for name in words if name.isascii()), key=len, reverse=True))
     named = [
         (match.group("number"), si_unit(quantity))
         for match in re.finditer(rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])", path.stem)
     ]
     bare = re.fullmatch(_NUMBER, path.stem) if quantity == "current" else None
-    found = with_unit or named or ([(bare.group("number"), "A")] if bare else [])
-    if len(found) != 1:
+    matches = with_unit or named or ([(bare.group("number"), "A")] if bare else [])
+    if len(matches) != 1:
         return None
-    number, unit = found[0]
+    number, unit = matches[0]
     factor = unit_factor(unit, si_unit(quantity))
     return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor
 
@@ -238,18 +238,18 @@ def _place(points: pd.DataFrame, options: ImportOptions) -> pd.DataFrame:
 
 
 def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions) -> tuple[pd.DataFrame, list[Finding]]:
-    points, found = tidy_grid(points)
-    findings = findings + found
-    points, found = settle_force_sign(points, options.force_sign)
-    findings += found
-    points, found = flux_from_inductance(points)
-    findings += found + check_reciprocity(points)
-    points, found = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
-    findings += found
-    points, found = check_noise(points)
-    findings += found
-    points, found = compare_forces(points)
-    return points, findings + found
+    points, remarks = tidy_grid(points)
+    findings = findings + remarks
+    points, remarks = settle_force_sign(points, options.force_sign)
+    findings += remarks
+    points, remarks = flux_from_inductance(points)
+    findings += remarks + check_reciprocity(points)
+    points, remarks = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
+    findings += remarks
+    points, remarks = check_noise(points)
+    findings += remarks
+    points, remarks = compare_forces(points)
+    return points, findings + remarks
 
 
 def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
@@ -279,10 +279,10 @@ def _rows(good: pd.DataFrame, bad: pd.DataFrame) -> pd.DataFrame:
     columns = {column: name for name, column in QUANTITIES.items()}
     rows = pd.DataFrame({column: good[columns[column]] for column in COLUMNS if columns.get(column) in good})
     rows["status"] = "ok"
-    known = bad[np.isfinite(bad[["current", "distance"]].to_numpy(dtype=float)).all(axis=1)]
-    if known.empty:
+    placed = bad[np.isfinite(bad[["current", "distance"]].to_numpy(dtype=float)).all(axis=1)]
+    if placed.empty:
         return rows
-    without = pd.DataFrame({"current_A": known["current"], "distance_m": known["distance"], "status": _NOT_A_NUMBER})
+    without = pd.DataFrame({"current_A": placed["current"], "distance_m": placed["distance"], "status": _NOT_A_NUMBER})
     return pd.concat([rows, without], ignore_index=True)
 
 

@@ -138,9 +138,9 @@ def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Findi
     if "inductance" not in points or "flux_linkage" in points:
         return points, []
     distances, currents, (force, inductance) = complete_grid(points, ["force", "inductance"])
-    kept = "The inductance is kept as inductance, without flux linkage: "
+    head = "The inductance is kept as inductance, without flux linkage: "
     if len(distances) < 3 or (currents != 0).sum() < 2:
-        text = f"{kept}a grid of 3 distances and 2 currents besides zero would be needed to tell."
+        text = f"{head}a grid of 3 distances and 2 currents besides zero would be needed to tell."
         return points, [Finding("inductance", "info", text)]
     loops = _compare_reading(distances, currents, force, inductance, _apparent)
     zero = (points["current"] == 0).to_numpy()
@@ -152,7 +152,7 @@ def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Findi
         why = "it is flux linkage / current, without a value at zero current beside a magnet."
     if why:
         remedy = "Export the flux linkage itself."
-        return points, [Finding("inductance", "warning", kept + why, remedy, loops.factor)]
+        return points, [Finding("inductance", "warning", head + why, remedy, loops.factor)]
     flux = np.where(zero, 0.0, points["inductance"].fillna(0.0) * points["current"])
     error = abs(loops.factor - 1)
     text = (
@@ -170,17 +170,17 @@ def _compare_loops(distances: FloatArray, currents: FloatArray, force: FloatArra
     # From the first level on; the work of any rectangle is a double difference of these.
     force_side = CubicSpline(distances, force, axis=0).antiderivative()(distances)
     flux_side = -CubicSpline(currents, flux_linkage, axis=1).antiderivative()(currents)
-    work, flux_work = [], []
+    force_works, flux_works = [], []
     for a, b in _blocks(len(distances)):
         for j, k in _blocks(len(currents)):
-            work.append((force_side[b, k] - force_side[a, k]) - (force_side[b, j] - force_side[a, j]))
-            flux_work.append((flux_side[b, k] - flux_side[b, j]) - (flux_side[a, k] - flux_side[a, j]))
-    left, right = np.array(work), np.array(flux_work)
+            force_works.append((force_side[b, k] - force_side[a, k]) - (force_side[b, j] - force_side[a, j]))
+            flux_works.append((flux_side[b, k] - flux_side[b, j]) - (flux_side[a, k] - flux_side[a, j]))
+    force_work, flux_work = np.array(force_works), np.array(flux_works)
     # The flux side decides which loops are large: a noisy force must not choose its own witnesses.
-    keep = (np.abs(right) >= _LARGE * np.abs(right).max()) & (left != 0) & (right != 0)
+    keep = (np.abs(flux_work) >= _LARGE * np.abs(flux_work).max()) & (force_work != 0) & (flux_work != 0)
     if not keep.any():
         return _Loops(np.nan, np.inf, 0)
-    ratios = right[keep] / left[keep]
+    ratios = flux_work[keep] / force_work[keep]
     factor = float(np.median(ratios))
     spread = float(np.median(np.abs(ratios - factor)) / 0.6745 / abs(factor)) if factor else np.inf
     return _Loops(factor, spread, int(keep.sum()))
