@@ -257,8 +257,8 @@ def test_a_number_that_no_product_holds_is_damage_of_a_model_file(levitation_mod
 
 
 def test_numbers_that_nobody_measures_are_no_impedances(tmp_path):
-    (tmp_path / "a.s1p").write_text("# Hz S DB R 50\n1 1e6 1\n10 -3 20\n100 -3 25\n1e3 -3 30\n")
-    read = ff.read_measurement(tmp_path / "a.s1p", settings={"distance_mm": 2.0})
+    (tmp_path / "a.csv").write_text("f [Hz],|Z|,theta\n1,1e300,1\n10,2,20\n100,3,25\n1e3,9,30\n")
+    read = ff.read_measurement(tmp_path / "a.csv", settings={"distance_mm": 2.0})
     assert read.rows["resistance_ohm"].notna().sum() == 3
 
 
