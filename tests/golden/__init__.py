@@ -1,0 +1,1 @@
+"""Numbers that users get by the public door, frozen: see renew.py."""
