@@ -75,7 +75,7 @@ _HEAD = """\
 
 These are the numbers by which `femfit fit`, `compare`, `diagnose`, `add` and `suggest` decide. A *derived* number
 follows from something else. A *conventional* one is a usual level. A *calibrated* one was set by trials with known
-truth, seeds 1 to 6 of the [study](../trial.md), whose table is of a seed that set nothing. An *assumed* one is an
-engineer's judgement with no calibration behind it. A *numerical* one bounds rounding or time.
+truth; the tables of [the trial](../trial.md) are of seeds that set none. An *assumed* one is an engineer's judgement
+with no calibration behind it. A *numerical* one bounds rounding or time.
 
 """

@@ -1,7 +1,7 @@
 """``femfit trial``: how often the diagnosis would be right on an actuator of one's own."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import Parameter, validators
 
@@ -14,13 +14,12 @@ def trial(
     seed: int = 1,
     workers: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 2,
     json: Path | None = None,
-    set_: Annotated[Literal["usual", "calibration", "development", "final"], Parameter(name="--set")] = "usual",
 ) -> None:
     """How often would the diagnosis be right on this actuator? Hide errors in simulated campaigns, and count.
 
     Hidden are numbers of the drawing that are off (remanence, turns, saturating iron), of which the field is solved
     again, and errors of the bench (stage, meters, resistance, temperatures), which act by their definition. Each
-    campaign is diagnosed from its files as femfit diagnose would. The other sets are for work on the diagnosis itself.
+    campaign is diagnosed from its files as femfit diagnose would.
 
     Parameters
     ----------
@@ -36,16 +35,12 @@ def trial(
         Processes.
     json : Path
         File for the results as JSON; results.json in the directory by default.
-    set_ : str
-        What is hidden: the usual errors, or one of three sets that share no truth, to calibrate a decision, to develop
-        it, and to report on it. They hide changed dimensions, offsets, memory, stops, errors that begin or end in the
-        campaign and causes without a name; solving them takes some minutes more, an hour where iron saturates.
     """
     from femfit.cli.output import write_json
     from femfit.cli.progress import progress
     from femfit.core.amount import counted
     from femfit.core.outputs import RESULT, require_outputs
-    from femfit.trial.campaigns import make_campaigns, prepare_device, prepare_set
+    from femfit.trial.campaigns import make_campaigns, prepare_device
     from femfit.trial.counts import trial_data, trial_lines
     from femfit.trial.run import diagnose_campaigns
 
@@ -55,25 +50,12 @@ def trial(
         device = prepare_device(
             drawing, output, workers=workers, progress=lambda done: show(done.points_done, done.points)
         )
-    truths = None
-    if set_ != "usual":
-        with progress("solve the changed drawings", "points") as show:
-            device, truths = prepare_set(
-                drawing,
-                device,
-                output,
-                set_,
-                workers=workers,
-                progress=lambda done: show(done.points_done, done.points),
-            )
-    numbers = make_campaigns(device, output, cases, seed, truths)
+    numbers = make_campaigns(device, output, cases, seed)
     with progress("diagnose", "campaigns") as show:
         outcomes = diagnose_campaigns(output, numbers, workers=workers, progress=show)
     write_json(results, trial_data(outcomes))
     print("\n".join(trial_lines(outcomes)))
     if len(numbers) < cases:
-        left = counted(cases - len(numbers), "campaign")
-        print(f"left out: {left} of which the device cannot show what was to be hidden")
-    for reason, names in truths.reasons().items() if truths else ():
-        print(f"not hidden ({reason}): {', '.join(names)}")
+        omitted = counted(cases - len(numbers), "campaign")
+        print(f"left out: {omitted} of which the device cannot show what was to be hidden")
     print(f"written: {results}")

@@ -13,14 +13,6 @@ Hit = Callable[[Outcome], bool]
 LEAST_LEVEL = 1.0
 """Smallest size, in standard deviations of a reading, of the hidden errors that are counted together."""
 
-_NAMED: Mapping[str, Hit] = {
-    "it stood among the names": lambda one: all(one.found),
-    "it was named first": lambda one: one.named_first,
-    "it was named and called certain": lambda one: all(one.found) and one.certain,
-    "a wrong name was called certain": lambda one: one.certain_and_wrong,
-    "the right channel was pointed at": lambda one: one.right_channel,
-}
-
 
 @dataclass(frozen=True)
 class Share:
@@ -56,93 +48,72 @@ class Count:
         return f"{self.group}: {self.outcome} in {self.share.hits} of {self.share.of}{percent}"
 
 
+_HITS: Mapping[str, Mapping[str, Hit]] = {
+    "Nothing hidden": {
+        "an effect was named": lambda outcome: bool(outcome.classes),
+        '"nothing missing" was said': lambda outcome: outcome.verdict == "nothing_missing",
+        "no verdict was given": lambda outcome: outcome.verdict in {"compare_only", "refused"},
+    },
+    "One error hidden": {
+        "it stood among the names": lambda outcome: all(outcome.found),
+        "it was named first": lambda outcome: outcome.named_first,
+        "it was named and called certain": lambda outcome: all(outcome.found) and outcome.certain,
+        "a wrong name was called certain": lambda outcome: outcome.certain_and_wrong,
+        "the right channel was pointed at": lambda outcome: outcome.right_channel,
+    },
+    "Two errors hidden": {
+        "both stood among the names": lambda outcome: all(outcome.found),
+        "a third was named beside them": lambda outcome: outcome.spurious > 0,
+    },
+    "The same campaigns again, the cause taken out of the catalogue": {
+        "a wrong name was called certain": lambda outcome: bool(outcome.withheld_certain),
+        "a wrong name was given, not certain": lambda outcome: (
+            bool(outcome.withheld_named) and not outcome.withheld_certain
+        ),
+    },
+    "One error hidden that the readings can hardly show": {
+        "it stood among the names": lambda outcome: all(outcome.found),
+        "a wrong name was called certain": lambda outcome: outcome.certain_and_wrong,
+    },
+    "All campaigns": {"a wrong name was called certain": lambda outcome: outcome.certain_and_wrong},
+}
+"""What is counted of each group of campaigns, in the order of printing."""
+
+
 def counts(outcomes: Sequence[Outcome]) -> list[Count]:
     """Count a trial; groups without any campaign are left out."""
-    shown = [one for one in outcomes if _shown(one) and not any(one.unknown)]
-    single = [one for one in shown if len(one.hidden) == 1]
-    runs = [one for one in single if one.right_runs is not None]
-    unknown = [one for one in outcomes if _shown(one) and any(one.unknown)]
-    named_unknown: dict[str, Hit] = {
-        "a name was given, not certain": lambda one: bool(one.classes) and not one.certain_and_wrong,
-        "a wrong name was called certain": lambda one: one.certain_and_wrong,
+    single = [outcome for outcome in outcomes if len(outcome.hidden) == 1]
+    visible = [outcome for outcome in single if is_shown(outcome)]
+    groups = {
+        "Nothing hidden": [outcome for outcome in outcomes if not outcome.hidden],
+        "One error hidden": visible,
+        "Two errors hidden": [outcome for outcome in outcomes if len(outcome.hidden) == 2 and is_shown(outcome)],
+        "The same campaigns again, the cause taken out of the catalogue": [
+            outcome for outcome in visible if outcome.withheld_certain is not None
+        ],
+        "One error hidden that the readings can hardly show": [outcome for outcome in single if not is_shown(outcome)],
+        "All campaigns": list(outcomes),
     }
-    groups: list[tuple[str, list[Outcome], Mapping[str, Hit]]] = [
-        (
-            "Nothing hidden",
-            [one for one in outcomes if not one.hidden],
-            {
-                "an effect was named": lambda one: bool(one.classes),
-                '"nothing missing" was said': lambda one: one.verdict == "nothing_missing",
-                "no verdict was given": lambda one: one.verdict in {"compare_only", "refused"},
-            },
-        ),
-        ("One error hidden", _of(single, "catalogue"), _NAMED),
-        ("One number of the drawing is another", _of(single, "drawing"), _NAMED),
-        ("One error that is away in some runs, or drifts", _of(single, "when"), _NAMED),
-        (
-            "One error of which it was said when it acts",
-            runs,
-            {"its runs were right within one": lambda one: bool(one.right_runs)},
-        ),
-        (
-            "Two errors hidden",
-            [one for one in shown if len(one.hidden) == 2],
-            {
-                "both stood among the names": lambda one: all(one.found),
-                "a third was named beside them": lambda one: one.spurious > 0,
-            },
-        ),
-        *(
-            (f"A cause that the diagnosis has no name for, of {level:g} sigma", members, named_unknown)
-            for level in sorted({one.level for one in unknown})
-            for members in ([one for one in unknown if one.level == level],)
-        ),
-        (
-            "The same campaigns again, the cause taken out of the catalogue",
-            [one for one in single if one.withheld_certain is not None],
-            {
-                "a wrong name was called certain": lambda one: bool(one.withheld_certain),
-                "a wrong name was given, not certain": lambda one: (
-                    bool(one.withheld_named) and not one.withheld_certain
-                ),
-            },
-        ),
-        (
-            "One error hidden that the readings can hardly show",
-            [one for one in outcomes if len(one.hidden) == 1 and not _shown(one) and not any(one.unknown)],
-            {
-                "it stood among the names": lambda one: all(one.found),
-                "a wrong name was called certain": lambda one: one.certain_and_wrong,
-            },
-        ),
-        (
-            "All campaigns",
-            list(outcomes),
-            {"a wrong name was called certain": lambda one: one.certain_and_wrong},
-        ),
-    ]
     return [
-        Count(group, outcome, Share(sum(map(hit, cases)), len(cases)))
-        for group, cases, hits in groups
-        if cases
-        for outcome, hit in hits.items()
+        Count(group, name, Share(sum(map(hit, groups[group])), len(groups[group])))
+        for group, hits in _HITS.items()
+        if groups[group]
+        for name, hit in hits.items()
     ]
 
 
-def _shown(one: Outcome) -> bool:
-    return bool(one.hidden) and one.level >= LEAST_LEVEL and all(one.could_be_shown)
-
-
-def _of(outcomes: Sequence[Outcome], group: str) -> list[Outcome]:
-    return [one for one in outcomes if group in one.groups]
+def is_shown(outcome: Outcome) -> bool:
+    """Whether something is hidden, and large enough for the readings to show it."""
+    return bool(outcome.hidden) and outcome.level >= LEAST_LEVEL and all(outcome.could_be_shown)
 
 
 def by_error(outcomes: Sequence[Outcome]) -> dict[str, Share]:
     """How often each single hidden error that the readings can show stood among the names."""
-    cases = [one for one in outcomes if len(one.hidden) == 1 and _shown(one)]
-    names = sorted({one.hidden[0] for one in cases})
-    own = {name: [one.found[0] for one in cases if one.hidden[0] == name] for name in names}
-    return {name: Share(sum(found), len(found)) for name, found in own.items()}
+    hits: dict[str, list[bool]] = {}
+    for outcome in outcomes:
+        if len(outcome.hidden) == 1 and is_shown(outcome):
+            hits.setdefault(outcome.hidden[0], []).append(outcome.found[0])
+    return {name: Share(sum(hits[name]), len(hits[name])) for name in sorted(hits)}
 
 
 def trial_data(outcomes: Sequence[Outcome]) -> dict[str, Any]:
@@ -150,7 +121,7 @@ def trial_data(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     return {
         "counts": [asdict(count) | {"ci95": list(count.share.ci95)} for count in counts(outcomes)],
         "by_error": {name: [share.hits, share.of] for name, share in by_error(outcomes).items()},
-        "cases": [asdict(one) for one in outcomes],
+        "cases": [asdict(outcome) for outcome in outcomes],
     }
 
 

@@ -1,7 +1,7 @@
 """A device on a virtual bench: its solved fields, what can be wrong with it, and what its sensors would then read."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,8 +37,8 @@ class Family:
         total = base.times(0.0)
         for k, (value, table) in enumerate(zip(self.values, self.tables, strict=True)):
             weight = np.asarray(1.0)
-            for other in (0.0, *self.values[:k], *self.values[k + 1 :]):
-                weight = weight * (p - other) / (value - other)
+            for node in (0.0, *self.values[:k], *self.values[k + 1 :]):
+                weight = weight * (p - node) / (value - node)
             total += (table.at(distance, current) - base).times(weight)
         return total
 
@@ -51,15 +51,15 @@ class Device:
     drawn: FieldTable
     families: Mapping[str, Family]
 
-    def change(self, family: str, p: FloatArray | float, at: Conditions) -> Fields:
+    def change(self, family: str, p: FloatArray | float, settings: Conditions) -> Fields:
         """What the change of a family adds to the drawn fields."""
-        return self.families[family].change(p, at.distance, at.current)
+        return self.families[family].change(p, settings.distance, settings.current)
 
-    def with_turns(self, change: float, at: Conditions) -> Fields:
+    def with_turns(self, change: float, settings: Conditions) -> Fields:
         """What 1 + change times the turns add to the drawn fields: they are those of as much more current."""
-        more = self.drawn.at(at.distance, (1.0 + change) * at.current)
+        more = self.drawn.at(settings.distance, (1.0 + change) * settings.current)
         more = replace(more, flux_linkage=(1.0 + change) * more.flux_linkage)
-        return more - self.drawn.at(at.distance, at.current)
+        return more - self.drawn.at(settings.distance, settings.current)
 
     @property
     def largest_current(self) -> float:
@@ -95,28 +95,25 @@ class HiddenError:
     fields: Callable[[Device, float, Conditions], Fields] | None = None
     reading: Callable[[Device, float, Conditions, Readings], Readings] | None = None
     names: tuple[str, ...] | None = None  # Of the diagnosis that are right; None: what it is called here
-    # Takes how many runs there are; the first and the last in which it acts, from 1. None: it acts in all of them
-    course: Callable[[int], tuple[int, int]] | None = None
-    constants: Mapping[str, float | str] = field(default_factory=dict)  # Its other numbers, for the key
 
 
 def true_readings(
-    device: Device, at: Conditions, hidden: Mapping[str, float], errors: Mapping[str, HiddenError]
+    device: Device, settings: Conditions, hidden: Mapping[str, float], errors: Mapping[str, HiddenError]
 ) -> dict[str, FloatArray]:
     """What the sensors would read without noise; hidden errors by name, with their sizes."""
     wrong = [(errors[name], size) for name, size in hidden.items()]
     for error, size in wrong:
-        at = error.setting(device, size, at) if error.setting else at
-    fields = device.drawn.at(at.distance, at.current)
+        settings = error.setting(device, size, settings) if error.setting else settings
+    fields = device.drawn.at(settings.distance, settings.current)
     for error, size in wrong:
-        fields = fields + error.fields(device, size, at) if error.fields else fields
+        fields = fields + error.fields(device, size, settings) if error.fields else fields
     values = {
         "force_N": fields.force,
         "flux_linkage_Wb": fields.flux_linkage,
-        "voltage_V": device.actuator.coil.resistance_ohm * at.current,
+        "voltage_V": device.actuator.coil.resistance_ohm * settings.current,
     }
     if device.actuator.hall is not None:
         values["hall_V"] = device.actuator.hall.quiescent_V + device.actuator.hall.sensitivity_V_per_T * fields.hall
     for error, size in wrong:
-        values |= error.reading(device, size, at, values) if error.reading else {}
+        values |= error.reading(device, size, settings, values) if error.reading else {}
     return values

@@ -84,10 +84,10 @@ class FieldTable:
         return Fields(values[0], values[1], values[2])
 
 
-def _outside(what: str, given: FloatArray, solved: FloatArray, unit: str) -> str:
+def _outside(what: str, values: FloatArray, solved: FloatArray, unit: str) -> str:
     return (
         f"The {what} of a virtual bench must be between {solved[0]:.3g} and {solved[-1]:.3g} {unit}, which were "
-        f"solved; instead received {given.min():.3g} to {given.max():.3g} {unit}."
+        f"solved; instead received {values.min():.3g} to {values.max():.3g} {unit}."
     )
 
 
@@ -100,8 +100,8 @@ def solve_drawings(
     """
     first = next(iter(drawings.values()))
     distances = _range(first.sweep.distances_m)
-    planned = {name: replace(one, sweep=_nodes(one, distances, is_linear(first))) for name, one in drawings.items()}
-    variants = tuple(Variant((name,), one.sweep, one) for name, one in planned.items())
+    planned = {name: replace(form, sweep=_nodes(form, distances, is_linear(first))) for name, form in drawings.items()}
+    variants = tuple(Variant((name,), form.sweep, form) for name, form in planned.items())
     sweep = VariantSweep(next(iter(planned.values())), ("form",), variants)
     rows = run_sweep(sweep, directory, workers=workers, settings=SolverSettings(), progress=progress).rows
     for _, row in rows[rows["status"] != "ok"].iterrows():
@@ -109,7 +109,7 @@ def solve_drawings(
             f"The virtual bench must solve {first.name} ({row['form']}) at {1e3 * row['distance_m']:.3g} mm; it "
             f"{row['status']}. Let the sweep begin at a larger distance, or end at a smaller one."
         )
-    return {name: _table(one, distances, rows[rows["form"] == name]) for name, one in planned.items()}
+    return {name: _table(form, distances, rows[rows["form"] == name]) for name, form in planned.items()}
 
 
 def _table(actuator: Actuator, distances: tuple[float, float], rows: pd.DataFrame) -> FieldTable:
@@ -126,8 +126,8 @@ def _table(actuator: Actuator, distances: tuple[float, float], rows: pd.DataFram
         basis = np.linalg.inv(np.vander(currents, 3, increasing=True))
         return FieldTable(distances, np.einsum("caj,bj->cab", coefficients, basis))
     if currents[0] == 0.0:  # solved one way alone: a force is even in the current then, a flux odd
-        other = coefficients[:, :, :0:-1] * np.array([1.0, -1.0, -1.0])[:, None, None]
-        coefficients = np.concatenate([other, coefficients], axis=2)
+        mirrored = coefficients[:, :, :0:-1] * np.array([1.0, -1.0, -1.0])[:, None, None]
+        coefficients = np.concatenate([mirrored, coefficients], axis=2)
         currents = np.concatenate([-currents[:0:-1], currents])
     return FieldTable(distances, coefficients, tuple(currents.tolist()))
 
@@ -182,9 +182,9 @@ def _coordinate(distances: tuple[float, float]) -> Callable[[FloatArray | float]
 
 def _place(distance: FloatArray, distances: tuple[float, float]) -> FloatArray:
     """Distances between -1 and 1 of their range."""
-    of = _coordinate(distances)
-    low, high = map(of, distances)
-    return np.asarray((2.0 * of(distance) - low - high) / (high - low))
+    coordinate = _coordinate(distances)
+    low, high = map(coordinate, distances)
+    return np.asarray((2.0 * coordinate(distance) - low - high) / (high - low))
 
 
 def _chebyshev(count: int) -> FloatArray:

@@ -52,7 +52,7 @@ def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress:
     if "remanence" in possible_errors(actuator):
         forms |= {f"remanence{step:+g}": scaled_magnets(actuator, step) for step in (-REMANENCE_STEP, REMANENCE_STEP)}
     if "core_saturation" in possible_errors(actuator):
-        forms["saturating"] = saturable_core(actuator, FERRITE_T, 1.0)
+        forms["saturating"] = saturable_core(actuator, FERRITE_T)
     tables = solve_drawings(forms, directory, workers=workers, progress=progress)
     drawn = tables["drawn"]
     families = {}
@@ -64,15 +64,16 @@ def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress:
     return Device(actuator, drawn, families)
 
 
-def _warm_magnet(device: Device, size: float, at: Conditions) -> Fields:
-    warmer = at.magnet_C - 20.0
-    return device.change("remanence", size * (MAGNET_PER_K * warmer + MAGNET_PER_K2 * warmer**2), at)
+def _warm_magnet(device: Device, size: float, settings: Conditions) -> Fields:
+    warmer = settings.magnet_C - 20.0
+    return device.change("remanence", size * (MAGNET_PER_K * warmer + MAGNET_PER_K2 * warmer**2), settings)
 
 
 def _resisted(share: Callable[[float, Conditions], FloatArray | float]) -> Callable[..., Readings]:
     """A reading of the voltage with a relative change of the resistance."""
-    return lambda device, size, at, values: {
-        "voltage_V": values["voltage_V"] + device.actuator.coil.resistance_ohm * share(size, at) * at.current
+    return lambda device, size, settings, values: {
+        "voltage_V": values["voltage_V"]
+        + device.actuator.coil.resistance_ohm * share(size, settings) * settings.current
     }
 
 
@@ -83,49 +84,52 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
     "distance_offset": HiddenError(
         lambda device: device.largest_shift,
         ("force_N",),
-        setting=lambda device, size, at: replace(at, distance=at.distance + size),
+        setting=lambda device, size, settings: replace(settings, distance=settings.distance + size),
     ),
     "distance_scale": HiddenError(
         lambda device: 0.03,
         ("force_N",),
-        setting=lambda device, size, at: replace(at, distance=at.distance * (1 + size)),
+        setting=lambda device, size, settings: replace(settings, distance=settings.distance * (1 + size)),
     ),
     "remanence": HiddenError(
         lambda device: 0.2,
         _FIELD,
         _MAGNET,
-        fields=lambda device, size, at: device.change("remanence", size, at),
+        fields=lambda device, size, settings: device.change("remanence", size, settings),
     ),
     "turns": HiddenError(
         lambda device: 0.04 if device.drawn.currents else 0.2,  # within the solved currents
         ("flux_linkage_Wb", "voltage_V"),
-        fields=lambda device, size, at: device.with_turns(size, at),
-        reading=_resisted(lambda size, at: size),  # the wire is longer by as much
+        fields=lambda device, size, settings: device.with_turns(size, settings),
+        reading=_resisted(lambda size, settings: size),  # the wire is longer by as much
     ),
-    "resistance": HiddenError(lambda device: 0.3, ("voltage_V",), reading=_resisted(lambda size, at: size)),
+    "resistance": HiddenError(lambda device: 0.3, ("voltage_V",), reading=_resisted(lambda size, settings: size)),
     "coil_temperature": HiddenError(
         lambda device: 1.3,  # of copper's coefficient
         ("voltage_V",),
-        reading=_resisted(lambda size, at: abs(size) * COPPER_PER_K * (at.coil_C - 20.0)),
+        reading=_resisted(lambda size, settings: abs(size) * COPPER_PER_K * (settings.coil_C - 20.0)),
     ),
     "magnet_temperature": HiddenError(
-        lambda device: 2.5, _FIELD, _MAGNET, fields=lambda device, size, at: _warm_magnet(device, abs(size), at)
+        lambda device: 2.5,
+        _FIELD,
+        _MAGNET,
+        fields=lambda device, size, settings: _warm_magnet(device, abs(size), settings),
     ),
     "core_saturation": HiddenError(
         lambda device: 2.0,
         _FIELD[:2],
         _IRON,
-        fields=lambda device, size, at: device.change("saturating", abs(size), at),
+        fields=lambda device, size, settings: device.change("saturating", abs(size), settings),
     ),
     "force_offset": HiddenError(
         lambda device: 0.3 * device.largest_force,
         ("force_N",),
-        reading=lambda device, size, at, values: {"force_N": values["force_N"] + size},
+        reading=lambda device, size, settings, values: {"force_N": values["force_N"] + size},
     ),
     "force_gain": HiddenError(
         lambda device: 0.2,
         ("force_N",),
-        reading=lambda device, size, at, values: {
+        reading=lambda device, size, settings, values: {
             "force_N": values["force_N"]
             * (1.0 + size * (1.0 + BEND * np.abs(values["force_N"]) / device.largest_force))
         },
@@ -133,25 +137,28 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
     "current_offset": HiddenError(
         lambda device: 0.02 * device.largest_current,  # both current errors stay within the solved range
         _BY_CURRENT,
-        setting=lambda device, size, at: replace(at, current=at.current + size),
+        setting=lambda device, size, settings: replace(settings, current=settings.current + size),
     ),
     "current_gain": HiddenError(
         lambda device: 0.02,
         _BY_CURRENT,
-        setting=lambda device, size, at: replace(
-            at, current=at.current * (1.0 + size * (1.0 + BEND * np.abs(at.current) / device.largest_current))
+        setting=lambda device, size, settings: replace(
+            settings,
+            current=settings.current * (1.0 + size * (1.0 + BEND * np.abs(settings.current) / device.largest_current)),
         ),
     ),
     "hall_offset": HiddenError(
         lambda device: 0.3,
         ("hall_V",),
         _HALL,
-        reading=lambda device, size, at, values: {"hall_V": values["hall_V"] + size},
+        reading=lambda device, size, settings, values: {"hall_V": values["hall_V"] + size},
     ),
     "flux_integrator_drift": HiddenError(
         lambda device: 1e-4,
         ("flux_linkage_Wb",),
-        reading=lambda device, size, at, values: {"flux_linkage_Wb": values["flux_linkage_Wb"] + size * at.time_s},
+        reading=lambda device, size, settings, values: {
+            "flux_linkage_Wb": values["flux_linkage_Wb"] + size * settings.time_s
+        },
     ),
 }
 """By the name that the diagnosis should give. Sizes are relative or in SI units, mostly of either sign."""

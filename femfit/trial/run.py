@@ -17,7 +17,7 @@ from femfit.effects.catalogue import all_effects
 from femfit.identify.decision.diagnose import diagnose
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
-from femfit.trial.judge import Outcome, judge
+from femfit.trial.judge import Outcome, judge, right_names
 
 Report = Callable[[int, int], None]
 """Takes how many campaigns are done, and of how many."""
@@ -32,36 +32,35 @@ def diagnose_campaigns(
     """Diagnose and judge campaigns that were written, each from its files."""
     say = progress or (lambda _done, _total: None)
     solve = partial(_diagnose, directory)
-    found: list[Outcome] = []
+    outcomes: list[Outcome] = []
     say(0, len(numbers))
     if workers == 1:
         for number in numbers:
-            found.append(solve(number))
-            say(len(found), len(numbers))
-        return found
+            outcomes.append(solve(number))
+            say(len(outcomes), len(numbers))
+        return outcomes
     with process_pool(workers) as pool:
         for future in as_completed([pool.submit(solve, number) for number in numbers]):
-            found.append(future.result())
-            say(len(found), len(numbers))
-    return sorted(found, key=lambda outcome: outcome.number)
+            outcomes.append(future.result())
+            say(len(outcomes), len(numbers))
+    return sorted(outcomes, key=lambda outcome: outcome.number)
 
 
 def _diagnose(directory: Path, number: int) -> Outcome:
     place = directory / "campaigns" / f"{number:04d}"
     model, data = read_model(directory / "model.json"), place / "data.csv"
-    said = _said(model, data)
-    write_json(place / "diagnosis.json", said)
+    diagnosis = _diagnosis(model, data)
+    write_json(place / "diagnosis.json", diagnosis)
     key = json.loads((place / "hidden.json").read_text(encoding="utf-8"))  # nothing above is changed from here on
     withheld = None
-    told = key.get("right", {name: [name] for name in key["hidden"]})
-    right = [name for names in told.values() for name in names if name in all_effects()]
+    right = [name for names in right_names(key).values() for name in names if name in all_effects()]
     if len(key["hidden"]) == 1 and right:
         twins = [twin for name in right for twin in _TWINS.get(name, ())]
-        withheld = _said(model, data, (*right, *twins))
-    return judge(number, key, said, withheld)
+        withheld = _diagnosis(model, data, (*right, *twins))
+    return judge(number, key, diagnosis, withheld)
 
 
-def _said(model: ActuatorModel, data: Path, exclude: Sequence[str] = ()) -> dict[str, Any]:
+def _diagnosis(model: ActuatorModel, data: Path, exclude: Sequence[str] = ()) -> dict[str, Any]:
     """What the command says of a file; that it refuses it is an answer, too."""
     try:
         return diagnose(model, data, exclude=exclude, bootstrap=0).to_dict()

@@ -2,19 +2,20 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
+from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
-from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import DomainError
 from femfit.trial.device import Conditions, Device, HiddenError, true_readings
 from femfit.trial.field_table import dialled_currents
-from femfit.trial.habits import Habits, written
-from femfit.trial.shown import expected_fall
-from femfit.trial.truths.course import acting_only
+
+Extent = Literal["usual", "three runs", "one channel", "few readings"]
+"""How much a campaign measures."""
 
 LEVELS = (0.5, 1.0, 3.0)
 """Sizes of a hidden error: rms over the table in noise sigmas of the channel that shows it most."""
@@ -55,26 +56,16 @@ class Campaign:
     hidden: Mapping[str, float]
     over_noise: Mapping[str, Mapping[str, float]]  # Rms of each hidden error over a channel's noise
     shown: Mapping[str, float] = field(default_factory=dict)  # By how much each would lower the weighted sum of squares
-    # First and last run, from 1, of each error that does not act in all of them
-    when: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     meters: Mapping[str, Meter] = field(default_factory=dict)
-    habits: Habits = field(default_factory=Habits)
     mount_m: float = 0.0  # Standard deviation of the mounts' distances
     runs: int = 1
-    at: Conditions | None = None  # Of all readings, those left out as well, in the order of measuring
+    conditions: Conditions | None = None  # Of all readings, those left out as well, in the order of measuring
 
     def key(self) -> dict[str, Any]:
         """What nobody may know who diagnoses it, as JSON-ready data."""
-        names = ("level", "hidden", "over_noise", "shown", "when", "mount_m", "runs")
-        return {name: getattr(self, name) for name in names} | {
-            "meters": {name: asdict(meter) for name, meter in self.meters.items()},
-            "habits": asdict(self.habits),
-        }
-
-    @property
-    def declared_noise(self) -> dict[str, float]:
-        """Standard deviations that stand beside the data; empty where they are left out."""
-        return {name: meter.sigma for name, meter in self.meters.items()} if self.habits.noise_declared else {}
+        names = ("level", "hidden", "over_noise", "shown", "mount_m", "runs")
+        meters = {name: asdict(meter) for name, meter in self.meters.items()}
+        return {name: getattr(self, name) for name in names} | {"meters": meters}
 
 
 def measured(values: FloatArray, meter: Meter, run: IntArray, rng: np.random.Generator) -> FloatArray:
@@ -95,24 +86,18 @@ def make_campaign(
     errors: Mapping[str, HiddenError],
     level: float,
     rng: np.random.Generator,
-    habits: Habits | None = None,
+    extent: Extent = "usual",
 ) -> Campaign:
     """Measure a device with hidden errors, each of the same level; noise falls where one cannot be as large."""
-    habits = habits or Habits()
     for _ in range(_TRIES):
-        dials, at = _settings(device, rng, habits)
-        runs = int(at.run.max()) + 1
-        when = {name: error.course(runs) for name, error in errors.items() if error.course and runs > 1}
-        acting = {name: acting_only(one, when[name]) if name in when else one for name, one in errors.items()}
-        bench = _Bench(device, at, acting)
-        meters = _meters(bench.read({}), acting, rng, habits)
+        dials, conditions = _settings(device, rng, extent)
+        bench = _Bench(device, conditions, errors)
+        meters = _meters(bench.read({}), errors, rng, extent)
         quieter = bench.quieter(level, meters)
         if quieter >= _QUIETEST:
             meters = {name: replace(meter, sigma=quieter * meter.sigma) for name, meter in meters.items()}
-            hidden = {name: bench.size(name, level * float(rng.choice([-1.0, 1.0])), meters) for name in acting}
-            campaign = _measure(bench, dials, meters, hidden, rng)
-            rows = written(campaign.rows, habits, rng)
-            return replace(campaign, rows=rows, level=level, when=when, habits=habits, at=at)
+            hidden = {name: bench.size(name, level * float(rng.choice([-1.0, 1.0])), meters) for name in errors}
+            return replace(_measure(bench, dials, meters, hidden, rng), level=level)
     raise DomainError(
         f"{device.actuator.name} must show {' and '.join(errors)} by {level:g} noise sigmas; no campaign did."
     )
@@ -123,12 +108,13 @@ class _Bench:
     """A device at the settings of a campaign, with the errors that it may have."""
 
     device: Device
-    at: Conditions
+    conditions: Conditions
     errors: Mapping[str, HiddenError]
 
     def read(self, hidden: Mapping[str, float], shift: FloatArray | float = 0.0) -> dict[str, FloatArray]:
         """What the sensors read without noise, the body ``shift`` from its dial."""
-        return true_readings(self.device, replace(self.at, distance=self.at.distance + shift), hidden, self.errors)
+        moved = replace(self.conditions, distance=self.conditions.distance + shift)
+        return true_readings(self.device, moved, hidden, self.errors)
 
     def over_noise(self, hidden: Mapping[str, float], meters: Mapping[str, Meter]) -> dict[str, float]:
         """Rms of what errors change, over the noise of each channel."""
@@ -142,7 +128,7 @@ class _Bench:
         """The factor on all noise, 1 at most, at which each error reaches the level within its limit."""
         limits = [{name: error.limit(self.device)} for name, error in self.errors.items()]
         most = [max(self.over_noise(limit, meters).values()) for limit in limits]
-        return min([1.0, *(0.9 * one / level for one in most)])
+        return min([1.0, *(0.9 * largest / level for largest in most)])
 
     def size(self, name: str, level: float, meters: Mapping[str, Meter]) -> float:
         """The size at which an error stands out by a level, whose sign it has, by secants between logarithms."""
@@ -164,12 +150,12 @@ class _Bench:
 
 
 def _meters(
-    clean: Mapping[str, FloatArray], errors: Mapping[str, HiddenError], rng: np.random.Generator, habits: Habits
+    clean: Mapping[str, FloatArray], errors: Mapping[str, HiddenError], rng: np.random.Generator, extent: Extent
 ) -> dict[str, Meter]:
     """A campaign of all or some channels, with those the errors need; noise of 0.1 to 0.6 % of a channel's span."""
     complete = rng.random() < _COMPLETE
     channels = {name for name in clean if rng.random() < _RECORDED[name] or complete}
-    if habits.extent == "one channel":
+    if extent == "one channel":
         needed = [name for error in errors.values() for name in error.channels if name in clean]
         channels = {str(rng.choice(needed or ["force_N", "flux_linkage_Wb"]))}
     for error in errors.values():
@@ -193,7 +179,7 @@ def _measure(
     hidden: Mapping[str, float],
     rng: np.random.Generator,
 ) -> Campaign:
-    axes, run = bench.device.actuator.sweep.distances_m, bench.at.run
+    axes, run = bench.device.actuator.sweep.distances_m, bench.conditions.run
     mount_m, runs = float(rng.uniform(0.0, min(_MOUNT_M, _MOUNT * (axes[-1] - axes[0])))), int(run.max()) + 1
     for name, size in hidden.items():
         if "distance_offset" in (bench.errors[name].names or (name,)):
@@ -203,30 +189,70 @@ def _measure(
     for name, meter in meters.items():
         rows[name] = measured(real[name], meter, run, rng)
         rows.loc[rng.random(len(rows)) < 0.005, name] = np.nan
-    left = rng.random(len(rows)) >= rng.uniform(0.0, 0.05)
-    kept = {name: np.asarray(left & rows[name].notna()) for name in meters}
+    written = rng.random(len(rows)) >= rng.uniform(0.0, 0.05)
+    read = {name: np.asarray(written & rows[name].notna()) for name in meters}
     step = 1e-4 * (axes[-1] - axes[0])
-    ahead, back, whole = bench.read(hidden, step), bench.read(hidden, -step), bench.read(hidden)
+    ahead, back, everything = bench.read(hidden, step), bench.read(hidden, -step), bench.read(hidden)
     slope = {name: (ahead[name] - back[name]) / (2.0 * step) for name in meters}
     shown = {}
     for name in hidden:
-        others = bench.read({other: size for other, size in hidden.items() if other != name})
-        change = {channel: whole[channel] - others[channel] for channel in meters}
-        shown[name] = expected_fall(change, slope, kept, meters, run, mount_m)
+        without = bench.read({beside: size for beside, size in hidden.items() if beside != name})
+        change = {channel: everything[channel] - without[channel] for channel in meters}
+        shown[name] = expected_fall(change, slope, read, meters, run, mount_m)
     over_noise = {name: bench.over_noise({name: size}, meters) for name, size in hidden.items()}
-    measured_rows = rows[left].reset_index(drop=True)
-    return Campaign(measured_rows, 0.0, hidden, over_noise, shown, meters=meters, mount_m=mount_m, runs=runs)
+    measured_rows = rows[written].reset_index(drop=True)
+    return Campaign(measured_rows, 0.0, hidden, over_noise, shown, meters, mount_m, runs, bench.conditions)
 
 
-def _settings(device: Device, rng: np.random.Generator, habits: Habits) -> tuple[pd.DataFrame, Conditions]:
+def expected_fall(
+    change: Mapping[str, FloatArray],
+    slope: Mapping[str, FloatArray],
+    read: Mapping[str, BoolArray],
+    meters: Mapping[str, Meter],
+    run: IntArray,
+    mount_m: float,
+) -> float:
+    """How plainly readings show an error: the fall of the weighted sum of squares by it, delta' C^-1 delta, on average.
+
+    Parameters
+    ----------
+    change, slope, read : mapping of str to array, shape (n,)
+        By channel: change by the error, slope over the distance, and whether there is a reading; in the order of
+        measuring.
+    meters : mapping of str to Meter
+        C holds their noise, which follows itself within a run, and rounding.
+    run : array, shape (n,)
+        Number of each reading's run; all readings of a run share one error of its mount.
+    mount_m : float
+        Standard deviation of that error.
+    """
+    fall = 0.0
+    for number in np.unique(run):
+        noise = crossed = shifted = 0.0
+        for name, meter in meters.items():
+            rows = np.flatnonzero((run == number) & read[name])
+            if not len(rows):
+                continue
+            covariance = meter.sigma**2 * meter.rho ** np.abs(rows[:, None] - rows[None, :])
+            covariance[np.diag_indices(len(rows))] += meter.step**2 / 12.0
+            factor = cho_factor(covariance)
+            weighted = cho_solve(factor, change[name][rows])
+            noise += float(change[name][rows] @ weighted)
+            crossed += float(slope[name][rows] @ weighted)
+            shifted += float(slope[name][rows] @ cho_solve(factor, slope[name][rows]))
+        fall += noise - (crossed**2 / (1.0 / mount_m**2 + shifted) if mount_m > 0.0 else 0.0)
+    return fall
+
+
+def _settings(device: Device, rng: np.random.Generator, extent: Extent) -> tuple[pd.DataFrame, Conditions]:
     """Two to five runs over distances and currents, and the temperatures that they lead to."""
     axes = device.actuator.sweep
     runs, step_s = int(rng.integers(2, 6)), float(rng.uniform(2.0, 12.0))
     largest = max(map(abs, axes.currents_A))
     saturates = bool(device.drawn.currents)
     other_way = axes.currents_A[0] < 0.0 or (rng.random() < 0.5 and not saturates)
-    few = habits.extent == "few readings"
-    runs = {"three runs": 3, "few readings": int(rng.integers(1, 4)) if few else 0}.get(habits.extent, runs)
+    few = extent == "few readings"
+    runs = {"three runs": 3, "few readings": int(rng.integers(1, 4)) if few else 0}.get(extent, runs)
     steps = int(rng.integers(5, 12) if not few else 3)
     cycle = np.linspace(-largest if other_way else 0.0, largest, steps)
     if saturates:
@@ -260,8 +286,7 @@ def _settings(device: Device, rng: np.random.Generator, habits: Habits) -> tuple
         }
     )
     campaign_s = step_s * np.arange(len(run), dtype=np.float64)
-    at = Conditions(dials["distance_m"].to_numpy(), current, time, ambient + warm, magnet, run, campaign_s)
-    return dials, at
+    return dials, Conditions(dials["distance_m"].to_numpy(), current, time, ambient + warm, magnet, run, campaign_s)
 
 
 def _follow(goal: FloatArray, rate: float, each: int) -> FloatArray:

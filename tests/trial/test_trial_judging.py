@@ -1,74 +1,105 @@
-"""Judging: what counts as right, and with what certainty."""
+"""What is judged right in a trial, and what is counted."""
+
+import json
 
 import pytest
 
-from support.trial_study.judge import judge
-from support.trial_study.table import trial_table
+from femfit.model.json_file import write_model
+from femfit.trial.counts import Share, counts, trial_lines
+from femfit.trial.judge import judge
+from femfit.trial.run import diagnose_campaigns
+from support.trial.campaigns import judged, set_lines
 
-KEY = {
-    "order": {"number": 1, "actuator": "rig", "effects": ["hall_offset"], "level": 1.0, "seed": 1},
-    "all_channels": True,
-    "effects": [{"name": "hall_offset", "over_noise": {"hall_V": 1.0, "force_N": 0.0}, "along": []}],
-    "unseen_floor": {"hall_V": 1e-3, "force_N": 1e-4},
-}
+KEY = {"level": 1.0, "hidden": {"hall_offset": 0.1}, "over_noise": {"hall_offset": {"hall_V": 1.0, "force_N": 0.0}}}
 
 
-def answer(verdict, *classes, channel="hall_V", covariates=()):
+def answer(*classes, channel="hall_V", certain=False, ranking=(), when=None):
     return {
-        "verdict": verdict,
-        "missing": [{"name": members[0], "class": list(members)} for members in classes],
-        "where": {"channel": channel, "covariates": list(covariates)},
-        "seconds": 1.0,
+        "verdict": "named" if classes else "unexplained",
+        "missing": [{"name": members[0], "class": list(members), "when": when} for members in classes],
+        "where": {"channel": channel},
+        "confident": certain,
+        "ranking": [{"name": name} for name in ranking],
     }
 
 
-def judged(full, **others):
-    return judge(KEY, {"full": full, **others})
+def shares(outcomes):
+    return {(count.group, count.outcome): count.share for count in counts(outcomes)}
 
 
 def test_the_truth_counts_wherever_it_stands_in_a_class():
-    found = judged(answer("named", ("external_field", "hall_offset")))
-    assert (found.in_class, found.first, found.spurious) == ((True,), False, 0)
+    outcome = judge(1, KEY, answer(("external_field", "hall_offset"), ("force_gain",)))
+    assert (outcome.found, outcome.named_first, outcome.spurious) == ((True,), False, 1)
+    assert outcome.right_channel
+    assert not judge(1, KEY, answer(channel="force_N")).right_channel
 
 
-def test_a_name_whose_class_has_no_hidden_effect_is_spurious():
-    found = judged(answer("named", ("hall_offset",), ("force_gain",)))
-    assert (found.first, found.spurious) == (True, 1)
+def test_what_was_called_certain_and_wrong_is_counted():
+    wrong = answer(("force_gain",), certain=True)
+    outcome = judge(1, KEY, wrong, wrong)
+    for group in ("One error hidden", "The same campaigns again, the cause taken out of the catalogue"):
+        assert shares([outcome])[group, "a wrong name was called certain"] == Share(1, 1)
+    assert any("hall_offset" in line and "0/1" in line for line in trial_lines([outcome]))
 
 
-def test_a_misnaming_within_the_truths_class_is_told_from_one_outside():
-    full = answer("named", ("hall_offset", "external_field"))
-    inside = judged(full, withheld=answer("named", ("external_field",)))
-    outside = judged(full, withheld=answer("named", ("force_gain",)))
-    assert (inside.confounded, outside.confounded) == (True, False)
+def test_a_number_of_the_drawing_is_right_by_any_of_its_key_paths():
+    name = "drawing:core.z_mm[1] (final)"
+    key = KEY | {"hidden": {name: 0.1}, "right": {name: ["core.z_mm[1]", "coil.z_mm[0]"]}, "group": {name: "drawing"}}
+    numbers = ("coil.z_mm[0]", "core.z_mm[0]")
+    assert judge(1, key, answer(numbers)).found == (True,)
+    assert judge(1, key, answer(("core.z_mm[0]",))).found == (False,)
+    curve = key | {"right": {name: ["materials.steel.B_T"]}}
+    assert judge(1, curve, answer(("materials.steel.H_A_per_m",))).found == (True,)
 
 
-def test_a_misfit_that_is_the_same_everywhere_needs_no_covariate():
-    assert judged(answer("unexplained")).right_covariate
-    assert not judged(answer("unexplained", covariates=["current_A"])).right_covariate
-    assert not judged(answer("unexplained", channel="force_N")).right_channel
+def test_a_diagnosis_whose_suspects_are_not_the_drawings_numbers_cannot_name_one():
+    key = KEY | {"right": {"hall_offset": ["core.z_mm[1]"]}, "group": {"hall_offset": "drawing"}}
+    without = answer(("remanence",), ranking=("remanence", "turns"), certain=True)
+    outcome = judge(1, key, without)
+    assert judged(outcome, key, without).groups == ("unseen",)
+    assert judged(outcome, key, answer(ranking=("core.z_mm[1]",))).groups == ("drawing",)
+    lines = set_lines([judged(outcome, key, without)])
+    assert any(line.startswith("One error hidden: a wrong name was called certain in 1 of 1") for line in lines)
+    assert any(line.startswith("A cause without a name: it was noticed in 1 of 1") for line in lines)
 
 
-def test_a_misfit_needs_no_covariate_in_the_channel_where_the_effect_is_even():
-    effect = {"name": "current_offset", "over_noise": {"hall_V": 1.0, "voltage_V": 1.0}, "along": ["current_A"]}
-    key = KEY | {"effects": [effect | {"even": ["voltage_V"]}]}
-    for channel in ("voltage_V", "hall_V"):
-        answers = {"full": answer("unexplained", channel=channel)}
-        assert judge(key, answers).right_covariate is (channel == "voltage_V")
+@pytest.mark.parametrize(
+    ("when", "right"),
+    [(None, None), ({"first_run": 4}, True), ({"first_run": 5}, False), ({"first_run": 3, "last_run": 4}, False)],
+)
+def test_the_runs_in_which_an_error_acts_are_right_within_one(when, right):
+    key = KEY | {"when": {"hall_offset": [3, 6]}, "runs": 6, "group": {"hall_offset": "when"}}
+    named = answer(("hall_offset",), when=when)
+    assert judged(judge(1, key, named), key, named).right_runs is right
 
 
-def test_the_error_on_the_unseen_run_is_taken_over_that_of_a_perfect_model():
-    found = judged(answer("unexplained"), unseen_rms={"hall_V": 2e-3, "force_N": 1e-4})
-    assert found.unseen_over_floor == pytest.approx((0.5 * (4.0 + 1.0)) ** 0.5)
+def test_what_readings_cannot_show_is_counted_apart():
+    outcome = judge(1, KEY | {"shown": {"hall_offset": 12.0}}, answer(("hall_offset",)))
+    assert outcome.could_be_shown == (False,)
+    assert {group for group, _ in shares([outcome])} == {
+        "One error hidden that the readings can hardly show",
+        "All campaigns",
+    }
 
 
-def test_the_table_says_what_was_missed():
-    named = answer("named", ("force_gain",))
-    lines = trial_table([judged(named, withheld=named | {"confident": True}), judged(named, withheld=named)])
-    by_what = {(line.group, line.what): line for line in lines}
-    assert by_what["one effect, all channels", "truth in the class"].met is False
-    assert by_what["effect withheld, 1 sigma", "misnamed, and called sure"].met is False
-    assert by_what["effect withheld, 1 sigma", "misnamed, and called sure"].value == 0.5
-    assert by_what["effect withheld, 1 sigma", "misnamed at all"].value == 1.0
-    assert by_what["no effect", "something named"].met is None
-    assert "MISSED" in by_what["effect withheld, 1 sigma", "misnamed, and called sure"].text()
+def test_any_certain_name_of_a_clean_campaign_is_wrong():
+    clean = KEY | {"level": 0.0, "hidden": {}, "over_noise": {}}
+    assert judge(1, clean, answer(("force_gain",), certain=True)).certain_and_wrong
+
+
+def test_a_file_that_the_diagnosis_refuses_is_an_outcome(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    place = tmp_path / "campaigns" / "0001"
+    place.mkdir(parents=True)
+    (place / "data.csv").write_text("current_A,distance_m,colour\n1.0,0.02,3\n")
+    (place / "hidden.json").write_text(json.dumps({"level": 0.0, "hidden": {}, "over_noise": {}}))
+    (outcome,) = diagnose_campaigns(tmp_path, [1], workers=1)
+    assert (outcome.verdict, outcome.classes) == ("refused", ())
+    assert shares([outcome])["Nothing hidden", "no verdict was given"] == Share(1, 1)
+
+
+def test_intervals_are_the_exact_ones():
+    # Clopper and Pearson: no hit in n leaves 1 - 0.025^(1/n)
+    assert Share(0, 100).ci95 == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
+    assert Share(100, 100).ci95[1] == 1.0
+    assert Share(5, 50).ci95 == pytest.approx((0.0333, 0.2181), abs=1e-4)  # as printed in tables

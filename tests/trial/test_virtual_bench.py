@@ -1,4 +1,4 @@
-"""The virtual bench of ``femfit trial``: hidden errors, meters, sizes, and what is judged right."""
+"""The virtual bench of ``femfit trial``: hidden errors, meters and sizes."""
 
 import json
 from dataclasses import replace
@@ -8,20 +8,19 @@ import pandas as pd
 import pytest
 
 from femfit.core.constants import MU_0
+from femfit.core.errors import DomainError
 from femfit.device.parts import LinearMaterial, NonlinearMaterial, Region
 from femfit.model.json_file import write_model
 from femfit.tables.measurement_file import read_bench_table
 from femfit.tables.sweep_table import read_sweep_table
 from femfit.trial.campaigns import make_campaigns
-from femfit.trial.counts import Share, counts, trial_lines
 from femfit.trial.device import Conditions, Device
 from femfit.trial.device import true_readings as read
 from femfit.trial.drawing_variants import saturable_core
-from femfit.trial.field_table import Fields, solve_drawings
+from femfit.trial.field_table import Fields, FieldTable, solve_drawings
 from femfit.trial.hidden import HIDDEN_ERRORS, possible_errors
-from femfit.trial.judge import judge
 from femfit.trial.run import diagnose_campaigns
-from femfit.trial.virtual_bench import Meter, make_campaign, measured
+from femfit.trial.virtual_bench import Meter, expected_fall, make_campaign, measured
 from support.actuators import assembly, rectangle
 from support.closed_form_device import D, N, closed_form_device, conditions
 
@@ -31,13 +30,13 @@ def device():
     return closed_form_device()
 
 
-def true_readings(device, at, sizes):
-    return read(device, at, sizes, HIDDEN_ERRORS)
+def true_readings(device, settings, sizes):
+    return read(device, settings, sizes, HIDDEN_ERRORS)
 
 
 def changed(device, name, size, **given):
-    at = conditions(**given)
-    with_it, without = true_readings(device, at, {name: size}), true_readings(device, at, {})
+    settings = conditions(**given)
+    with_it, without = true_readings(device, settings, {name: size}), true_readings(device, settings, {})
     return {channel: with_it[channel] - without[channel] for channel in without}
 
 
@@ -102,13 +101,13 @@ def test_no_errors_lead_out_of_the_solved_range(device):
     # Beyond its nodes the polynomial of a saturating actuator says nothing.
     for sign in (-1.0, 1.0):
         largest = max(device.actuator.sweep.currents_A)
-        at = Conditions(*(np.array([x]) for x in (0.0, largest, 0.0, 20.0, 20.0, 0, 0.0)))
+        settings = Conditions(*(np.array([x]) for x in (0.0, largest, 0.0, 20.0, 20.0, 0, 0.0)))
         for name in ("current_offset", "current_gain"):
-            at = HIDDEN_ERRORS[name].setting(device, sign * HIDDEN_ERRORS[name].limit(device), at)
-        assert abs(at.current[0]) <= 1.05 * largest
+            settings = HIDDEN_ERRORS[name].setting(device, sign * HIDDEN_ERRORS[name].limit(device), settings)
+        assert abs(settings.current[0]) <= 1.05 * largest
         near, far = (np.array([device.actuator.sweep.distances_m[k]]) for k in (0, -1))
         for distance in (near, far):
-            moved = replace(at, distance=distance)
+            moved = replace(settings, distance=distance)
             for name in ("distance_scale", "distance_offset"):
                 moved = HIDDEN_ERRORS[name].setting(device, sign * HIDDEN_ERRORS[name].limit(device), moved)
             assert device.drawn.distances[0] <= moved.distance[0] <= device.drawn.distances[1]
@@ -126,8 +125,8 @@ def test_a_campaign_on_the_model_itself_lacks_nothing(device, levitation_model, 
             return Fields(magnetics.state(d, i).force, magnetics.flux_linkage(d, i), hall)
 
     coil = replace(device.actuator.coil, resistance_ohm=levitation_model.circuit.resistance_ohm)
-    own = Device(replace(device.actuator, coils=(coil,)), Itself(), {})
-    campaign = make_campaign(own, {}, 0.0, np.random.default_rng(2))
+    itself = Device(replace(device.actuator, coils=(coil,)), Itself(), {})
+    campaign = make_campaign(itself, {}, 0.0, np.random.default_rng(2))
     place = tmp_path / "campaigns" / "0001"
     place.mkdir(parents=True)
     campaign.rows.to_csv(place / "data.csv", index=False)
@@ -144,101 +143,9 @@ def test_twenty_campaigns_hold_their_shares_and_go_round_the_errors(device, tmp_
     assert len({name for key in keys for name in key["hidden"]}) == len(HIDDEN_ERRORS)
 
 
-def said(*classes, channel="hall_V", confident=False):
-    missing = [{"name": members[0], "class": list(members)} for members in classes]
-    verdict = "named" if classes else "unexplained"
-    return {"verdict": verdict, "missing": missing, "where": {"channel": channel}, "confident": confident}
-
-
-KEY = {"level": 1.0, "hidden": {"hall_offset": 0.1}, "over_noise": {"hall_offset": {"hall_V": 1.0, "force_N": 0.0}}}
-
-
-def test_the_truth_counts_wherever_it_stands_in_a_class():
-    found = judge(1, KEY, said(("external_field", "hall_offset"), ("force_gain",)))
-    assert (found.found, found.named_first, found.spurious) == ((True,), False, 1)
-    assert found.right_channel
-    assert not judge(1, KEY, said(channel="force_N")).right_channel
-
-
-def test_what_was_called_certain_and_wrong_is_counted():
-    wrong = said(("force_gain",), confident=True)
-    lines = {(one.group, one.outcome): one.share for one in counts([judge(1, KEY, wrong, wrong)])}
-    assert lines["One error hidden", "a wrong name was called certain"] == Share(1, 1)
-    assert lines[
-        "The same campaigns again, the cause taken out of the catalogue", "a wrong name was called certain"
-    ] == Share(1, 1)
-    assert any("hall_offset" in line and "0/1" in line for line in trial_lines([judge(1, KEY, wrong)]))
-
-
-def told(*classes, certain=False, ranking=(), when=None):
-    missing = [{"name": members[0], "class": list(members), "when": when} for members in classes]
-    names = [{"name": name} for name in ranking]
-    return said(confident=certain) | {"missing": missing, "ranking": names, "verdict": "named"}
-
-
-def test_a_number_of_the_drawing_is_right_by_any_of_its_key_paths():
-    name = "drawing:core.z_mm[1] (final)"
-    key = KEY | {"hidden": {name: 0.1}, "right": {name: ["core.z_mm[1]", "coil.z_mm[0]"]}, "group": {name: "drawing"}}
-    numbers = ("coil.z_mm[0]", "core.z_mm[0]")
-    assert judge(1, key, told(numbers, ranking=numbers)).found == (True,)
-    assert judge(1, key, told(("core.z_mm[0]",), ranking=numbers)).found == (False,)
-    curve = key | {"right": {name: ["materials.steel.B_T"]}}
-    assert judge(1, curve, told(("materials.steel.H_A_per_m",))).found == (True,)
-    # A diagnosis whose suspects are not the drawing's numbers cannot be right: the cause is unseen
-    without = judge(1, key, told(("remanence",), ranking=("remanence", "turns"), certain=True))
-    assert (without.unknown, without.certain_and_wrong) == ((True,), True)
-    lines = {(one.group, one.outcome): one.share for one in counts([without])}
-    assert lines["A cause that the diagnosis has no name for, of 1 sigma", "a wrong name was called certain"] == Share(
-        1, 1
-    )
-
-
-@pytest.mark.parametrize(
-    ("when", "right"),
-    [(None, None), ({"first_run": 4}, True), ({"first_run": 5}, False), ({"first_run": 3, "last_run": 4}, False)],
-)
-def test_the_runs_in_which_an_error_acts_are_right_within_one(when, right):
-    key = KEY | {"when": {"hall_offset": [3, 6]}, "runs": 6}
-    assert judge(1, key, told(("hall_offset",), when=when)).right_runs is right
-
-
-def test_what_readings_cannot_show_is_counted_apart():
-    key = KEY | {"shown": {"hall_offset": 12.0}}
-    found = judge(1, key, told(("hall_offset",)))
-    assert found.could_be_shown == (False,)
-    assert {one.group for one in counts([found])} == {
-        "One error hidden that the readings can hardly show",
-        "All campaigns",
-    }
-
-
-def test_any_certain_name_of_a_clean_campaign_is_wrong():
-    clean = KEY | {"level": 0.0, "hidden": {}, "over_noise": {}}
-    assert judge(1, clean, told(("force_gain",), certain=True)).certain_and_wrong
-
-
-def test_a_file_that_the_diagnosis_refuses_is_an_outcome(device, levitation_model, tmp_path):
-    write_model(levitation_model, tmp_path / "model.json")
-    place = tmp_path / "campaigns" / "0001"
-    place.mkdir(parents=True)
-    (place / "data.csv").write_text("current_A,distance_m,colour\n1.0,0.02,3\n")
-    (place / "hidden.json").write_text(json.dumps({"level": 0.0, "hidden": {}, "over_noise": {}}))
-    (outcome,) = diagnose_campaigns(tmp_path, [1], workers=1)
-    assert (outcome.verdict, outcome.classes) == ("refused", ())
-    lines = {(one.group, one.outcome): one.share for one in counts([outcome])}
-    assert lines["Nothing hidden", "no verdict was given"] == Share(1, 1)
-
-
-def test_intervals_are_the_exact_ones():
-    # Clopper and Pearson: no hit in n leaves 1 - 0.025^(1/n)
-    assert Share(0, 100).ci95 == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
-    assert Share(100, 100).ci95[1] == 1.0
-    assert Share(5, 50).ci95 == pytest.approx((0.0333, 0.2181), abs=1e-4)  # as printed in tables
-
-
 def test_a_saturating_part_keeps_its_drawn_permeability_in_small_fields(device):
     drawn = next(part.material for part in device.actuator.fixed if part.material.relative_permeability > 10.0)
-    saturable = saturable_core(device.actuator, 0.45, 1.0)
+    saturable = saturable_core(device.actuator, 0.45)
     curve = next(part.material for part in saturable.fixed if isinstance(part.material, NonlinearMaterial))
     assert curve.relative_permeability == pytest.approx(drawn.relative_permeability, rel=0.03)
     slope = (curve.flux_density_T[-1] - curve.flux_density_T[-2]) / (curve.field_A_per_m[-1] - curve.field_A_per_m[-2])
@@ -252,6 +159,87 @@ def test_a_table_is_the_sweep_of_its_drawing_at_the_nodes_and_is_linear_in_the_c
     tables = solve_drawings({"drawn": drawing}, tmp_path, workers=1)
     rows = read_sweep_table(tmp_path).rows
     assert len(rows) == 9
-    at = tables["drawn"].at(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy())
-    np.testing.assert_allclose(at.force, rows["force_N"], rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(at.flux_linkage, rows["flux_linkage_Wb"], rtol=1e-9)
+    settings = tables["drawn"].at(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy())
+    np.testing.assert_allclose(settings.force, rows["force_N"], rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(settings.flux_linkage, rows["flux_linkage_Wb"], rtol=1e-9)
+
+
+def test_a_saturating_drawing_without_magnets_is_mirrored_and_exact_where_it_is_measured(monkeypatch, tmp_path):
+    monkeypatch.setattr("femfit.trial.field_table.SATURATING_DISTANCES", 2)
+    monkeypatch.setattr("femfit.trial.field_table.CURRENTS", 2)
+    h = np.array([0.0, 100.0, 400.0, 2000.0, 1e5])
+    steel = NonlinearMaterial("steel", tuple((4e-7 * np.pi * h + 1.6 * np.tanh(h / 300.0)).tolist()), tuple(h.tolist()))
+    drawing = assembly(
+        moving=[Region("disc", rectangle(0.0, 0.01, 0.0, 0.005), steel)], distances=(0.004, 0.01),
+        coil=rectangle(0.008, 0.012, -0.01, -0.002), turns=2000,
+    )  # fmt: skip
+    table = solve_drawings({"drawn": drawing}, tmp_path, workers=1)["drawn"]
+    rows = read_sweep_table(tmp_path).rows
+    assert table.currents == pytest.approx((-1.05, -1.0, 0.0, 1.0, 1.05))
+    assert sorted(set(rows["current_A"])) == pytest.approx([0.0, 1.0, 1.05])
+    d, i = rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()
+    for sign in (-1.0, 1.0):
+        settings = table.at(d, sign * i)
+        np.testing.assert_allclose(settings.force, rows["force_N"], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(settings.flux_linkage, sign * rows["flux_linkage_Wb"], rtol=1e-9, atol=1e-12)
+    with pytest.raises(DomainError, match=r"currents .* between -1.05 and 1.05 A"):
+        table.at(d[:1], np.array([1.1]))
+
+
+def test_a_table_through_zero_is_a_polynomial_in_the_distance():
+    x = np.cos(np.pi * (np.arange(6) + 0.5) / 6)[::-1]
+    d = -6e-3 + 4e-3 * x
+    inverse = np.linalg.inv(np.polynomial.chebyshev.chebvander(x, 5))
+    values = np.array([[1e9 * d**3, d, 0.0 * d]] * 3).transpose(0, 2, 1)
+    table = FieldTable((-10e-3, -2e-3), np.einsum("ak,ckj->caj", inverse, values))
+    settings = np.array([-9e-3, -3.3e-3])
+    np.testing.assert_allclose(
+        table.at(settings, np.array([2.0, -1.0])).force, 1e9 * settings**3 + settings * [2.0, -1.0], rtol=1e-9
+    )
+
+
+def test_the_key_says_how_the_readings_scatter():
+    # At the truth the weighted sum of squares is chi-square of as many degrees as there are readings
+    device, weighted, count = closed_form_device(), 0.0, 0
+    for seed in range(6):
+        campaign = make_campaign(device, {}, 0.0, np.random.default_rng(seed))
+        rows = campaign.rows
+        d, i, run, order = (rows[name].to_numpy() for name in ("distance_m", "current_A", "run", "order"))
+        ahead, fields, back = (device.drawn.at(d + shift, i) for shift in (1e-5, 0.0, -1e-5))
+        slope = (ahead - back).times(1.0 / 2e-5)
+        for name, volts in (("force", 1.0), ("flux_linkage", 1.0), ("hall", 50.0)):
+            channel = {"force": "force_N", "flux_linkage": "flux_linkage_Wb", "hall": "hall_V"}[name]
+            if channel not in campaign.meters:
+                continue
+            meter = campaign.meters[channel]
+            residual = rows[channel].to_numpy() - volts * getattr(fields, name) - (2.5 if channel == "hall_V" else 0.0)
+            for number in np.unique(run):
+                settings = np.flatnonzero((run == number) & np.isfinite(residual))
+                covariance = meter.sigma**2 * meter.rho ** np.abs(np.subtract.outer(order[settings], order[settings]))
+                moved = volts * getattr(slope, name)[settings]
+                covariance += meter.step**2 / 12.0 * np.eye(len(settings)) + campaign.mount_m**2 * np.outer(
+                    moved, moved
+                )
+                weighted += residual[settings] @ np.linalg.solve(covariance, residual[settings])
+                count += len(settings)
+    assert weighted / count == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / count))
+
+
+def test_the_fall_is_that_of_the_whole_covariance():
+    rng, n = np.random.default_rng(4), 12
+    run, mount_m = np.repeat([0, 1], n // 2), 2e-5
+    meters = {"force_N": Meter(0.02, 0.4, 1.0), "hall_V": Meter(0.01, 0.0, 5.0)}
+    change, slope = ({name: rng.standard_normal(n) * scale for name in meters} for scale in (0.03, 800.0))
+    read = {name: rng.random(n) > 0.2 for name in meters}
+    blocks = [
+        meter.sigma**2 * meter.rho ** np.abs(np.subtract.outer(np.arange(n), np.arange(n))) * (run[:, None] == run)
+        + meter.step**2 / 12.0 * np.eye(n)
+        for meter in meters.values()
+    ]
+    covariance = np.block([[blocks[0], np.zeros((n, n))], [np.zeros((n, n)), blocks[1]]])
+    stacked, both = np.concatenate([slope[name] for name in meters]), np.tile(run, 2)
+    covariance += mount_m**2 * np.outer(stacked, stacked) * (both[:, None] == both)
+    present = np.concatenate([read[name] for name in meters])
+    delta = np.concatenate([change[name] for name in meters])[present]
+    expected = delta @ np.linalg.solve(covariance[np.ix_(present, present)], delta)
+    assert expected_fall(change, slope, read, meters, run, mount_m) == pytest.approx(expected)

@@ -1,0 +1,62 @@
+"""What the baselines find in misfits of known form, and what their correction is worth on readings not seen."""
+
+import numpy as np
+import pytest
+from benchmarks.baselines import (
+    Problem,
+    gaussian_process,
+    lasso_bic,
+    pysindy_powers,
+    stepwise_aicc,
+    symbolic_regression,
+)
+
+
+def problem(form, seed=3):
+    """A misfit of a given form over the places, ten times the noise; the last fifth of the readings is not seen."""
+    rng = np.random.default_rng(seed)
+    place = rng.uniform(-1.0, 1.0, (400, 3))
+    columns = np.stack([place[:, 0], place[:, 1] ** 2, place[:, 2] ** 3], axis=1)
+    target = 10.0 * form(*place.T) + rng.standard_normal(400)
+    names, channels = ("offset", "gain", "drift"), ("force_N",)
+    everything = np.ones(400, dtype=bool)
+    campaign = Problem(np.ones(400), target, everything, columns, names, place, channels, np.zeros(400, dtype=int))
+    return campaign.only(np.arange(400) < 320)
+
+
+def error_after(campaign, answer):
+    """Root mean square of what a correction leaves of the readings that were not seen, in standard deviations."""
+    return np.sqrt(np.mean((campaign.target - answer.correction)[~campaign.seen] ** 2))
+
+
+@pytest.mark.parametrize("method", [lasso_bic, stepwise_aicc])
+def test_selection_names_the_column_that_made_the_misfit_and_corrects_readings_that_it_never_saw(method):
+    pytest.importorskip("sklearn")
+    campaign = problem(lambda d, i, f: i**2)
+    answer = method(campaign)
+    assert "gain" in answer.names
+    assert error_after(campaign, answer) < 1.2  # of 80 readings, two standard deviations
+
+
+def test_powers_are_found_as_terms_of_their_channel():
+    pytest.importorskip("pysindy")
+    campaign = problem(lambda d, i, f: i**2)
+    answer = pysindy_powers(campaign)
+    assert "force_N: current^2" in answer.names
+    assert error_after(campaign, answer) < 1.2
+
+
+def test_a_formula_is_found_where_it_is_worth_its_length():
+    pytest.importorskip("gplearn")
+    campaign = problem(lambda d, i, f: f)
+    assert error_after(campaign, symbolic_regression(campaign)) < 2.0
+    assert symbolic_regression(problem(lambda d, i, f: 0.0 * f)).names == ()
+
+
+def test_a_gaussian_process_corrects_what_depends_on_distance_and_current_and_names_only_the_channel():
+    pytest.importorskip("sklearn")
+    campaign = problem(lambda d, i, f: np.sin(2.0 * d) * i)
+    answer = gaussian_process(campaign)
+    assert answer.names == ("force_N: something",)
+    assert error_after(campaign, answer) < 1.5
+    assert gaussian_process(problem(lambda d, i, f: 0.0 * d)).names == ()

@@ -1,1 +1,0 @@
-"""A solenoid and a voice coil whose benches and records are made by other physics than the catalogue's."""

@@ -1,0 +1,130 @@
+"""Stops, springs, friction and screws: forces and places of which the field knows nothing."""
+
+from typing import Literal
+
+import numpy as np
+
+from femfit.trial.device import HiddenError
+from support.trial.truth import Bend, Truth, always, bent, moved, place
+
+
+def stop(law: Literal["ball", "flat", "rubber"]) -> Truth:
+    """Contact before the end: a round stop by Hertz (power 3/2), a flat one, or rubber that hardens, at the far end."""
+
+    def build(device, rng):
+        low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
+        reach = float(rng.uniform(0.1, 0.3)) * (high - low)
+        sign = 1.0 if law == "rubber" else -1.0
+
+        def push(settings):
+            depth = np.maximum(
+                0.0, settings.distance - (high - reach) if law == "rubber" else low + reach - settings.distance
+            )
+            x = depth / reach
+            return sign * {"ball": x**1.5, "flat": x, "rubber": x * (1.0 + x)}[law]
+
+        return HiddenError(
+            lambda device: 2.0 * device.largest_force,
+            ("force_N",),
+            reading=lambda device, size, settings, values: {"force_N": values["force_N"] + abs(size) * push(settings)},
+        )
+
+    return Truth(build)
+
+
+def spring(law: Literal["straight", "conical", "pretensioned"]) -> Truth:
+    """A spring that the drawing does not have: on a line, stiffer as it closes, or bearing from a length on alone."""
+
+    def build(device, rng):
+        preload, free = (float(x) for x in rng.uniform([0.0, 0.6], [0.5, 0.9]))
+
+        def push(settings):
+            closed = 0.5 * (1.0 - place(device, settings))
+            if law == "pretensioned":
+                return np.where(closed > 1.0 - free, closed - (1.0 - free) + preload, 0.0)
+            return preload + closed * (1.0 + (0.2 * closed if law == "conical" else 0.0))
+
+        return HiddenError(
+            lambda device: 0.5 * device.largest_force,
+            ("force_N",),
+            # What pushes the parts apart is a smaller attraction
+            reading=lambda device, size, settings, values: {"force_N": values["force_N"] - abs(size) * push(settings)},
+        )
+
+    return Truth(build)
+
+
+def carried_spring(bend: Bend) -> Truth:
+    """A load cell that holds the body and so carries the drawn spring, which is not quite as drawn."""
+
+    def reading(device, size, settings, values):
+        push = np.asarray(device.actuator.mechanics.push_of_springs(settings.distance))
+        return {"force_N": values["force_N"] - abs(size) * push * bent(place(device, settings), bend)}
+
+    return always(
+        HiddenError(lambda device: 1.5, ("force_N",), reading=reading),
+        lacks=lambda actuator: "" if actuator.mechanics.springs else "no spring",
+    )
+
+
+def friction(law: Literal["coulomb", "stribeck", "lugre"]) -> Truth:
+    """Friction in the load cell's linkage, against the change of the force; no catalogue has it for a bench.
+
+    The linkage gives way in proportion to the force. Dry friction turns with the direction; Stribeck's falls from its
+    breakaway value as the steps grow; bristles (LuGre) bend first: df = (1 - f sign(dx) / g) dx / x_0.
+
+    References
+    ----------
+    C. Canudas de Wit, H. Olsson, K. J. Astrom and P. Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419.
+    """
+
+    def build(device, rng):
+        bristle, slow, breakaway = (float(x) for x in rng.uniform([0.02, 0.01, 0.2], [0.2, 0.05, 1.0]))
+
+        def reading(device, size, settings, values):
+            x = values["force_N"] / device.largest_force
+            force, state = np.zeros(len(x)), 0.0
+            for k in range(1, len(x)):
+                if settings.run[k] != settings.run[k - 1]:
+                    state = 0.0
+                    continue
+                step = float(x[k] - x[k - 1])
+                level = 1.0 + breakaway * np.exp(-((step / slow) ** 2)) * (law != "coulomb")
+                goal = np.sign(step) * level
+                keep = np.exp(-abs(step) / (bristle * level)) if law == "lugre" else float(step == 0.0)
+                state = goal + (state - goal) * keep
+                force[k] = state
+            return {"force_N": values["force_N"] - size * force}
+
+        return HiddenError(
+            lambda device: 0.1 * device.largest_force,
+            ("force_N",),
+            reading=reading,
+            names=(),
+        )
+
+    return Truth(build, "unseen")
+
+
+def screw(law: Literal["sine", "saw", "two gears"]) -> Truth:
+    """A leadscrew whose error comes back with every turn: no catalogue has it."""
+
+    def build(device, rng):
+        low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
+        # Some turns within the travel: a finer screw is noise to a table of 8 to 24 distances
+        turns, phase = float(rng.uniform(2.0, 5.0)), float(rng.uniform(0.0, 1.0))
+
+        def wave(settings):
+            x = turns * (settings.distance - low) / (high - low) + phase
+            if law == "saw":
+                return 2.0 * (x % 1.0) - 1.0
+            return np.sin(2.0 * np.pi * x) + (0.5 * np.sin(2.0 * np.pi * 2.4 * x) if law == "two gears" else 0.0)
+
+        return HiddenError(
+            lambda device: 0.5 * device.largest_shift,
+            ("force_N",),
+            setting=lambda device, size, settings: moved(settings, size * wave(settings)),
+            names=(),
+        )
+
+    return Truth(build, "unseen")

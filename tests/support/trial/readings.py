@@ -1,0 +1,249 @@
+"""Meters, stages, elements and thermometers that are wrong: zeros, scales, drifts, limits and warmth."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.arrays import FloatArray
+from femfit.device.parts import REFERENCE_TEMPERATURE
+from femfit.trial.device import Conditions, HiddenError
+from femfit.trial.drawing_variants import has_magnet
+from support.trial.truth import (
+    BY_CURRENT,
+    FIELD,
+    Bend,
+    Truth,
+    always,
+    bent,
+    driven,
+    moved,
+    no_hall,
+    place,
+)
+
+COPPER_ZERO = -234.5
+"""Temperature at which copper's resistance, drawn on linearly, would be zero: IEC 60028."""
+
+Warmth = Literal["thermometer", "hot inside", "late"]
+
+
+def meter_errors(bend: Bend) -> Mapping[str, Truth]:
+    """Every zero and scale of stage and meters, each with a bend that its definition does not have."""
+
+    def current(device, settings):
+        return settings.current / device.largest_current
+
+    def reading(channel, form, limit, scale=lambda device: 1.0):
+        """A channel with an error that is a zero, or in proportion to its signal or to the current."""
+
+        def read(device, size, settings, values):
+            signal = values[channel] - (_zero(device) if channel == "hall_V" else 0.0)
+            largest = float(np.abs(signal).max()) or 1.0
+            weight = {"offset": np.ones_like(signal), "gain": signal, "pickup": settings.current}[form]
+            x = current(device, settings) if form == "pickup" else signal / largest
+            return {channel: values[channel] + size * weight * bent(x, bend)}
+
+        lacks = {"lacks": no_hall} if channel == "hall_V" else {}
+        return always(HiddenError(lambda device: limit * scale(device), (channel,), reading=read), **lacks)
+
+    def setting(limit, channels, change):
+        return always(HiddenError(limit, channels, setting=change))
+
+    def force(device):
+        return device.largest_force
+
+    return {
+        "distance_offset": setting(
+            lambda device: device.largest_shift,
+            ("force_N",),
+            lambda device, size, settings: moved(settings, size * bent(place(device, settings), bend)),
+        ),
+        "distance_scale": setting(
+            lambda device: 0.027,
+            ("force_N",),
+            lambda device, size, settings: moved(
+                settings, size * settings.distance * bent(place(device, settings), bend)
+            ),
+        ),
+        "current_offset": setting(
+            lambda device: 0.018 * device.largest_current,
+            BY_CURRENT,
+            lambda device, size, settings: driven(settings, size * bent(current(device, settings), bend)),
+        ),
+        "current_gain": setting(
+            lambda device: 0.018,
+            BY_CURRENT,
+            lambda device, size, settings: driven(
+                settings, size * settings.current * bent(current(device, settings), bend)
+            ),
+        ),
+        "force_offset": reading("force_N", "offset", 0.3, force),
+        "constant_force": reading("force_N", "offset", 0.3, force),
+        "force_gain": reading("force_N", "gain", 0.2),
+        "resistance": reading("voltage_V", "gain", 0.3),
+        "hall_offset": reading("hall_V", "offset", 0.3),
+        "hall_coil_pickup": reading("hall_V", "pickup", 0.3, lambda device: 1.0 / device.largest_current),
+    }
+
+
+def _zero(device) -> float:
+    return device.actuator.hall.quiescent_V if device.actuator.hall is not None else 0.0
+
+
+def hall_saturation(law: Literal["tanh", "power", "knee"]) -> Truth:
+    """A Hall element's output that bends towards a limit 1 / size: soon, late, or from two thirds of it on."""
+
+    def law_of(x):
+        if law == "tanh":
+            return np.tanh(x)
+        if law == "power":
+            return x / (1.0 + np.abs(x) ** 3) ** (1.0 / 3.0)
+        beyond = np.maximum(np.abs(x) - 2.0 / 3.0, 0.0)
+        return np.sign(x) * (np.minimum(np.abs(x), 2.0 / 3.0) + np.tanh(3.0 * beyond) / 3.0)
+
+    def reading(device, size, settings, values):
+        zero, room = _zero(device), 1.0 / max(abs(size), 1e-9)
+        return {"hall_V": zero + room * law_of((values["hall_V"] - zero) / room)}
+
+    return always(HiddenError(lambda device: 1.5, ("hall_V",), reading=reading), lacks=no_hall)
+
+
+def integrator(law: Literal["square", "no reset", "leaky"]) -> Truth:
+    """A fluxmeter that drifts: faster and faster in each run, over the campaign without a reset, or until it leaks."""
+
+    def course(settings):
+        if law == "no reset":
+            return settings.campaign_s
+        duration = max(float(settings.time_s.max()), 1.0)
+        if law == "square":
+            return settings.time_s * (1.0 + settings.time_s / duration)
+        return 0.3 * duration * (1.0 - np.exp(-settings.time_s / (0.3 * duration)))
+
+    return always(
+        HiddenError(
+            lambda device: 1e-4,
+            ("flux_linkage_Wb",),
+            reading=lambda device, size, settings, values: {
+                "flux_linkage_Wb": values["flux_linkage_Wb"] + size * course(settings)
+            },
+        )
+    )
+
+
+def drift(channel: Literal["force_N", "hall_V"], law: Literal["line", "settling", "walk"]) -> Truth:
+    """A zero that drifts over the campaign: on a line, until it has settled, or as a random walk beside that."""
+
+    def build(device, rng):
+        share, seed = float(rng.uniform(0.15, 0.6)), int(rng.integers(2**31))
+
+        def course(settings):
+            x = settings.campaign_s / max(float(settings.campaign_s.max()), 1.0)
+            settled = (1.0 - np.exp(-x / share)) / (1.0 - np.exp(-1.0 / share))
+            walk = np.cumsum(np.random.default_rng(seed).standard_normal(len(x))) / np.sqrt(len(x))
+            return {"line": x, "settling": settled, "walk": settled + 0.3 * walk}[law]
+
+        return HiddenError(
+            lambda device: 0.3 * (device.largest_force if channel == "force_N" else 1.0),
+            (channel,),
+            reading=lambda device, size, settings, values: {channel: values[channel] + size * course(settings)},
+            names=("hall_drift",) if channel == "hall_V" else ("force_drift", "force_offset", "constant_force"),
+        )
+
+    return Truth(build, "catalogue", no_hall) if channel == "hall_V" else Truth(build, "when")
+
+
+def lagged(values: FloatArray, settings: Conditions, seconds: float) -> FloatArray:
+    """A first-order lag behind values, which starts at the first one of each run."""
+    result = values.copy()
+    for k in range(1, len(values)):
+        if settings.run[k] == settings.run[k - 1]:
+            keep = np.exp(-(settings.time_s[k] - settings.time_s[k - 1]) / seconds)
+            result[k] = values[k] + keep * (result[k - 1] - values[k])
+    return result
+
+
+def winding(law: Warmth) -> Truth:
+    """Copper that warms, as much as its thermometer says, more inside, or before it."""
+
+    def reading(device, size, settings, values):
+        temperature, rise = settings.coil_C, settings.coil_C - REFERENCE_TEMPERATURE
+        if law == "hot inside":
+            temperature = settings.coil_C + rise * np.abs(rise) / 200.0
+        if law == "late":
+            temperature = settings.coil_C + 3.0 * (settings.current / device.largest_current) ** 2
+        share = (temperature - REFERENCE_TEMPERATURE) / (REFERENCE_TEMPERATURE - COPPER_ZERO)
+        return {
+            "voltage_V": values["voltage_V"]
+            + abs(size) * device.actuator.coil.resistance_ohm * share * settings.current
+        }
+
+    return always(HiddenError(lambda device: 1.3, ("voltage_V",), reading=reading))
+
+
+def magnets(family: str, drawings, law: Warmth) -> Truth:
+    """Magnets that weaken as they warm: a curve of neodymium, a line of ferrite, or neodymium behind its thermometer.
+
+    The family holds the fields by the relative change of the remanence.
+    """
+
+    def build(device, rng):
+        lag = float(rng.uniform(60.0, 300.0))
+        slope, bend = {"thermometer": (-1.2e-3, -4e-6), "hot inside": (-2e-3, 0.0), "late": (-1.1e-3, -1e-6)}[law]
+
+        def weaker(settings):
+            rise = settings.magnet_C - REFERENCE_TEMPERATURE
+            rise = lagged(rise, settings, lag) if law == "late" else rise
+            return slope * rise + bend * rise**2
+
+        return HiddenError(
+            lambda device: 2.5,
+            FIELD,
+            fields=lambda device, size, settings: device.change(family, abs(size) * weaker(settings), settings),
+        )
+
+    return Truth(build, lacks=lambda drawn: "" if has_magnet(drawn) else "no magnet", families=drawings)
+
+
+def hall_element(law: Warmth) -> Truth:
+    """Zero and sensitivity of a Hall element, by the winding's temperature, the surroundings', or behind both."""
+
+    def build(device, rng):
+        per_volt, lag = float(rng.uniform(-1.0, 1.0)), float(rng.uniform(30.0, 200.0))
+
+        def reading(device, size, settings, values):
+            temperature = {
+                "thermometer": settings.coil_C,
+                "hot inside": 0.6 * settings.coil_C + 0.4 * settings.magnet_C,
+                "late": lagged(settings.magnet_C, settings, lag),
+            }[law]
+            share = 1.0 + per_volt * (values["hall_V"] - _zero(device))
+            return {"hall_V": values["hall_V"] + size * (temperature - REFERENCE_TEMPERATURE) * share}
+
+        return HiddenError(lambda device: 2e-2, ("hall_V",), reading=reading)
+
+    return Truth(build, lacks=no_hall)
+
+
+def load_cell(law: Literal["zero", "span", "both"]) -> Truth:
+    """A load cell near the winding whose zero, or span, follows the winding's temperature late: no catalogue has it."""
+
+    def build(device, rng):
+        lag = float(rng.uniform(100.0, 900.0))
+
+        def reading(device, size, settings, values):
+            start = np.r_[True, np.diff(settings.run) > 0]
+            ambient = settings.coil_C[start][np.cumsum(start) - 1]
+            warm = lagged(settings.coil_C - ambient, settings, lag)
+            zero = size * warm * (law != "span")
+            span = size * warm * values["force_N"] / device.largest_force * (law != "zero")
+            return {"force_N": values["force_N"] + zero + span}
+
+        return HiddenError(
+            lambda device: 0.02 * device.largest_force,
+            ("force_N",),
+            reading=reading,
+            names=(),
+        )
+
+    return Truth(build, "unseen")

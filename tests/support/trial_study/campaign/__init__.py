@@ -1,1 +1,0 @@
-"""Measurement campaigns with a sealed key: plan, truth, noise, files. Knows no effect."""
