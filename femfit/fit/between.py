@@ -61,12 +61,12 @@ def missed_between(fit: CoenergyFit, rows: FitRows) -> Between | None:
     if rows.inductance is None or rows.flux_linkage is None:
         return None
     distance, current = halfway(rows)
-    found = fit.magnetics, *_others(fit.basis, rows)
-    values = np.array([_quantities(one, distance, current) for one in found])
+    splines = fit.magnetics, *_others(fit.basis, rows)
+    values = np.array([_quantities(spline, distance, current) for spline in splines])
     table = (rows.force, rows.flux_linkage, rows.inductance[np.isfinite(rows.inductance)])
     off = np.abs(values[1:] - values[0]) / np.array([[rms(column)] for column in table])
     parted = np.array([np.quantile(off[:, k], share, axis=0) for k, share in enumerate(PARTED)])
-    force, flux_linkage, inductance = (rms(one) for one in parted)
+    force, flux_linkage, inductance = (rms(departure) for departure in parted)
     worst = int(np.argmax(parted[2]))
     chosen = parted[0] if force > COARSE else parted[2]
     most = 2.0 * chosen >= chosen.max()
@@ -74,8 +74,8 @@ def missed_between(fit: CoenergyFit, rows: FitRows) -> Between | None:
         "distance_m": np.setdiff1d(distance[most], rows.distances).tolist(),
         "current_A": np.setdiff1d(current[most], rows.currents).tolist(),
     }
-    at = float(distance[worst]), float(current[worst])
-    return Between(force, flux_linkage, inductance, float(parted[2, worst]), *at, finer)
+    place = float(distance[worst]), float(current[worst])
+    return Between(force, flux_linkage, inductance, float(parted[2, worst]), *place, finer)
 
 
 def halfway(rows: FitRows) -> tuple[FloatArray, FloatArray]:
@@ -100,6 +100,6 @@ def _others(basis: CoenergyBasis, rows: FitRows) -> Iterator[CoenergySpline]:
     knots = basis.current_knots
     step = MOVED_BREAKS * np.diff(np.unique(knots)).min() * ((knots > knots[0]) & (knots < knots[-1]))
     alike = [replace(basis, **trial) for trial in distance_trials(rows)]
-    for n, one in enumerate(one for one in alike if one.cells == basis.cells):
-        other = replace(one, current_knots=knots + (-1) ** (n + 1) * step)
-        yield gauged(other, system.without_constraints(other, columns).reshape(other.shape), rows)
+    for n, trial_basis in enumerate(trial_basis for trial_basis in alike if trial_basis.cells == basis.cells):
+        moved = replace(trial_basis, current_knots=knots + (-1) ** (n + 1) * step)
+        yield gauged(moved, system.without_constraints(moved, columns).reshape(moved.shape), rows)

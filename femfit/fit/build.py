@@ -17,9 +17,8 @@ from femfit.fit.circuits_build import fit_several
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.drawing import drawn_effects
-from femfit.fit.eddy import conductivities, fit_eddy
+from femfit.fit.eddy import with_eddy_currents
 from femfit.fit.hall import fit_hall
-from femfit.fit.impedance_numbers import with_impedances
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows, sheet_notes
@@ -28,12 +27,11 @@ from femfit.fit.model_parts import (
     kind_of,
     mechanics_of,
     model_parts,
-    number,
     other_sensors_of,
-    sample_time,
+    with_period,
     within_sweep,
 )
-from femfit.fit.network_fit import NetworkFit, better_network, fit_network
+from femfit.fit.network_fit import better_network, fit_network
 from femfit.fit.pickup import fit_pickups
 from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
@@ -121,7 +119,7 @@ def fit_model(
         if law is not None:
             raise UsageError(f"Several circuits take the co-energy alone; instead received model {law!r}.")
         return fit_several(table, entry)
-    mechanics = None if entry.get("mass_kg") is None else mechanics_of(entry)
+    mechanics = mechanics_of(entry)
     rows = rows_of_table(table, *((mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)))
 
     law_fit, ranking, network = None, None, None
@@ -133,18 +131,25 @@ def fit_model(
     elif law == NETWORK:
         network = fit_network(rows)
     elif law is not None:
-        chosen = law_by_name(law)
-        law_fit = fit_law(chosen, rows, default_bounds(chosen).with_single(chosen, bounds or {}), functions)
+        named = law_by_name(law)
+        law_fit = fit_law(named, rows, default_bounds(named).with_single(named, bounds or {}), functions)
     coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None and network is None)
+    magnetics: Magnetics
+    if law_fit is not None:
+        magnetics = law_magnetics(law_fit, rows, inductance_H)
+    else:
+        chosen = network or coenergy
+        assert chosen is not None  # noqa: S101  a co-energy that is needed raises
+        magnetics = chosen.magnetics
     one_current = len(rows.currents) < 2 and not rows.without_current
     hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
     circuits, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
     motion, beyond = within_sweep(motion, rows.distances)
-    others, not_held = other_sensors_of(entry, fit_pickups(table))
+    other_sensors, not_held = other_sensors_of(entry, fit_pickups(table))
     drawn, missed_by = drawn_effects(table.signatures, rows, coenergy, hall)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
-        magnetics=_magnetics_of(law_fit, network, coenergy, rows, inductance_H),
+        magnetics=magnetics,
         validity=ValidityBox(
             float(rows.distances[0]), float(rows.distances[-1]), float(rows.currents[0]), float(rows.currents[-1])
         ),
@@ -154,14 +159,10 @@ def fit_model(
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         covariance=law_fit.interval.block_covariance if law_fit else None,
         kind=kind_of(entry),
-        other_sensors=others,
+        other_sensors=other_sensors,
         drawn=drawn,
     )
-    eddy = fit_eddy(table.eddy, model.magnetics, saturating=table.saturating)
-    drawn = with_impedances(model.drawn, table.impedance_slopes, model.magnetics, eddy)
-    model = replace(model, eddy=eddy, drawn=(*drawn, *conductivities(table.eddy, eddy)))
-    period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
-    model = replace(model, sample_time_s=period)
+    model = with_period(with_eddy_currents(model, table), entry)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
     _require_as_fitted(model, built, law_fit)
     missed = None if law_fit or network or coenergy is None else coenergy.missed_N
@@ -170,15 +171,8 @@ def fit_model(
     result = FitResult(
         model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network, between=between
     )
-    provenance = {
-        "fit": result.to_dict(),
-        "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
-        "versions": {
-            "python": platform.python_version(),
-            **{name: version(name) for name in ("femfit", "numpy", "scipy")},
-        },
-    }
-    return replace(result, model=replace(model, provenance=provenance))
+    versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
+    return result.with_provenance(table.manifest, versions={"python": platform.python_version(), **versions})
 
 
 def _check_options(
@@ -215,38 +209,23 @@ def _coenergy(
         return None
 
 
-def _magnetics_of(
-    law: LawFit | None,
-    network: NetworkFit | None,
-    coenergy: CoenergyFit | None,
-    rows: FitRows,
-    inductance_H: float | None,
-) -> Magnetics:
-    """What was asked for; one of the three is there."""
-    if law is not None:
-        return law_magnetics(law, rows, inductance_H)
-    chosen = network or coenergy
-    assert chosen is not None  # noqa: S101  a co-energy that is needed raises
-    return chosen.magnetics
-
-
 def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None) -> None:
     """Refuse a model whose file, read back, is farther from the table than the fit that it is named after."""
     misfit = written.misfit
     assert misfit is not None  # noqa: S101  set by the caller
     name = "the co-energy" if law is None else law.law.name
     force = built.force_rms_N if law is None else float(np.sqrt(np.mean(law.joint.residual**2)))
-    for quantity, unit, found, fitted, share in (
+    for quantity, unit, written_rms, fitted, share in (
         ("force", "N", misfit.force_rms_N, force, misfit.force_share),
         ("flux linkage", "Wb", misfit.flux_linkage_rms_Wb, built.flux_linkage_rms_Wb, misfit.flux_linkage_share),
         ("inductance", "H", misfit.inductance_rms_H, built.inductance_rms_H, misfit.inductance_share),
     ):
-        if found is None or fitted is None:
+        if written_rms is None or fitted is None:
             continue
-        if found > MAY_MISS * fitted and (share is None or share > STORED):
+        if written_rms > MAY_MISS * fitted and (share is None or share > STORED):
             raise FitError(
                 f"The model of {name} is not written: read back it misses the table's {quantity} by "
-                f"{amount(found, unit, 3)} rms, and the fit by {amount(fitted, unit, 3)}. The law's columns and "
+                f"{amount(written_rms, unit, 3)} rms, and the fit by {amount(fitted, unit, 3)}. The law's columns and "
                 "potential_columns contradict each other, or its numbers are too ill-conditioned to be stored. Take "
                 "another law, or the co-energy."
             )

@@ -10,6 +10,7 @@ from femfit.core.errors import FitError
 from femfit.fit.coenergy_choice import distance_coordinates
 from femfit.fit.constants import (
     CIRCUIT_CELLS,
+    FEWEST_CURRENTS,
     HELD_OUT_TARGET,
     NEARLY_BEST,
     SMALL_CIRCUIT_FORCE,
@@ -17,6 +18,7 @@ from femfit.fit.constants import (
     TWO_GAPS,
     U_DEGREE,
 )
+from femfit.fit.splines import clamped_knots
 from femfit.model.coordinate import DistanceCoordinate
 
 
@@ -66,6 +68,21 @@ class CircuitRows:
         return len(self.distances) * int(np.prod([len(np.unique(column)) for column in self.currents.T]))
 
 
+def require_currents(rows: CircuitRows, why: str) -> None:
+    """Refuse two currents of a circuit whose iron bends: a quadratic form would meet both, however it bends."""
+    few = [
+        name
+        for name, column in zip(rows.names, rows.currents.T, strict=True)
+        if len(np.unique(column)) < FEWEST_CURRENTS
+    ]
+    if few:
+        raise FitError(
+            f"{why}, and each circuit then needs {FEWEST_CURRENTS} currents or more to show how it bends; "
+            f"{' and '.join(few)} {'has' if len(few) == 1 else 'have'} fewer. Sweep more of them, together with all of "
+            "the others'."
+        )
+
+
 Along = tuple[DistanceCoordinate, FloatArray]
 """A coordinate of the distance, and the knots in it."""
 
@@ -93,7 +110,7 @@ def choose_along_distance(
             "Sweep more distances."
         )
     middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
-    between = [DistanceCoordinate(middle, inverse=False, stretch_m=part * width) for part in TWO_GAPS]
+    between = [DistanceCoordinate(middle, inverse=False, stretch_m=share * width) for share in TWO_GAPS]
     coordinates = [*distance_coordinates(distances), *between]
     scored: list[tuple[float, Along]] = []
     for cells in CIRCUIT_CELLS:
@@ -101,7 +118,8 @@ def choose_along_distance(
             break
         alike: list[tuple[float, Along]] = []
         for coordinate in coordinates:
-            knots = _distance_knots(coordinate, distances, cells)
+            ends = np.sort(coordinate.of(distances[[0, -1]]))
+            knots = clamped_knots(np.linspace(ends[0], ends[1], cells + 1), U_DEGREE)
             alike.append((held_out(coordinate, knots), (coordinate, knots)))
         error, along = min(alike, key=lambda pair: pair[0])
         if error < HELD_OUT_TARGET:
@@ -110,10 +128,3 @@ def choose_along_distance(
     least = min(error for error, _ in scored)
     error, along = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
     return along, error
-
-
-def _distance_knots(coordinate: DistanceCoordinate, distances: FloatArray, cells: int) -> FloatArray:
-    """Clamped knots of equal cells in the coordinate over ascending distances in m."""
-    ends = np.sort(coordinate.of(distances[[0, -1]]))
-    breaks = np.linspace(ends[0], ends[1], cells + 1)
-    return np.concatenate([np.repeat(breaks[0], U_DEGREE), breaks, np.repeat(breaks[-1], U_DEGREE)])

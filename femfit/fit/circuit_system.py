@@ -20,9 +20,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.fit.circuit_rows import CircuitRows
+from femfit.fit.circuit_rows import Along, CircuitRows, choose_along_distance
 from femfit.fit.constants import INDUCTANCE_SIGMA, SMOOTH_DISTANCE, SMOOTHNESS, U_DEGREE
 from femfit.fit.rows import rms
+from femfit.fit.splines import row_products
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 
@@ -62,12 +63,12 @@ class CircuitSolution:
 
     def left_out(self, out: BoolArray) -> FloatArray:
         """What a fit to the other rows misses at these, as ``missed``; infinite where they do not determine it."""
-        missed, part = self.missed[:, out], self.projection[:, out]
-        part = part.reshape(-1, part.shape[2])
-        left, vectors = np.linalg.eigh(np.eye(len(part)) - part @ part.T)
-        if left[0] < _UNDETERMINED:
+        missed, rows_out = self.missed[:, out], self.projection[:, out]
+        rows_out = rows_out.reshape(-1, rows_out.shape[2])
+        remainders, vectors = np.linalg.eigh(np.eye(len(rows_out)) - rows_out @ rows_out.T)
+        if remainders[0] < _UNDETERMINED:
             return np.full(missed.shape, np.inf)
-        return np.asarray(vectors @ ((vectors.T @ missed.ravel()) / left)).reshape(missed.shape)
+        return np.asarray(vectors @ ((vectors.T @ missed.ravel()) / remainders)).reshape(missed.shape)
 
     def left_out_in_turn(self, folds: Iterable[BoolArray]) -> float:
         """Rms of what is missed at rows left out, over its scale: the larger of force and each flux linkage."""
@@ -83,27 +84,27 @@ def solve_circuits(
     along = basis_matrix(u, knots, U_DEGREE)
     rising = -slope[:, None] * basis_matrix(u, knots, U_DEGREE, 1)
     n, flux_scale = len(rows.names), rows.relative_flux_scale
-    blocks = [_products(rising, functions.columns(rows.currents)) / _divisor(rows.force_scale)[:, None]]
+    blocks = [row_products(rising, functions.columns(rows.currents)) / _divisor(rows.force_scale)[:, None]]
     data = [rows.force / _divisor(rows.force_scale)]
     for k, scale in enumerate(map(_divisor, flux_scale.T)):
-        blocks.append(_products(along, functions.columns(rows.currents, k)) / scale[:, None])
+        blocks.append(row_products(along, functions.columns(rows.currents, k)) / scale[:, None])
         data.append(rows.flux_linkage[:, k] / scale)
     if rows.inductance is not None:
-        own = _divisor(np.diagonal(rows.inductance, axis1=1, axis2=2))
+        self_inductance = _divisor(np.diagonal(rows.inductance, axis1=1, axis2=2))
         for j, k in combinations_with_replacement(range(n), 2):
-            scale = INDUCTANCE_SIGMA * np.sqrt(own[:, j] * own[:, k])
-            blocks.append(_products(along, functions.columns(rows.currents, j, k)) / scale[:, None])
+            scale = INDUCTANCE_SIGMA * np.sqrt(self_inductance[:, j] * self_inductance[:, k])
+            blocks.append(row_products(along, functions.columns(rows.currents, j, k)) / scale[:, None])
             data.append(rows.inductance[:, j, k] / scale)
     matrix, values = np.concatenate(blocks), np.concatenate(data)
     free = np.ones(matrix.shape[1], dtype=np.bool_)
     if functions.constant:
         free[0 if coordinate.inverse else -functions.count] = False
     penalties = _penalties(along.shape[1], functions, float(np.linalg.norm(matrix)))
-    whole = np.concatenate([matrix, *penalties])[:, free]
-    norms = np.linalg.norm(whole, axis=0)
-    if len(whole) < whole.shape[1] or not np.all(norms > 0.0):
+    penalised = np.concatenate([matrix, *penalties])[:, free]
+    norms = np.linalg.norm(penalised, axis=0)
+    if len(penalised) < penalised.shape[1] or not np.all(norms > 0.0):
         return None
-    orthonormal, triangle = np.linalg.qr(whole / norms)
+    orthonormal, triangle = np.linalg.qr(penalised / norms)
     if np.abs(np.diag(triangle)).min() < _UNDETERMINED:
         return None
     projection = orthonormal[: len(values)]
@@ -120,12 +121,21 @@ def solve_circuits(
     )
 
 
+def best_along_distance(rows: CircuitRows, functions: CurrentFunctions) -> Along:
+    """The coordinate of the distance and the knots that miss least with each inner distance left out."""
+
+    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
+        solution = solve_circuits(rows, coordinate, knots, functions)
+        if solution is None:
+            return np.inf
+        return solution.left_out_in_turn(rows.distance == d for d in rows.distances[1:-1])
+
+    along, _ = choose_along_distance(rows.distances, held_out)
+    return along
+
+
 def _divisor(scale: FloatArray) -> FloatArray:
     return np.where(scale > 0.0, scale, 1.0)
-
-
-def _products(first: FloatArray, second: FloatArray) -> FloatArray:
-    return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
 
 
 def _penalties(count: int, functions: CurrentFunctions, size: float) -> Iterator[FloatArray]:

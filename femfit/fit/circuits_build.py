@@ -11,25 +11,24 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, TableError
 from femfit.core.sweep_columns import flux_columns, inductance_columns
 from femfit.device.circuit import Circuit
-from femfit.fit.circuit_rows import CircuitRows
+from femfit.fit.circuit_rows import CircuitRows, require_currents
 from femfit.fit.circuits_fit import CircuitsFit, fit_circuits
-from femfit.fit.constants import FEWEST_CURRENTS, NETWORK_IDLE, SAME_SETTING
-from femfit.fit.eddy import conductivities, fit_eddy
-from femfit.fit.impedance_numbers import with_impedances
+from femfit.fit.constants import NETWORK_IDLE, SAME_SETTING
+from femfit.fit.eddy import with_eddy_currents
 from femfit.fit.misfit import as_written, import_notes, sheet_notes
 from femfit.fit.model_parts import (
+    MASS_UNKNOWN,
     circuits_of,
     hall_sensor_of,
     kind_of,
     mechanics_of,
-    number,
     other_sensors_of,
-    sample_time,
+    with_period,
     within_sweep,
 )
 from femfit.fit.pickup import fit_pickups
 from femfit.fit.result import FitResult
-from femfit.fit.rows import FitRows, rms
+from femfit.fit.rows import FitRows, column_numbers, rms
 from femfit.fit.sensed_field import SensedRows, fit_sensed
 from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
@@ -53,19 +52,18 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
     kind = kind_of(entry)
     rows = circuit_rows(table, kind)
     if kind is not None and kind.saturates:
-        _require_currents(rows)
+        require_currents(rows, "The drawing's iron has a magnetisation curve")
     fit = fit_circuits(rows)
     circuits, notes = circuits_of(entry, rows.names)
-    validity, said = _validity(fit, rows)
-    notes = (*notes, *said, *_absent(rows), *_one_sided(circuits, *validity.current_limits_A.T))
-    motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
-    if motion is None:
-        notes = (*notes, "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
+    validity, remarks = _validity(fit, rows)
+    notes = (*notes, *remarks, *_absent(rows), *_one_sided(circuits, *validity.current_limits_A.T))
+    motion = mechanics_of(entry)
+    notes = (*notes, *([] if motion else [MASS_UNKNOWN]))
     motion, beyond = within_sweep(motion, rows.distances)
-    others, not_held = other_sensors_of(entry, fit_pickups(table))
+    other_sensors, not_held = other_sensors_of(entry, fit_pickups(table))
     notes = (*notes, *beyond, *not_held, *sheet_notes(table))
-    hall, said = _hall(table, entry, rows)
-    notes = (*notes, *said)
+    hall, remarks = _hall(table, entry, rows)
+    notes = (*notes, *remarks)
     notes = (*notes, *fit.notes())
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
@@ -76,36 +74,15 @@ def fit_several(table: SweepTable, entry: Mapping[str, Any]) -> FitResult:
         sensor=hall,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
         kind=kind,
-        other_sensors=others,
+        other_sensors=other_sensors,
     )
-    period = number(entry, "sample_time_s") if entry.get("sample_time_s") else sample_time(model)
-    eddy = fit_eddy(table.eddy, model.magnetics, saturating=table.saturating)
-    drawn = with_impedances((), table.impedance_slopes, model.magnetics, eddy)
-    model = replace(model, sample_time_s=period, eddy=eddy, drawn=(*drawn, *conductivities(table.eddy, eddy)))
+    model = with_period(with_eddy_currents(model, table), entry)
     model = replace(model, misfit=misfit_of_circuits(as_written(model), rows, _hall_values(table)))
     first_rows = FitRows(
         rows.distance, rows.currents[:, 0], rows.force, rows.flux_linkage[:, 0], None, rows.force_error, None
     )
     result = FitResult(model, None, None, None, None, first_rows, notes, import_notes(table), circuits=fit)
-    provenance = {
-        "fit": result.to_dict(),
-        "sweep": {key: value for key, value in table.manifest.items() if key != "actuator"},
-    }
-    return replace(result, model=replace(model, provenance=provenance))
-
-
-def _require_currents(rows: CircuitRows) -> None:
-    """Refuse two currents of a circuit whose iron has a curve: a quadratic form would meet both, however it bends."""
-    few = [
-        name
-        for name, column in zip(rows.names, rows.currents.T, strict=True)
-        if len(np.unique(column)) < FEWEST_CURRENTS
-    ]
-    if few:
-        raise FitError(
-            f"The drawing's iron has a magnetisation curve, and each circuit then needs {FEWEST_CURRENTS} currents or "
-            f"more to show how it bends; {' and '.join(few)} {'has' if len(few) == 1 else 'have'} fewer. Sweep more."
-        )
+    return result.with_provenance(table.manifest)
 
 
 def _absent(rows: CircuitRows) -> list[str]:
@@ -145,17 +122,21 @@ def _validity(fit: CircuitsFit, rows: CircuitRows) -> tuple[ValidityBox, tuple[s
                 "circuits but one to both sides of 0 A."
             ),
         )
-    first, *further = zip(low.tolist(), high.tolist(), strict=True)
+    first, *other_limits = zip(low.tolist(), high.tolist(), strict=True)
     ends = float(rows.distances[0]), float(rows.distances[-1])
-    return ValidityBox(*ends, *first, tuple(further), mirrored), notes
+    return ValidityBox(*ends, *first, tuple(other_limits), mirrored), notes
 
 
 def _one_sided(circuits: Sequence[Circuit], low: FloatArray, high: FloatArray) -> list[str]:
     """What to do about circuits that a simulation drives below zero at once, where the sweep says nothing."""
-    free = [one.drive.kind == "voltage" and one.drive.diode_V is None for one in circuits]
+    free = [circuit.drive.kind == "voltage" and circuit.drive.diode_V is None for circuit in circuits]
     if not circuits:
         return []
-    names = [one.name for one, own, a, b in zip(circuits, free, low, high, strict=True) if own and a * b == 0.0]
+    names = [
+        circuit.name
+        for circuit, free_to_reverse, a, b in zip(circuits, free, low, high, strict=True)
+        if free_to_reverse and a * b == 0.0
+    ]
     if not names:
         return []
     text = (
@@ -177,20 +158,20 @@ def circuit_rows(table: SweepTable, kind: ActuatorKind | None) -> CircuitRows:
             f"A table of the circuits {', '.join(names)} must have the columns {', '.join(missing)} as well. Sweep it "
             "with femfit, or import these columns."
         )
-    force = _numbers(rows, ["force_N"])[:, 0]
+    force = column_numbers(rows, "force_N")
     if not force.any():
         raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
-    known = "force_error_N" in rows and bool(rows["force_error_N"].notna().all())
-    found = CircuitRows(
+    has_errors = "force_error_N" in rows and bool(rows["force_error_N"].notna().all())
+    measured = CircuitRows(
         names,
-        _on_grid(_numbers(rows, ["distance_m"])[:, 0]),
-        np.column_stack([_on_grid(column) for column in _numbers(rows, columns).T]),
+        _on_grid(column_numbers(rows, "distance_m")),
+        np.column_stack([_on_grid(column_numbers(rows, column)) for column in columns]),
         force,
-        _numbers(rows, fluxes),
-        np.abs(_numbers(rows, ["force_error_N"])[:, 0]) if known else np.zeros_like(force),
+        np.array([column_numbers(rows, column) for column in fluxes]).T,
+        np.abs(column_numbers(rows, "force_error_N")) if has_errors else np.zeros_like(force),
         _inductances(rows, names),
     )
-    return replace(found, magnet=_pulls_without_current(found) if kind is None else kind.has_magnet)
+    return replace(measured, magnet=_pulls_without_current(measured) if kind is None else kind.has_magnet)
 
 
 def _on_grid(values: FloatArray) -> FloatArray:
@@ -207,7 +188,7 @@ def _inductances(rows: pd.DataFrame, names: tuple[str, ...]) -> FloatArray | Non
         return None
     result = np.empty((len(rows), len(names), len(names)))
     for column, (j, k) in places.items():
-        result[:, j, k] = result[:, k, j] = _numbers(rows, [column])[:, 0]
+        result[:, j, k] = result[:, k, j] = column_numbers(rows, column)
     return result
 
 
@@ -226,46 +207,33 @@ def _hall(table: SweepTable, entry: Mapping[str, Any], rows: CircuitRows) -> tup
     if values is None:
         return None, ("The Hall element is not in the model: the table has no hall_T. Sweep the drawing again.",)
     try:
-        found = fit_sensed(SensedRows(rows.distance, rows.currents, values), "The field at the Hall element")
+        sensed = fit_sensed(SensedRows(rows.distance, rows.currents, values), "The field at the Hall element")
     except FitError as error:
         return None, (f"The Hall element is not in the model: {error}",)
-    return hall_sensor_of(entry["hall"], found.field), (found.said("The field at the Hall element", "T"),)
+    return hall_sensor_of(entry["hall"], sensed.field), (sensed.said("The field at the Hall element", "T"),)
 
 
 def _hall_values(table: SweepTable) -> FloatArray | None:
     rows = table.valid_rows()
-    return _numbers(rows, ["hall_T"])[:, 0] if "hall_T" in rows else None
-
-
-def _numbers(rows: pd.DataFrame, columns: list[str]) -> FloatArray:
-    try:
-        values = rows[columns].to_numpy(dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TableError(f"Columns {', '.join(columns)} must be numeric; {error}.") from error
-    if not np.all(np.isfinite(values)):
-        raise TableError(
-            f"Columns {', '.join(columns)} must hold finite numbers in every row with status ok. Remove the others."
-        )
-    return values
+    return column_numbers(rows, "hall_T") if "hall_T" in rows else None
 
 
 def misfit_of_circuits(model: ActuatorModel, rows: CircuitRows, hall: FloatArray | None = None) -> Misfit:
     """Model minus table, of the force, of all flux linkages together and of the field in T at a Hall element."""
     force = model.magnetics.force(rows.distance, rows.currents) - rows.force
     missed = model.magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
+    hall_rms = None
+    if hall is not None and model.sensor is not None:
+        hall_rms = rms(model.sensor.field.field(rows.distance, rows.currents) - hall)
     return Misfit(
         force_rms_N=rms(force),
         force_max_N=float(np.max(np.abs(force))),
         force_rms_relative=rms(force / rows.force_scale),
         force_rms_of_weight=None,
         flux_linkage_rms_Wb=rms(missed),
-        hall_rms_T=None if hall is None or model.sensor is None else _hall_rms(model.sensor, rows, hall),
+        hall_rms_T=hall_rms,
         rows=len(force),
         against="sweep",
         force_share=rms(force) / rms(rows.force),
         flux_linkage_share=rows.worst_flux_share(missed),
     )
-
-
-def _hall_rms(sensor: HallSensor, rows: CircuitRows, hall: FloatArray) -> float:
-    return rms(sensor.field.field(rows.distance, rows.currents) - hall)

@@ -13,15 +13,14 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import FitError
-from femfit.fit.circuit_rows import CircuitRows, choose_along_distance
-from femfit.fit.circuit_system import CircuitSolution, solve_circuits
+from femfit.fit.circuit_rows import CircuitRows
+from femfit.fit.circuit_system import CircuitSolution, best_along_distance, solve_circuits
 from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, SMALL_CIRCUIT_FORCE, U_DEGREE
 from femfit.fit.misfit import middles
 from femfit.fit.rows import rms
 from femfit.fit.saturating_circuits import fit_saturating, points_left_out
 from femfit.model.coenergy_matrix import CoenergyMatrix
 from femfit.model.coenergy_tensor import CoenergyTensor
-from femfit.model.coordinate import DistanceCoordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +94,8 @@ class CircuitsFit:
 
 
 def _listed(values: Sequence[float]) -> str:
-    *others, last = (f"{x:.4g}" for x in values)
-    return f"{', '.join(others)} and {last}" if others else last
+    *but_last, last = (f"{x:.4g}" for x in values)
+    return f"{', '.join(but_last)} and {last}" if but_last else last
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +109,8 @@ class _Products:
     def places(self) -> tuple[IntArray, IntArray]:
         """Row and column in M of each; shape (count,)."""
         a, b = np.triu_indices(self.circuits + 1)
-        kept = (a > 0) | self.magnet
-        return a[kept], b[kept]
+        wanted = (a > 0) | self.magnet
+        return a[wanted], b[wanted]
 
     @property
     def count(self) -> int:
@@ -152,24 +151,18 @@ def fit_circuits(rows: CircuitRows) -> CircuitsFit:
     functions = _Products(len(rows.names), rows.magnet)
     if _not_quadratic(rows, functions) > NOT_QUADRATIC:
         return _judged(*fit_saturating(rows), rows)
-
-    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
-        found = solve_circuits(rows, coordinate, knots, functions)
-        return np.inf if found is None else found.left_out_in_turn(rows.distance == d for d in rows.distances[1:-1])
-
-    along, _ = choose_along_distance(rows.distances, held_out)
-    found = solve_circuits(rows, *along, functions)
-    if found is None:
+    solution = solve_circuits(rows, *best_along_distance(rows, functions), functions)
+    if solution is None:
         raise FitError(
             f"The rows do not determine the inductances of {', '.join(rows.names)}. Sweep each circuit's current by "
             "itself and at least one point with each two together."
         )
     every = _Products(len(rows.names), magnet=True)
-    coefficients = np.zeros((len(found.coefficients), every.count))
-    coefficients[:, (every.places[0] > 0) | rows.magnet] = found.coefficients
-    magnetics = CoenergyMatrix(rows.names, found.coordinate, found.knots, U_DEGREE, coefficients)
+    coefficients = np.zeros((len(solution.coefficients), every.count))
+    coefficients[:, (every.places[0] > 0) | rows.magnet] = solution.coefficients
+    magnetics = CoenergyMatrix(rows.names, solution.coordinate, solution.knots, U_DEGREE, coefficients)
     _require_definite(magnetics, rows)
-    return _judged(magnetics, found, rows)
+    return _judged(magnetics, solution, rows)
 
 
 @dataclass(frozen=True)
@@ -181,29 +174,31 @@ class _Planes:
     finer: tuple[str, tuple[float, ...]]
 
     @classmethod
-    def of(cls, found: CircuitSolution, name: str, column: FloatArray) -> "_Planes":
+    def of(cls, solution: CircuitSolution, name: str, column: FloatArray) -> "_Planes":
         """The middles beside all values that are missed at least half as much (rms) as the most missed one."""
         values = np.unique(column)
-        missed = [found.left_out(column == value)[0] for value in values[1:-1]]
+        missed = [solution.left_out(column == value)[0] for value in values[1:-1]]
         if not missed:
             return cls(-1.0, 0.0, (name, ()))
-        sizes = np.array([rms(one) for one in missed])
+        sizes = np.array([rms(errors) for errors in missed])
         most = values[1:-1][2.0 * sizes >= sizes.max()]
         finer = np.unique(np.concatenate([middles(values, value) for value in most]))
-        return cls(float(sizes.max()), max(float(np.max(np.abs(one))) for one in missed), (name, tuple(finer.tolist())))
+        return cls(
+            float(sizes.max()), max(float(np.max(np.abs(errors))) for errors in missed), (name, tuple(finer.tolist()))
+        )
 
 
-def _judged(magnetics: CoenergyMatrix | CoenergyTensor, found: CircuitSolution, rows: CircuitRows) -> CircuitsFit:
+def _judged(magnetics: CoenergyMatrix | CoenergyTensor, solution: CircuitSolution, rows: CircuitRows) -> CircuitsFit:
     force = magnetics.force(rows.distance, rows.currents) - rows.force
     flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
     folds = [rows.distance == d for d in rows.distances[1:-1]]
     if isinstance(magnetics, CoenergyTensor):
         folds = points_left_out(rows)
-    left_out = np.concatenate([found.left_out(out)[0] for out in folds]) if folds else np.array([np.inf])
+    left_out = np.concatenate([solution.left_out(out)[0] for out in folds]) if folds else np.array([np.inf])
     axes = [("distance", rows.distance)]
     if isinstance(magnetics, CoenergyTensor):
         axes += list(zip(rows.names, rows.currents.T, strict=True))
-    planes = [_Planes.of(found, name, column) for name, column in axes]
+    planes = [_Planes.of(solution, name, column) for name, column in axes]
     fit = CircuitsFit(
         magnetics,
         float(np.max(np.abs(force) / rows.force_scale)),
@@ -212,8 +207,8 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, found: CircuitSolution, 
         rms(force) / rms(rows.force),
         rows.worst_flux_share(flux),
         planes[0].worst,
-        max((one.worst for one in planes[1:]), default=0.0),
-        max(planes, key=lambda one: one.poorest).finer,
+        max((plane.worst for plane in planes[1:]), default=0.0),
+        max(planes, key=lambda plane: plane.poorest).finer,
     )
     _require_agreement(fit)
     return fit
@@ -227,9 +222,12 @@ def _not_quadratic(rows: CircuitRows, functions: _Products) -> float:
     for circuits, values, scale in readings:
         columns = functions.columns(rows.currents, *circuits) / scale[:, None]
         for d in rows.distances:
-            at = rows.distance == d
-            best = columns[at] @ np.linalg.lstsq(columns[at], values[at] / scale[at], rcond=None)[0]
-            worst = max(worst, float(np.max(np.abs(best - values[at] / scale[at]))))
+            at_distance = rows.distance == d
+            best = (
+                columns[at_distance]
+                @ np.linalg.lstsq(columns[at_distance], values[at_distance] / scale[at_distance], rcond=None)[0]
+            )
+            worst = max(worst, float(np.max(np.abs(best - values[at_distance] / scale[at_distance]))))
     return worst
 
 

@@ -97,8 +97,8 @@ def _solve_with_shapes(
     while True:
         which = np.flatnonzero(chosen)
         labels = tuple(shapes.labels[n] for n in which)
-        part = Inequalities(shapes.matrix[which], shapes.right[which], labels) if len(which) else None
-        qp = solve_bounded_qp(matrix, y, sigma, inequalities=part)
+        imposed = Inequalities(shapes.matrix[which], shapes.right[which], labels) if len(which) else None
+        qp = solve_bounded_qp(matrix, y, sigma, inequalities=imposed)
         if kinds == 0:
             return qp, ()
         value = shapes.matrix @ qp.x

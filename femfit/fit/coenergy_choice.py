@@ -28,6 +28,7 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows
+from femfit.fit.splines import clamped_knots
 from femfit.model.coordinate import DistanceCoordinate
 
 
@@ -112,7 +113,8 @@ def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
     even = [(degree, np.linspace(rows.currents[0], rows.currents[-1], n + 1)) for degree, n in forms]
     following = [(SMOOTHED_DEGREE, breaks) for breaks in _bent_breaks(rows)]
     return [
-        {"current_knots": _clamped(breaks, degree), "current_degree": degree} for degree, breaks in even + following
+        {"current_knots": clamped_knots(breaks, degree), "current_degree": degree}
+        for degree, breaks in even + following
     ]
 
 
@@ -144,7 +146,7 @@ def distance_trials(rows: FitRows) -> list[dict[str, Any]]:
             following = np.sort(coordinate.of(np.quantile(d, np.linspace(0.0, 1.0, n + 1))))
             even = np.linspace(following[0], following[-1], n + 1)
             trials += [
-                {"coordinate": coordinate, "u_knots": _clamped(u, U_DEGREE)}
+                {"coordinate": coordinate, "u_knots": clamped_knots(u, U_DEGREE)}
                 for u in ((even,) if n == 1 else (even, following))
             ]
     return trials
@@ -154,10 +156,6 @@ def distance_coordinates(distances: FloatArray) -> list[DistanceCoordinate]:
     """The coordinates that are tried for ascending distances in m: inverse ones with several shifts, and the plain."""
     stroke = float(np.ptp(distances))
     nearest = float(distances[0])
-    shifts = [part * stroke for part in SHIFTS]
+    shifts = [share * stroke for share in SHIFTS]
     inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
     return [*(DistanceCoordinate(nearest + s, s) for s in inverse), DistanceCoordinate(stroke, inverse=False)]
-
-
-def _clamped(breaks: FloatArray, degree: int) -> FloatArray:
-    return np.concatenate([np.repeat(breaks[0], degree), breaks, np.repeat(breaks[-1], degree)])

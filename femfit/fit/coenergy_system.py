@@ -24,6 +24,7 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows
+from femfit.fit.splines import row_products
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 
@@ -58,12 +59,12 @@ class CoenergyBasis:
 
         slope = first[:, None]
         if a == 0:
-            part = in_u(0)
+            along_u = in_u(0)
         elif a == 1:
-            part = slope * in_u(1)
+            along_u = slope * in_u(1)
         else:
-            part = slope**2 * in_u(2) + second[:, None] * in_u(1)
-        return (part[:, :, None] * in_i[:, None, :]).reshape(len(u), -1)
+            along_u = slope**2 * in_u(2) + second[:, None] * in_u(1)
+        return row_products(along_u, in_i)
 
     def roughness(self) -> tuple[FloatArray, FloatArray]:
         """d^3W'/di^3, and d^4W'/du^3 di in u itself, of each basis function in every cell, shape (n, functions) each.
@@ -102,12 +103,25 @@ class CoenergySystem:
     rows: FitRows
     channels: tuple[Channel, ...]  # Force, then flux linkage and inductance where the table has them
 
-    def equations(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Matrix, data and standard deviations in N, Wb and H, as the table has them.
+    def equations(
+        self, basis: CoenergyBasis, channels: Sequence[Channel] | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Matrix, data and standard deviations in N, Wb and H, as the table has them; of all channels by default.
 
         Where it has inductances, also zeros of the basis' roughness, with sigmas that only fill gaps.
         """
-        return self._equations(basis, self.channels)
+        channels = self.channels if channels is None else channels
+        d, i = self.rows.distance, self.rows.current
+        blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in channels]
+        value, sigma = [c.value for c in channels], [c.sigma for c in channels]
+        if self.rows.inductance is not None and basis.current_degree == SMOOTHED_DEGREE:
+            largest = float(np.nanmax(np.abs(self.rows.inductance)))
+            in_i, in_u = largest / float(np.ptp(i)), largest * float(np.ptp(i)) / float(np.ptp(basis.u_knots)) ** 3
+            for rough, typical in zip(basis.roughness(), (FREE_SLOPE * in_i, FREE_BEND * in_u), strict=True):
+                blocks.append(rough)
+                value.append(np.zeros(len(rough)))
+                sigma.append(np.full(len(rough), typical))
+        return np.concatenate(blocks), np.concatenate(value), np.concatenate(sigma)
 
     def without_constraints(self, basis: CoenergyBasis, values: FloatArray) -> FloatArray:
         """Coefficients of W' or of small changes of it, from what the first channels have of it.
@@ -122,31 +136,16 @@ class CoenergySystem:
         array, shape (functions, k)
         """
         channels = self.channels[: len(values)]
-        matrix, value, sigma = self._equations(basis, channels)
+        matrix, value, sigma = self.equations(basis, channels)
         keep = determined(basis, self.rows)
         right = np.zeros((len(value), values.shape[2]))
-        stacked = np.concatenate([one[c.which] for one, c in zip(values, channels, strict=True)])
+        stacked = np.concatenate([column[c.which] for column, c in zip(values, channels, strict=True)])
         right[: len(stacked)] = stacked
         weighted = matrix[:, keep] / sigma[:, None]
         norms = np.linalg.norm(weighted, axis=0)
         result = np.zeros((matrix.shape[1], values.shape[2]))
         result[keep] = np.linalg.lstsq(weighted / norms, right / sigma[:, None], rcond=1e-12)[0] / norms[:, None]
         return result
-
-    def _equations(
-        self, basis: CoenergyBasis, channels: Sequence[Channel]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        d, i = self.rows.distance, self.rows.current
-        blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in channels]
-        value, sigma = [c.value for c in channels], [c.sigma for c in channels]
-        if self.rows.inductance is not None and basis.current_degree == SMOOTHED_DEGREE:
-            largest = float(np.nanmax(np.abs(self.rows.inductance)))
-            in_i, in_u = largest / float(np.ptp(i)), largest * float(np.ptp(i)) / float(np.ptp(basis.u_knots)) ** 3
-            for rough, typical in zip(basis.roughness(), (FREE_SLOPE * in_i, FREE_BEND * in_u), strict=True):
-                blocks.append(rough)
-                value.append(np.zeros(len(rough)))
-                sigma.append(np.full(len(rough), typical))
-        return np.concatenate(blocks), np.concatenate(value), np.concatenate(sigma)
 
     def held_out_errors(self, basis: CoenergyBasis) -> FloatArray:
         """Rms error of force and of flux linkage, as a part of their scales: on rows left out, or on all if larger.
@@ -158,7 +157,7 @@ class CoenergySystem:
         errors = self._squared_errors(basis)
         if errors is None:
             return np.full(len(judged), np.inf)
-        fitted, left_out, times = ([part[self._channel == k] for k in judged] for part in errors)
+        fitted, left_out, times = ([array[self._channel == k] for k in judged] for array in errors)
         return np.array(
             [np.sqrt(max(np.mean(a), np.sum(b) / np.sum(n))) for a, b, n in zip(fitted, left_out, times, strict=True)]
         )
@@ -168,7 +167,7 @@ class CoenergySystem:
         errors = self._squared_errors(basis)
         if errors is None:
             return np.full(len(self.rows.force), np.inf)
-        fitted, left_out, times = (part[: len(self.rows.force)] for part in errors)
+        fitted, left_out, times = (array[: len(self.rows.force)] for array in errors)
         squares = np.where(times > 0, left_out / np.maximum(times, 1.0), fitted)
         return np.asarray(np.sqrt(squares) * self.channels[0].scale)
 
@@ -190,22 +189,18 @@ class CoenergySystem:
         residual = target - q_factor @ (q_factor.T @ target)
         left_out, times = np.zeros(len(self._channel)), np.zeros(len(self._channel))
         for which in self._folds:
-            part, errors = q_factor[which], residual[which]
+            fold, errors = q_factor[which], residual[which]
             try:
-                if len(which) < part.shape[1]:
-                    errors = np.linalg.solve(np.eye(len(which)) - part @ part.T, errors)
+                if len(which) < fold.shape[1]:
+                    errors = np.linalg.solve(np.eye(len(which)) - fold @ fold.T, errors)
                 else:
-                    errors = errors + part @ np.linalg.solve(np.eye(part.shape[1]) - part.T @ part, part.T @ errors)
+                    errors = errors + fold @ np.linalg.solve(np.eye(fold.shape[1]) - fold.T @ fold, fold.T @ errors)
             except np.linalg.LinAlgError:
                 return None
             left_out[which] += errors**2
             times[which] += 1.0
-        scale = self._to_relative**2
+        scale = np.concatenate([channel.sigma / channel.scale for channel in self.channels]) ** 2
         return residual[: len(left_out)] ** 2 * scale, left_out * scale, times
-
-    @cached_property
-    def _to_relative(self) -> FloatArray:
-        return np.concatenate([channel.sigma / channel.scale for channel in self.channels])
 
     @cached_property
     def _channel(self) -> IntArray:

@@ -15,6 +15,7 @@ from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system
 from femfit.fit.constants import AT_THE_GAP, DRAWN_MISFIT, U_DEGREE
 from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows, rms
+from femfit.fit.splines import row_products
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.carried import FieldTerm
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
@@ -32,19 +33,21 @@ def drawn_effects(
         return (), ()
     if coenergy is None:
         return (), ("The numbers of the drawing are not in the model: the table is too small for a co-energy.",)
-    at, slopes = _aligned(signatures, rows)
-    kept = [k for k, one in enumerate(signatures.numbers) if np.any(slopes[:, :, k]) and not one.effect]
-    numbers, slopes = [signatures.numbers[k] for k in kept], slopes[:, :, kept]
-    rows = rows.take(at)
+    with_slopes, slopes = _aligned(signatures, rows)
+    acting = [k for k, fact in enumerate(signatures.numbers) if np.any(slopes[:, :, k]) and not fact.effect]
+    numbers, slopes = [signatures.numbers[k] for k in acting], slopes[:, :, acting]
+    rows = rows.take(with_slopes)
     of_fields = 1 if rows.flux_linkage is None else 2
     magnetic = coenergy_system(rows).without_constraints(coenergy.basis, slopes[:of_fields])
     sensed = None if hall is None or len(slopes) < 3 else _fit_hall(hall, rows, slopes[2])
-    found, notes = [], []
+    effects, notes = [], []
     for k, number in enumerate(numbers):
         terms = _terms(number, coenergy.basis, magnetic[:, k], hall, None if sensed is None else sensed[:, k])
-        found.append(replace(drawn_effect(number, terms), gap_m=_gap(number, coenergy, rows, slopes[:of_fields, :, k])))
+        effects.append(
+            replace(drawn_effect(number, terms), gap_m=_gap(number, coenergy, rows, slopes[:of_fields, :, k]))
+        )
         notes += _missed(number, coenergy.basis, magnetic[:, k], rows, slopes[0][:, k])
-    return tuple(found), tuple(notes)
+    return tuple(effects), tuple(notes)
 
 
 def drawn_effect(number: NumberFacts, terms: tuple[FieldTerm, ...], *, at_rest: bool = False) -> DrawnEffect:
@@ -68,11 +71,12 @@ def _aligned(signatures: Signatures, rows: FitRows) -> tuple[BoolArray, FloatArr
     channels = [name for name in ("force_N", "flux_linkage_Wb", "hall_T") if name in signatures.rows]
     grid = pd.MultiIndex.from_arrays([rows.distance, rows.current])
     tables = [
-        signatures.of(one).set_index(["distance_m", current])[channels].reindex(grid) for one in signatures.numbers
+        signatures.of(number).set_index(["distance_m", current])[channels].reindex(grid)
+        for number in signatures.numbers
     ]
     slopes = np.stack([table.to_numpy().T for table in tables], axis=2)
-    known = np.isfinite(slopes).all(axis=(0, 2))
-    return known, slopes[:, known]
+    complete = np.isfinite(slopes).all(axis=(0, 2))
+    return complete, slopes[:, complete]
 
 
 def _gap(number: NumberFacts, coenergy: CoenergyFit, rows: FitRows, slopes: FloatArray) -> float:
@@ -85,19 +89,18 @@ def _gap(number: NumberFacts, coenergy: CoenergyFit, rows: FitRows, slopes: Floa
         sign * coenergy.basis.columns(rows.distance, rows.current, order) @ coefficients
         for sign, order in ((1.0, (2, 0)), (-1.0, (1, 1)))
     ]
-    size = np.array([rms(one) or 1.0 for one in along[: len(slopes)]])[:, None]
+    size = np.array([rms(column) or 1.0 for column in along[: len(slopes)]])[:, None]
     nearer, changed = np.array(along[: len(slopes)]) / size, slopes / size
     gap = float(np.sum(nearer * changed) / np.sum(nearer**2))
-    left = rms((changed - gap * nearer).ravel())
-    return gap if number.kind == "length" and left < AT_THE_GAP * rms(changed.ravel()) else 0.0
+    remainder = rms((changed - gap * nearer).ravel())
+    return gap if number.kind == "length" and remainder < AT_THE_GAP * rms(changed.ravel()) else 0.0
 
 
 def _fit_hall(hall: HallFit, rows: FitRows, slopes: FloatArray) -> FloatArray:
     spline, coordinate = hall.field.spline, hall.field.coordinate
     in_u = basis_matrix(coordinate.of(rows.distance), spline.x_knots, spline.x_degree)
     in_i = basis_matrix(rows.current, spline.y_knots, spline.y_degree)
-    columns = (in_u[:, :, None] * in_i[:, None, :]).reshape(len(rows.distance), -1)
-    return np.asarray(np.linalg.lstsq(columns, slopes, rcond=1e-12)[0])
+    return np.asarray(np.linalg.lstsq(row_products(in_u, in_i), slopes, rcond=1e-12)[0])
 
 
 def _terms(
@@ -121,10 +124,10 @@ def _missed(
     number: NumberFacts, basis: CoenergyBasis, magnetic: FloatArray, rows: FitRows, slopes: FloatArray
 ) -> list[str]:
     """A note where the splines miss the force's slope, by what matters within the tolerance."""
-    left = rms(-basis.columns(rows.distance, rows.current, (1, 0)) @ magnetic - slopes)
+    remainder = rms(-basis.columns(rows.distance, rows.current, (1, 0)) @ magnetic - slopes)
     size = rms(slopes)
-    if left <= DRAWN_MISFIT * size or number.tolerance * left <= np.median(rows.force_error):
+    if remainder <= DRAWN_MISFIT * size or number.tolerance * remainder <= np.median(rows.force_error):
         return []
-    share = amount(left / size, "")
+    share = amount(remainder / size, "")
     few = "the swept distances are too few to follow it. Sweep more of them."
     return [f"The change of force by {number.subject} is known within {share} only: {few}"]

@@ -19,7 +19,8 @@ from femfit.core.errors import FitError
 from femfit.device.tolerance_defaults import KINDS
 from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
 from femfit.fit.eddy_states import StateChoice
-from femfit.fit.impedance_numbers import spline_frequencies
+from femfit.fit.impedance_numbers import spline_frequencies, with_impedances
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
@@ -27,6 +28,7 @@ from femfit.model.eddy_currents import EddyBias, EddyCurrents, EddyError
 from femfit.model.impedance_change import ImpedanceChange, impedance_change
 from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
+from femfit.tables.sweep_table import SweepTable
 
 
 def fit_eddy(
@@ -79,6 +81,13 @@ def fit_eddy(
     return replace(eddy, error=stated, bias=EddyBias(table.distances_m[order], table.bias_A[order], which))
 
 
+def with_eddy_currents(model: ActuatorModel, table: SweepTable) -> ActuatorModel:
+    """The model with a sweep's eddy currents, and what the numbers of the drawing change of its impedances."""
+    eddy = fit_eddy(table.eddy, model.magnetics, saturating=table.saturating)
+    drawn = with_impedances(model.drawn, table.impedance_slopes, model.magnetics, eddy)
+    return replace(model, eddy=eddy, drawn=(*drawn, *conductivities(table.eddy, eddy)))
+
+
 def _through(table: EddyTable, coordinate: DistanceCoordinate) -> EddyCurrents:
     """Splines of the table's own patterns, through what the field gives at its distances."""
     knots, coefficients = _splines(coordinate, table.distances_m, *_entries(table))
@@ -105,16 +114,18 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
     """
     if table is None or eddy is None or not table.circuits:
         return ()
-    own = replace(as_table(eddy, table), resistances=np.eye(eddy.count)[None]) if len(table.materials) == 1 else None
+    of_model = (
+        replace(as_table(eddy, table), resistances=np.eye(eddy.count)[None]) if len(table.materials) == 1 else None
+    )
     frequencies = spline_frequencies(table.checked_Hz)
-    found = []
+    effects = []
     for j in range(len(table.materials)):
-        at = range(len(table.distances_m))
-        slope = np.array([table.conductivity_slope(j, k, frequencies) for k in at])
-        bend = np.array([table.conductivity_bend(j, k, frequencies) for k in at])
-        if own is not None:
-            slope -= [own.conductivity_slope(0, k, frequencies) for k in at]
-            bend -= [own.conductivity_bend(0, k, frequencies) for k in at]
+        places = range(len(table.distances_m))
+        slope = np.array([table.conductivity_slope(j, k, frequencies) for k in places])
+        bend = np.array([table.conductivity_bend(j, k, frequencies) for k in places])
+        if of_model is not None:
+            slope -= [of_model.conductivity_slope(0, k, frequencies) for k in places]
+            bend -= [of_model.conductivity_bend(0, k, frequencies) for k in places]
         change = impedance_change(
             parameter_name(""),
             eddy.coordinate,
@@ -125,8 +136,8 @@ def conductivities(table: EddyTable | None, eddy: EddyCurrents | None) -> tuple[
             share=True,
             bend=bend[:, None],
         )
-        found.append(_conductivity(table, j, change))
-    return tuple(found)
+        effects.append(_conductivity(table, j, change))
+    return tuple(effects)
 
 
 def _conductivity(table: EddyTable, place: int, impedance: ImpedanceChange) -> DrawnEffect:
@@ -152,15 +163,15 @@ def _entries(table: EddyTable) -> tuple[FloatArray, FloatArray]:
     values, slopes, c = [], [], len(table.circuits)
     upper = np.triu_indices(table.patterns)
     for k in range(len(table.distances_m)):
-        one, slope = table.flux_linkage[k], -2.0 * table.force[k, 1:]
-        between, alone = one[:c, 1 + c :], one[:, 0]
+        flux, slope = table.flux_linkage[k], -2.0 * table.force[k, 1:]
+        between, alone = flux[:c, 1 + c :], flux[:, 0]
         coupling = _coupling(table, k)
-        bend = np.linalg.solve(one[:c, 1 : 1 + c], slope[:c, 1 + c :] - slope[:c, 1 : 1 + c] @ coupling)
+        bend = np.linalg.solve(flux[:c, 1 : 1 + c], slope[:c, 1 + c :] - slope[:c, 1 : 1 + c] @ coupling)
         rest = alone if table.rest is None else table.rest[k]
         linked = rest[c:] - coupling.T @ rest[:c]
         linking = slope[c:, 0] - bend.T @ alone[:c] - coupling.T @ slope[:c, 0]
         crossed = between.T @ coupling
-        inductance = one[c:, 1 + c :] - crossed - crossed.T + coupling.T @ one[:c, 1 : 1 + c] @ coupling
+        inductance = flux[c:, 1 + c :] - crossed - crossed.T + coupling.T @ flux[:c, 1 : 1 + c] @ coupling
         rising = slope[c:, 1 + c :] - slope[:c, 1 + c :].T @ coupling - between.T @ bend
         hall = np.zeros(0)
         if table.hall is not None:
@@ -214,10 +225,10 @@ def _require_passive(eddy: EddyCurrents, distances: FloatArray) -> None:
     fine = np.append(distances[:-1] + share * np.diff(distances), distances[-1])
     smallest = np.linalg.eigvalsh(eddy.forms(fine)[0].inductance)[:, 0]
     if smallest.min() <= 0.0:
-        at = 1e3 * fine[np.argmin(smallest)]
+        millimetres = 1e3 * fine[np.argmin(smallest)]
         raise FitError(
-            f"The eddy currents' inductances are not positive at {at:.3g} mm, between the sweep's distances. Sweep "
-            "more distances there."
+            f"The eddy currents' inductances are not positive at {millimetres:.3g} mm, between the sweep's distances. "
+            "Sweep more distances there."
         )
 
 
@@ -241,10 +252,10 @@ def _between(eddy: EddyCurrents, table: EddyTable, frequencies: FloatArray) -> F
         fewer = _through(table.at(np.delete(np.arange(count), k)), eddy.coordinate)
         near = table.distances_m[[k - 1, k, k + 1]]
         width = np.abs(np.diff(eddy.coordinate.with_slopes(near)[0]))
-        left = 1.0 / ((1.0 + 2.0 * width[::-1] / width) ** (2 if table.bias_A is None else 1) - 1.0)
+        ratio = 1.0 / ((1.0 + 2.0 * width[::-1] / width) ** (2 if table.bias_A is None else 1) - 1.0)
         beside = replace(table.at(np.array([k, k])), distances_m=0.5 * (near[1:] + near[:-1]))
         off = _departures(as_table(fewer, beside), as_table(eddy, beside), frequencies)
-        worst = np.maximum(worst, (left[:, None, None] * off).max(axis=(0, 1)))
+        worst = np.maximum(worst, (ratio[:, None, None] * off).max(axis=(0, 1)))
     return worst
 
 
@@ -254,9 +265,9 @@ def _departures(model: EddyTable, table: EddyTable, frequencies: FloatArray) -> 
     Without circuits there is in place of the force the power that slow motion loses beside the magnets, (d, 1, 3).
     """
     if table.circuits:
-        at = range(len(table.distances_m))
-        return np.array([model.transfers(k, frequencies).departures(table.transfers(k, frequencies)) for k in at])
-    power, exact = ((one.force[:, 0, 1:] ** 2).sum(axis=1) for one in (model, table))
+        places = range(len(table.distances_m))
+        return np.array([model.transfers(k, frequencies).departures(table.transfers(k, frequencies)) for k in places])
+    power, exact = ((patterns.force[:, 0, 1:] ** 2).sum(axis=1) for patterns in (model, table))
     off = np.divide(np.abs(power - exact), exact, out=np.zeros_like(exact), where=exact > 0.0)
     return np.asarray(off[:, None, None] * np.array([0.0, 1.0, 0.0]))
 
@@ -265,10 +276,10 @@ def _static_errors(table: EddyTable, magnetics: Magnetics) -> dict[str, float]:
     """The static model's at the currents about which the field was solved; nothing where it is linear."""
     if table.bias_A is None or not table.circuits:
         return {}
-    found, n = magnetics.state_of_circuits(table.distances_m, table.bias_A), len(table.circuits)
+    state, n = magnetics.state_of_circuits(table.distances_m, table.bias_A), len(table.circuits)
     pairs = (
-        ("static_inductance", found.inductance, table.flux_linkage[:, :n, 1 : 1 + n]),
-        ("static_force", found.motional_constant, 2.0 * table.force[:, 0, 1 : 1 + n]),
+        ("static_inductance", state.inductance, table.flux_linkage[:, :n, 1 : 1 + n]),
+        ("static_force", state.motional_constant, 2.0 * table.force[:, 0, 1 : 1 + n]),
     )
     return {name: float(np.abs(model - field).max() / np.abs(field).max()) for name, model, field in pairs}
 
@@ -290,6 +301,6 @@ def as_table(eddy: EddyCurrents, table: EddyTable) -> EddyTable:
         force[:, 1:, 1:] = -0.5 * (half + np.swapaxes(half, 1, 2) + turned @ inductance_1 @ g + rising.inductance)
     hall = None
     if table.hall is not None:
-        seen = (table.hall[:, None, 1 : 1 + c] @ g)[:, 0] + here.hall
-        hall = np.concatenate([table.hall[:, :1], seen], axis=1)
+        at_hall = (table.hall[:, None, 1 : 1 + c] @ g)[:, 0] + here.hall
+        hall = np.concatenate([table.hall[:, :1], at_hall], axis=1)
     return replace(table, force=force, flux_linkage=flux, hall=hall)

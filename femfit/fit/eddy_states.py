@@ -33,17 +33,17 @@ class _Place:
 
     s: ComplexArray  # 2 pi j f, and zero before, shape (f,)
     among: FloatArray  # N, shape (q, q)
-    seen: FloatArray  # What each pattern gives to flux linkages, forces and Hall field, shape (q, k)
+    outputs: FloatArray  # What each pattern gives to flux linkages, forces and Hall field, shape (q, k)
     driven: FloatArray  # What drives each pattern: flux linkages with the circuits and, by motion, the pull; (q, l)
     size: FloatArray  # Of each response at each frequency, shape (f, k, l)
     target: ComplexArray  # The responses; shape (f, k, l)
-    own: int  # Of k, how many do not follow from the energy: the last ones, of the Hall field
+    hall_outputs: int  # Of k, how many do not follow from the energy: the last ones, of the Hall field
 
     def departures(self, combinations: FloatArray) -> ComplexArray:
         """Of the responses by combinations, over their sizes, shape (f, k, l)."""
         turned = orthonormal(combinations)
-        found = np.einsum("rk,frl->fkl", turned.T @ self.seen, self._driven(turned))
-        return np.asarray((found - self.target) / self.size)
+        responses = np.einsum("rk,frl->fkl", turned.T @ self.outputs, self._driven(turned))
+        return np.asarray((responses - self.target) / self.size)
 
     def slopes(self, combinations: FloatArray) -> ComplexArray:
         """Of the departures along each entry of combinations T, shape (f, k, l, q, r).
@@ -53,26 +53,28 @@ class _Place:
         """
         bent = combinations + self.s[:, None, None] * (self.among @ combinations)  # B T, (f, q, r)
         inner = combinations.T @ bent
-        x, y = (np.linalg.solve(inner, (combinations.T @ one)[None]) for one in (self.driven, self.seen))
-        left, right = self.seen - bent @ y, self.driven - bent @ x
-        slopes = np.einsum("fqk,frl->fklqr", left, x) + np.einsum("frk,fql->fklqr", y, right)
+        x, y = (np.linalg.solve(inner, (combinations.T @ side)[None]) for side in (self.driven, self.outputs))
+        residual_outputs, residual_drive = self.outputs - bent @ y, self.driven - bent @ x
+        slopes = np.einsum("fqk,frl->fklqr", residual_outputs, x) + np.einsum("frk,fql->fklqr", y, residual_drive)
         return np.asarray(slopes / self.size[..., None, None])
 
     def read(self, combinations: FloatArray) -> "_Place":
         """The same with the Hall field that fits best what orthonormal combinations (q, r) add to it."""
-        if not self.own:
+        if not self.hall_outputs:
             return self
-        target, size = self.target[:, -self.own :], self.size[:, -self.own :]
+        target, size = self.target[:, -self.hall_outputs :], self.size[:, -self.hall_outputs :]
         moved = np.abs(target).max(axis=0, keepdims=True)  # of what motion drives
         size = np.where(np.isfinite(size), size, np.where(moved > 0.0, EDDY_LOOSER * moved, np.inf))
         rows = self._driven(combinations).swapaxes(1, 2)[:, None] / size[..., None]  # (f, own, l, r)
-        seen = combinations.T @ self.seen[:, -self.own :]
-        for k in range(self.own):
+        outputs = combinations.T @ self.outputs[:, -self.hall_outputs :]
+        for k in range(self.hall_outputs):
             a = rows[:, k].reshape(-1, combinations.shape[1])
-            off = (target[:, k] / size[:, k]).ravel() - a @ seen[:, k]
+            off = (target[:, k] / size[:, k]).ravel() - a @ outputs[:, k]
             real = np.concatenate([a.real, a.imag]), np.concatenate([off.real, off.imag])
-            seen[:, k] += np.linalg.lstsq(*real, rcond=EDDY_SINGULAR)[0]
-        return replace(self, seen=np.concatenate([self.seen[:, : -self.own], combinations @ seen], axis=1))
+            outputs[:, k] += np.linalg.lstsq(*real, rcond=EDDY_SINGULAR)[0]
+        return replace(
+            self, outputs=np.concatenate([self.outputs[:, : -self.hall_outputs], combinations @ outputs], axis=1)
+        )
 
     def _driven(self, turned: FloatArray) -> ComplexArray:
         """(1 + s T^T N T)^-1 T^T D, shape (f, r, l)."""
@@ -94,13 +96,13 @@ class StateChoice:
         table = self._table.combined(combinations)
         if table.hall is None:
             return table
-        hall = [one.read(combinations).seen[:, -1] @ combinations for one in self._places]
+        hall = [place.read(combinations).outputs[:, -1] @ combinations for place in self._places]
         return replace(table, hall=np.concatenate([table.hall[:, : -combinations.shape[1]], hall], axis=1))
 
     def error(self, combinations: FloatArray) -> float:
         """The largest relative departure at any distance and frequency, of orthonormal combinations."""
-        found = (one.read(combinations).departures(combinations) for one in self._places)
-        return float(max(np.abs(one).max(initial=0.0) for one in found))
+        departures = (place.read(combinations).departures(combinations) for place in self._places)
+        return float(max(np.abs(place).max(initial=0.0) for place in departures))
 
     def _combinations(self, error: float) -> FloatArray:
         """T, shape (q, r)."""
@@ -110,44 +112,46 @@ class StateChoice:
         plain = (count for count in range(1, len(unit)) if self.error(unit[:, :count]) <= error)
         most = next(plain, len(unit))
         count = max(1, round(EDDY_FEWER * most))
-        found = self._optimal(count)
-        if self.error(found) <= error:
+        combinations = self._optimal(count)
+        if self.error(combinations) <= error:
             while count > 1 and self.error(fewer := self._optimal(count - 1)) <= error:
-                count, found = count - 1, fewer
-            return found
+                count, combinations = count - 1, fewer
+            return combinations
         for more in range(count + 1, most):
-            found = self._optimal(more)
-            if self.error(found) <= error:
-                return found
+            combinations = self._optimal(more)
+            if self.error(combinations) <= error:
+                return combinations
         return unit[:, :most]
 
     def _optimal(self, count: int) -> FloatArray:
         """So many combinations with the least squares of the departures, then of their third powers."""
         chosen = [self._places[k] for k in evenly_spread(len(self._places), EDDY_DISTANCES)]
-        whole = np.eye(self._table.patterns)
+        frame = np.eye(self._table.patterns)
         for power in EDDY_POWERS:
-            now, others = whole[:, :count], whole[:, count:]
-            read = [one.read(now) for one in chosen]
-            whole = np.linalg.qr(now + others @ self._better(read, now, others, power), mode="complete")[0]
-        return whole[:, :count]
+            now, complement = frame[:, :count], frame[:, count:]
+            read = [place.read(now) for place in chosen]
+            frame = np.linalg.qr(now + complement @ self._better(read, now, complement, power), mode="complete")[0]
+        return frame[:, :count]
 
-    def _better(self, places: Sequence[_Place], now: FloatArray, others: FloatArray, power: int) -> FloatArray:
+    def _better(self, places: Sequence[_Place], now: FloatArray, complement: FloatArray, power: int) -> FloatArray:
         """X, of combinations now + others X with the least squares of the departures' power."""
-        shape = others.shape[1], now.shape[1]
+        shape = complement.shape[1], now.shape[1]
 
         def both(values: Sequence[ComplexArray]) -> FloatArray:
-            flat = np.concatenate([one.reshape(-1, *one.shape[3:]) for one in values])
+            flat = np.concatenate([place.reshape(-1, *place.shape[3:]) for place in values])
             return np.concatenate([flat.real, flat.imag])
 
         def departures(x: FloatArray) -> FloatArray:
-            return both([one.departures(now + others @ x.reshape(shape)) for one in places]) / scale
+            return both([place.departures(now + complement @ x.reshape(shape)) for place in places]) / scale
 
         def residuals(x: FloatArray) -> FloatArray:
-            found = departures(x)
-            return np.asarray(found * np.abs(found) ** (power - 1))
+            off = departures(x)
+            return np.asarray(off * np.abs(off) ** (power - 1))
 
         def jacobian(x: FloatArray) -> FloatArray:
-            slopes = both([others.T @ one.slopes(now + others @ x.reshape(shape)) for one in places]) / scale
+            slopes = (
+                both([complement.T @ place.slopes(now + complement @ x.reshape(shape)) for place in places]) / scale
+            )
             return np.asarray(power * np.abs(departures(x))[:, None] ** (power - 1) * slopes.reshape(len(slopes), -1))
 
         x, scale = np.zeros(shape).ravel(), 1.0
@@ -159,12 +163,12 @@ class StateChoice:
         flux, pull = table.flux_linkage[k], 2.0 * table.force[k, :n, n:].T
         hall = np.zeros((table.patterns, 0)) if table.hall is None else table.hall[k, n:, None]
         linked = flux[: n - 1, n:].T
-        seen, driven = np.concatenate([linked, pull, hall], axis=1), np.concatenate([linked, pull], axis=1)
+        outputs, driven = np.concatenate([linked, pull, hall], axis=1), np.concatenate([linked, pull], axis=1)
         among = flux[n - 1 :, n:]
         rates, vectors = np.linalg.eigh(0.5 * (among + among.T))
         gain = 1.0 / (1.0 + self._s[:, None] * rates)
-        target = np.einsum("rk,fr,rl->fkl", vectors.T @ seen, gain, vectors.T @ driven)
-        return _Place(self._s, among, seen, driven, self._sizes(k, target), target, hall.shape[1])
+        target = np.einsum("rk,fr,rl->fkl", vectors.T @ outputs, gain, vectors.T @ driven)
+        return _Place(self._s, among, outputs, driven, self._sizes(k, target), target, hall.shape[1])
 
     def _sizes(self, k: int, target: FloatArray) -> FloatArray:
         """What departures are relative to: the whole response to a current, and that to motion when it is slow."""
@@ -177,11 +181,13 @@ class StateChoice:
             np.zeros((0, n - 1)) if table.hall is None else table.hall[k, None, 1:n],
         ]
         for kind, rest in zip(kinds, at_rest, strict=True):
-            whole = rest - self._s[:, None, None] * target[:, kind, : n - 1]
-            if whole.size:
-                largest = np.abs(whole).max(axis=(1, 2), keepdims=True)
-                part = np.abs(self._s)[:, None, None]
-                size[:, kind, : n - 1] = np.divide(largest, part, out=np.full_like(largest, np.inf), where=part > 0.0)
+            response = rest - self._s[:, None, None] * target[:, kind, : n - 1]
+            if response.size:
+                largest = np.abs(response).max(axis=(1, 2), keepdims=True)
+                factor = np.abs(self._s)[:, None, None]
+                size[:, kind, : n - 1] = np.divide(
+                    largest, factor, out=np.full_like(largest, np.inf), where=factor > 0.0
+                )
         slow = np.abs(target[0, n - 1 : 2 * n - 1, n - 1 :]).max(initial=0.0)
         if slow > 0.0:
             size[:, n - 1 : 2 * n - 1, n - 1 :] = slow

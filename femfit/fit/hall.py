@@ -14,10 +14,11 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
 from femfit.core.ties import first_best
-from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
+from femfit.fit.bounded_qp import solve_bounded_qp
 from femfit.fit.coenergy_choice import distance_coordinates
 from femfit.fit.constants import HALL_TARGET, U_DEGREE
-from femfit.fit.rows import FitRows
+from femfit.fit.rows import FitRows, rms
+from femfit.fit.splines import clamped_knots, row_products
 from femfit.model.bspline import LINE, TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
@@ -34,7 +35,6 @@ class HallFit:
     # Least and largest dB/di over the sweep; their difference is the magnet's own permeability
     coil_slope_T_per_A: tuple[float, float]
     magnet_field_T: tuple[float, float]  # B without current at the largest and the least distance
-    qp: QPSolution
 
 
 def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
@@ -52,12 +52,11 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     magnet = field.field(ends, np.zeros(2))
     return HallFit(
         field=field,
-        rms_T=float(np.sqrt(np.mean(qp.residual**2))),
+        rms_T=rms(qp.residual),
         max_T=float(np.max(np.abs(qp.residual))),
         held_out=held_out,
         coil_slope_T_per_A=(float(slope.min()), float(slope.max())),
         magnet_field_T=(float(magnet[0]), float(magnet[1])),
-        qp=qp,
     )
 
 
@@ -78,7 +77,7 @@ class _Basis:
         """Value of each basis function, shape (n, functions)."""
         in_u = basis_matrix(self.coordinate.of(distance), self.knots_u, self.u_degree)
         in_i = basis_matrix(current, self.knots_i, self.degree)
-        return np.asarray((in_u[:, :, None] * in_i[:, None, :]).reshape(len(distance), -1))
+        return row_products(in_u, in_i)
 
 
 def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, float]:
@@ -94,7 +93,7 @@ def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, floa
         for cells in (1, 2, 3, 4, 6, 8, 12):
             if cells > 1 and U_DEGREE + cells + 2 > len(rows.distances):
                 break
-            alike = [_basis(rows, one, cells, np.repeat(ends, degree + 1)) for one in coordinates]
+            alike = [_basis(rows, coordinate, cells, np.repeat(ends, degree + 1)) for coordinate in coordinates]
             errors = [_held_out(basis, rows, hall) / scale for basis in alike]
             best = first_best([-error for error in errors])
             basis, error = alike[best], errors[best]
@@ -110,16 +109,15 @@ def _basis(rows: FitRows, coordinate: DistanceCoordinate, cells: int, knots_i: F
     ends = np.sort(coordinate.of(d[[0, -1]]))
     breaks = (np.geomspace if coordinate.inverse else np.linspace)(ends[0], ends[1], cells + 1)
     u_degree = min(U_DEGREE, len(d) - 2)  # one distance left out must leave as many as there are functions
-    knots_u = np.concatenate([np.repeat(breaks[0], u_degree), breaks, np.repeat(breaks[-1], u_degree)])
-    return _Basis(coordinate, knots_u, knots_i, len(knots_i) // 2 - 1)
+    return _Basis(coordinate, clamped_knots(breaks, u_degree), knots_i, len(knots_i) // 2 - 1)
 
 
 def _held_out(basis: _Basis, rows: FitRows, hall: FloatArray) -> float:
-    squares = []
+    errors = []
     inner = rows.distances[1:-1]
     columns = basis.columns(rows.distance, rows.current)
     for fold in range(min(4, len(inner))):
         out = np.isin(rows.distance, inner[fold::4])
         fitted = np.linalg.lstsq(columns[~out], hall[~out], rcond=1e-12)[0]
-        squares.append((columns[out] @ fitted - hall[out]) ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+        errors.append(columns[out] @ fitted - hall[out])
+    return rms(np.concatenate(errors))

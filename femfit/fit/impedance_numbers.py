@@ -12,7 +12,6 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from femfit.core.arrays import ComplexArray, FloatArray
-from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerance_defaults import KINDS
 from femfit.fit.constants import EDDY_PER_DECADE
 from femfit.fit.drawing import drawn_effect
@@ -39,37 +38,36 @@ def with_impedances(
     follows = _following(inductance, distance, frequency, eddy)
     at_probes = _following(inductance, distance, slopes.frequencies_Hz, eddy)
     before = np.asarray(np.linalg.inv(at_probes), dtype=np.complex128)
-    known, found = {one.key: one for one in drawn}, list(drawn)
+    by_key, effects = {effect.key: effect for effect in drawn}, list(drawn)
     for number, by_number in zip(slopes.numbers, slopes.slopes[:, order], strict=True):
         if number.effect or number.kind == CONDUCTIVITY or not by_number.any():
             continue
-        one = known.get(number.key) or _without_terms(number)
-        ratio = _turned(before, by_number) - _static(one, distance)[:, None, None, None]
+        effect = by_key.get(number.key) or drawn_effect(number, (), at_rest=KINDS[number.kind].at_rest)
+        ratio = _turned(before, by_number) - _static(effect, distance)[:, None, None, None]
         rest = _turned(follows, _along(np.log(slopes.frequencies_Hz), ratio, np.log(frequency)))
         change = impedance_change(
-            one.parameter,
+            effect.parameter,
             eddy.coordinate,
             distance,
             np.zeros(1),
             frequency,
             2j * np.pi * frequency[:, None, None] * rest[:, None],
-            share=not one.unit,
+            share=not effect.unit,
         )
-        changed = replace(one, impedance=change)
-        found = [changed if other is one else other for other in found] if number.key in known else [*found, changed]
-    return tuple(found)
-
-
-def _without_terms(number: NumberFacts) -> DrawnEffect:
-    at_rest = KINDS[number.kind].at_rest
-    return drawn_effect(number, (), at_rest=at_rest)
+        changed = replace(effect, impedance=change)
+        effects = (
+            [changed if earlier is effect else earlier for earlier in effects]
+            if number.key in by_key
+            else [*effects, changed]
+        )
+    return tuple(effects)
 
 
 def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArray, eddy: EddyCurrents) -> ComplexArray:
     """The share g at distances and frequencies, shape (d, f, n, n)."""
-    at = np.broadcast_to(distance[:, None], (len(distance), len(frequency)))
-    alone, share = inductance[:, None], np.ones_like(at, dtype=np.complex128)
-    induced = induced_impedance(alone, frequency, share, eddy, at)
+    at_each = np.broadcast_to(distance[:, None], (len(distance), len(frequency)))
+    alone, share = inductance[:, None], np.ones_like(at_each, dtype=np.complex128)
+    induced = induced_impedance(alone, frequency, share, eddy, at_each)
     return np.asarray(induced @ np.linalg.inv(alone) / (2j * np.pi * frequency[:, None, None]))
 
 
@@ -95,6 +93,6 @@ def spline_frequencies(frequency: FloatArray) -> FloatArray:
     return np.geomspace(low, high, 1 + max(CUBIC, round(EDDY_PER_DECADE * np.log10(high / low))))
 
 
-def _along(x: FloatArray, values: ComplexArray, at: FloatArray) -> ComplexArray:
+def _along(x: FloatArray, values: ComplexArray, places: FloatArray) -> ComplexArray:
     """Values (d, x) interpolated at other places of x."""
-    return np.asarray(make_interp_spline(x, values, k=min(CUBIC, len(x) - 1), axis=1)(at))
+    return np.asarray(make_interp_spline(x, values, k=min(CUBIC, len(x) - 1), axis=1)(places))

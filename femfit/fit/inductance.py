@@ -54,10 +54,10 @@ class InductanceFit(Printed):
     def __str__(self) -> str:
         """The lines that ``femfit fit`` prints, the answer first."""
         magnetics, domain = self.model.magnetics, self.model.validity
-        at = np.array([domain.distance_min_m, domain.distance_max_m])
-        first, last = 1e3 * magnetics.inductance(at, np.ones(2))
-        pull = magnetics.force(at, np.full(2, domain.current_max_A))
-        near, far = 1e3 * at
+        ends = np.array([domain.distance_min_m, domain.distance_max_m])
+        first, last = 1e3 * magnetics.inductance(ends, np.ones(2))
+        pull = magnetics.force(ends, np.full(2, domain.current_max_A))
+        near, far = 1e3 * ends
         return "\n".join(
             [
                 (
@@ -137,8 +137,8 @@ def fit_inductance(
                 "change with the distance, and its force by as much. Take another law, or check the distances."
             ),
         )
-    said = tuple(map(str, table.findings))
-    return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, said)
+    findings = tuple(map(str, table.findings))
+    return InductanceFit(model, rms(error), float(np.abs(error).max()), len(error), notes, findings)
 
 
 def _require_falling(table: InductanceTable) -> None:

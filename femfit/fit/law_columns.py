@@ -49,9 +49,9 @@ class CoefficientBounds:
 
     def of_column(self, k: int) -> "CoefficientBounds":
         """The bounds of one column."""
-        own = slice(k, k + 1)
+        column = slice(k, k + 1)
         return CoefficientBounds(
-            self.lower[own], self.upper[own], None if self.attracting is None else self.attracting[own]
+            self.lower[column], self.upper[column], None if self.attracting is None else self.attracting[column]
         )
 
 
@@ -144,6 +144,6 @@ def term_bounds(
                     words.append(f"{labels[k]} at {i:g} A on its {word} bound {limit:g}")
                     sides.append(word)
         start += len(powers)
-    found = Inequalities(np.array(rows), np.array(right), tuple(words)) if rows else None
+    inequalities = Inequalities(np.array(rows), np.array(right), tuple(words)) if rows else None
     names = (f"{labels[k]} i^{power}" for k, name in enumerate(functions) for power in FUNCTIONS[name])
-    return TermBounds(tuple(names), lower, upper, found, tuple(sides))
+    return TermBounds(tuple(names), lower, upper, inequalities, tuple(sides))

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
+from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError, UsageError
 from femfit.core.ties import first_best
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
@@ -54,7 +54,7 @@ def search_shape(
 
     first = np.array([p.start if start is None else start[p.name] for p in law.shape])
     unit = np.log(first / lower) / np.log(upper / lower)
-    found = [
+    minima = [
         least_squares(
             misfit,
             np.clip(unit + step, 1e-3, 1.0 - 1e-3),
@@ -65,7 +65,7 @@ def search_shape(
         )
         for step in (STEPS if start is None else STEPS[:1])
     ]
-    best = found[first_best([-float(r.cost) for r in found])]
+    best = minima[first_best([-float(r.cost) for r in minima])]
     if not best.success:
         raise FitError(f"The shape of law {law.name} was not found: {best.message} Try another law.")
     return named(best.x)
@@ -133,7 +133,7 @@ def fit_law(
         raise FitError(
             f"Law {law.name} must have distances > 0, because it is infinite near the face; instead the least is "
             f"{1e3 * rows.distances[0]:g} mm. Take the co-energy, or one of the laws "
-            f"{', '.join(name for name, one in all_laws().items() if one.passes_face)}."
+            f"{', '.join(name for name, candidate in all_laws().items() if candidate.passes_face)}."
         )
     if rows.without_current:
         functions = ("constant",) * len(law.basis)
@@ -145,8 +145,10 @@ def fit_law(
     typical = np.sqrt(np.mean(law.columns(rows.distance, shape) ** 2, axis=0))
     stage_two = fit_functions(law, stage_one, bounds, functions, NEGLIGIBLE * scale / typical)
     chosen = tuple(function.name for function in stage_two)
-    joint, limits = fit_joint(law, shape, chosen, rows, sigma, bounds)
-    interval, shape_interval = _intervals(law, shape, chosen, rows, sigma, limits, joint)
+    matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
+    limits = term_bounds(chosen, law.basis, rows.currents, bounds)
+    joint = solve_bounded_qp(matrix, rows.force, sigma, limits.lower, limits.upper, limits.inequalities, limits.names)
+    interval, shape_interval = _intervals(law, shape, chosen, rows, limits, joint)
     return LawFit(
         law=law,
         shape=shape,
@@ -160,23 +162,6 @@ def fit_law(
         limits=limits,
         interval=interval,
     )
-
-
-def fit_joint(
-    law: ForceLaw,
-    shape: Mapping[str, float],
-    functions: Sequence[str],
-    rows: FitRows,
-    sigma: FloatArray,
-    bounds: CoefficientBounds,
-) -> tuple[QPSolution, TermBounds]:
-    """All coefficients of all currents in one bounded least squares, and the bounds that they obey."""
-    matrix = design_matrix(law, shape, functions, rows.distance, rows.current)
-    limits = term_bounds(functions, law.basis, rows.currents, bounds)
-    solution = solve_bounded_qp(
-        matrix, rows.force, sigma, limits.lower, limits.upper, limits.inequalities, limits.names
-    )
-    return solution, limits
 
 
 def fit_shape(
@@ -195,24 +180,35 @@ def fit_shape(
     return search_shape(law, residual, start)
 
 
+def refit(
+    law: ForceLaw,
+    shape: Mapping[str, float],
+    functions: Sequence[str],
+    limits: TermBounds,
+    rows: FitRows,
+    subset: BoolArray,
+) -> tuple[dict[str, float], FloatArray]:
+    """Shape and coefficients of a fitted law for some of its rows alone, within the same bounds."""
+    fitted, sigma = rows.take(subset), law_sigma(rows)[subset]
+    refitted = fit_shape(law, fitted, sigma, shape)
+    matrix = design_matrix(law, refitted, functions, fitted.distance, fitted.current)
+    sides = limits.lower, limits.upper, limits.inequalities
+    return refitted, active_set_least_squares(matrix, fitted.force, sigma, *sides)
+
+
 def _intervals(
     law: ForceLaw,
     shape: Mapping[str, float],
     functions: Sequence[str],
     rows: FitRows,
-    sigma: FloatArray,
     limits: TermBounds,
     joint: QPSolution,
 ) -> tuple[Interval, dict[str, tuple[float, float]]]:
     blocks = np.array_split(rows.distances, min(JACKKNIFE_BLOCKS, len(rows.distances)))
     values = []
     for block in blocks:
-        kept = ~np.isin(rows.distance, block)
-        part = rows.take(kept)
-        refit = fit_shape(law, part, sigma[kept], shape)
-        matrix = design_matrix(law, refit, functions, part.distance, part.current)
-        x = active_set_least_squares(matrix, part.force, sigma[kept], limits.lower, limits.upper, limits.inequalities)
-        values.append(np.concatenate([x, list(refit.values())]))
+        refitted, x = refit(law, shape, functions, limits, rows, ~np.isin(rows.distance, block))
+        values.append(np.concatenate([x, list(refitted.values())]))
     table = np.array(values)
     g = len(blocks)
     centred = table - table.mean(axis=0)
@@ -252,8 +248,8 @@ def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None)
         return law
     remaining = rows.flux_linkage - law.flux_linkage(rows.distance, rows.current)
     # Columns for an inductance >= 0 and a flux linkage of either sign.
-    one, i = np.ones_like(rows.current), rows.current / (np.max(np.abs(rows.current)) or 1.0)
-    inductance, plus, minus = non_negative(np.stack([i, one, -one], axis=1), remaining)[0]
+    constant, i = np.ones_like(rows.current), rows.current / (np.max(np.abs(rows.current)) or 1.0)
+    inductance, plus, minus = non_negative(np.stack([i, constant, -constant], axis=1), remaining)[0]
     return replace(
         law,
         constant_inductance_H=float(inductance / (np.max(np.abs(rows.current)) or 1.0)),

@@ -35,9 +35,9 @@ def misfit_to_rows(model: ActuatorModel | Magnetics, rows: FitRows) -> Misfit:
         flux = magnetics.flux_linkage(d, i)
         flux_rms = rms(flux - rows.flux_linkage)
         flux_share = _share(flux_rms, rows.flux_linkage)
-        table, own = chord_inductance(rows, rows.flux_linkage), chord_inductance(rows, flux)
+        table, of_model = chord_inductance(rows, rows.flux_linkage), chord_inductance(rows, flux)
         if len(table):
-            inductance_rms = rms(own - table)
+            inductance_rms = rms(of_model - table)
             inductance_share = _share(inductance_rms, table)
     if sensor is not None and rows.hall is not None:
         hall_rms = rms(sensor.field.field(d, i) - rows.hall)
@@ -74,9 +74,13 @@ _UNITS_ASSUMED = "assumed-units"
 
 def import_notes(table: SweepTable) -> tuple[str, ...]:
     """What an import warned of, and units that it assumed: a fit is wrong by the factor that they are."""
-    findings = [one for one in table.manifest.get("findings") or () if isinstance(one, dict)]
-    grave = [one for one in findings if one.get("severity") == "warning" or one.get("code") == _UNITS_ASSUMED]
-    return tuple(f"{one.get('text', one.get('sentence', ''))} {one.get('remedy', '')}".strip() for one in grave)
+    findings = [finding for finding in table.manifest.get("findings") or () if isinstance(finding, dict)]
+    grave = [
+        finding for finding in findings if finding.get("severity") == "warning" or finding.get("code") == _UNITS_ASSUMED
+    ]
+    return tuple(
+        f"{finding.get('text', finding.get('sentence', ''))} {finding.get('remedy', '')}".strip() for finding in grave
+    )
 
 
 def sheet_notes(table: SweepTable) -> tuple[str, ...]:
@@ -160,12 +164,12 @@ def finer_settings(missed: FloatArray, rows: FitRows) -> dict[str, list[float]]:
     """The ``distance_m`` and ``current_A`` that halve the intervals around the largest error of the force."""
     worst = int(np.argmax(missed))
     around = {"distance_m": (rows.distances, rows.distance[worst]), "current_A": (rows.currents, rows.current[worst])}
-    return {name: middles(axis, at).tolist() for name, (axis, at) in around.items()}
+    return {name: middles(axis, place).tolist() for name, (axis, place) in around.items()}
 
 
-def middles(axis: FloatArray, at: float) -> FloatArray:
+def middles(axis: FloatArray, place: float) -> FloatArray:
     """The middles of the intervals on both sides of a value of an axis."""
-    k = int(np.searchsorted(axis, at))
+    k = int(np.searchsorted(axis, place))
     around = axis[max(k - 1, 0) : k + 2]
     return np.asarray(0.5 * (around[1:] + around[:-1]))
 

@@ -28,6 +28,8 @@ from femfit.model.hall_sensor import HallSensor
 from femfit.model.other_sensor import OtherSensor
 from femfit.model.pickup import PickupSensor
 
+MASS_UNKNOWN = "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g."
+
 Part = TypeVar("Part")
 
 
@@ -53,8 +55,12 @@ def actuator_entry(
     if supply_V is not None and not supply_V[0] < supply_V[1]:
         raise UsageError(f"The supply's lowest voltage must be below its highest; instead received {supply_V}.")
     low, high = supply_V or (None, None)
-    given = {"voltage_min_V": low, "voltage_max_V": high, "mass_kg": mass_kg, "resistance_ohm": resistance_ohm}
-    return {**(recorded or {}), **(actuator or {}), **{key: one for key, one in given.items() if one is not None}}
+    options = {"voltage_min_V": low, "voltage_max_V": high, "mass_kg": mass_kg, "resistance_ohm": resistance_ohm}
+    return {
+        **(recorded or {}),
+        **(actuator or {}),
+        **{key: value for key, value in options.items() if value is not None},
+    }
 
 
 def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> Parts:
@@ -78,7 +84,7 @@ def hall_sensor_of(element: Mapping[str, Any], field: HallField) -> HallSensor:
         **{name: number(element, name) for name in names},
         adc_bits=int(number(element, "adc_bits")),
         delay_s=number(element, "delay_s") if element.get("delay_s") else 0.0,
-        sample_time_s=number(element, "sample_time_s") if element.get("sample_time_s") else None,
+        sample_time_s=_period(element),
     )
 
 
@@ -99,18 +105,20 @@ def circuit_and_motion(
             "--resistance-ohm and --supply-V"
             + ("." if flux_linkage else ", and --inductance-H since the table has no flux linkage.")
         )
-    if entry.get("mass_kg") is None:
-        notes.append("No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g.")
+    motion = mechanics_of(entry)
+    if motion is None:
+        notes.append(MASS_UNKNOWN)
     circuits: tuple[Circuit, ...] = ()
     if not missing:
-        one = (entry.get("circuits") or [{}])[0]
-        circuits = (_circuit(entry, {**one, **{key: number(entry, key) for key in keys}}),)
-    motion = None if entry.get("mass_kg") is None else mechanics_of(entry)
+        record = (entry.get("circuits") or [{}])[0]
+        circuits = (_circuit(entry, {**record, **{key: number(entry, key) for key in keys}}),)
     return circuits, motion, tuple(notes)
 
 
-def mechanics_of(entry: Mapping[str, Any]) -> Mechanics:
-    """The mechanics of a manifest's actuator entry; the mass alone where it is of an earlier version."""
+def mechanics_of(entry: Mapping[str, Any]) -> Mechanics | None:
+    """The mechanics of a manifest's actuator entry, of an earlier version the mass alone; None without a mass."""
+    if entry.get("mass_kg") is None:
+        return None
     return _recorded(Mechanics, "mechanics", {**(entry.get("mechanics") or {}), "mass_kg": number(entry, "mass_kg")})
 
 
@@ -127,17 +135,17 @@ def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mecha
         "simulation with it. Sweep up to the stop for one that gets there."
         for side, place in beyond.items()
     )
-    kept = {"near": motion.near_stop, "far": motion.far_stop} | dict.fromkeys(beyond)
-    return replace(motion, near_stop=kept["near"], far_stop=kept["far"]), notes
+    stops = {"near": motion.near_stop, "far": motion.far_stop} | dict.fromkeys(beyond)
+    return replace(motion, near_stop=stops["near"], far_stop=stops["far"]), notes
 
 
 def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:
     """The circuits of several names, and how to give what is missing; none where not all are there."""
-    recorded = {one.get("name"): one for one in entry.get("circuits") or ()}
+    recorded = {record.get("name"): record for record in entry.get("circuits") or ()}
     if not set(names) <= set(recorded):
         return (), (f"No circuits in the model: give --actuator ACTUATOR.toml with {', '.join(names)}.",)
     circuits = tuple(_circuit(entry, recorded[name]) for name in names)
-    without = [one.name for one in circuits if not np.isfinite(one.voltage_max_V - one.voltage_min_V)]
+    without = [circuit.name for circuit in circuits if not np.isfinite(circuit.voltage_max_V - circuit.voltage_min_V)]
     if without:
         unknown = f"No circuits in the model: the voltage limits behind {', '.join(without)} are unknown."
         return (), (f"{unknown} Give [supply] in the actuator file, and --actuator ACTUATOR.toml.",)
@@ -158,7 +166,7 @@ def other_sensors_of(
     linked : mapping of str to SensedFit or str
         Flux linkage of each pickup coil that the sweep holds, or why it has none.
     """
-    kept: list[OtherSensor] = []
+    sensors: list[OtherSensor] = []
     notes, halls = [], 0
     for record in entry.get("sensors") or ():
         sensor: AnySensor = _recorded(_OneSensor, "sensor", {"sensor": record}).sensor
@@ -168,7 +176,7 @@ def other_sensors_of(
                 notes.append(f"Pickup coil {sensor.name!r} is not in the model: {flux}")
             else:
                 shared = {f.name: getattr(sensor, f.name) for f in fields(Sensor)}
-                kept.append(PickupSensor(**shared, flux=flux.field))
+                sensors.append(PickupSensor(**shared, flux=flux.field))
                 notes.append(flux.said(f"Pickup coil {sensor.name!r}", "Wb"))
         elif isinstance(sensor, HallElement):
             halls += 1
@@ -178,8 +186,8 @@ def other_sensors_of(
                     "Draw it first, or alone."
                 )
         else:
-            kept.append(sensor)
-    return tuple(kept), tuple(notes)
+            sensors.append(sensor)
+    return tuple(sensors), tuple(notes)
 
 
 def _recorded(kind: type[Part], name: str, record: Mapping[str, Any]) -> Part:
@@ -188,6 +196,15 @@ def _recorded(kind: type[Part], name: str, record: Mapping[str, Any]) -> Part:
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
         raise TableError(f"The manifest's {name} is damaged: {faults}. Give --actuator ACTUATOR.toml.") from error
+
+
+def _period(entry: Mapping[str, Any]) -> float | None:
+    return number(entry, "sample_time_s") if entry.get("sample_time_s") else None
+
+
+def with_period(model: ActuatorModel, entry: Mapping[str, Any]) -> ActuatorModel:
+    """The model with the controller's period of a manifest's actuator entry, or the one that suits it."""
+    return replace(model, sample_time_s=_period(entry) or sample_time(model))
 
 
 def sample_time(model: ActuatorModel) -> float:
@@ -204,13 +221,13 @@ def sample_time(model: ActuatorModel) -> float:
     d, i = model.validity.grid(15, 5 if model.validity.further_A else 15)
     constants = []
     if model.circuits:
-        at = model.magnetics.state_of_circuits(d, i.reshape(len(d), -1))
-        inductance = at.inductance + model.series_inductances_H
+        state = model.magnetics.state_of_circuits(d, i.reshape(len(d), -1))
+        inductance = state.inductance + model.series_inductances_H
         constants.append(float(np.linalg.eigvals(inductance / model.resistances_ohm[:, None]).real.min()))
     if model.motion is not None:
         steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, i))))
         constants.append(float(np.sqrt(model.motion.mass_kg / steepest)) if steepest > 0.0 else np.inf)
-    shortest = 0.1 * min((one for one in constants if one > 0.0), default=np.inf)
+    shortest = 0.1 * min((constant for constant in constants if constant > 0.0), default=np.inf)
     if not np.isfinite(shortest):
         return model.sample_time_s
     decade = 10.0 ** np.floor(np.log10(shortest) + 1e-9)
@@ -219,16 +236,16 @@ def sample_time(model: ActuatorModel) -> float:
 
 def kind_of(entry: Mapping[str, Any]) -> ActuatorKind | None:
     """What the drawing is made of; None where the manifest does not say."""
-    given = entry.get("kind")
-    if not given:
+    record = entry.get("kind")
+    if not record:
         return None
     names = {f.name for f in fields(ActuatorKind)}
-    if not isinstance(given, Mapping) or set(given) != names or not all(isinstance(v, bool) for v in given.values()):
+    if not isinstance(record, Mapping) or set(record) != names or not all(isinstance(v, bool) for v in record.values()):
         raise TableError(
             f"The table's manifest must give the kind of its actuator by {', '.join(sorted(names))}, each true or "
             "false. Sweep again, or remove the entry."
         )
-    return ActuatorKind(**given)
+    return ActuatorKind(**record)
 
 
 def number(entry: Mapping[str, Any], key: str) -> float:

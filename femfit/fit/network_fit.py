@@ -107,26 +107,26 @@ def _magnetics(numbers: FloatArray, rows: FitRows) -> NetworkMagnetics:
     return NetworkMagnetics(reference, shift, (r0, r1, r2, r3), (s0, s1), float(np.exp(c)), (l0, l1))
 
 
-def _best(rows: FitRows, kept: BoolArray, starts: list[FloatArray]) -> FloatArray:
+def _best(rows: FitRows, fitted: BoolArray, starts: list[FloatArray]) -> FloatArray:
     """The numbers with the least sum of squares on the rows kept, from several starts; scaled to order one."""
     first = starts[0]
     scale = np.array([1.0] * 5 + [abs(first[5])] * 2 + [1.0] + [float(np.exp(-first[1]))] * 2)
-    residual = _residual(rows, kept)
+    residual = _residual(rows, fitted)
 
     def scaled(numbers: FloatArray) -> FloatArray:
         return residual(numbers * scale)
 
-    found = [least_squares(scaled, start / scale, max_nfev=300) for start in starts]
-    best = min(found, key=lambda one: float(one.cost))
+    minima = [least_squares(scaled, start / scale, max_nfev=300) for start in starts]
+    best = min(minima, key=lambda minimum: float(minimum.cost))
     if not np.isfinite(best.cost) or best.cost >= NETWORK_OFF:
         raise FitError(f"Law {NETWORK} comes to no minimum on this table. Take another law, or the co-energy.")
     return np.asarray(best.x * scale)
 
 
-def _residual(rows: FitRows, kept: BoolArray) -> Callable[[FloatArray], FloatArray]:
-    d, i, force = rows.distance[kept], rows.current[kept], rows.force[kept]
+def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], FloatArray]:
+    d, i, force = rows.distance[fitted], rows.current[fitted], rows.force[fitted]
     assert rows.flux_linkage is not None  # noqa: S101  _require_plunger asks
-    flux = rows.flux_linkage[kept]
+    flux = rows.flux_linkage[fitted]
     flux_scale = rms(rows.flux_linkage)
 
     def residual(numbers: FloatArray) -> FloatArray:

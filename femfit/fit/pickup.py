@@ -8,7 +8,7 @@ from femfit.tables.sweep_table import SweepTable, current_names
 
 def fit_pickups(table: SweepTable) -> dict[str, SensedFit | str]:
     """The flux linkage of each pickup coil of a table by the coil's name, or why it could not be fitted."""
-    rows, found = table.valid_rows(), dict[str, SensedFit | str]()
+    rows, fits = table.valid_rows(), dict[str, SensedFit | str]()
     currents = rows[current_names(rows)].to_numpy(dtype=float)
     if not currents.any():  # a pair of magnets, or one current of zero: nothing to fit along
         currents = currents[:, :0]
@@ -19,7 +19,7 @@ def fit_pickups(table: SweepTable) -> dict[str, SensedFit | str]:
             continue
         values = rows[column].to_numpy(dtype=float)
         try:
-            found[match[1]] = fit_sensed(SensedRows(distance, currents, values), f"Pickup coil {match[1]!r}")
+            fits[match[1]] = fit_sensed(SensedRows(distance, currents, values), f"Pickup coil {match[1]!r}")
         except FitError as error:
-            found[match[1]] = str(error)
-    return found
+            fits[match[1]] = str(error)
+    return fits

@@ -20,15 +20,13 @@ from femfit.core.amount import rounded
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.ties import ranked
-from femfit.fit.bounded_qp import active_set_least_squares
 from femfit.fit.constants import DISTANCE_BLOCKS, MAY_MISS, TARGET
 from femfit.fit.law_columns import design_matrix
-from femfit.fit.law_fit import LawFit, fit_law, fit_shape, law_magnetics, law_sigma
+from femfit.fit.law_fit import LawFit, fit_law, law_magnetics, refit
 from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.fit.rows import FitRows, rms
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.magnetics import LawMagnetics
 from femfit.model.misfit import Misfit
 from femfit.model.validity import ValidityBox
 
@@ -133,11 +131,11 @@ class Ranking:
 def _grouped(candidates: Sequence[Candidate]) -> tuple[tuple[tuple[str, ...], str], ...]:
     """Names of the laws without a fit by their reason, in which ``Each`` stands for them where they are several."""
     groups: dict[str, list[Candidate]] = {}
-    for one in candidates:
-        if one.fit is None:
-            groups.setdefault(one.failure.replace(f"Law {one.law.name}", "Each"), []).append(one)
+    for candidate in candidates:
+        if candidate.fit is None:
+            groups.setdefault(candidate.failure.replace(f"Law {candidate.law.name}", "Each"), []).append(candidate)
     return tuple(
-        (tuple(one.law.name for one in alike), why if len(alike) > 1 else alike[0].failure)
+        (tuple(candidate.law.name for candidate in alike), why if len(alike) > 1 else alike[0].failure)
         for why, alike in groups.items()
     )
 
@@ -189,7 +187,8 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
     try:
         fit = fit_law(law, rows)
         errors, force_scale = _held_out(fit, rows, folds)
-        written = _as_written(law_magnetics(fit, rows), rows)
+        domain = ValidityBox(rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
+        written = misfit_to_rows(as_written(ActuatorModel("candidate", law_magnetics(fit, rows), domain)), rows)
     except (FemfitError, ValueError, ArithmeticError) as failure:  # one law, perhaps another package's, fails alone
         return _failed(law, str(failure))
     if not np.all(np.isfinite(errors)):
@@ -211,23 +210,15 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
     )
 
 
-def _as_written(magnetics: LawMagnetics, rows: FitRows) -> Misfit:
-    domain = ValidityBox(rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
-    return misfit_to_rows(as_written(ActuatorModel("candidate", magnetics, domain)), rows)
-
-
 def _failed(law: ForceLaw, reason: str) -> Candidate:
     return Candidate(None, law, None, np.inf, np.inf, np.inf, np.inf, 0, reason)
 
 
 def _held_out(fit: LawFit, rows: FitRows, folds: Sequence[BoolArray]) -> tuple[FloatArray, FloatArray]:
-    sigma, limits = law_sigma(rows), fit.limits
     errors, scales = [], []
     for out in folds:
-        part, test = rows.take(~out), rows.take(out)
-        shape = fit_shape(fit.law, part, sigma[~out], fit.shape)
-        matrix = design_matrix(fit.law, shape, fit.functions, part.distance, part.current)
-        x = active_set_least_squares(matrix, part.force, sigma[~out], limits.lower, limits.upper, limits.inequalities)
+        shape, x = refit(fit.law, fit.shape, fit.functions, fit.limits, rows, ~out)
+        test = rows.take(out)
         errors.append(design_matrix(fit.law, shape, fit.functions, test.distance, test.current) @ x - test.force)
         scales.append(rows.force_scale[out])
     return np.concatenate(errors), np.concatenate(scales)

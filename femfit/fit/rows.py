@@ -1,6 +1,7 @@
 """A sweep table's rows as arrays, checked for what every fit needs."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -86,16 +87,10 @@ class FitRows:
 
     def take(self, which: BoolArray) -> "FitRows":
         """The rows of a boolean mask."""
-        return FitRows(
-            self.distance[which],
-            self.current[which],
-            self.force[which],
-            None if self.flux_linkage is None else self.flux_linkage[which],
-            None if self.hall is None else self.hall[which],
-            self.force_error[which],
-            self.weight,
-            None if self.inductance is None else self.inductance[which],
-        )
+        columns: dict[str, Any] = {
+            name: column[which] for name, column in vars(self).items() if isinstance(column, np.ndarray)
+        }
+        return replace(self, **columns)
 
 
 def rms(values: FloatArray) -> float:
@@ -151,18 +146,21 @@ def rows_of_table(table: SweepTable, mass_kg: float | None, gravity_m_s2: float)
 def _inductance(rows: pd.DataFrame) -> FloatArray | None:
     """The inductance, with NaN where a row has none."""
     name = "inductance_H"
-    given = rows[name].notna() if name in rows else np.zeros(len(rows), dtype=np.bool_)
-    if not given.any():
+    present = rows[name].notna() if name in rows else np.zeros(len(rows), dtype=np.bool_)
+    if not present.any():
         return None
     values = np.full(len(rows), np.nan)
-    values[given] = _numbers(rows[given].reset_index(drop=True), name)
+    values[present] = column_numbers(rows[present].reset_index(drop=True), name)
     return values
 
 
 def _numbers(rows: pd.DataFrame, name: str) -> FloatArray | None:
     """A column as floats; None where it is absent or empty, an error where it has holes or text."""
-    if name not in rows or rows[name].isna().all():
-        return None
+    return None if name not in rows or rows[name].isna().all() else column_numbers(rows, name)
+
+
+def column_numbers(rows: pd.DataFrame, name: str) -> FloatArray:
+    """A column as floats; an error where it has holes or text."""
     try:
         values = rows[name].to_numpy(dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -180,9 +178,9 @@ def _bends(distance: FloatArray, current: FloatArray, flux_linkage: FloatArray) 
     """Whether the flux linkage is no straight function of the current at some distance."""
     bends, largest = [0.0], 0.0
     for d in np.unique(distance):
-        at = np.flatnonzero(distance == d)
-        at = at[np.argsort(current[at])]
-        slopes = np.diff(flux_linkage[at]) / np.diff(current[at])
+        order = np.flatnonzero(distance == d)
+        order = order[np.argsort(current[order])]
+        slopes = np.diff(flux_linkage[order]) / np.diff(current[order])
         if len(slopes):
             bends.append(float(np.ptp(slopes)))
             largest = max(largest, float(np.abs(slopes).max()))
@@ -201,11 +199,11 @@ def incremental_inductance(
         return None
     slope_misses, quotient_misses, changes, bends = [], [], [], []
     for d in np.unique(distance):
-        at = np.flatnonzero((distance == d) & np.isfinite(inductance))
-        if len(at) < 2:
+        order = np.flatnonzero((distance == d) & np.isfinite(inductance))
+        if len(order) < 2:
             continue
-        at = at[np.argsort(current[at])]
-        i, flux, slope = current[at], flux_linkage[at], inductance[at]
+        order = order[np.argsort(current[order])]
+        i, flux, slope = current[order], flux_linkage[order], inductance[order]
         change = np.diff(flux)
         slope_misses.append(np.sum(0.5 * (slope[1:] + slope[:-1]) * np.diff(i)) - np.sum(change))
         quotient_misses.append(np.max(np.abs(slope * i - flux)))

@@ -17,11 +17,10 @@ import numpy as np
 from femfit.core.amount import amount
 from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.circuit_rows import CircuitRows, choose_along_distance
-from femfit.fit.circuit_system import CircuitSolution, solve_circuits
+from femfit.fit.circuit_rows import CircuitRows, require_currents
+from femfit.fit.circuit_system import CircuitSolution, best_along_distance, solve_circuits
 from femfit.fit.constants import (
     ALONE,
-    FEWEST_CURRENTS,
     FINER_CURRENTS,
     LEAST_OF_GRID,
     LEFT_OUT_EVERY,
@@ -29,9 +28,9 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import rms
+from femfit.fit.splines import clamped_knots, row_products
 from femfit.model.bspline import basis_matrix
 from femfit.model.coenergy_tensor import CoenergyTensor
-from femfit.model.coordinate import DistanceCoordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +70,9 @@ class CurrentSplines:
         return np.asarray(self._all(currents, *circuits) @ self.products)
 
     def _all(self, currents: FloatArray, *circuits: int) -> FloatArray:
-        parts = [basis_matrix(currents[:, k], knots, U_DEGREE, circuits.count(k)) for k, knots in enumerate(self.knots)]
-        return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts)
+        return row_products(
+            *(basis_matrix(currents[:, k], knots, U_DEGREE, circuits.count(k)) for k, knots in enumerate(self.knots))
+        )
 
     def roughness(self) -> FloatArray:
         """Mixed second differences along each two currents, and, far weaker, third ones along each by itself."""
@@ -92,10 +92,10 @@ def _differences(knots: FloatArray, order: int) -> FloatArray:
     The coefficients stand at the means of U_DEGREE knots (Greville).
     """
     places = np.lib.stride_tricks.sliding_window_view(knots[1:-1], U_DEGREE).mean(axis=1)
-    step, found = np.ptp(places) / (len(places) - 1), np.eye(len(places))
+    step, differences = np.ptp(places) / (len(places) - 1), np.eye(len(places))
     for k in range(1, order + 1):
-        found = np.diff(found, axis=0) * (k * step / (places[k:] - places[:-k]))[:, None]
-    return found
+        differences = np.diff(differences, axis=0) * (k * step / (places[k:] - places[:-k]))[:, None]
+    return differences
 
 
 def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
@@ -108,11 +108,11 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
         inductances are not positive definite everywhere.
     """
     axes = [np.unique(column) for column in rows.currents.T]
-    _require_grid(rows, axes)
+    _require_grid(rows)
     signed = axes if rows.magnet else [np.unique(np.concatenate([axis, -axis])) for axis in axes]
     trials = [
-        CurrentSplines(tuple(_knots(axis, part, not rows.magnet) for axis in signed), not rows.magnet)
-        for part in FINER_CURRENTS
+        CurrentSplines(tuple(_knots(axis, share, not rows.magnet) for axis in signed), not rows.magnet)
+        for share in FINER_CURRENTS
     ]
     unknowns = len(rows.distances) * trials[-1].count
     if unknowns > MOST_UNKNOWNS:
@@ -122,24 +122,19 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
         )
 
     finest = trials[-1 if rows.inductance is not None else -2]  # a knee that is not met hides what the distances show
-
-    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
-        found = solve_circuits(rows, coordinate, knots, finest)
-        return np.inf if found is None else found.left_out_in_turn(rows.distance == d for d in rows.distances[1:-1])
-
-    along, _ = choose_along_distance(rows.distances, held_out)
+    along = best_along_distance(rows, finest)
     folds = points_left_out(rows)
     solved = [(trial, solve_circuits(rows, *along, trial)) for trial in trials]
-    tried = [(found.left_out_in_turn(folds), trial, found) for trial, found in solved if found is not None]
+    tried = [(solution.left_out_in_turn(folds), trial, solution) for trial, solution in solved if solution is not None]
     indefinite: list[str] = []
     tightly = ""
-    for _, trial, found in sorted(tried, key=lambda one: one[0]):
-        magnetics = _tensor(trial, found, rows)
+    for _, trial, solution in sorted(tried, key=lambda entry: entry[0]):
+        magnetics = _tensor(trial, solution, rows)
         if not indefinite:
             tightly = _tightly_coupled(magnetics, rows)
         indefinite.append(_indefinite(magnetics, rows, axes))
         if not indefinite[-1]:
-            return magnetics, found
+            return magnetics, solution
     if not indefinite:
         raise FitError(
             f"The rows do not determine the co-energy of {', '.join(rows.names)}. Sweep every combination of the "
@@ -160,8 +155,8 @@ def _tightly_coupled(magnetics: CoenergyTensor, rows: CircuitRows) -> str:
     """
     if rows.inductance is None:
         return ""
-    own = np.diagonal(rows.inductance, axis1=1, axis2=2)
-    scale = np.sqrt(own[:, :, None] * own[:, None, :])
+    self_inductance = np.diagonal(rows.inductance, axis1=1, axis2=2)
+    scale = np.sqrt(self_inductance[:, :, None] * self_inductance[:, None, :])
     off = magnetics.inductance(rows.distance, rows.currents) - rows.inductance
     missed = rms(np.linalg.norm(off / scale, ord=2, axis=(1, 2)))
     leakage = float(np.linalg.eigvalsh(rows.inductance / scale).min())
@@ -175,13 +170,8 @@ def _tightly_coupled(magnetics: CoenergyTensor, rows: CircuitRows) -> str:
     )
 
 
-def _require_grid(rows: CircuitRows, axes: list[FloatArray]) -> None:
-    for name, axis in zip(rows.names, axes, strict=True):
-        if len(axis) < FEWEST_CURRENTS:
-            raise FitError(
-                f"The iron saturates, and each circuit then needs {FEWEST_CURRENTS} currents or more; circuit {name!r} "
-                f"has {len(axis)}. Sweep more of its currents, together with all of the others'."
-            )
+def _require_grid(rows: CircuitRows) -> None:
+    require_currents(rows, "The iron saturates")
     points = rows.grid_points
     if len(rows.distance) < LEAST_OF_GRID * points:
         raise FitError(
@@ -201,24 +191,26 @@ def points_left_out(rows: CircuitRows) -> list[BoolArray]:
     return [np.isin(turns, places[k::LEFT_OUT_EVERY]) for k in range(min(LEFT_OUT_EVERY, len(places)))]
 
 
-def _knots(currents: FloatArray, part: float, even: bool) -> FloatArray:
+def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
     """Clamped knots of so many cells a step; between the steps they follow the currents."""
     steps = len(currents) - 1
-    cells = max(1, round(part * steps))
+    cells = max(1, round(share * steps))
     breaks = np.interp(np.linspace(0, steps, cells + 1), np.arange(steps + 1), currents)
     if even:  # to rounding
         breaks = 0.5 * (breaks - breaks[::-1])
-    return np.concatenate([np.repeat(breaks[0], U_DEGREE), breaks, np.repeat(breaks[-1], U_DEGREE)])
+    return clamped_knots(breaks, U_DEGREE)
 
 
-def _tensor(functions: CurrentSplines, found: CircuitSolution, rows: CircuitRows) -> CoenergyTensor:
+def _tensor(functions: CurrentSplines, solution: CircuitSolution, rows: CircuitRows) -> CoenergyTensor:
     """The model's magnetics; with a magnet W' is counted from zero current at the farthest distance."""
     degrees = (U_DEGREE,) * len(rows.names)
 
     def tensor(table: FloatArray) -> CoenergyTensor:
-        return CoenergyTensor(rows.names, found.coordinate, found.knots, U_DEGREE, functions.knots, degrees, table)
+        return CoenergyTensor(
+            rows.names, solution.coordinate, solution.knots, U_DEGREE, functions.knots, degrees, table
+        )
 
-    table = (found.coefficients @ functions.products.T).reshape(-1, *functions.shape)
+    table = (solution.coefficients @ functions.products.T).reshape(-1, *functions.shape)
     if functions.even:
         return tensor(table)
     origin = np.clip(np.zeros(len(rows.names)), rows.currents.min(axis=0), rows.currents.max(axis=0))
@@ -228,16 +220,16 @@ def _tensor(functions: CurrentSplines, found: CircuitSolution, rows: CircuitRows
 def _indefinite(magnetics: CoenergyTensor, rows: CircuitRows, axes: list[FloatArray]) -> str:
     """Where at or between the rows the inductances are not positive definite; empty where they are everywhere."""
     fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
-    distance, *along = (one.ravel() for one in np.meshgrid(*fine, indexing="ij"))
+    distance, *along = (point.ravel() for point in np.meshgrid(*fine, indexing="ij"))
     currents = np.stack(along, axis=-1)
-    swept = {tuple(one) for one in np.column_stack([rows.distance, rows.currents])}
+    swept = {tuple(point) for point in np.column_stack([rows.distance, rows.currents])}
     grid = np.isin(distance, rows.distances) & np.all(
         [np.isin(i, axis) for i, axis in zip(along, axes, strict=True)], 0
     )
-    kept = [
+    judged = [
         not on or tuple(point) in swept for on, point in zip(grid, np.column_stack([distance, currents]), strict=True)
     ]
-    distance, currents = distance[kept], currents[kept]
+    distance, currents = distance[judged], currents[judged]
     least = np.linalg.eigvalsh(magnetics.inductance(distance, currents))[:, 0]
     worst = int(np.argmin(least))
     if least[worst] > 0.0:

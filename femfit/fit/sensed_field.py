@@ -5,7 +5,6 @@ needs no grid. Else each current takes a spline with as many functions as there 
 """
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 
@@ -14,6 +13,8 @@ from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
 from femfit.fit.circuit_rows import Along, choose_along_distance
 from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HELD_OUT_TARGET, U_DEGREE
+from femfit.fit.rows import rms
+from femfit.fit.splines import row_products
 from femfit.model.bspline import basis_matrix
 from femfit.model.sensed_field import SensedField
 
@@ -60,19 +61,17 @@ class _Currents:
         if self.linear:
             return np.column_stack([np.ones(len(currents)), currents])
         axes = zip(currents.T, self.knots, self.degrees, strict=True)
-        parts = [basis_matrix(*axis) for axis in axes]
-        first = np.ones((len(currents), 1))
-        return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), parts, first)
+        return row_products(np.ones((len(currents), 1)), *(basis_matrix(*axis) for axis in axes))
 
-    def coefficients(self, found: FloatArray) -> FloatArray:
+    def coefficients(self, solution: FloatArray) -> FloatArray:
         """Of the products of splines, shape (functions of u, functions of i_1, ..)."""
         shape = [len(knots) - degree - 1 for knots, degree in zip(self.knots, self.degrees, strict=True)]
         if not self.linear:
-            return found.reshape(-1, *shape)
-        result = found[:, 0].reshape(-1, *[1] * len(shape)) * np.ones(shape)
+            return solution.reshape(-1, *shape)
+        result = solution[:, 0].reshape(-1, *[1] * len(shape)) * np.ones(shape)
         for k, knots in enumerate(self.knots):  # a line's coefficients are its values at both ends
             along = np.array(knots[[0, -1]]).reshape([2 if j == k else 1 for j in range(len(shape))])
-            result = result + found[:, 1 + k].reshape(-1, *[1] * len(shape)) * along
+            result = result + solution[:, 1 + k].reshape(-1, *[1] * len(shape)) * along
         return result
 
 
@@ -86,9 +85,11 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
     """
     scale = float(np.ptp(rows.values)) or 1.0
     axes = [np.unique(column) for column in rows.currents.T]
-    one = [name for name, axis in enumerate(axes, 1) if len(axis) < 2]
-    if one:
-        raise FitError(f"{what} needs two currents or more of each circuit; circuit {one[0]} has one. Sweep another.")
+    constant = [name for name, axis in enumerate(axes, 1) if len(axis) < 2]
+    if constant:
+        raise FitError(
+            f"{what} needs two currents or more of each circuit; circuit {constant[0]} has one. Sweep another."
+        )
     linear = _Currents(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes), True)
     missed = _not_linear(rows, linear)
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
@@ -98,8 +99,8 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
         (coordinate, knots), error = choose_along_distance(
             rows.distances, lambda *along, of=columns: _left_out(along, rows, of) / scale
         )
-        found = _solved((coordinate, knots), rows, columns, np.ones(len(rows.values), dtype=np.bool_))
-        if found is not None:
+        solution = _solved((coordinate, knots), rows, columns, np.ones(len(rows.values), dtype=np.bool_))
+        if solution is not None:
             break
     else:
         raise FitError(
@@ -112,11 +113,11 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
         U_DEGREE,
         currents.knots,
         currents.degrees,
-        currents.coefficients(found.reshape(-1, columns.shape[1])),
+        currents.coefficients(solution.reshape(-1, columns.shape[1])),
     )
-    at = rows.currents if len(axes) > 1 else rows.currents[:, 0] if axes else np.zeros_like(rows.distance)
-    left = field.field(rows.distance, at) - rows.values
-    return SensedFit(field, error, float(np.sqrt(np.mean(left**2))))
+    currents_of_rows = rows.currents if len(axes) > 1 else rows.currents[:, 0] if axes else np.zeros_like(rows.distance)
+    errors = field.field(rows.distance, currents_of_rows) - rows.values
+    return SensedFit(field, error, rms(errors))
 
 
 def _splines(axes: list[FloatArray]) -> _Currents:
@@ -131,11 +132,14 @@ def _splines(axes: list[FloatArray]) -> _Currents:
 
 def _not_linear(rows: SensedRows, linear: _Currents) -> float:
     """What lines in the currents miss at a distance by itself, rms over the range."""
-    columns, left = linear.columns(rows.currents), np.zeros_like(rows.values)
+    columns, errors = linear.columns(rows.currents), np.zeros_like(rows.values)
     for d in rows.distances:
-        at = rows.distance == d
-        left[at] = columns[at] @ np.linalg.lstsq(columns[at], rows.values[at], rcond=None)[0] - rows.values[at]
-    return float(np.sqrt(np.mean(left**2)) / (np.ptp(rows.values) or 1.0))
+        at_distance = rows.distance == d
+        errors[at_distance] = (
+            columns[at_distance] @ np.linalg.lstsq(columns[at_distance], rows.values[at_distance], rcond=None)[0]
+            - rows.values[at_distance]
+        )
+    return rms(errors) / (float(np.ptp(rows.values)) or 1.0)
 
 
 def _left_out(along: Along, rows: SensedRows, columns: FloatArray) -> float:
@@ -143,24 +147,23 @@ def _left_out(along: Along, rows: SensedRows, columns: FloatArray) -> float:
     inner, errors = rows.distances[1:-1], []
     for fold in range(min(DISTANCE_FOLDS, len(inner))):
         out = np.isin(rows.distance, inner[fold::DISTANCE_FOLDS])
-        found = _solved(along, rows, columns, ~out)
-        if found is None:
+        solution = _solved(along, rows, columns, ~out)
+        if solution is None:
             return np.inf
-        errors.append(_products(along, rows.distance[out], columns[out]) @ found - rows.values[out])
-    return float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+        errors.append(_products(along, rows.distance[out], columns[out]) @ solution - rows.values[out])
+    return rms(np.concatenate(errors))
 
 
 def _products(along: Along, distance: FloatArray, columns: FloatArray) -> FloatArray:
     coordinate, knots = along
-    basis = basis_matrix(coordinate.of(distance), knots, U_DEGREE)
-    return np.asarray((basis[:, :, None] * columns[:, None, :]).reshape(len(distance), -1))
+    return row_products(basis_matrix(coordinate.of(distance), knots, U_DEGREE), columns)
 
 
-def _solved(along: Along, rows: SensedRows, columns: FloatArray, kept: BoolArray) -> FloatArray | None:
+def _solved(along: Along, rows: SensedRows, columns: FloatArray, fitted: BoolArray) -> FloatArray | None:
     """Coefficients, flat; None where the rows do not determine them."""
-    matrix = _products(along, rows.distance[kept], columns[kept])
+    matrix = _products(along, rows.distance[fitted], columns[fitted])
     scale = np.linalg.norm(matrix, axis=0)
     if len(matrix) < matrix.shape[1] or not np.all(scale > 0.0):
         return None
-    found, _, rank, _ = np.linalg.lstsq(matrix / scale, rows.values[kept], rcond=1e-11)
-    return np.asarray(found / scale) if rank == matrix.shape[1] else None
+    solution, _, rank, _ = np.linalg.lstsq(matrix / scale, rows.values[fitted], rcond=1e-11)
+    return np.asarray(solution / scale) if rank == matrix.shape[1] else None

@@ -41,13 +41,10 @@ class CoefficientFunction:
     values: FloatArray
     residual_sum: float
     held_out: Mapping[str, float]  # Root mean square error at the current left out, for every function that was tried
-    active: tuple[str, ...]  # Bounds that the function stands on, in words
-    active_sides: tuple[str, ...]
 
     def at(self, current: FloatArray) -> FloatArray:
         """c(i) at currents in A."""
-        powers = np.array(FUNCTIONS[self.name], dtype=np.float64)
-        return np.asarray(np.power(np.asarray(current)[..., None], powers) @ self.values)
+        return np.asarray(_monomials(self.name, np.asarray(current)) @ self.values)
 
 
 def fit_each_current(
@@ -56,17 +53,19 @@ def fit_each_current(
     """Stage one, with the law's shape the same at all currents; FitError if there are fewer than three."""
     currents = rows.currents
     if len(currents) < FEWEST_CURRENTS and not rows.without_current:
-        given = ", ".join(f"{i:g} A" for i in currents)
+        listed = ", ".join(f"{i:g} A" for i in currents)
         raise FitError(
             f"Two stages need at least {FEWEST_CURRENTS} currents, to leave one out and still distinguish a line "
-            f"from a constant; the table holds {len(currents)} ({given}). Sweep or import more currents."
+            f"from a constant; the table holds {len(currents)} ({listed}). Sweep or import more currents."
         )
     solutions, sums = [], []
     for i in currents:
-        at = rows.current == i
-        columns = law.columns(rows.distance[at], shape)
+        at_current = rows.current == i
+        columns = law.columns(rows.distance[at_current], shape)
         names = [f"{basis} at {i:g} A" for basis in law.basis]
-        solution = solve_bounded_qp(columns, rows.force[at], sigma[at], *bounds.at(float(i)), names=names)
+        solution = solve_bounded_qp(
+            columns, rows.force[at_current], sigma[at_current], *bounds.at(float(i)), names=names
+        )
         solutions.append(solution)
         sums.append(float(np.sum(solution.residual**2)))
     return StageOne(currents, np.array([s.x for s in solutions]), np.array(sums), tuple(solutions))
@@ -114,33 +113,28 @@ def fit_coefficient_function(
         values=solution.x,
         residual_sum=float(np.sum(solution.residual**2)),
         held_out={trial: float(np.sqrt(np.mean(s))) for trial, s in squares.items()},
-        active=limits.active(solution),
-        active_sides=limits.active_sides(solution),
     )
 
 
-def _testable(currents: FloatArray) -> list[str]:
-    """Functions that a table with one current left out still determines, with one point to spare in all."""
-    return [name for name, powers in FUNCTIONS.items() if len(currents) > len(powers)]
-
-
 def _monomials(name: str, currents: FloatArray) -> FloatArray:
-    return np.asarray(np.power(currents[:, None], np.array(FUNCTIONS[name], dtype=np.float64)))
+    return np.asarray(np.power(currents[..., None], np.array(FUNCTIONS[name], dtype=np.float64)))
 
 
 def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: CoefficientBounds) -> dict[str, FloatArray]:
     """Squared error at each current left out, for every function that the bounds allow."""
     squares = {}
-    for name in _testable(currents):
+    for name, powers in FUNCTIONS.items():
+        if len(currents) <= len(powers):  # with one left out they must determine it, with one point to spare in all
+            continue
         monomials = _monomials(name, currents)
         errors = []
         try:
             for out in range(len(currents)):
-                kept = np.arange(len(currents)) != out
-                limits = term_bounds([name], ["c"], currents[kept], bounds)
+                fitted = np.arange(len(currents)) != out
+                limits = term_bounds([name], ["c"], currents[fitted], bounds)
                 x = active_set_least_squares(
-                    monomials[kept],
-                    values[kept],
+                    monomials[fitted],
+                    values[fitted],
                     np.ones(len(currents) - 1),
                     limits.lower,
                     limits.upper,

@@ -30,8 +30,8 @@ def table():
 
 
 @pytest.fixture(scope="module")
-def coenergy(table):
-    return fit_model(table)
+def coenergy(closed_form_fit):
+    return closed_form_fit
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import numpy as np
 import femfit as ff
 from femfit.core.atomic import json_ready
 from femfit.device.load import actuator_from_toml
+from femfit.fit.misfit import sheet_notes
 from support.eddy_pot import TWO_WINDINGS
 
 
@@ -17,7 +18,7 @@ def test_a_model_of_two_circuits_has_the_sweeps_eddy_currents(tmp_path):
     conducts = "conductivity_MS_per_m = 5"
     thick = actuator_from_toml(text.replace(conducts, f"{conducts}\nlamination_mm = 5"))
     of_sheets = replace(table, manifest={**table.manifest, "inputs": json_ready(asdict(thick))})
-    assert sum("sheets of 5.0 mm" in note for note in ff.fit_model(of_sheets).notes) == 1
+    assert sum("sheets of 5.0 mm" in note for note in sheet_notes(of_sheets)) == 1
     frequencies, k = np.array([10.0, 100.0, 1000.0]), 2
     exact = 2j * np.pi * frequencies[:, None, None] * table.eddy.transfers(k, frequencies).flux_linkage
     found = model.impedance(table.eddy.distances_m[k], np.zeros(2), frequencies) - np.diag(model.resistances_ohm)

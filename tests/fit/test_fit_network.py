@@ -1,6 +1,7 @@
 """The law of plungers that saturate, on sweeps of three devices and against its own closed form."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -33,10 +34,14 @@ def rows_of(device):
     return rows_of_table(table_of(device), None, 9.80665)
 
 
-@pytest.fixture(scope="module", params=DEVICES)
+@cache
+def network_of(device):
+    return fit_network(rows_of(device))
+
+
+@pytest.fixture(params=DEVICES)
 def fitted(request):
-    rows = rows_of(request.param)
-    return request.param, rows, fit_network(rows)
+    return request.param, rows_of(request.param), network_of(request.param)
 
 
 def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
@@ -54,9 +59,8 @@ def test_inductance_is_positive_where_it_was_fitted(fitted):
 
 
 def test_it_is_better_than_every_law_of_columns():
-    rows = rows_of("push")
-    ranking = rank_laws(BUILT_IN, rows)
-    assert fit_network(rows).left_out < ranking.recommended.error
+    ranking = rank_laws(BUILT_IN, rows_of("push"))
+    assert network_of("push").left_out < ranking.recommended.error
 
 
 LAW = NetworkMagnetics(3e-3, 0.4e-3, (2.0, 0.26, -0.02, 0.03), (0.22, 0.016), 0.05, (-0.01, -0.01))
