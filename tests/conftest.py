@@ -20,10 +20,20 @@ from femfit.model.magnetics import CoenergySpline
 from femfit.model.misfit import Misfit
 from femfit.model.validity import ValidityBox
 from support.actuators import GEOMETRY
+from support.expected import Expected
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 LONGEST_FILES = ("test_house.py", "test_notebooks.py", "test_cli_new.py", "test_site.py")
 """They take from half a minute to two each: begun first, they leave no worker alone at the end."""
+
+
+def pytest_addoption(parser):
+    parser.addoption("--renew", action="store_true", help="write expected results anew; each test that did fails once")
+
+
+@pytest.fixture(scope="session")
+def expected(request):
+    return Expected(request.config.getoption("--renew"))
 
 
 def pytest_collection_modifyitems(items):

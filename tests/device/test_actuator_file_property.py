@@ -10,10 +10,13 @@ from hypothesis import strategies as st
 
 from femfit.core.errors import ActuatorFileError
 from femfit.device.load import actuator_from_toml
+from femfit.device.variants import variants_from_toml
 
 PATHS = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 FILES = [path.read_text(encoding="utf-8") for path in PATHS]
 (PLUNGER,) = (text for text, path in zip(FILES, PATHS, strict=True) if path.stem == "plunger-solenoid")
+(RIG,) = (text for text, path in zip(FILES, PATHS, strict=True) if path.stem == "emaws-rig")
+FEW = 13
 TOKENS = [
     *("nan", "inf", "-inf", "0", "-1", "2.5", "1e308", "-1e308", "1e-320", "1" * 400),
     *("true", '"text"', "'+z'", "1979-05-27", "[]", "{}", "[[]]", "[0, 5.5]", "[[0, 0]]", "[[0, 0], [1, 0], [0, 1]]"),
@@ -21,7 +24,7 @@ TOKENS = [
 ]
 MUCH_THE_SAME = ("emaws", "emaws-rig", "emaws-saturable", "emaws-variants")
 """Drawings with no key that another has not, but for the parameters of a sweep."""
-SETTINGS = settings(max_examples=150, deadline=None, derandomize=True)
+SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
 
 
 def load_or_refuse(text: str) -> None:
@@ -75,7 +78,7 @@ def test_any_polygon_is_drawn_or_refused(corners):
     load_or_refuse(text.replace("r_mm = [0, 5]\nz_mm = [0, 35]", polygon))
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=30, deadline=None, derandomize=True)
 @given(st.integers(-50, 50), st.integers(1, 400), st.integers(1, 200), st.integers(0, 4))
 def test_a_range_is_the_decimals_counted_by_hand(start, count, step, digits):
     scale = 10**digits
@@ -86,17 +89,33 @@ def test_a_range_is_the_decimals_counted_by_hand(start, count, step, digits):
     assert currents == tuple((start + k * step) / scale for k in range(count + 1))
 
 
-@pytest.mark.parametrize("token", TOKENS)
-@pytest.mark.parametrize(
-    "text",
-    [
-        pytest.param(text, id=path.stem, marks=pytest.mark.long if path.stem in MUCH_THE_SAME else ())
-        for text, path in zip(FILES, PATHS, strict=True)
-    ],
-)
-def test_each_odd_value_at_each_key_loads_or_is_refused(text, token):
+@pytest.mark.parametrize(("text", "name"), [(text, path.stem) for text, path in zip(FILES, PATHS, strict=True)])
+@pytest.mark.parametrize("few", [True, pytest.param(False, marks=pytest.mark.long)])
+def test_odd_values_at_each_key_load_or_are_refused(text, name, few):
+    """A few at each key, others at the next one, of drawings with keys that no other has; all of them take a minute."""
     lines = text.splitlines()
-    for n, line in enumerate(lines):
-        if " = " in line and not line.startswith("#"):
-            key = line.split(" = ", 1)[0]
+    keys = [n for n, line in enumerate(lines) if " = " in line and not line.startswith("#")]
+    for k, n in enumerate(keys if not few or name not in MUCH_THE_SAME else ()):
+        key = lines[n].split(" = ", 1)[0]
+        for token in TOKENS[k % FEW :: FEW] if few else TOKENS:
             load_or_refuse("\n".join([*lines[:n], f"{key} = {token}", *lines[n + 1 :]]))
+
+
+VALUES = st.sampled_from([
+    *("nan", "inf", "1e300", "-1", "true", '"x"', "[]", "{}", "[[1]]", "{ min = 1 }", "{ start = 0, stop = 1 }"),
+    *("[1, 2]", "{ min = 1, max = 2 }", '{ keys = ["coils.coil.turns"], values = [1, 2] }'),
+])  # fmt: skip
+NAMES = st.sampled_from(
+    ['"coils.coil.turns"', "coils.coil.turns", "coil", "a_mm", "current_A", '"sensors.hall.z_mm"', '""', "'[0]'", "n"]
+)
+HEADS = ["", 'design = "latin_hypercube"\nsamples = 20\nseed = 7', 'design = "list"', "seed = 3"]
+
+
+@SETTINGS
+@given(st.dictionaries(NAMES, VALUES, max_size=3), st.sampled_from(HEADS))
+def test_any_table_of_parameters_gives_variants_or_an_actuator_error(parameters, head):
+    lines = "\n".join(f"{name} = {value}" for name, value in parameters.items())
+    with contextlib.suppress(ActuatorFileError):
+        swept = variants_from_toml(RIG.replace("[sweep]", f"[sweep.parameters]\n{lines}\n[sweep]\n{head}\n", 1))
+        assert len(swept.variants) >= 1
+        assert all(len(one.values) == len(swept.columns) for one in swept.variants)

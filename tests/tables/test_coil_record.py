@@ -1,7 +1,5 @@
 """Coil records in every format give the same blocks; what cannot be used is named."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +7,7 @@ from scipy.io import wavfile
 
 from femfit.core.errors import OutputError, TableError
 from femfit.tables.coil_record import open_coil_record
+from femfit.tables.measurement_file import read_measurement
 from femfit.tables.record_writer import RecordWriter
 
 
@@ -61,29 +60,6 @@ def test_a_sound_card_records_a_coil(tmp_path):
     np.testing.assert_allclose(np.concatenate([block.time for block in blocks]), np.arange(900) / 44100.0)
 
 
-def test_columns_and_units_of_a_text_record_can_be_said(tmp_path, table):
-    table.rename(columns={"coil_voltage_V": "AI0", "time_s": "Zeit [ms]"}).to_csv(tmp_path / "a.csv", index=False)
-    record = open_coil_record(tmp_path / "a.csv", columns={"AI0": "coil_voltage_V"}, units={"AI0": "mV"})
-    (block,) = record.blocks()
-    np.testing.assert_allclose(block.voltage, 1e-3 * table["coil_voltage_V"])
-
-
-def test_a_toml_sidecar_is_read(tmp_path):
-    np.zeros(10, "<f4").tofile(tmp_path / "a.bin")
-    (tmp_path / "a.toml").write_text('sample_rate_Hz = 10\nstart_s = 5.0\ncolumns = ["coil_voltage_V", "other"]\n')
-    (block,) = open_coil_record(tmp_path / "a.bin").blocks()
-    np.testing.assert_allclose(block.time, 5.0 + np.arange(5) / 10.0)
-
-
-def test_rows_without_a_voltage_are_left_out(table, tmp_path):
-    table.loc[10:19, "coil_voltage_V"] = np.nan
-    table.loc[30, "hall_T"] = np.nan
-    table.to_csv(tmp_path / "a.csv", index=False)
-    (block,) = open_coil_record(tmp_path / "a.csv").blocks()
-    assert len(block) == 990
-    assert np.isnan(block.hall[20])
-
-
 def test_a_failed_writer_leaves_no_file(tmp_path):
     with pytest.raises(ZeroDivisionError), RecordWriter(tmp_path / "a.csv", ["time_s"], 1e-3) as writer:
         writer.write({"time_s": np.array([1.0 / 0])})
@@ -94,53 +70,8 @@ def test_a_failed_writer_leaves_no_file(tmp_path):
 def test_a_clock_that_jumps_back_is_refused_where_it_does(rows, table, tmp_path):
     table.loc[500:, "time_s"] -= 0.1
     table.to_csv(tmp_path / "a.csv", index=False)
-    with pytest.raises(TableError, match=r"jumps back to 0\.4 s after 500 rows"):
+    with pytest.raises(TableError, match=r"0\.4 s.* 500 rows"):
         list(open_coil_record(tmp_path / "a.csv").blocks(rows))
-
-
-def test_missing_columns_are_named(table, tmp_path):
-    table.rename(columns={"coil_voltage_V": "voltage"}).to_csv(tmp_path / "a.csv", index=False)
-    with pytest.raises(TableError, match=r"has time_s, voltage, hall_T\. Rename or add coil_voltage_V"):
-        open_coil_record(tmp_path / "a.csv")
-
-
-@pytest.mark.parametrize(
-    ("sidecar", "message"),
-    [
-        (None, "needs a sidecar"),
-        ({"columns": ["coil_voltage_V"]}, "needs sample_rate_Hz > 0"),
-        ({"sample_rate_Hz": 10, "columns": []}, "columns = "),
-        ({"sample_rate_Hz": 10, "columns": ["coil_voltage_V", "a", "b"]}, "whole rows of 3 float32"),
-        ({"sample_rate_Hz": 10, "columns": ["a", "b"]}, "Rename or add coil_voltage_V"),
-    ],
-)
-def test_a_raw_record_needs_a_sidecar_that_fits(sidecar, message, tmp_path):
-    np.zeros(10, "<f4").tofile(tmp_path / "a.bin")
-    if sidecar is not None:
-        (tmp_path / "a.json").write_text(json.dumps(sidecar))
-    with pytest.raises(TableError, match=message):
-        open_coil_record(tmp_path / "a.bin")
-
-
-def test_cells_that_are_no_numbers_are_named(tmp_path):
-    (tmp_path / "a.csv").write_text("time_s,coil_voltage_V\n0,1\n1,high\n2,1\n")
-    with pytest.raises(TableError, match=r"Column coil_voltage_V of .* must hold numbers"):
-        list(open_coil_record(tmp_path / "a.csv").blocks())
-
-
-@pytest.mark.parametrize("text", ["time_s,coil_voltage_V\n", "time_s,coil_voltage_V\n0,\n1,\n"])
-def test_a_record_without_a_usable_row_is_refused(text, tmp_path):
-    (tmp_path / "a.csv").write_text(text)
-    with pytest.raises(TableError, match="has no row with a time and a voltage"):
-        list(open_coil_record(tmp_path / "a.csv").blocks())
-
-
-def test_a_file_that_is_absent_or_no_table_is_refused(tmp_path):
-    with pytest.raises(TableError, match="There is no coil record"):
-        open_coil_record(tmp_path / "no.csv")
-    (tmp_path / "a.parquet").write_text("no parquet")
-    with pytest.raises(TableError, match="cannot be read"):
-        open_coil_record(tmp_path / "a.parquet")
 
 
 @pytest.mark.parametrize("name", ["a.f32", "a.csv", "a.parquet"])
@@ -151,13 +82,38 @@ def test_a_gap_keeps_the_times_of_what_follows(name, table, tmp_path):
     np.testing.assert_allclose(np.concatenate([block.voltage for block in blocks]), gapped["coil_voltage_V"], 1e-9)
 
 
-def test_two_sidecars_that_differ_are_refused(table, tmp_path):
+def test_a_sidecar_that_is_there_is_not_contradicted(table, tmp_path):
     written(table, tmp_path / "a.f32")
     (tmp_path / "a.toml").write_text('sample_rate_Hz = 500\ncolumns = ["coil_voltage_V", "hall_T"]\n')
-    with pytest.raises(TableError, match="two sidecars"):
-        open_coil_record(tmp_path / "a.f32")
     with pytest.raises(OutputError, match=r"a\.toml"):
         written(table, tmp_path / "a.f32")
+
+
+def test_a_damaged_page_of_a_parquet_record_is_said(tmp_path):
+    time = np.arange(5000) / 1000.0
+    table = pd.DataFrame({"time_s": time, "coil_voltage_V": np.random.default_rng(1).standard_normal(5000)})
+    table.to_parquet(tmp_path / "rec.parquet", compression="snappy")
+    content = bytearray((tmp_path / "rec.parquet").read_bytes())
+    content[200:400] = bytes(200)
+    (tmp_path / "rec.parquet").write_bytes(content)
+    with pytest.raises(TableError, match=r"rec\.parquet"):
+        list(open_coil_record(tmp_path / "rec.parquet").blocks())
+
+
+@pytest.mark.parametrize(
+    ("encoding", "delimiter", "decimal"),
+    [("utf-16", *marks) for marks in ((";", ","), (";", "."), ("\t", ","), (",", "."), (" ", "."))]
+    + [(encoding, ";", ",") for encoding in ("utf-16-le", "cp1252", "utf-8-sig")],
+)
+def test_coil_records_are_read_in_every_dialect(tmp_path, encoding, delimiter, decimal):
+    rows = [[f"{0.5 * k:.4f}", f"{k % 7 - 3.25:.4f}", f"{k}"] for k in range(1500)]
+    lines = [delimiter.join(row).replace(".", decimal) for row in rows]
+    header = delimiter.join(["time_ms", "coil_voltage[mV]", "µ"])
+    (tmp_path / "r.csv").write_bytes("\n".join([header, *lines, ""]).encode(encoding))
+    blocks = list(open_coil_record(tmp_path / "r.csv").blocks(999))
+    time, voltage = (np.concatenate([getattr(block, name) for block in blocks]) for name in ("time", "voltage"))
+    np.testing.assert_allclose(time, 5e-4 * np.arange(1500), rtol=1e-12)
+    np.testing.assert_allclose(voltage, 1e-3 * (np.arange(1500) % 7 - 3.25), rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["datetime64[us]", "timedelta64[us]"])
@@ -170,3 +126,6 @@ def test_a_clock_of_moments_counts_from_the_first_one_that_is_known(kind, rows, 
     blocks = list(open_coil_record(tmp_path / "a.parquet").blocks(rows=rows))
     time = np.concatenate([block.time for block in blocks])
     np.testing.assert_allclose(time, np.delete(np.arange(3, 1000), 497) / 1000 - 0.003, atol=1e-12)
+    table.assign(time_s=moments, current_A=1.0).drop(columns="coil_voltage_V").to_parquet(tmp_path / "b.parquet")
+    series = read_measurement(tmp_path / "b.parquet").rows["time_s"]
+    np.testing.assert_allclose(series - series.iloc[0], time, atol=1e-6)

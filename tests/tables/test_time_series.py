@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
+from femfit.tables.measurement import SERIES_COLUMNS
 from femfit.tables.measurement_file import read_measurement
 
 
@@ -29,6 +29,12 @@ def series(tmp_path, table, sidecar=None):
     return read_measurement(tmp_path / "record.csv")
 
 
+def finding(result, code, column=""):
+    """The text of the only finding of a code."""
+    (text,) = [str(one) for one in result.findings if (one.code, one.column) == (code, column)]
+    return text
+
+
 def test_a_sound_record_is_one_segment_without_findings(tmp_path):
     result = series(tmp_path, record())
     assert tuple(result.rows) == (*SERIES_COLUMNS, "segment")
@@ -45,23 +51,12 @@ def test_unevenly_sampled_records_are_one_segment(tmp_path):
     assert series(tmp_path, table[kept]).rows["segment"].unique().tolist() == [0]
 
 
-def test_other_units_are_converted_and_said(tmp_path):
-    table = record().rename(columns={"time_s": "Time [ms]", "distance_m": "distance_mm"})
-    table["Time [ms]"] *= 1e3
-    table["distance_mm"] *= 1e3
-    result = series(tmp_path, table)
-    assert result.rows["time_s"].iloc[-1] == pytest.approx(1.999)
-    assert result.rows["distance_m"].median() == pytest.approx(0.02, abs=1e-3)
-    assert sum("converted" in str(said) for said in result.findings) == 2
-
-
 @pytest.mark.parametrize("step", [0.0, -1e-3], ids=["stands", "falls"])
 def test_a_clock_that_never_rises_is_refused_with_a_remedy(tmp_path, step):
     table = record(200)
     table["time_s"] = step * np.arange(200)
-    with pytest.raises(TableError, match="time_s") as refused:
+    with pytest.raises(TableError, match="time_s"):
         series(tmp_path, table)
-    assert "Repair" in str(refused.value)
 
 
 def test_a_clock_that_jumps_back_and_one_that_pauses_begin_new_segments(tmp_path):
@@ -70,8 +65,9 @@ def test_a_clock_that_jumps_back_and_one_that_pauses_begin_new_segments(tmp_path
     table.loc[1500:, "time_s"] += 0.5
     result = series(tmp_path, table)
     assert np.flatnonzero(np.diff(result.rows["segment"])).tolist() == [699, 1499]
-    assert any("does not run on at 1 place" in str(said) for said in result.findings)
-    assert any("pauses at 1 place" in str(said) for said in result.findings)
+    back, pause = (str(one) for one in result.findings if (one.code, one.column, one.size) == ("clock", "time_s", 1.0))
+    assert "0.4 s" in back
+    assert "1.7 s" in pause
     np.testing.assert_allclose(result.rows["time_s"], table["time_s"])  # nothing is repaired
 
 
@@ -88,7 +84,7 @@ def test_a_stuck_sensor_is_set_aside_and_said(tmp_path):
     table.loc[900:1100, "distance_m"] = table.loc[900, "distance_m"]
     result = series(tmp_path, table)
     assert np.flatnonzero(result.rows["distance_m"].isna()).tolist() == list(range(900, 1101))
-    assert any("201 samples of distance_m look stuck" in str(said) for said in result.findings)
+    assert [(one.code, one.column, one.size) for one in result.findings] == [("stuck", "distance_m", 201)]
 
 
 def test_a_coarse_converter_is_not_stuck(tmp_path):
@@ -105,7 +101,7 @@ def test_a_clipped_sensor_is_set_aside_and_said(tmp_path):
     table["current_A"] = np.minimum(table["current_A"], 0.55)
     result = series(tmp_path, table)
     assert np.array_equal(result.rows["current_A"].isna(), over)
-    assert any("current_A look clipped at 0.55" in str(said) for said in result.findings)
+    assert "0.55" in finding(result, "clipped", "current_A")
 
 
 def test_a_body_that_rests_on_its_stops_in_a_simulation_is_neither_stuck_nor_clipped(tmp_path):
@@ -128,39 +124,15 @@ def test_missing_samples_and_suspicious_units_are_said(tmp_path):
     table.loc[10:12, "current_A"] = np.nan
     table["distance_m"] *= 1e3
     result = series(tmp_path, table)
-    assert any("3 samples of current_A are missing" in str(said) for said in result.findings)
-    assert any((said.code, said.column) == ("suspected-unit", "distance_m") for said in result.findings)
+    assert "3" in finding(result, "cells", "current_A")
+    assert "mm" in finding(result, "suspected-unit", "distance_m")
 
 
 def test_a_sidecar_declares_the_noise_of_a_sample(tmp_path):
     sidecar = "distance_um = 20\nflux_linkage_Wb = 1e-5\n[noise]\ncurrent_A = 6.5e-3\n"
     result = series(tmp_path, record(), sidecar)
     assert result.declared_noise == pytest.approx({"distance_m": 20e-6, "current_A": 6.5e-3})
-    assert any("flux_linkage_Wb" in str(said) for said in result.findings)
-
-
-def test_a_time_series_is_told_from_a_bench_table_by_its_clock(tmp_path):
-    series(tmp_path, record())
-    assert isinstance(read_measurement(tmp_path / "record.csv"), TimeSeries)
-    record().drop(columns="time_s").to_csv(tmp_path / "bench.csv")
-    with pytest.raises(TableError, match="A bench table"):
-        read_measurement(tmp_path / "bench.csv")
-
-
-def test_a_record_without_times_or_channel_is_refused_with_the_remedy(tmp_path):
-    with pytest.raises(TableError, match="lacks time_s"):
-        series(tmp_path, record().assign(time_s=np.nan))
-    with pytest.raises(TableError, match="one of"):
-        series(tmp_path, record().assign(humidity=40.0).drop(columns=["current_A", "distance_m"]))
-
-
-@pytest.mark.parametrize(("unit", "seconds"), [("min", 60.0), ("h", 3600.0), ("ms", 1e-3)])
-def test_a_clock_may_count_in_other_units_than_seconds(unit, seconds, tmp_path):
-    time = 0.01 * np.arange(50)
-    rows = "".join(f"{t / seconds!r},{0.5 + 0.1 * t},{0.02 + 0.001 * t},{0.03}\n" for t in time.tolist())
-    (tmp_path / "log.csv").write_text(f"t [{unit}],current_A,distance_m,force_N\n{rows}")
-    series = read_measurement(tmp_path / "log.csv")
-    np.testing.assert_allclose(series.rows["time_s"], time, rtol=1e-12, atol=1e-12)
+    assert "flux_linkage_Wb" in finding(result, "unused-setting")
 
 
 @pytest.mark.parametrize("step", [2e-4, 3e-4, 7e-4], ids=["five", "three or four", "one or two"])
@@ -190,14 +162,14 @@ def test_stamps_of_changing_numbers_of_rows_are_refused(tmp_path):
     table = record(400, 2e-4)
     bursts = np.cumsum(np.random.default_rng(2).integers(2, 9, 400))
     table["time_s"] = 1e-3 * np.searchsorted(bursts, np.arange(400), side="right")
-    with pytest.raises(TableError, match="one stamp"):
+    with pytest.raises(TableError, match="stamp"):
         series(tmp_path, table)
 
 
 def test_a_channel_without_a_reading_left_is_not_given(tmp_path):
     result = series(tmp_path, record().assign(current_A=0.3))
     assert "current_A" not in result.given
-    assert any((one.code, one.column) == ("stuck", "current_A") for one in result.findings)
+    assert finding(result, "stuck", "current_A")
 
 
 def test_an_impossible_cell_is_set_aside_and_named(tmp_path):
@@ -217,10 +189,8 @@ def test_every_column_is_read_by_its_own_name(name, tmp_path):
     assert "unused-column" not in {one.code for one in read.findings}
 
 
-@pytest.mark.parametrize(
-    "header", ["Accel (m/s2)", "Beschleunigung in m/s²", "acceleration/m/s^2", "acc_m_s2", "Acceleration [m/s^2]"]
-)
-def test_an_acceleration_is_read_as_laboratories_write_it(header, tmp_path):
-    read = series(tmp_path, record(50).assign(**{header: 9.81}))
-    assert "acceleration_m_s2" in read.given
-    np.testing.assert_allclose(read.rows["acceleration_m_s2"], 9.81)
+def test_without_a_time_or_a_clock_it_is_no_record(tmp_path):
+    with pytest.raises(TableError, match="time_s"):
+        series(tmp_path, record().assign(time_s=np.nan))
+    with pytest.raises(TableError, match="bench table"):
+        series(tmp_path, record().drop(columns="time_s"))

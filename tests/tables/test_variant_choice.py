@@ -6,6 +6,7 @@ import pytest
 from femfit.core.errors import TableError
 from femfit.tables.sweep_table import SweepTable
 from femfit.tables.variant_choice import choose_variant
+from support.expected import unmentioned
 
 ROWS = pd.DataFrame(
     {
@@ -45,11 +46,6 @@ def test_a_variant_is_chosen_by_its_number_or_its_values(where):
     assert "variants" not in chosen.manifest
 
 
-def test_a_table_without_parameters_passes_unchanged():
-    plain = SweepTable(ROWS[["current_A", "distance_m", "force_N"]], {"name": "rig"})
-    assert choose_variant(plain, {}) is plain
-
-
 def test_a_table_that_lost_its_manifest_still_gives_its_rows():
     chosen = choose_variant(SweepTable(ROWS), {"variant": 4.0})
     assert chosen.rows["force_N"].tolist() == [0.7, 0.8]
@@ -65,35 +61,29 @@ def test_a_material_is_chosen_by_its_name():
     assert chosen.manifest["variant"]["core"] == "ferrite"
 
 
-@pytest.mark.parametrize(
-    ("where", "message"),
-    [
-        ({"core": "steel"}, "No row has core = steel with what else was chosen; core is ferrite, steel_1010 there"),
-        ({"core": 3.0}, "No row has core = 3 with"),
-        ({"coil.turns": "many"}, "No row has coil.turns = many with"),
-        ({"core": "ferrite"}, r"holds 2 variants \(variant is 3, 4; .*--where core=ferrite; repeat"),
-    ],
-)
-def test_a_material_that_is_not_there_or_does_not_suffice_says_what_there_is(where, message):
-    with pytest.raises(TableError, match=message):
-        choose_variant(MATERIALS, where)
+PLAIN = SweepTable(ROWS[["current_A", "distance_m", "force_N"]], {"name": "rig"})
 
 
 @pytest.mark.parametrize(
-    ("where", "message"),
+    ("table", "where", "mentions"),
     [
-        ({}, r"holds 4 variants \(variant is 1, 2, 3, 4; coil.turns is 250, 308.123; sleeve.*--where variant=1"),
-        ({"coil.turns": 250.0}, r"holds 2 variants \(variant is 1, 2; sleeve_radius_m is 0.009, 0.01\)"),
-        ({"turns": 250.0}, "'turns' is no parameter.*Did you mean 'coil.turns'"),
-        ({"coil.turns": 251.0}, "No row has coil.turns = 251.*coil.turns is 250, 308.123 there"),
-        ({"variant": 1.0, "coil.turns": 308.1235}, "No row has coil.turns = 308.123 with what else was chosen"),
+        (MATERIALS, {"core": "steel"}, ["core = steel", "ferrite, steel_1010"]),
+        (MATERIALS, {"core": 3.0}, ["core = 3"]),
+        (MATERIALS, {"coil.turns": "many"}, ["coil.turns = many"]),
+        (MATERIALS, {"core": "ferrite"}, ["2 variants", "3, 4", "--where core=ferrite"]),
+        (TABLE, {}, ["4 variants", "1, 2, 3, 4", "250, 308.123", "sleeve_radius_m", "--where variant=1"]),
+        (TABLE, {"coil.turns": 250.0}, ["2 variants", "1, 2", "0.009, 0.01"]),
+        (TABLE, {"turns": 250.0}, ["'turns'", "'coil.turns'"]),
+        (TABLE, {"coil.turns": 251.0}, ["coil.turns = 251", "250, 308.123"]),
+        (TABLE, {"variant": 1.0, "coil.turns": 308.1235}, ["coil.turns = 308.123"]),
+        (PLAIN, {"variant": 1.0}, ["--where"]),
     ],
 )
-def test_a_choice_that_leaves_several_or_none_says_what_there_is(where, message):
-    with pytest.raises(TableError, match=message):
-        choose_variant(TABLE, where)
+def test_a_choice_that_leaves_several_or_none_says_what_there_is(table, where, mentions):
+    with pytest.raises(TableError) as refused:
+        choose_variant(table, where)
+    assert not unmentioned(mentions, str(refused.value))
 
 
-def test_a_choice_in_a_table_without_parameters_is_refused():
-    with pytest.raises(TableError, match="it has none: leave --where out"):
-        choose_variant(SweepTable(ROWS[["current_A", "distance_m", "force_N"]]), {"variant": 1.0})
+def test_a_table_without_parameters_passes_unchanged():
+    assert choose_variant(PLAIN, {}) is PLAIN

@@ -1,0 +1,135 @@
+"""What becomes of a drawing elsewhere: designs of a sweep, records of actuators, errors across processes."""
+
+import json
+import pickle
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from femfit.core.atomic import json_ready
+from femfit.core.errors import ActuatorFileError, FemfitError
+from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.device.read_electrics import check_circuit_names
+from femfit.device.summary import actuator_from_record, sweep_manifest_entry
+from femfit.device.variants import variants_from_toml
+from femfit.model.impedance import impedances_by_column
+from support.actuators import GEOMETRY
+
+DRAWINGS = Path(__file__).parent / "drawings"
+MOVING_COIL = (DRAWINGS / "moving-coil.toml").read_text(encoding="utf-8")
+RIG = (GEOMETRY / "emaws-rig.toml").read_text(encoding="utf-8")
+AXES = "current_A = { start = 0, stop = 1.4, step = 0.2 }\ndistance_mm = { start = 15, stop = 45, step = 0.5 }\n"
+HYPERCUBE = 'design = "latin_hypercube"\nsamples = 20\nseed = 7'
+GRADES = '"moving.regions.magnet.material" = ["n42", "n52"]'
+
+
+def sampled(parameters, head=HYPERCUBE, axes=AXES):
+    text = RIG.replace(AXES, axes).replace("[sweep]", f"[sweep.parameters]\n{parameters}\n[sweep]\n{head}\n", 1)
+    return variants_from_toml(text)
+
+
+def test_a_latin_hypercube_has_one_sample_in_each_slice_and_each_material_equally_often():
+    ranges = '"coils.coil.turns" = { min = 100, max = 300 }\n'
+    ranges += '"materials.ferrite.relative_permeability" = { min = 300, max = 600 }\n' + GRADES
+    sweep = sampled(ranges)
+    for place, (low, high) in enumerate([(100, 300), (300, 600)]):
+        slices = sorted(int(20 * (one.values[place] - low) / (high - low)) for one in sweep.variants)
+        assert slices == list(range(20))
+    grades = [one.values[2] for one in sweep.variants]
+    assert (grades.count("n42"), grades.count("n52")) == (10, 10)
+    assert sweep.actuator == actuator_from_toml(RIG)
+    assert sampled(ranges) == sweep  # the seed alone decides
+    assert sampled(ranges, HYPERCUBE.replace("7", "8")) != sweep
+
+
+def test_a_step_keeps_turns_whole_and_draws_each_equally_often():
+    turns = [one.values[0] for one in sampled('"coils.coil.turns" = { min = 301, max = 305, step = 1 }').variants]
+    assert {value: turns.count(value) for value in turns} == dict.fromkeys((301, 302, 303, 304, 305), 4)
+
+
+def test_current_and_distance_may_be_drawn_with_the_parameters():
+    ranges = "current_A = { min = 0, max = 1.4 }\ndistance_mm = { min = 15, max = 45 }\n"
+    sweep = sampled(ranges + '"coils.coil.turns" = { min = 100, max = 300 }', axes="")
+    assert sweep.columns == ("coils.coil.turns",)
+    assert all(len(one.sweep.currents_A) == len(one.sweep.distances_m) == 1 for one in sweep.variants)
+    distances = {one.sweep.distances_m[0] for one in sweep.variants}
+    assert len(distances) == 20
+    assert sweep.actuator.sweep.distances_m == tuple(sorted(distances))
+
+
+@pytest.mark.parametrize("path", sorted(GEOMETRY.glob("*.toml")), ids=lambda path: path.stem)
+def test_each_drawing_of_the_project_loads_under_its_own_name(path):
+    text = path.read_text(encoding="utf-8")
+    assert variants_from_toml(text, directory=GEOMETRY).variants
+    assert read_actuator(path).name == path.stem
+
+
+@pytest.mark.parametrize("name", ["moving-coil", "magnets", "two-coils"])
+def test_a_record_rebuilds_the_actuator_and_the_manifest_is_json(name):
+    actuator = read_actuator(DRAWINGS / f"{name}.toml")
+    record = json.loads(json.dumps(json_ready(asdict(actuator)), allow_nan=False))
+    assert actuator_from_record(record, "record") == actuator
+    json.dumps(sweep_manifest_entry(actuator), allow_nan=False)
+
+
+def test_records_of_earlier_versions_have_the_coils_in_their_circuit_and_the_limits_in_its_drive():
+    actuator = actuator_from_toml(MOVING_COIL)
+    record = json_ready(asdict(actuator))
+    (circuit,), (coil,) = record["circuits"], record["coils"]
+    kept = {key: circuit[key] for key in ("name", "resistance_ohm", "inductance_H")}
+    drive = {"kind": "current", "minimum": -2.0, "maximum": 2.0, "diode_V": None}
+    drive["bandwidth_Hz"] = circuit["drive"]["bandwidth_Hz"]
+    early = {**kept, "coils": [[coil["name"], coil.pop("sign")]], "drive": drive}
+    assert coil.pop("circuit") == circuit["name"]
+    assert actuator_from_record(record | {"circuits": [early]}, "record") == actuator
+    supply = {"voltage_min_V": -12.0, "voltage_max_V": 12.0, "sample_time_s": 1e-4}
+    fed = actuator_from_record(record | {"circuits": [early], "supply": supply}, "record")
+    assert (fed.sample_time_s, fed.supplies_V) == (1e-4, ((-12.0, 12.0),))
+
+
+def test_the_manifest_has_the_voltages_behind_an_amplifier():
+    own = MOVING_COIL.replace('drive = "current"\n', 'drive = "current"\nvoltage_min_V = -48\nvoltage_max_V = 48\n')
+    assert sweep_manifest_entry(actuator_from_toml(own))["voltage_max_V"] == 48.0
+
+
+@pytest.mark.parametrize(
+    ("names", "column"),
+    [
+        (("a", "b", "a_b"), "inductance_a_b_H"),
+        (("b_a", "a", "b"), "inductance_b_a_H"),
+        (("a", "b", "b_shorted"), "inductance_a_b_shorted_H"),
+        (("a", "b", "a_b_shorted"), "inductance_a_b_shorted_H"),
+        (("a", "b_c", "a_b", "c"), "inductance_a_b_c_H"),
+        *((names, "") for names in ((), ("a",), ("coil_1", "coil_2", "coil_3"), ("a", "a_b"), ("a", "a_shorted"))),
+    ],
+)
+def test_circuits_of_which_two_impedances_had_one_column_are_refused(names, column):
+    problems = []
+    check_circuit_names(names, problems)
+    assert len(problems) == bool(column)
+    assert column in " ".join(problems)
+    if not column and len(names) > 1:
+        assert len(impedances_by_column(np.eye(len(names)), names)) == len(names) * (2 * len(names) - 1)
+
+
+def test_a_file_that_is_absent_or_a_directory_is_an_error_of_the_file(tmp_path):
+    for path in (tmp_path, tmp_path / "none.toml"):
+        with pytest.raises(ActuatorFileError) as refused:
+            read_actuator(path)
+        assert refused.value.source == str(path)
+
+
+def test_a_byte_order_mark_is_no_mistake(tmp_path):
+    (tmp_path / "actuator.toml").write_text(MOVING_COIL, encoding="utf-8-sig")
+    assert read_actuator(tmp_path / "actuator.toml").name == "voice-coil"
+
+
+def test_the_error_is_ours_and_survives_a_process_boundary():
+    with pytest.raises(FemfitError) as refused:
+        actuator_from_toml(MOVING_COIL.replace("turns = 100", "turns = 0"), "a.toml")
+    copy = pickle.loads(pickle.dumps(refused.value))  # noqa: S301  our own bytes
+    assert str(copy) == str(refused.value)
+    assert "a.toml" in str(copy)
+    assert copy.problems == refused.value.problems

@@ -1,0 +1,226 @@
+"""What cannot be right in a bench table is set aside and said; what is physics is left alone."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.tables.measurement_checks import without_outliers
+from femfit.tables.measurement_file import read_bench_table
+
+DISTANCES, CURRENTS = np.linspace(0.016, 0.044, 10), np.linspace(0.0, 1.4, 8)
+NOISE = 4e-4
+
+
+def bench(runs=3, seed=0, step=1e-5):
+    """A sweep of a force that rises steeply towards the electromagnet, up and down in current at each distance."""
+    generator = np.random.default_rng(seed)
+    cycle = np.concatenate([CURRENTS, CURRENTS[::-1]])
+    branch = np.repeat([1, -1], len(CURRENTS))
+    d, i = (x.ravel() for x in np.meshgrid(DISTANCES, cycle, indexing="ij"))
+    force = 4.2e-9 / d**4 + 0.29 * np.exp(-d / 0.0166) * i
+    pieces = []
+    for run in range(runs):
+        reading = force * (1.0 + 0.002 * run) + NOISE * generator.standard_normal(len(d))
+        pieces.append(
+            pd.DataFrame(
+                {
+                    "run": run + 1,
+                    "order": np.arange(len(d)),
+                    "current_A": i,
+                    "distance_m": d,
+                    "branch": np.tile(branch, len(DISTANCES)),
+                    "force_N": np.round(reading / step) * step,
+                }
+            )
+        )
+    return pd.concat(pieces, ignore_index=True)
+
+
+def read(path, rows):
+    rows.to_csv(path / "bench.csv", index=False)
+    return read_bench_table(path / "bench.csv")
+
+
+def codes(table):
+    return [one.code for one in table.findings]
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize("step", [1e-9, 1e-5, 1e-3])
+def test_a_clean_bench_is_left_alone(tmp_path, runs, step):
+    rows = bench(runs, step=step)
+    table = read(tmp_path, rows)
+    assert table.findings == ()
+    assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
+
+
+def curve(d, i):
+    """The force of the drawing, in N."""
+    return 4.2e-9 / d**4 + 0.29 * np.exp(-d / 0.0166) * i
+
+
+def judged(table, share=1.0):
+    """A table without the outliers from a model that has so much of the force."""
+    predicted = share * curve(table.rows["distance_m"].to_numpy(), table.rows["current_A"].to_numpy())
+    return without_outliers(table, {"force_N": predicted})
+
+
+@pytest.mark.parametrize("share", [1.0, 0.75, 0.0])
+def test_lone_outliers_are_set_aside_and_said(tmp_path, share):
+    rows = bench()
+    for row, wrong in ((37, 0.5), (205, -0.2), (400, 0.05)):  # 1250, 500 and 125 times the noise
+        rows.loc[row, "force_N"] += wrong
+    table = judged(read(tmp_path, rows), share)
+    assert np.flatnonzero(table.rows["force_N"].isna()).tolist() == [37, 205, 400]
+    (finding,) = table.findings
+    assert (finding.code, finding.column) == ("outliers", "force_N")
+    assert "order 37" in str(finding)
+
+
+@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize(
+    "effect",
+    [
+        lambda r: 0.05 * (r["distance_m"] < 0.0165),  # a stop that is touched at one distance only
+        lambda r: -0.03 * (r["current_A"] > 1.3) * (r["distance_m"] < 0.0165),  # a corner that saturates
+        lambda r: 0.01 * r["branch"],  # hysteresis
+        lambda r: 0.02 * (r["run"] == 2),  # one run off
+        lambda r: 0.05 * (r["order"] > 80),  # something slipped during the run
+        lambda r: 0.03 * np.sin(r["distance_m"] / 5e-4),  # a stage's periodic error
+        lambda r: 0.2 * np.random.default_rng(1).standard_t(2, len(r)) * NOISE,  # heavy tails
+    ],
+)
+def test_an_effect_however_sharp_is_no_outlier(tmp_path, runs, effect):
+    rows = bench(runs)
+    table = judged(read(tmp_path, rows.assign(force_N=rows["force_N"] + effect(rows))))
+    assert table.rows["force_N"].notna().all()
+    assert table.findings == ()
+
+
+@pytest.mark.parametrize("share", [1.0, 0.75, 0.0])
+@pytest.mark.parametrize("runs", [1, 2])
+@pytest.mark.parametrize("factor", [1.06, 1.15, 1.3])
+def test_the_steep_end_of_a_smooth_curve_is_no_outlier(tmp_path, share, runs, factor):
+    """A staircase of distances towards the pole at one current: its last readings are the most informative."""
+    d = 0.008 * factor ** np.arange(20)
+    rows = pd.concat([pd.DataFrame({"run": run, "current_A": 0.5, "distance_m": d}) for run in range(runs)])
+    noise = 1e-6 * np.random.default_rng(1).standard_normal(len(rows))
+    read_back = judged(read(tmp_path, rows.assign(force_N=curve(rows["distance_m"], 0.5) + noise)), share)
+    assert read_back.rows["force_N"].notna().all()
+
+
+@pytest.mark.parametrize("slip", [-1.0, 0.1, 0.4, 2.5, 10.0])
+def test_a_slip_of_sign_or_digit_at_the_end_of_a_range_is_an_outlier(tmp_path, slip):
+    d = 0.012 * 1.06 ** np.arange(20)
+    rows = pd.DataFrame({"current_A": 0.5, "distance_m": d, "force_N": curve(d, 0.5)})
+    rows["force_N"] += 1e-5 * np.random.default_rng(1).standard_normal(len(rows))
+    rows.loc[0, "force_N"] *= slip
+    assert np.flatnonzero(judged(read(tmp_path, rows)).rows["force_N"].isna()).tolist() == [0]
+
+
+@pytest.mark.parametrize("shuffled", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_right_reading_at_the_corner_of_the_range_is_no_outlier(tmp_path, seed, shuffled):
+    """A gap 0.1 mm wider than drawn shows most where the force is steepest: at the corner, in a single reading."""
+    generator = np.random.default_rng(seed)
+    d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.003, 0.011, 6), [-1.2, -0.4, 0.4, 1.2, 2.0]))
+    force = 2.5e-6 * i**2 / (d + 1e-4) ** 2 + 3e-4 * generator.standard_normal(len(d))
+    rows = pd.DataFrame({"current_A": i, "distance_m": d, "force_N": force})
+    table = read(tmp_path, rows.sample(frac=1.0, random_state=seed) if shuffled else rows)
+    model = 2.5e-6 * table.rows["current_A"].to_numpy() ** 2 / table.rows["distance_m"].to_numpy() ** 2
+    assert without_outliers(table, {"force_N": model}).rows["force_N"].notna().all()
+
+
+@pytest.mark.parametrize("weights", [[0.35], [0.35, 0.42], [0.35, 0.42, 0.35]])
+@pytest.mark.parametrize("runs", [1, 3])
+def test_the_weight_of_a_body_that_hovers_is_no_stuck_channel(tmp_path, weights, runs):
+    d = np.tile(np.linspace(0.018, 0.03, 12), len(weights))
+    force = np.repeat(weights, 12)
+    hover = pd.DataFrame({"current_A": 0.2 + 30.0 * (d - 0.018) + force, "distance_m": d, "force_N": force})
+    table = read(tmp_path, pd.concat([hover.assign(run=run + 1) for run in range(runs)]))
+    assert table.rows["force_N"].notna().all()
+    assert "stuck" not in codes(table)
+
+
+def test_a_stuck_channel_is_set_aside_from_where_it_sticks(tmp_path):
+    rows = bench()
+    rows.loc[100:139, "force_N"] = rows.loc[100, "force_N"]
+    table = read(tmp_path, rows)
+    assert np.flatnonzero(table.rows["force_N"].isna()).tolist() == list(range(100, 140))
+    assert (codes(table)[0], table.findings[0].column) == ("stuck", "force_N")
+    assert "40 rows" in str(table.findings[0])
+
+
+def test_a_coarse_channel_that_hardly_changes_is_not_stuck(tmp_path):
+    rows = bench()
+    far = rows["distance_m"] > 0.03
+    flat = np.where(far, 0.0, rows["force_N"])  # a balance that shows 0.00 N beyond 30 mm in every run
+    table = read(tmp_path, rows.assign(force_N=np.round(flat, 2)))
+    assert table.findings == ()
+
+
+def test_rows_that_stand_twice_count_once(tmp_path):
+    rows = bench(1)
+    table = read(tmp_path, pd.concat([rows, rows[:50]]))
+    assert len(table.rows) == len(rows)
+    assert "50" in str(next(one for one in table.findings if one.code == "copies"))
+    by_chance = read(tmp_path, pd.concat([rows, rows[:1]]).drop(columns=["order"]).round(12))
+    assert "copies" not in codes(by_chance)  # readings to 0.01 mN may be equal by chance
+
+
+def test_runs_without_a_column_are_told_apart_by_their_order(tmp_path):
+    table = read(tmp_path, bench(3).drop(columns=["run"]))
+    assert table.rows["run"].unique().tolist() == [1.0, 2.0, 3.0]
+    assert "2 times" in str(table.findings[0])
+
+
+def test_a_clock_that_was_reset_within_a_run_is_not_sorted_by(tmp_path):
+    rows = bench(1)
+    clock = 0.7 * rows["order"] + 0.013
+    clock[60:] -= 30.0
+    table = read(tmp_path, rows.assign(order=clock))
+    assert codes(table)[0] == "order"
+    assert "run 1" in str(table.findings[0])
+    assert table.rows["distance_m"].to_numpy() == pytest.approx(rows["distance_m"].to_numpy())
+    assert table.rows["order"].tolist() == list(range(len(rows)))
+
+
+def test_a_file_sorted_by_setting_is_put_back_into_the_order_of_measuring(tmp_path):
+    rows = bench(2)
+    table = read(tmp_path, rows.sort_values(["run", "current_A", "distance_m"], kind="stable"))
+    assert table.findings == ()
+    assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
+
+
+def test_a_jump_of_the_clock_is_told(tmp_path):
+    rows = bench(1)
+    table = read(tmp_path, rows.assign(order=rows["order"] + 5000 * (rows["order"] > 70)))
+    assert codes(table) == ["order"]
+    assert all(fact in str(table.findings[0]) for fact in ("5001", "after 70", "run 1"))
+
+
+def test_an_outlier_whose_neighbours_weights_are_not_found_is_kept(tmp_path, monkeypatch):
+    """The search for the weights may end at its most iterations; whether readings surround this one is then unknown."""
+
+    def endless(*_):
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    monkeypatch.setattr("femfit.tables.outliers.nnls", endless)
+    rows = bench(1)
+    rows.loc[37, "force_N"] += 0.05
+    table = judged(read(tmp_path, rows), 1.0)
+    assert table.rows["force_N"].notna().all()
+
+
+@pytest.mark.parametrize("value", [1e308, -1e200, 1e90])
+def test_a_cell_with_an_absurd_number_costs_none_of_its_neighbours(tmp_path, value):
+    rows = bench(1, step=1e-9)
+    rows.loc[44, "force_N"] = value
+    assert np.flatnonzero(judged(read(tmp_path, rows)).rows["force_N"].isna()).tolist() == [44]
+
+
+def test_what_must_be_looked_at_first_comes_first(tmp_path):
+    rows = bench(1)
+    first, *_ = str(read(tmp_path, rows.assign(distance_m=1e3 * rows["distance_m"]))).splitlines()
+    assert "distance_m" in first
+    assert "mm" in first

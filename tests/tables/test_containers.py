@@ -1,0 +1,287 @@
+"""Every kind of file that a lab has: MAT, XLSX, HDF5, TDMS and WAV, read like CSV."""
+
+import sys
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from nptdms import ChannelObject, TdmsWriter
+from scipy.io import savemat, wavfile
+
+from femfit.core.errors import TableError
+from femfit.tables.foreign.read import import_table
+from femfit.tables.measurement import BenchTable, TimeSeries
+from femfit.tables.measurement_file import read_measurement
+from support.expected import unmentioned
+
+DISTANCE = np.repeat([2e-3, 4e-3, 6e-3], 4)
+CURRENT = np.tile([0.1, 0.4, 0.7, 1.0], 3)
+FORCE = 3e-6 * (1.0 + CURRENT) / DISTANCE**2
+BENCH = {"distance_m": DISTANCE, "current_A": CURRENT, "force_N": FORCE}
+LAB = {"Luftspalt [mm]": 1e3 * DISTANCE, "Strom [A]": CURRENT, "Kraft [N]": FORCE}
+TIME = 1e-3 * np.arange(50)
+RECORD = {
+    "time_s": TIME,
+    "current_A": 0.5 + 0.1 * np.sin(300.0 * TIME),
+    "distance_m": 4e-3 + 1e-4 * np.cos(90.0 * TIME),
+}
+
+
+@pytest.fixture(autouse=True)
+def _decoded_here(request, monkeypatch):
+    """A process for each MAT and HDF5 file takes 0.3 s: the tests of damaged files and of the choice have theirs."""
+    if not {"damaged", "taken"} & set(request.node.originalname.split("_")):
+        monkeypatch.setattr("femfit.tables.containers.apart.in_child", lambda decode, content, **_: decode(content))
+
+
+def write_mat(path, tables):
+    savemat(path, tables.get("", {}) | {name: columns for name, columns in tables.items() if name})
+
+
+def write_mat73(path, tables):
+    """As MATLAB's -v7.3 does: columns as (1, n), structs as groups, texts as numbers of letters."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, columns in tables.items():
+            group = file.require_group(name) if name else file
+            for header, values in columns.items():
+                group.create_dataset(header, data=np.asarray(values)[None, :]).attrs["MATLAB_class"] = np.bytes_(
+                    "double"
+                )
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64")
+
+
+def write_hdf5(path, tables):
+    with h5py.File(path, "w") as file:
+        for name, columns in tables.items():
+            for header, values in columns.items():
+                file[f"{name}/{header}"] = values
+
+
+def write_tdms(path, tables):
+    with TdmsWriter(path) as file:
+        file.write_segment(
+            [
+                ChannelObject(name, header, values)
+                for name, columns in tables.items()
+                for header, values in columns.items()
+            ]
+        )
+
+
+def write_parquet(path, tables):
+    pd.DataFrame(tables["bench"]).to_parquet(path)
+
+
+def write_xlsx(path, tables):
+    with pd.ExcelWriter(path) as book:
+        for name, columns in tables.items():
+            pd.DataFrame(columns).to_excel(book, sheet_name=name or "Sheet1", index=False)
+
+
+WRITERS = {
+    "a.mat": write_mat,
+    "v73.mat": write_mat73,
+    "a.h5": write_hdf5,
+    "a.tdms": write_tdms,
+    "a.xlsx": write_xlsx,
+}
+OTHER = {"channel_1": np.arange(5.0), "channel_2": np.arange(5.0)}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_the_table_that_has_the_columns_is_taken_and_said(tmp_path, name):
+    path = tmp_path / name
+    WRITERS[name](path, {"bench": BENCH, "other": OTHER})
+    read = read_measurement(path)
+    assert isinstance(read, BenchTable)
+    for column, values in BENCH.items():
+        np.testing.assert_allclose(read.rows[column], values, rtol=1e-12)
+    (choice,) = (one.text for one in read.findings)
+    assert not unmentioned(["'bench'", "other"], choice)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_of_several_tables_the_user_chooses(tmp_path, name):
+    path = tmp_path / name
+    doubled = BENCH | {"force_N": 2.0 * FORCE}
+    WRITERS[name](path, {"first": BENCH, "second": doubled})
+    with pytest.raises(TableError, match=r"first, second.*--table"):
+        read_measurement(path)
+    np.testing.assert_allclose(read_measurement(path, table="second").rows["force_N"], doubled["force_N"])
+    with pytest.raises(TableError, match="first, second"):
+        read_measurement(path, table="third")
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_where_no_table_has_the_columns_each_is_listed_with_its_own(tmp_path, name):
+    path = tmp_path / name
+    WRITERS[name](path, {"one": OTHER, "two": {"p": np.arange(4.0), "q": np.arange(4.0)}})
+    with pytest.raises(TableError, match=r"(?s)one.*channel_1.*two.*p, q.*--table"):
+        read_measurement(path)
+
+
+@pytest.mark.parametrize("name", ["a.h5", "a.tdms", "a.xlsx", "a.parquet"])
+def test_units_stand_in_the_headers_of_any_kind_of_file(tmp_path, name):
+    path = tmp_path / name
+    (WRITERS | {"a.parquet": write_parquet})[name](path, {"bench": LAB})
+    np.testing.assert_allclose(read_measurement(path).rows["distance_m"], DISTANCE)
+    np.testing.assert_allclose(sorted(import_table(path).rows["distance_m"]), DISTANCE)
+
+
+@pytest.mark.parametrize("name", ["a.mat", "v73.mat", "a.h5"])
+def test_variables_at_the_top_are_a_table(tmp_path, name):
+    WRITERS[name](tmp_path / name, {"": RECORD})
+    read = read_measurement(tmp_path / name)
+    assert isinstance(read, TimeSeries)
+    np.testing.assert_allclose(read.rows["current_A"], RECORD["current_A"])
+
+
+@pytest.mark.parametrize("name", ["a.mat", "v73.mat", "a.h5"])
+def test_a_clock_at_the_top_is_common_to_the_groups_below(tmp_path, name):
+    signals = {key: values for key, values in RECORD.items() if key != "time_s"}
+    WRITERS[name](tmp_path / name, {"": {"time_s": TIME}, "signals": signals})
+    read = read_measurement(tmp_path / name)
+    np.testing.assert_allclose(read.rows["time_s"], TIME)
+    np.testing.assert_allclose(read.rows["distance_m"], RECORD["distance_m"])
+
+
+def same_bench(read):
+    frame = read.rows.sort_values(["distance_m", "current_A"])
+    np.testing.assert_allclose(frame["force_N"], FORCE)
+    np.testing.assert_allclose(frame["current_A"], CURRENT)
+
+
+def test_a_scope_of_simulink_is_a_table(tmp_path):
+    signals = [{"label": key, "values": values[:, None]} for key, values in RECORD.items() if key != "time_s"]
+    savemat(
+        tmp_path / "scope.mat", {"ScopeData": {"time": TIME[:, None], "signals": signals, "blockName": "loop/Scope"}}
+    )
+    read = read_measurement(tmp_path / "scope.mat")
+    np.testing.assert_allclose(read.rows["current_A"], RECORD["current_A"])
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"rows": [dict(zip(BENCH, row, strict=True)) for row in zip(*BENCH.values(), strict=True)]},
+        {"cells": np.array([list(BENCH), *zip(*BENCH.values(), strict=True)], dtype=object)},
+        {"data": np.column_stack(list(BENCH.values())), "colheaders": np.array(list(BENCH), dtype=object)},
+        {"distance_m": DISTANCE[::4], "current_A": CURRENT[:4], "force_N": FORCE.reshape(3, 4)},
+        {key: values.reshape(3, 4) for key, values in BENCH.items()},
+        {"chan": [{"Name": key, "Data": values} for key, values in BENCH.items()]},
+    ],
+    ids=["array of structs", "cell array", "matrix and names", "grid over two vectors", "meshgrid", "named channels"],
+)
+def test_structs_and_cells_of_matlab_are_tables(tmp_path, variables):
+    savemat(tmp_path / "a.mat", variables)
+    same_bench(read_measurement(tmp_path / "a.mat"))
+
+
+def test_a_matrix_without_names_is_read_by_number(tmp_path):
+    savemat(tmp_path / "a.mat", {"M": np.column_stack(list(BENCH.values()))})
+    columns = {f"M column {k + 1}": name for k, name in enumerate(BENCH)}
+    same_bench(read_measurement(tmp_path / "a.mat", columns=columns))
+
+
+def test_struct_arrays_texts_and_cells_of_version_73_are_read(tmp_path):
+    path = tmp_path / "a.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        hidden = file.create_group("#refs#")
+        group = file.create_group("log/signals")
+        names, values = [], []
+        for k, (key, column) in enumerate(BENCH.items()):
+            text = hidden.create_dataset(f"n{k}", data=np.array([[ord(letter)] for letter in key], dtype=np.uint16))
+            text.attrs["MATLAB_class"] = np.bytes_("char")
+            names.append(text.ref)
+            values.append(hidden.create_dataset(f"v{k}", data=column[None, :]).ref)
+        for field, references in (("label", names), ("values", values)):
+            group.create_dataset(field, data=np.array([references], dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: PCWIN64")
+    same_bench(read_measurement(path))
+
+
+def test_compound_data_sets_and_units_as_attributes_are_read(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["bench"] = pd.DataFrame(BENCH).to_records(index=False)
+    same_bench(read_measurement(tmp_path / "a.h5"))
+    with h5py.File(tmp_path / "b.h5", "w") as file:
+        for name, values, unit in (
+            ("gap", 1e3 * DISTANCE, "mm"),
+            ("current", CURRENT, "A"),
+            ("force", 1e3 * FORCE, "mN"),
+        ):
+            file.create_dataset(name, data=values).attrs["unit"] = unit
+    same_bench(read_measurement(tmp_path / "b.h5"))
+
+
+def test_the_increment_of_a_waveform_is_its_time(tmp_path):
+    clock = {"wf_increment": 1e-3, "wf_start_offset": 0.2}
+    with TdmsWriter(tmp_path / "a.tdms") as file:
+        current = ChannelObject("log", "Strom", 1e3 * RECORD["current_A"], properties=clock | {"unit_string": "mA"})
+        file.write_segment([current, ChannelObject("log", "hall_V", RECORD["distance_m"], properties=clock)])
+    read = read_measurement(tmp_path / "a.tdms")
+    assert isinstance(read, TimeSeries)
+    np.testing.assert_allclose(read.rows["time_s"], 0.2 + TIME)
+    np.testing.assert_allclose(read.rows["current_A"], RECORD["current_A"])
+
+
+def test_a_sheet_may_have_a_title_units_below_the_names_and_a_sum(tmp_path):
+    rows = [["Messprotokoll", None, None], [None] * 3, ["Luftspalt", "Strom", "Kraft"], ["mm", "A", "g"]]
+    rows += [[1e3 * d, i, f / 9.80665e-3] for d, i, f in zip(DISTANCE, CURRENT, FORCE, strict=True)]
+    with pd.ExcelWriter(tmp_path / "a.xlsx") as book:
+        pd.DataFrame([["Deckblatt"]]).to_excel(book, sheet_name="Info", index=False, header=False)
+        pd.DataFrame([*rows, ["Summe", None, 1.0]]).to_excel(book, sheet_name="Daten", index=False, header=False)
+    same_bench(read_measurement(tmp_path / "a.xlsx"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "full", "step"),
+    [(np.uint8, 128, 1 / 128), (np.int16, 2**15, 2**-15), (np.int32, 2**31, 2**-31), (np.float32, 1, 2**-24)],
+)
+def test_a_recording_is_scaled_to_full_scale_and_timed_by_its_rate(tmp_path, kind, full, step):
+    signal = 0.5 * np.sin(2.0 * np.pi * 50.0 * np.arange(400) / 8000.0)
+    samples = signal * full + (128 if kind is np.uint8 else 0)
+    samples = samples if kind is np.float32 else np.rint(samples)
+    wavfile.write(tmp_path / "a.wav", 8000, np.column_stack([samples, samples]).astype(kind))
+    columns = {"channel 1": "current_A", "channel 2": "hall_V"}
+    read = read_measurement(tmp_path / "a.wav", columns=columns, units={"channel 2": "2.5"})
+    np.testing.assert_allclose(np.diff(read.rows["time_s"]), 1 / 8000.0)
+    np.testing.assert_allclose(read.rows["current_A"], signal, atol=step)
+    np.testing.assert_allclose(read.rows["hall_V"], 2.5 * signal, atol=2.5 * step)
+
+
+def test_a_recording_of_24_bits_is_scaled(tmp_path):
+    counts = np.array([0, 2**22, -(2**22), 2**23 - 1, -(2**23), 7, 0, 1])
+    data = b"".join(int(count).to_bytes(3, "little", signed=True) for count in counts)
+    head = b"fmt " + (16).to_bytes(4, "little") + b"\x01\0\x01\0" + (1000).to_bytes(4, "little")
+    head += (3000).to_bytes(4, "little") + b"\x03\0\x18\0" + b"data" + len(data).to_bytes(4, "little")
+    (tmp_path / "a.wav").write_bytes(
+        b"RIFF" + (4 + len(head) + len(data)).to_bytes(4, "little") + b"WAVE" + head + data
+    )
+    read = read_measurement(tmp_path / "a.wav", columns={"channel 1": "current_A"})
+    np.testing.assert_allclose(read.rows["current_A"], counts / 2.0**23, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", [*WRITERS, "a.wav"])
+def test_a_damaged_file_is_refused_with_its_name(tmp_path, name):
+    path = tmp_path / name
+    if name == "a.wav":
+        wavfile.write(path, 8000, np.zeros(100, dtype=np.int16))
+    else:
+        WRITERS[name](path, {"bench": BENCH, "other": OTHER})
+    content = path.read_bytes()
+    path.write_bytes(content[: min(len(content) // 2, 900)])
+    with pytest.raises(TableError, match=name.replace(".", r"\.")):
+        read_measurement(path)
+
+
+@pytest.mark.parametrize(("name", "package"), [("a.xlsx", "openpyxl"), ("a.h5", "h5py"), ("a.tdms", "nptdms")])
+def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch, name, package):
+    WRITERS[name](tmp_path / name, {"bench": BENCH})
+
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(TableError, match=rf"(?i){package}.*femfit\[files\]"):
+        read_measurement(tmp_path / name)

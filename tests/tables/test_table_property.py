@@ -1,0 +1,244 @@
+"""One table however it is written, and for whatever bytes a table of finite numbers or a TableError."""
+
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from scipy.io import savemat
+
+from femfit.core.errors import TableError
+from femfit.tables.coil_record import open_coil_record
+from femfit.tables.column_names import COLUMN_NAMES
+from femfit.tables.foreign.options import QUANTITIES, ImportOptions, si_unit
+from femfit.tables.foreign.read import import_table, read_foreign_table
+from femfit.tables.header import parse_header
+from femfit.tables.measurement_file import read_measurement
+from femfit.tables.number_text import parse_number
+from femfit.tables.sweep_table import read_sweep_table, write_sweep_table
+from femfit.tables.units import UNITS, unit_factor
+from support.reference import REFERENCE, needs_reference
+
+QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+ACCEPT_ALL = ("cells", "contradictions", "one-current", "one-distance", "units", "reciprocity")
+VALID = "\n".join(
+    ["current_A;distance_mm;force_N;flux_linkage_Wb"]
+    + [f"{i:g};{d:g};{(0.1 + i) / d:.8g};{1e-5 * (i + 1) / d:.8g}" for i in (0, 0.5, 1) for d in range(5, 17)]
+)
+NAMES = {"current": "current_A", "distance": "distance_m", "force": "force_N", "flux_linkage": "flux_linkage_Wb"}
+
+
+def headed(quantity, unit, style):
+    return style.format({"flux_linkage": "flux"}.get(quantity, quantity), unit)
+
+
+@QUICK
+@given(data=st.data())
+def test_a_table_is_the_same_in_any_notation_and_order(tmp_path, make_law, data):
+    """Delimiter, decimal mark, encoding, units, style of the header, order of columns and of rows."""
+    table = make_law().table(currents=(0.0, 0.4, 0.8), distances=np.linspace(5e-3, 25e-3, 6))
+    decimal = data.draw(st.sampled_from([".", ","]))
+    delimiter = data.draw(st.sampled_from([one for one in (",", ";", "\t", "|", "   ") if one != decimal]))
+    styles = ["{}_{}", "{} [{}]", "{} ({})", "{} / {}"]
+    style = data.draw(st.sampled_from(styles[:1] if delimiter == "   " else styles))
+    columns, header = [], []
+    for quantity in data.draw(st.permutations(list(NAMES))):
+        unit = data.draw(st.sampled_from({"current": ["A", "mA"], "distance": ["mm", "m", "um"], "force": ["N", "mN"],
+                                          "flux_linkage": ["Wb", "uWb", "mWb"]}[quantity]))  # fmt: skip
+        columns.append(table[quantity] / unit_factor(unit, si_unit(quantity)))
+        header.append(headed(quantity, unit, style))
+    rows = np.column_stack(columns)[data.draw(st.permutations(range(len(table))))]
+    text = "\n".join([delimiter.join(header), *(delimiter.join(f"{x:.10g}" for x in row).replace(".", decimal)
+                                                 for row in rows), ""])  # fmt: skip
+    encoding = data.draw(st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"]))
+    (tmp_path / "t.csv").write_bytes(text.encode(encoding))
+    imported = read_foreign_table([tmp_path / "t.csv"])
+    for quantity, name in NAMES.items():
+        # ten digits are printed
+        np.testing.assert_allclose(imported.rows[name], table[quantity], rtol=3e-9, atol=1e-15)
+    assert (imported.rows["status"] == "ok").all()
+    write_sweep_table(imported, tmp_path / "out")
+    again = read_foreign_table([tmp_path / "out" / "sweep.csv"])
+    pd.testing.assert_frame_equal(again.rows, imported.rows, rtol=1e-12)
+
+
+@pytest.mark.parametrize("keys", [["distance", "current"], ["current", "distance"]])
+@pytest.mark.parametrize("rising", [True, False])
+def test_loops_in_either_order_are_no_disorder_and_a_shuffle_is(tmp_path, make_law, keys, rising):
+    table = make_law().table(distances=np.linspace(5e-3, 20e-3, 8)).drop(columns="flux_linkage")
+    codes = []
+    for rows in (table.sort_values(keys, ascending=rising), table.sample(frac=1, random_state=1)):
+        rows["current"] += np.random.default_rng(1).uniform(-1e-9, 1e-9, len(rows))  # rounding makes no new level
+        rows.rename(columns=NAMES).to_csv(tmp_path / "t.csv", index=False)
+        imported = read_foreign_table([tmp_path / "t.csv"])
+        assert imported.rows["current_A"].nunique() == 4
+        codes.append({(one.code, one.severity) for one in imported.findings})
+    assert [("order", "info") in one for one in codes] == [False, True]
+
+
+def test_points_off_a_grid_are_called_scattered(tmp_path, law):
+    i, d = np.random.default_rng(1).uniform([0, 5e-3], [1, 2e-2], (30, 2)).T
+    pd.DataFrame({"current_A": i, "distance_m": d, "force_N": law.force(d, i)}).to_csv(tmp_path / "t.csv")
+    imported = read_foreign_table([tmp_path / "t.csv"])
+    assert ("scattered", "warning") in {(one.code, one.severity) for one in imported.findings}
+
+
+def test_the_manifest_says_how_the_table_was_read(tmp_path):
+    (tmp_path / "t.csv").write_text(VALID)
+    manifest = read_foreign_table([tmp_path / "t.csv"], ImportOptions(accept=ACCEPT_ALL)).manifest
+    factors = {entry["header"]: entry["factor_to_SI"] for entry in manifest["mapping"]}
+    assert factors == {"current_A": 1, "distance_mm": 1e-3, "force_N": 1, "flux_linkage_Wb": 1}
+    assert (manifest["kind"], len(manifest["sources"]), len(manifest["sources"][0]["sha256"])) == ("import", 1, 64)
+    assert manifest["versions"]["femfit"]
+
+
+def test_a_row_without_a_number_that_was_accepted_stays_invalid_when_written(tmp_path):
+    (tmp_path / "t.csv").write_text(VALID.replace("0.5;5;0.12;", "0.5;5;failed;"))
+    imported = read_foreign_table([tmp_path / "t.csv"], ImportOptions(accept=ACCEPT_ALL))
+    write_sweep_table(imported, tmp_path / "out")
+    assert len(read_sweep_table(tmp_path / "out").valid_rows()) == len(imported.rows) - 1 == 35
+
+
+def outcome(tmp_path, content, options):
+    """Rows of an import, or None for a TableError; anything else fails the test."""
+    path = tmp_path / "t.csv"
+    path.write_bytes(content)
+    try:
+        imported = read_foreign_table([path], options)
+    except TableError:
+        return
+    rows = imported.valid_rows()
+    assert len(rows) > 0
+    assert np.isfinite(rows.drop(columns="status").to_numpy(dtype=float)).all()
+
+
+@QUICK
+@given(content=st.binary(max_size=400))
+@example(content=b"PAR1")
+@example(content=b"MATLAB 5.0")
+@example(content=b"\xff\xfe\x00")
+@example(content=b"\xff\xfe1\x00;\x00")
+def test_random_bytes_give_an_error_or_a_table(tmp_path, content):
+    outcome(tmp_path, content, ImportOptions(accept=ACCEPT_ALL))
+    for name in ("sweep.csv", "sweep.parquet"):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(TableError):
+            read_sweep_table(tmp_path / name)
+
+
+@QUICK
+@given(text=st.text(alphabet="0123456789.,;-+eE \t\n#%|\"'()[]ANmdisx/\\", max_size=300))
+@example(text="0;1;2\n0;1;2")
+@example(text='"1";"\n2;3')
+def test_random_table_like_text_gives_an_error_or_a_table(tmp_path, text):
+    for options in (ImportOptions(accept=ACCEPT_ALL), ImportOptions(form="matrix", accept=ACCEPT_ALL)):
+        outcome(tmp_path, text.encode(), options)
+
+
+@QUICK
+@given(
+    rows=st.lists(st.tuples(*[st.floats(allow_nan=True, allow_infinity=True, width=64)] * 4), min_size=1, max_size=12)
+)
+@example(rows=[(0.0, 1.0, 0.0, np.nan), (0.0, 1.0, 0.0, np.nan)])
+@example(rows=[(0.0, 1.0, 0.0, 8.98846567431158e307)] * 2)
+def test_random_numbers_give_an_error_or_finite_rows(tmp_path, rows):
+    text = VALID.splitlines()[0] + "\n" + "\n".join(";".join(f"{value!r}" for value in row) for row in rows)
+    outcome(tmp_path, text.encode(), ImportOptions(accept=ACCEPT_ALL))
+
+
+@QUICK
+@given(data=st.data())
+def test_a_mutated_table_gives_an_error_or_finite_rows(tmp_path, data):
+    content = bytearray(VALID, "utf-8")
+    for _ in range(data.draw(st.integers(1, 6))):
+        place = data.draw(st.integers(0, len(content) - 1))
+        action, byte = data.draw(st.sampled_from(["replace", "insert", "cut"])), data.draw(st.integers(0, 255))
+        if action == "cut":
+            del content[place : place + data.draw(st.sampled_from([1, 50]))]
+        else:
+            content[place : place + (action == "replace")] = bytes([byte])
+        content = content or bytearray(b";")
+    outcome(tmp_path, bytes(content), ImportOptions(accept=data.draw(st.sampled_from([(), ACCEPT_ALL]))))
+    (tmp_path / "sweep.csv").write_bytes(bytes(content).replace(b";", b",").replace(b"_mm", b"_m"))
+    try:
+        rows = read_sweep_table(tmp_path / "sweep.csv").valid_rows()
+    except TableError:
+        return
+    assert np.isfinite(rows[["current_A", "distance_m", "force_N"]].to_numpy(dtype=float)).all()
+
+
+@given(text=st.text(max_size=40))
+@settings(deadline=None)
+def test_headers_and_numbers_of_any_text_are_parsed_without_exception(text):
+    assert isinstance(parse_header(text).words, tuple)
+    value = parse_number(text, ".")
+    assert np.isnan(value) or np.isfinite(value)
+
+
+@given(value=st.floats(-1e99, 1e99))
+def test_a_printed_float_is_read_back(value):
+    assert parse_number(repr(value), ".") == value
+    assert parse_number(repr(value).replace(".", ","), ",") == value
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_every_unit_of_a_quantity_is_recognised_in_a_header(quantity):
+    name = COLUMN_NAMES[QUANTITIES[quantity]][-1]
+    for unit, factor in UNITS[si_unit(quantity)].items():
+        for text in (f"{name} [{unit}]", f"{name}({unit})"):
+            unit_in_header = parse_header(text).unit
+            assert unit_in_header is not None
+            assert unit_factor(unit_in_header, si_unit(quantity)) == factor
+
+
+def test_mega_is_not_read_as_milli():
+    assert unit_factor("mN", "N") == 1e-3
+    assert [unit_factor(*pair) for pair in (("MN", "N"), ("MM", "m"), ("MA", "A"))] == [None] * 3
+
+
+@pytest.mark.parametrize("columns", [20_000, 200_000])
+@pytest.mark.parametrize("read", [read_measurement, import_table, open_coil_record, read_sweep_table])
+def test_an_absurd_width_is_refused(tmp_path, columns, read):
+    commas = "," * columns
+    (tmp_path / "t.csv").write_text(f"current_A,distance_m,force_N{commas}\n1,2,3{commas}\n")
+    with pytest.raises(TableError, match=r"columns|characters"):
+        read(tmp_path / "t.csv")
+
+
+@pytest.fixture
+def intact(tmp_path):
+    columns = {"distance_mm": np.linspace(1.0, 3.0, 20), "current_A": np.ones(20), "force_N": np.linspace(3.0, 1.0, 20)}
+    savemat(tmp_path / "table.mat", columns)
+    return tmp_path / "table.mat"
+
+
+def test_a_file_is_read_where_the_shell_limits_the_memory(intact):
+    program = "import resource, sys, femfit; resource.setrlimit(resource.RLIMIT_AS, (1_700_000_000,) * 2); "
+    program += "print(len(femfit.read_measurement(sys.argv[1]).rows))"
+    done = subprocess.run([sys.executable, "-c", program, intact], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.strip()) == (0, "20"), done.stderr
+
+
+def test_an_intact_file_that_needs_more_memory_is_not_called_damaged(intact):
+    with h5py.File(intact.with_suffix(".h5"), "w") as file:  # 4 GB of zeros, of which no byte is written
+        file.create_dataset("force_N", (500_000_000,), dtype="f8", chunks=True, compression="gzip")
+    with pytest.raises(TableError, match="ulimit"):
+        read_measurement(intact.with_suffix(".h5"))
+
+
+@needs_reference
+@pytest.mark.parametrize("column", ["force_N", "force_core_reaction_N", "force_selfsub_N"])
+def test_a_field_solvers_table_is_reciprocal_and_complete(column):
+    options = ImportOptions(columns={column: "force", "Bz_axis_face_T": "hall"})
+    imported = read_foreign_table([REFERENCE / "emaws_xfemm_488.csv"], options)
+    (finding,) = [one for one in imported.findings if one.code == "reciprocity"]
+    assert finding.severity == "info"
+    assert finding.size < 2e-3
+    rows = imported.rows
+    assert (rows["current_A"].nunique(), rows["distance_m"].nunique(), len(rows)) == (8, 61, 488)
+    at = rows[(rows["current_A"] == 0) & np.isclose(rows["distance_m"], 0.02)]
+    assert at["hall_T"].iloc[0] == pytest.approx(8.6864e-3, rel=0.05)  # constant B in each first-order element
