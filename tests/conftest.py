@@ -23,7 +23,7 @@ from support.actuators import GEOMETRY
 from support.expected import Expected
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
-LONGEST_FILES = ("test_house.py", "test_notebooks.py", "test_cli_new.py", "test_site.py")
+LONGEST_FILES = ("test_house.py", "test_notebooks.py", "test_commands.py", "test_site.py")
 """They take from half a minute to two each: begun first, they leave no worker alone at the end."""
 
 
@@ -34,6 +34,12 @@ def pytest_addoption(parser):
 @pytest.fixture(scope="session")
 def expected(request):
     return Expected(request.config.getoption("--renew"))
+
+
+@pytest.fixture(scope="session")
+def renew(request):
+    """Whether what is got becomes what is expected."""
+    return request.config.getoption("--renew")
 
 
 def pytest_collection_modifyitems(items):

@@ -63,7 +63,11 @@ def one_process(monkeypatch):
     )
 
 
-@pytest.mark.parametrize("name", NAMES)
+SLOW = ("CalibrationResult", "calibrate", "observe", "write_report")
+"""They take from five to twenty seconds each."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.long] * (one in SLOW)) for one in NAMES])
 def test_the_example_of_a_public_name_runs(name, bench, monkeypatch):
     public = getattr(femfit, name)
     # Methods have examples of their own only where a reader needs one

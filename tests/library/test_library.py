@@ -84,6 +84,9 @@ def test_python_m_femfit_is_the_command():
     assert done.stdout.strip() == femfit.__version__
 
 
+LOOP = {"controller": "pid", "estimator": "ekf", "runs": 1, "seconds": 0.05}
+
+
 def blas_threads():
     """Of each library; one that was built for a single thread keeps to it."""
     return [library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas"]
@@ -94,7 +97,7 @@ def test_a_public_function_works_with_one_blas_thread_and_gives_back_the_callers
     with threadpool_limits(2, user_api="blas"):
         before = blas_threads()
         assert 2 in before
-        femfit.close_loop(levitation_model, runs=1, seconds=0.05, progress=lambda *_: inside.append(blas_threads()))
+        femfit.close_loop(levitation_model, **LOOP, progress=lambda *_: inside.append(blas_threads()))
         assert blas_threads()[: len(before)] == before
     assert inside
     assert all(set(threads) == {1} for threads in inside)
@@ -117,7 +120,7 @@ def test_a_child_process_has_the_limit_of_its_own_calls_and_not_of_other_threads
         forked.wait(60)
 
     def loop(progress):
-        femfit.close_loop(levitation_model, runs=1, seconds=0.05, progress=progress)
+        femfit.close_loop(levitation_model, **LOOP, progress=progress)
 
     with ThreadPoolExecutor(1) as ended:  # whose limit any later thread may change
         callers = ended.submit(threadpool_limits, 2, user_api="blas").result()

@@ -13,6 +13,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.whitening import Whitening
 from support.actuators import GEOMETRY
 from support.campaign import campaign
+from support.snapshot import check_snapshot
 
 
 def unpickled(given):
@@ -51,64 +52,58 @@ def results(tmp_path_factory, levitation_model):
     found, added = ff.diagnose(levitation_model, bench, bootstrap=0), ff.add_effects(levitation_model, bench, EFFECT)
     others = [name for name in ff.list_effects() if name != "hall_offset"]
     return {
+        "place": place,
         "actuator": ff.read_actuator(GEOMETRY / "emaws-rig.toml"),
         "sweep": table,
         "import": ff.import_table(place / "sweep.csv"),
         "fit": ff.fit_model(table, law="F1e"),
         "model": levitation_model,
-        "model with effects": added.model,
-        "bench table": bench,
-        "time series": series,
+        "model-with-effects": added.model,
+        "bench-table": bench,
+        "time-series": series,
         "comparison": ff.compare(levitation_model, bench),
         "diagnosis": found,
-        "diagnosis of a record": ff.diagnose(levitation_model, series, exclude=others, bootstrap=0),
+        "diagnosis-of-a-record": ff.diagnose(levitation_model, series, exclude=others, bootstrap=0),
         "advice": ff.suggest(levitation_model, bench, found),
         "added": added,
         "filter": ff.kalman_filter(levitation_model),
-        "filter under effects": ff.kalman_filter(added.model, "ekf"),
-        "open loop": ff.simulate(levitation_model, voltage_V=1.5, duration_s=0.002, start_m=0.022),
+        "filter-under-effects": ff.kalman_filter(added.model, "ekf"),
+        "open-loop": ff.simulate(levitation_model, voltage_V=1.5, duration_s=0.002, start_m=0.022),
         "profile": ff.Profile("voltage", [0.0, 0.02], [12.0, 0.0]),
         "loop": ff.close_loop(levitation_model, runs=1, seconds=0.05),
-        "coil integral": ff.integrate_coil(coil_record(place), coil_area_m2=0.05),
+        "coil-integral": ff.integrate_coil(coil_record(place), coil_area_m2=0.05),
         "export": ff.export(levitation_model, place / "build"),
     }
 
 
 EFFECT = "coil_temperature"
-KINDS = (
-    "actuator",
-    "sweep",
-    "import",
-    "fit",
-    "model",
-    "model with effects",
-    "bench table",
-    "time series",
-    "comparison",
-    "diagnosis",
-    "diagnosis of a record",
-    "advice",
-    "added",
-    "filter",
-    "filter under effects",
-    "open loop",
-    "profile",
-    "loop",
-    "coil integral",
-    "export",
-)
+KINDS = [
+    "actuator", "sweep", "import", "fit", "model", "model-with-effects", "bench-table", "time-series", "comparison",
+    "diagnosis", "diagnosis-of-a-record", "advice", "added", "filter", "filter-under-effects", "open-loop", "profile",
+    "loop", "coil-integral", "export",
+]  # fmt: skip
 
 
 def test_every_kind_of_result_is_tested(results):
-    assert set(results) == set(KINDS)
+    assert set(results) == {*KINDS, "place"}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_result_comes_back_from_a_pickle_and_a_copy_as_it_was(kind, results):
+def test_a_result_prints_shows_copies_pickles_and_compares(kind, results, renew):
     given = results[kind]
+    text = str(given)
+    assert text.count("\n") < 60
+    assert "\n" not in repr(given)
+    assert len(repr(given)) < 400
+    assert given._repr_html_().startswith("<pre>")
     for again in (unpickled(given), copy.deepcopy(given)):
         assert type(again) is type(given)
-        assert str(again) == str(given)
+        assert repr(again) == repr(given)
+    assert str(again) == text
+    assert given == given  # noqa: PLR0124  arrays would raise here
+    assert given != copy.copy(given) or kind == "actuator"  # data without arrays are equal by value
+    assert len({given, given}) == 1
+    check_snapshot(f"result-{kind}", text.replace(str(results["place"]), "PLACE"), renew=renew)
 
 
 def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
@@ -129,25 +124,8 @@ def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
     assert found.decision.refitted
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_result_can_be_compared_and_stand_in_a_set(kind, results):
-    given = results[kind]
-    assert given == given  # noqa: PLR0124  arrays would raise here
-    assert given != copy.copy(given) or kind == "actuator"  # data without arrays are equal by value
-    assert len({given, given}) == 1
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_result_is_short_at_a_prompt_and_whole_in_a_notebook(kind, results):
-    given = results[kind]
-    assert "\n" not in repr(given)
-    assert len(repr(given)) < 400
-    assert given._repr_html_().startswith("<pre>")
-    assert str(given).count("\n") < 60
-
-
 def test_what_comes_back_predicts_steps_and_explains_as_before(results):
-    model, again = (made(results["model with effects"]) for made in (lambda x: x, copy.deepcopy))
+    model, again = (made(results["model-with-effects"]) for made in (lambda x: x, copy.deepcopy))
     assert model.force(0.02, 0.5) == again.force(0.02, 0.5)
     ukf, other = results["filter"], unpickled(results["filter"])
     states = [one.step(one.start([0.022, 0.0, 0.4]), 1.1, 2.7).mean for one in (ukf, other)]

@@ -13,6 +13,8 @@ from support.actuators import GEOMETRY
 
 ROOT = Path(__file__).parents[2]
 
+pytestmark = pytest.mark.long
+
 
 def run(*command, **options):
     words = [str(word) for word in command]

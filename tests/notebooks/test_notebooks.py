@@ -1,5 +1,7 @@
 """Every notebook runs from top to bottom, and none keeps outputs in git."""
 
+import ast
+import re
 import shutil
 from pathlib import Path
 
@@ -11,8 +13,6 @@ import femfit as ff
 
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-LONG = ("bench_disagrees", "wrong_drawing")
-"""Four closed loops and a diagnosis, a calibration and two loops: a minute each."""
 SHORTER = {"runs=20": "runs=4", "held == 20": "held == 4", "seconds=3.0": "seconds=1.0"}
 SPARSE = {"distance_mm = { start = 15, stop = 45, step = 0.5 }": "distance_mm = { start = 15, stop = 45, step = 1 }"}
 ROUGH = "\n[solver]\ntolerance = 0.01\n"
@@ -38,9 +38,8 @@ def workplace(request, tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    "path", [pytest.param(one, id=one.stem, marks=[pytest.mark.long] * (one.stem in LONG)) for one in NOTEBOOKS]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path, workplace):
     notebook = nbformat.read(path, as_version=4)
     if path.stem == "from_drawing_to_levitation":
@@ -52,9 +51,24 @@ def test_notebook_runs(path, workplace):
     assert any("image/png" in output["data"] for output in shown)
 
 
+@pytest.mark.long
 def test_the_bench_of_the_notebook_still_lacks_the_effects_that_it_names(rig_sweep):
     found = ff.diagnose(ff.fit_model(rig_sweep).model, ROOT / "data" / "levitation_bench.csv", bootstrap=0)
     assert {effect.name for effect in found.missing} == {"coil_temperature", "core_saturation"}
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_is_python_that_uses_public_names_alone(path):
+    cells = [cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"]
+    nodes = [
+        node for source in cells for node in ast.walk(ast.parse(re.sub(r"^[!%].*", "", source, flags=re.MULTILINE)))
+    ]
+    used = {node.attr for node in nodes if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "ff"}
+    assert used <= set(ff.__all__)
+    inner = {
+        node.module for node in nodes if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("femfit.")
+    }
+    assert not inner
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

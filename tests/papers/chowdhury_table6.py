@@ -15,6 +15,7 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from femfit.filters.theory import noise_ratio_bound
 from femfit.model.json_file import read_model
@@ -73,43 +74,38 @@ def table6(model, seed=1):
 
 def draw(model, folder, seed=1):
     """Figures 15 and 16 (steps), 17 and 18 (spectra over the last stay), 19 (filters over smaller steps)."""
-    from matplotlib.figure import Figure
-
     design, results, small = loops(model, seed)
     folder.mkdir(parents=True, exist_ok=True)
-    for number, controller in enumerate(design.controllers, start=15):
-        (result,) = (
-            r
-            for e, r in results.items()
-            if (e.controller, e.observer, e.targets_m) == (controller, "ukf", design.targets_m)
-        )
-        direct, series = direct_distance(design, result.series), result.series
+
+    def save(number, title, xlabel, ylabel, curves, scale="plot"):
         figure = Figure(figsize=(7, 4), layout="constrained")
         axes = figure.subplots()
-        axes.plot(result.time_s, 1e3 * direct[:, 0], lw=0.4, label="direct measurement")
-        axes.plot(result.time_s, 1e3 * series.estimated_distance_m[:, 0], lw=1.2, label="UKF")
-        axes.plot(result.time_s, 1e3 * series.distance_m[:, 0], "k--", lw=0.8, label="true distance")
-        axes.set(xlabel="time (s)", ylabel="distance (mm)", title=f"Figure {number}: {controller}")
+        for label, x, y in curves:
+            getattr(axes, scale)(x, y, lw=0.8, label=label)
+        axes.set(xlabel=xlabel, ylabel=ylabel, title=f"Figure {number}: {title}")
         axes.legend()
         figure.savefig(folder / f"figure-{number}.png", dpi=150)
+
+    for number, controller in enumerate(design.controllers, start=15):
+        result = results[Experiment(controller, "ukf", design.targets_m)]
+        measured = {"direct measurement": direct_distance(design, result.series)}
+        measured["UKF"] = result.series.estimated_distance_m
+        shown = measured | {"true distance": result.series.distance_m}
+        steps = [(name, result.time_s, 1e3 * distance[:, 0]) for name, distance in shown.items()]
+        save(number, controller, "time (s)", "distance (mm)", steps)
         last = slice(-(len(result.time_s) // (2 * len(design.targets_m))), None)
-        figure = Figure(figsize=(7, 3), layout="constrained")
-        axes = figure.subplots()
-        for distance, name in ((direct, "direct measurement"), (series.estimated_distance_m, "UKF")):
+        spectra = []
+        for name, distance in measured.items():
             rest = distance[last][:, result.held]
             frequency = np.fft.rfftfreq(len(rest), model.sample_time_s)
-            axes.loglog(frequency[1:], 1e6 * amplitude_spectrum(rest)[1:], label=name)
-        axes.set(xlabel="frequency (Hz)", ylabel="amplitude (um)", title=f"Figure {number + 2}: {controller}")
-        axes.legend()
-        figure.savefig(folder / f"figure-{number + 2}.png", dpi=150)
-    figure = Figure(figsize=(7, 4), layout="constrained")
-    axes = figure.subplots()
-    for experiment, result in results.items():
-        if experiment.targets_m == small:
-            axes.plot(result.time_s, 1e3 * result.series.estimated_distance_m[:, 0], lw=1.0, label=experiment.observer)
-    axes.set(xlabel="time (s)", ylabel="distance (mm)", title="Figure 19: filters over smaller steps")
-    axes.legend()
-    figure.savefig(folder / "figure-19.png", dpi=150)
+            spectra.append((name, frequency[1:], 1e6 * amplitude_spectrum(rest)[1:]))
+        save(number + 2, controller, "frequency (Hz)", "amplitude (um)", spectra, "loglog")
+    filters = [
+        (experiment.observer, result.time_s, 1e3 * result.series.estimated_distance_m[:, 0])
+        for experiment, result in results.items()
+        if experiment.targets_m == small
+    ]
+    save(19, "filters over smaller steps", "time (s)", "distance (mm)", filters)
 
 
 def lines(model, seed=1):

@@ -4,15 +4,10 @@ import numpy as np
 import pytest
 
 from femfit.audit.audit_model import audit_model
-from femfit.device.load import read_actuator
-from femfit.device.starters import starter_text
 from femfit.fit.build import fit_model
 from femfit.model.json_file import write_model
-from femfit.report.actuator_report import draw_figures, render_report
-from femfit.report.circuits import at_currents, several_circuits
-from femfit.report.content import ReportContent, strongest_point
-from support.bearing import ENTRY, Symmetric, table_of, table_with_hall
-from support.page import Page
+from femfit.report.circuits import several_circuits
+from support.bearing import ENTRY, Symmetric, table_of
 
 TRUTH = Symmetric()
 FLOATING = {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}
@@ -62,17 +57,6 @@ def test_one_circuit_has_no_such_chapter(levitation_model):
     assert several_circuits(levitation_model) is None
 
 
-def test_the_page_names_each_circuit(table, fit, tmp_path):
-    (tmp_path / "bearing.toml").write_text(starter_text("bearing"))
-    actuator = read_actuator(tmp_path / "bearing.toml")
-    content = ReportContent(fit.model, actuator, table, fit)
-    page = Page(render_report(content, draw_figures(content, lambda *_: (None, "no picture"))))
-    assert "The circuits together" in page.text
-    assert "lower −2 to 2 A and upper −2 to 2 A" in page.text
-    assert strongest_point(actuator) == (0.2e-3, (2.0, 2.0))
-    assert at_currents((2.0, -1.0), ("lower", "upper")) == "lower 2 A and upper −1 A"
-
-
 def test_the_audit_knows_several_circuits(table, fit, tmp_path):
     write_model(fit.model, tmp_path / "model.json")
     table.rows.to_csv(tmp_path / "sweep.csv", index=False)
@@ -88,16 +72,3 @@ def test_the_audit_knows_several_circuits(table, fit, tmp_path):
     slowest = np.linalg.eigvals(inductance / np.array([1.5, 1.2])[:, None]).real.max()
     assert found["time_constant", "coil"].recomputed == pytest.approx(slowest, rel=5e-3)
     assert ("held_range", "what the currents hold") in found
-
-
-def test_audit_and_report_say_of_a_hall_element_at_which_currents_it_clips_and_what_each_gives():
-    clipped = table_with_hall(TRUTH, FLOATING, output_max_V=4.45)  # 39 mT, without current from 0.483 mm on
-    fit = fit_model(clipped)
-    (said,) = (one for one in audit_model(fit.model).findings if one.code == "hall_range")
-    where = "clipped at 4.45 V from 0.485 to 0.800 mm at 0 A and 0 A"
-    assert where in said.sentence
-    content = ReportContent(fit.model, sweep=clipped, fit=fit)
-    page = Page(render_report(content, draw_figures(content, lambda *_: (None, "no picture"))))
-    assert where in page.text
-    assert "lower gives 4.00 mT/A" in page.text
-    assert "upper gives −3.00 mT/A" in page.text

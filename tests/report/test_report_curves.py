@@ -1,18 +1,12 @@
 """The picture of measured points on the model's curves shows the readings and both misfits as they are."""
 
-from base64 import b64decode
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import femfit
-from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.curves import MeasuredCurves
-from femfit.identify.decision.diagnose import diagnose
 from femfit.report.misfit_figures import curves_figure, worst_first
-from support.campaign import campaign
-from support.page import Page
 
 
 @pytest.fixture
@@ -61,20 +55,3 @@ def test_a_record_over_time_has_points_without_curves(curves):
 def test_the_channel_that_misses_by_most_of_its_noise_comes_first(curves):
     small = replace(curves, channel="hall_V", misfit_before=0.1 * curves.misfit_before)
     assert [one.channel for one in worst_first([small, curves])] == ["force_N", "hall_V"]
-
-
-def test_the_pictures_of_a_comparisons_page_are_drawn(levitation_model, tmp_path):
-    comparison = compare(levitation_model, campaign(levitation_model, 65, distances=4, currents=3))
-    page = Page(femfit.write_report(comparison, tmp_path / "comparison.html").read_text(encoding="utf-8"))
-    assert next(iter(page.images)).startswith("curves-")
-    assert str(comparison).splitlines()[0] in page.text
-    for picture in page.images.values():
-        assert b"<path" in b64decode(picture["src"].removeprefix("data:image/svg+xml;base64,"))
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_a_diagnosis_gives_a_page(levitation_model, tmp_path):
-    found = diagnose(levitation_model, campaign(levitation_model, 65, distances=7, currents=5), bootstrap=0)
-    page = Page(femfit.write_report(found, tmp_path / "diagnosis.html").read_text(encoding="utf-8"))
-    assert next(iter(page.images)).startswith("curves-")
-    assert "measured" in page.ids

@@ -1,4 +1,4 @@
-"""The page on an actuator as a reader's browser gets it."""
+"""Pages as a reader's browser gets them: their structure, and in snapshots what they say of devices and verdicts."""
 
 import base64
 import re
@@ -10,13 +10,26 @@ import pytest
 import femfit
 from femfit.audit.audit_model import audit_model
 from femfit.core.errors import FemfitError, RunDirectoryError
+from femfit.device.load import read_actuator
 from femfit.device.mechanics import Stop
 from femfit.device.sensors import AccelerationSensor, CurrentSensor, PositionSensor
+from femfit.device.starters import starter_text
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.experiments.suggest import Suggestion, suggest
+from femfit.identify.refit.add_effects import add_effects
 from femfit.report.actuator_report import draw_figures, render_report
-from femfit.report.numbers import percent
+from femfit.report.bench_report import render_diagnosis
+from femfit.report.content import ReportContent
 from femfit.report.page import write_page
+from femfit.tables.measurement import CHANNELS
+from support.bearing import ENTRY, Symmetric, table_with_hall
+from support.campaign import NOISE, campaign
 from support.page import Page
+from support.pages import NUMBER
+from support.snapshot import check_snapshot
 
 PNG = b"\x89PNG\r\n\x1a\n" + b"\0" * 16
 
@@ -29,8 +42,23 @@ def not_drawn(_actuator, _sample):
     return None, "no EGL here"
 
 
-def page_of(content, draw=drawn, **more):
-    return Page(render_report(content, draw_figures(content, draw, **more)))
+def sentences(page):
+    return re.split(r"(?<=[.:;?]) ", page.text)
+
+
+def check_page(name, page, renew, base=None):
+    """Every sentence of a page, or those that another page has not, with those that only the other one has."""
+    assert not re.search(r"\bnan\b|NaN", page.text)
+    said, others = sentences(page), sentences(base) if base else []
+    lines = [line for line in said if line not in others] + [f"NOT: {line}" for line in others if line not in said]
+    check_snapshot(f"page-{name}", "\n".join(lines), renew=renew)
+
+
+def check_new_words(name, page, base, renew):
+    """The sentences of a page that another page has not, whatever their numbers are."""
+    others = {NUMBER.sub("#", line) for line in sentences(base)}
+    lines = [line for line in sentences(page) if NUMBER.sub("#", line) not in others]
+    check_snapshot(f"page-{name}", "\n".join(lines), renew=renew)
 
 
 @pytest.fixture(scope="module")
@@ -55,162 +83,103 @@ def rig_page(rig_content, rig_figures):
 
 
 @pytest.fixture(scope="module")
-def other_page(rig_content, rig_figures):
-    """Another actuator's, with an awkward description, without a loop, where pyvista cannot draw."""
-    actuator = replace(rig_content.actuator, name="mine", description="<script>alert(1)</script> & more")
-    content = replace(rig_content, actuator=actuator, study=None, no_study="No current holds it.")
-    kept = {name: uri for name, uri in rig_figures.items() if "cut" not in name}
-    return page_of(content, not_drawn, drawn=kept)
-
-
-@pytest.fixture(scope="module")
 def plunger_page(plunger_content):
-    return page_of(plunger_content)
+    return Page(render_report(plunger_content, draw_figures(plunger_content, drawn)))
 
 
-def test_the_report_is_one_file_below_3_megabytes_that_loads_nothing(rig_content, rig_figures, tmp_path):
-    file = write_page(render_report(rig_content, rig_figures), tmp_path / "new" / "report.html")
+def test_the_report_is_one_file_below_3_megabytes_that_loads_nothing(rig_page, tmp_path):
+    file = write_page(rig_page.source, tmp_path / "new" / "report.html")
     assert [file.name for file in file.parent.iterdir()] == ["report.html"]
     assert file.stat().st_size < 3_000_000
-    page = Page(file.read_text(encoding="utf-8"))
-    assert all(uri.startswith("data:image/") for uri in page.loads)
-    assert all(link.startswith("#") for link in page.links)
-    assert not re.search(r"url\(|@import|https?://", file.read_text(encoding="utf-8"))
+    assert all(uri.startswith("data:image/") for uri in rig_page.loads)
+    assert not re.search(r"url\(|@import|https?://", rig_page.source)
 
 
 def test_links_lead_to_chapters_and_no_identifier_is_twice(rig_page):
+    assert all(link.startswith("#") for link in rig_page.links)
     assert {link.removeprefix("#") for link in rig_page.links} <= set(rig_page.ids)
     assert len(set(rig_page.ids)) == len(rig_page.ids)
 
 
 def test_the_chapters_follow_the_kind_of_actuator(rig_page, plunger_page):
-    both = ["actuator", "stroke", "coil", "model", "laws", "limits", "provenance"]
-    assert [name for name in plunger_page.ids if not name.startswith("figure-")] == [*both[:3], "heat", *both[3:]]
+    chapters = ["actuator", "stroke", "coil", "heat", "model", "laws", "limits", "provenance"]
+    assert [name for name in plunger_page.ids if not name.startswith("figure-")] == chapters
     assert {"field", "sensor", "loop"} <= set(rig_page.ids)
     assert not {"hall", "steps-pid", "field", "cutaway"} & set(plunger_page.images)
     assert "magnet" not in plunger_page.text
 
 
-def test_the_report_says_how_warm_winding_and_iron_become(plunger_page, plunger_content):
-    heat = plunger_content.heat
-    for line in str(heat).splitlines():
-        assert line in plunger_page.text
-    for name in heat.names:
-        assert name in plunger_page.text.partition("The parts at the largest current that may last")[2]
+def test_every_picture_says_what_it_shows_and_is_lines_not_megabytes(rig_page):
+    wanted = {"cutaway", "actuator", "stroke", "coil", "field", "force-curves", "force-map", "hall"}
+    assert wanted <= set(rig_page.images)
+    for name, image in rig_page.images.items():
+        kind, content = image["src"].split(";base64,")
+        assert len(image["alt"]) > 20, name
+        assert len(base64.b64decode(content)) < 400_000, name  # a gouraud field as SVG has 40 MB
+        assert not kind.endswith("svg+xml") or b"<path" in base64.b64decode(content)
 
 
-def test_without_a_stop_no_force_is_called_the_holding_force(plunger_page, rig_page):
-    assert "The force at the shortest distance of the sweep, 15 mm, is" in plunger_page.text
-    assert "holding force" not in rig_page.text
+@pytest.mark.parametrize("name", ["rig", "plunger"])
+def test_a_page_says_what_it_said_and_speaks_of_no_paper(name, request, renew):
+    page = request.getfixturevalue(f"{name}_page")
+    assert not re.search(r"\bpaper|Table 6|Figure 1|unknown|None", page.text)
+    check_page(name, page, renew)
 
 
-def test_the_holding_force_is_that_on_the_stop(plunger_content):
-    motion = replace(plunger_content.model.motion, near_stop=Stop(0.02), far_stop=Stop(0.04))
-    page = page_of(replace(plunger_content, model=replace(plunger_content.model, motion=motion)))
-    assert "The holding force, that on the stop at 20 mm, is" in page.text
-    assert "Force over the stroke from 20 to 40 mm" in page.text
-    assert "at 15 mm" not in page.text
+def of_model(**parts):
+    return lambda content, **_: replace(content, model=replace(content.model, **parts))
 
 
-def test_a_clipped_hall_element_is_said_on_the_page(rig_content, rig_figures):
-    sensor = replace(rig_content.model.sensor, sensitivity_V_per_T=500.0)
-    page = Page(render_report(replace(rig_content, model=replace(rig_content.model, sensor=sensor)), rig_figures))
-    assert "Its output is clipped at 5 V from 15" in page.text
+def clipped(content, **_):
+    return of_model(sensor=replace(content.model.sensor, sensitivity_V_per_T=500.0))(content)
 
 
-def test_every_drawn_sensor_is_listed(plunger_content):
+def strong(content, **_):
+    """A supply whose current lies beyond the sweep."""
+    return of_model(circuits=(replace(content.model.circuit, voltage_max_V=40.0),))(content)
+
+
+def between_stops(content, **_):
+    return of_model(motion=replace(content.model.motion, near_stop=Stop(0.02), far_stop=Stop(0.04)))(content)
+
+
+def with_sensors(content, **_):
     sensors = (
         AccelerationSensor(name="mems", noise=0.5, minimum=-800.0, maximum=800.0, bits=14),
         PositionSensor(name="laser", noise=4e-3, distances_m=(0.0, 1.0), readings=(0.5, 800.5), delay_s=3e-4),
         CurrentSensor(name="shunt", circuit="coil"),
     )
-    text = page_of(replace(plunger_content, actuator=replace(plunger_content.actuator, sensors=sensors))).text
-    assert "sensor mems acceleration; noise of 0.500 m/s² rms; −800 to 800 m/s²; 14 bits" in text
-    assert "sensor laser distance in V; noise of 4.00 mV rms; 300 µs late" in text
-    assert "sensor shunt current; its noise not known" in text
+    return replace(content, actuator=replace(content.actuator, sensors=sensors))
 
 
-def test_every_picture_says_what_it_shows(rig_page):
-    wanted = {"cutaway", "actuator", "stroke", "coil", "field", "force-curves", "force-map", "hall"}
-    assert wanted <= set(rig_page.images)
-    assert all(len(image["alt"]) > 20 for image in rig_page.images.values())
+def at_rest(force):
+    """What a magnet does without current is said of its own forces."""
+
+    def content_of(content, **_):
+        rows = content.fit.rows
+        pulled = force(rows.distance) + (rows.distance - 0.02) * rows.current
+        return replace(content, fit=replace(content.fit, rows=replace(rows, force=pulled)))
+
+    return content_of
 
 
-def test_pictures_are_lines_not_megabytes(rig_page):
-    for name, image in rig_page.images.items():
-        kind, content = image["src"].split(";base64,")
-        size = len(base64.b64decode(content))
-        assert size < 400_000, name  # a gouraud field as SVG has 40 MB
-        if kind.endswith("svg+xml"):
-            assert b"<path" in base64.b64decode(content)
-
-
-def test_numbers_come_with_their_unit_from_the_data(rig_page, rig_content):
-    wanted = [
-        "4.35 g, 42.7 mN",  # mass and weight
-        "308 turns, wire 0.49 mm",
-        "2.69 Ω",
-        "16.20 mH",  # the table's inductance, the same at every distance
-        "d = 22 mm and i = 0.32 A",
-        f"{1e3 * rig_content.rows.force.max():.0f} mN",
-        "5.25 s",
-        "ab" * 32,
-        "c0ffee" * 10,
-    ]
-    assert [text for text in wanted if text not in rig_page.text] == []
-
-
-def test_no_report_speaks_of_a_paper(rig_page, plunger_page):
-    for page in (rig_page, plunger_page):
-        assert not re.search(r"\bpaper|Table 6|Figure 1", page.text)
-
-
-def test_no_number_is_missing_where_there_is_nothing_to_say(plunger_page):
-    assert not re.search(r"\bnan\b|NaN|None|unknown", plunger_page.text)
-
-
-@pytest.mark.parametrize(
-    ("at_rest", "words"),
-    [
-        (lambda d: 1.0 / d, "is attracted without current"),
-        (lambda d: -1.0 / d, "is pushed away without current"),
-        (lambda d: d - 0.03, "attracted at some distances and pushed away at others"),
-        (lambda d: 0.0 * d, "Without current there is no force; the force changes its sign"),
-    ],
-)
-def test_what_a_magnet_does_without_current_is_said_of_its_own_forces(rig_content, rig_figures, at_rest, words):
-    rows = rig_content.fit.rows
-    force = at_rest(rows.distance) + (rows.distance - 0.02) * rows.current
-    content = replace(rig_content, fit=replace(rig_content.fit, rows=replace(rows, force=force)))
-    assert words in Page(render_report(content, rig_figures)).text
-
-
-def test_a_loop_that_lost_every_run_is_reported_without_false_numbers(rig_content, rig_figures, lost_study):
-    kept = {name: uri for name, uri in rig_figures.items() if not name.startswith(("steps", "spectrum"))}
-    content = replace(rig_content, study=lost_study)
-    page = page_of(content, drawn=kept)
-    assert "Every run of the reference steps was lost" in page.text
-    assert "backstepping, last at 22 mm and 0.4 A" in page.text
-    assert not re.search(r"\bnan\b", page.text)
-    assert not any(name.startswith("steps") for name in page.images)
-
-
-def test_runs_lost_in_part_are_counted_beside_the_means(rig_content, rig_figures, partly_lost_study):
-    page = Page(render_report(replace(rig_content, study=partly_lost_study), rig_figures))
-    assert "(1 of 2 runs lost)" in page.text
-
-
-def test_an_error_where_the_force_vanishes_is_a_part_of_the_largest_force(rig_content, rig_figures):
-    rows = rig_content.fit.rows
+def vanishing(content, **_):
+    """Whose error is a part of the largest force."""
+    rows = content.fit.rows
     nothing = replace(rows, force=np.where(rows.current == 0.0, 1e-9, rows.force))
-    content = replace(rig_content, fit=replace(rig_content.fit, rows=nothing))
-    words = Page(render_report(content, rig_figures)).text
-    assert f"at most {percent(2e-6 / rows.force.max())}".replace("\u00a0", " ") in words
+    return replace(content, fit=replace(content.fit, rows=nothing))
 
 
-def test_filters_without_a_direct_measurement_are_drawn_without_it(rig_content, rig_figures):
-    known = rig_content.study
-    none = np.full_like(known.series[0].direct_m, np.nan)
+def lost(content, lost_study, **_):
+    return replace(content, study=lost_study)
+
+
+def partly_lost(content, partly_lost_study, **_):
+    return replace(content, study=partly_lost_study)
+
+
+def without_direct(content, **_):
+    known = content.study
     study = replace(
         known,
         no_direct="The Hall voltage turns at 38 mm.",
@@ -218,71 +187,222 @@ def test_filters_without_a_direct_measurement_are_drawn_without_it(rig_content, 
         holds=tuple(replace(row, direct_rms_m=np.nan, ratio=np.nan) for row in known.holds),
         faults=tuple(row for row in known.faults if row.experiment.observer != "direct"),
         spectra=(),
-        series=tuple(replace(one, direct_m=none) for one in known.series),
+        series=tuple(replace(one, direct_m=np.full_like(one.direct_m, np.nan)) for one in known.series),
     )
+    return replace(content, study=study)
+
+
+def awkward(content, **_):
+    """Another actuator's, with markup in its description, without a loop."""
+    actuator = replace(content.actuator, name="mine", description="<script>alert(1)</script> & more")
+    return replace(content, actuator=actuator, study=None, no_study="No current holds it.")
+
+
+VARIANTS = {
+    "rig-clipped": clipped,
+    "rig-strong": strong,
+    "rig-attracted": at_rest(lambda d: 1.0 / d),
+    "rig-pushed": at_rest(lambda d: -1.0 / d),
+    "rig-both": at_rest(lambda d: d - 0.03),
+    "rig-no-force": at_rest(lambda d: 0.0 * d),
+    "rig-vanishing": vanishing,
+    "rig-lost": lost,
+    "rig-partly-lost": partly_lost,
+    "rig-without-direct": without_direct,
+    "rig-awkward": awkward,
+    "plunger-stops": between_stops,
+    "plunger-sensors": with_sensors,
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_what_differs_is_said_otherwise(name, request, lost_study, partly_lost_study, renew):
+    kind = name.partition("-")[0]
+    content, base = request.getfixturevalue(f"{kind}_content"), request.getfixturevalue(f"{kind}_page")
+    changed = VARIANTS[name](content, lost_study=lost_study, partly_lost_study=partly_lost_study)
+    figures = {image: one["src"] for image, one in base.images.items()}
+    check_page(name, Page(render_report(changed, figures)), renew, base)
+
+
+def test_a_loop_that_lost_every_run_has_no_picture_of_its_steps(rig_content, rig_figures, lost_study):
     kept = {name: uri for name, uri in rig_figures.items() if not name.startswith(("steps", "spectrum"))}
-    page = page_of(replace(rig_content, study=study), drawn=kept)
-    assert "The Hall voltage turns at 38 mm." in page.text
-    assert "less noisy than the direct measurement" not in page.text
-    assert not re.search(r"\bnan\b", page.text)
+    figures = draw_figures(replace(rig_content, study=lost_study), drawn, kept)
+    assert not any(name.startswith("steps") for name in figures)
 
 
-def test_the_reason_of_a_missing_loop_is_the_errors(other_page):
-    assert "No current holds it." in other_page.text
-
-
-def test_without_pyvista_the_map_remains_and_the_reason_is_said(other_page):
-    assert "cutaway" not in other_page.images
-    assert "field" in other_page.images
-    assert "There is no three-dimensional view: no EGL here." in other_page.text
-
-
-def test_a_current_beyond_the_sweep_has_no_force_at_the_supplys_voltage(rig_content, rig_figures):
-    strong = replace(rig_content.model, circuits=(replace(rig_content.model.circuit, voltage_max_V=40.0),))
-    page = Page(render_report(replace(rig_content, model=strong), rig_figures))
-    assert "sweep to that current to know the force at 40 V" in page.text
-    assert "At 40 V." not in page.text
-
-
-def test_report_and_audit_say_the_same_of_the_weight(rig_content, rig_figures):
-    page = Page(render_report(rig_content, rig_figures))
-    (held,) = (one for one in audit_model(rig_content.model).findings if one.code == "held_range")
-    said = held.sentence.rstrip(".").split("; ")
-    assert said
-    assert all(one in page.text for one in said if "reference" not in one)
-
-
-def test_names_from_the_file_cannot_write_markup(other_page):
-    assert "<script>alert(1)</script> & more" in other_page.text
+def test_without_a_screen_the_cut_is_left_out(rig_content, rig_figures):
+    kept = {name: uri for name, uri in rig_figures.items() if "cut" not in name}
+    assert "cutaway" not in Page(render_report(rig_content, draw_figures(rig_content, not_drawn, kept))).images
 
 
 def test_an_unfinished_report_can_be_read_and_is_finished_without_drawing_again(
-    begun_content, begun_figures, rig_figures, rig_page
+    begun_content, begun_figures, rig_figures, rig_page, renew
 ):
     page = Page(render_report(begun_content, begun_figures))
     assert "stroke" in page.images
-    assert "still being simulated" in page.text
     assert all(rig_figures[name] is uri for name, uri in begun_figures.items())
     assert "ranking" in set(rig_figures) - set(begun_figures)
-    assert "still being simulated" not in rig_page.text
+    check_page("rig-begun", page, renew, rig_page)
 
 
 def test_a_report_on_a_model_alone_has_what_a_model_knows(rig_content, tmp_path):
-    model = tmp_path / "model.json"
-    femfit.write_model(rig_content.model, model)
-    page = Page(femfit.write_report(model, tmp_path / "model.html").read_text(encoding="utf-8"))
+    femfit.write_model(rig_content.model, tmp_path / "model.json")
+    written = femfit.write_report(str(tmp_path / "model.json"), str(tmp_path / "model.html"))
+    page = Page(written.read_text(encoding="utf-8"))
     assert {"stroke", "coil", "sensor", "model", "limits"} <= set(page.ids)
     assert "actuator" not in page.ids
-    again = femfit.write_report(str(model), str(tmp_path / "again.html"))
-    assert {"stroke", "coil"} <= set(Page(again.read_text(encoding="utf-8")).images)
+    assert {"stroke", "coil"} <= set(page.images)
 
 
-def test_a_result_without_a_report_is_refused(tmp_path):
+def test_a_report_on_two_circuits_names_each(tmp_path, renew):
+    clipped_at = table_with_hall(Symmetric(), {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}, output_max_V=4.45)
+    fit = fit_model(clipped_at)  # 39 mT, without current from 0.483 mm on
+    (tmp_path / "bearing.toml").write_text(starter_text("bearing"))
+    content = ReportContent(fit.model, read_actuator(tmp_path / "bearing.toml"), clipped_at, fit)
+    page = Page(render_report(content, draw_figures(content, not_drawn)))
+    (clips,) = (one for one in audit_model(fit.model).findings if one.code == "hall_range")
+    assert "clipped at 4.45 V from 0.485 to 0.800 mm at 0 A and 0 A" in clips.sentence
+    check_page("bearing", page, renew)
+
+
+def test_what_is_no_result_and_a_report_that_grows_too_large_are_refused_and_nothing_is_written(tmp_path):
     with pytest.raises(FemfitError, match="instead received int"):
         femfit.write_report(3, tmp_path / "x.html")
-
-
-def test_a_report_that_grows_too_large_is_refused_and_nothing_is_written(tmp_path):
     with pytest.raises(RunDirectoryError, match=r"below 3 MB; it has 3\.00 MB"):
         write_page("x" * 3_000_001, tmp_path / "report.html")
     assert list(tmp_path.iterdir()) == []
+
+
+SIZE = {"distances": 7, "currents": 5}
+
+
+def hidden(name, **values):
+    effect = effect_by_name(name)
+    return AddedEffect(effect, effect.null() | values)
+
+
+HALL = hidden("hall_offset", offset_V=0.02)
+
+
+def rising_once(model):
+    table = campaign(model, 65, [HALL], runs=1, **SIZE)
+    return replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
+
+
+def scattered(model):
+    rising = rising_once(model)
+    return model, replace(rising, rows=rising.rows.iloc[::5].reset_index(drop=True))
+
+
+def force_alone(model):
+    table = campaign(model, 63, [hidden("force_offset", offset=0.03)], **SIZE)
+    given = tuple(name for name in table.given if name not in CHANNELS or name == "force_N")
+    unread = {name: np.nan for name in CHANNELS if name != "force_N"}
+    return model, replace(table, rows=table.rows.assign(**unread), given=given)
+
+
+def rippled(model):
+    def ripple(readings, rows):
+        wave = 20e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
+        return readings | {"hall_V": readings["hall_V"] + wave}
+
+    return model, campaign(model, 64, change=ripple, **SIZE)
+
+
+def without(*names, **more):
+    def table_of(model):
+        table = campaign(model, 66, **SIZE, **more)
+        return model, replace(table, given=tuple(name for name in table.given if name not in names))
+
+    return table_of
+
+
+def declared(model):
+    _, table = without("mount", "run", runs=1, mount_m=0.0)(model)
+    return model, replace(table, declared_noise=NOISE)
+
+
+def rough(model):
+    model = replace(model, misfit=replace(model.misfit, force_rms_N=0.01), provenance={})
+    return model, campaign(model, 69, [hidden("force_gain", gain_error=0.03)], **SIZE)
+
+
+DIAGNOSES = {
+    "nothing-missing": (lambda model: (model, campaign(model, 62, **SIZE)), "nothing_missing"),
+    "class": (force_alone, "named"),
+    "unexplained": (rippled, "unexplained"),
+    "compare-only": (scattered, "compare_only"),
+    "guessed-noise": (lambda model: (model, rising_once(model)), None),
+    "mounts": (without(), None),
+    "no-mounts": (without("mount"), None),
+    "no-scatter": (declared, None),
+    "own-misfit": (rough, None),
+}
+
+
+@pytest.fixture(scope="module")
+def advised(levitation_model):
+    table = campaign(levitation_model, 61, [HALL], runs=4, **SIZE)
+    table = replace(table, source="rig.csv", test_object="Rig <3>", notes="warm")
+    found = diagnose(levitation_model, table, bootstrap=0)
+    advice = suggest(levitation_model, table, found).suggestions
+    hashes = (("rig.csv", "ab" * 32),)
+    return found, table, Page(render_diagnosis(found, data=table, suggestions=advice, hashes=hashes))
+
+
+def test_the_page_on_a_diagnosis_begins_with_measured_points_and_loads_nothing(advised, renew):
+    found, _, page = advised
+    curves = {f"curves-{name}" for name in found.observations.channels}
+    assert next(iter(page.images)).startswith("curves-")
+    assert set(page.images) == curves | {"settings", "misfit-maps", "ranking-effects", "waterfall", "after-maps"}
+    assert all(uri.startswith("data:image/") for uri in page.loads)
+    assert all(link.removeprefix("#") in page.ids for link in page.links)
+    for picture in page.images.values():
+        assert picture["alt"]
+        assert b"<path" in base64.b64decode(picture["src"].removeprefix("data:image/svg+xml;base64,"))
+    assert len(page.source) < 3_000_000
+    assert not re.search(r"url\(|@import|https?://", page.source)
+    check_page("diagnosis", page, renew)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("name", DIAGNOSES)
+def test_every_verdict_has_its_page(name, levitation_model, advised, renew):
+    make, verdict = DIAGNOSES[name]
+    model, table = make(levitation_model)
+    found = diagnose(model, table, bootstrap=0)
+    page = Page(render_diagnosis(found, data=table))
+    assert verdict in {None, found.verdict}
+    assert ("waterfall" in page.images) == bool(found.missing)
+    channels = [channel for channel in CHANNELS if channel in table.given]
+    readings = int(table.rows[channels].notna().to_numpy().sum())
+    assert f"{readings} readings" in page.text.replace(",", "")
+    check_new_words(f"diagnosis-{name}", page, advised[2], renew)
+    if name == "class":
+        first, second = found.missing[0].members[:2]
+        advice = Suggestion("Read the Hall output as well.", 60.0, ((first, second, 8.0),), ())
+        told = Page(render_diagnosis(found, table, suggestions=(advice,)))
+        check_page("diagnosis-class-advised", told, renew, page)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_what_was_added_and_what_is_left_unexplained_have_pages(levitation_model, advised, tmp_path, renew):
+    def bent(readings, rows):
+        return {**readings, "force_N": readings["force_N"] + 0.2 * readings["force_N"] ** 2}
+
+    tables = {"hall_offset": advised[1], "unexplained": campaign(levitation_model, 3, change=bent, **SIZE)}
+    for name, table in tables.items():
+        result = add_effects(levitation_model, table, name)
+        page = Page(femfit.write_report(result, tmp_path / f"{name}.html").read_text(encoding="utf-8"))
+        assert {"waterfall", "after-maps"} <= set(page.images)
+        assert ("remainder" in page.images) == (name == "unexplained")
+        check_page(f"added-{name}", page, renew)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_comparison_has_a_page_that_begins_with_its_curves(levitation_model, tmp_path, renew):
+    table = campaign(levitation_model, 65, distances=4, currents=3)
+    file = femfit.write_report(femfit.compare(levitation_model, table), tmp_path / "comparison.html")
+    page = Page(file.read_text(encoding="utf-8"))
+    assert next(iter(page.images)).startswith("curves-")
+    check_page("comparison", page, renew)

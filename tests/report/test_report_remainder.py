@@ -5,7 +5,6 @@ import pytest
 
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.readings.place import placed
-from femfit.identify.refit.add_effects import add_effects
 from femfit.model.bspline import TensorSpline
 from femfit.model.carried import (
     Brake,
@@ -20,24 +19,8 @@ from femfit.model.carried import (
     carried_effect,
 )
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.report.bench_report import render_added
 from femfit.report.remainder_figure import remainder_figure
 from support.campaign import campaign
-from support.page import Page
-
-
-def bent(readings, rows):
-    return {**readings, "force_N": readings["force_N"] + 0.2 * readings["force_N"] ** 2}
-
-
-def test_the_page_shows_what_is_left_unexplained(levitation_model):
-    table = campaign(levitation_model, 3, change=bent, distances=7, currents=5)
-    result = add_effects(levitation_model, table, "unexplained")
-    page = Page(render_added(result))
-    assert "What is left unexplained" in page.text
-    assert page.images["remainder"]["src"].startswith("data:image/svg+xml")
-    assert "A short law says" in page.text
-    assert "To refute it, read the force" in page.text
 
 
 def test_every_part_has_its_panel(levitation_model):

@@ -1,0 +1,303 @@
+"""What femfit's parts take: filters, loops, diagnoses, sweeps, commands.
+
+Run with ``python -m pytest -m benchmark -s tests/benchmarks``. Times are printed, of the processor where none is named;
+none is asserted.
+"""
+
+import os
+import resource
+import signal
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import ngsolve
+import numpy as np
+import pandas as pd
+import pytest
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+import femfit as ff
+from femfit.device.drawn_numbers import read_numbers
+from femfit.device.load import read_actuator
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.field.currents import swept_currents
+from femfit.field.settings import SolverSettings, settings_for
+from femfit.field.sweep import plan_sweep
+from femfit.field.sweep_task import MeshCache
+from femfit.filters.extended import ExtendedFilter
+from femfit.filters.holding import holding_current
+from femfit.filters.levitation import levitation_process
+from femfit.filters.unscented import UnscentedFilter
+from femfit.identify.decision.campaign import considered_effects, gather
+from femfit.identify.decision.diagnose import diagnose, diagnose_observations
+from femfit.identify.decision.naming import decide
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.simulate import simulated_noise
+from femfit.identify.readings.place import placed
+from femfit.model.carried import FieldTerm
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.drawn_effect import DrawnEffect, parameter_name
+from femfit.model.with_effects import with_effects
+from femfit.simulation.close_loop import run_loops
+from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.study import closed_loop_study
+from support.actuators import GEOMETRY
+from support.campaign import campaign
+from support.closed_loop import closed_loop, recorded
+from support.command import FEMFIT
+from support.eddies import with_eddies
+from support.field import prepared
+from support.replays import damped, logs
+from support.solenoids import solenoid
+from support.splines import REFERENCE_DISTANCE, fitted_spline
+from support.timed_sweep import SWEEPS, timed, timed_sweep
+
+pytestmark = pytest.mark.benchmark
+
+FILTERS = [UnscentedFilter, ExtendedFilter]
+
+
+def seconds(work, times=1, clock=time.process_time):
+    """What the work gives, and its time, the median of several."""
+    spent = []
+    for _ in range(times):
+        start = clock()
+        result = work()
+        spent.append(clock() - start)
+    return result, statistics.median(spent)
+
+
+def alternating(steps, turns, count=5):
+    """Median microseconds a step of each, in turns, so that what else the machine does meets all of them."""
+    times = {name: [] for name in steps}
+    for _ in range(turns):
+        for name, step in steps.items():
+            _, spent = seconds(lambda step=step: [step() for _ in range(count)])
+            times[name].append(1e6 * spent / count)
+    return {name: statistics.median(values) for name, values in times.items()}
+
+
+def a_filterpy_step(order):
+    """One step of the peer's filter with a linear model and one measurement."""
+    points = MerweScaledSigmaPoints(order, alpha=1.0, beta=2.0, kappa=0.0)
+    peer = UnscentedKalmanFilter(dim_x=order, dim_z=1, dt=5e-4, hx=lambda x: x[:1], fx=lambda x, _dt: x, points=points)
+    peer.Q, peer.R = 1e-6 * np.eye(order), np.array([[1e-4]])
+
+    def step():
+        peer.predict()
+        peer.update(np.zeros(1))
+
+    return step
+
+
+def a_femfit_step(model, order, runs, kind=UnscentedFilter):
+    """One step of our filter with the model's co-energy and Hall field."""
+    current = holding_current(model, 0.022)
+    filter_ = kind(levitation_process(model, hall_bias=order == 4))
+    states = [filter_.start(np.array([0.022, 0.0, current]), runs=runs)]
+    reading = np.full(runs, float(model.sensor.voltage(np.asarray(0.022), np.asarray(current))))
+    voltage = model.circuit.resistance_ohm * current
+
+    def step():
+        states[0] = filter_.step(states[0], voltage, reading)
+        assert not states[0].diverged.any()
+
+    return step
+
+
+@pytest.mark.parametrize("order", [3, 4])
+def test_one_filter_and_a_thousand_beside_filterpy(levitation_model, order):
+    steps = {"filterpy": a_filterpy_step(order)}
+    steps |= {f"{runs} at once": a_femfit_step(levitation_model, order, runs) for runs in (1, 1000)}
+    steps |= {"1000 extended": a_femfit_step(levitation_model, order, 1000, ExtendedFilter)}
+    told = alternating(steps, 40, 3)
+    print(f"\n{order} states, us a step:", ", ".join(f"{name} {spent:.0f}" for name, spent in told.items()))
+
+
+def usual(name):
+    """An effect with every amplitude a third of the way to what is usual at most."""
+    effect = effect_by_name(name)
+    values = {p.name: p.null + (max(p.plausible, key=abs) - p.null) / 3.0 for p in effect.amplitudes}
+    return AddedEffect(effect, effect.null() | values)
+
+
+@pytest.mark.parametrize("kind", FILTERS)
+def test_one_filter_of_a_model_with_effects_or_eddy_currents(levitation_model, kind):
+    chosen = ((), ("core_saturation",), ("core_saturation", "eddy_current_lag"), ("hysteresis",))
+    models = {
+        "+".join(names) or "none": with_effects(levitation_model, [usual(one) for one in names]) for names in chosen
+    }
+    models["three eddy currents"] = with_eddies(levitation_model)
+    steps = {name: a_femfit_step(model, 3, 1, kind) for name, model in models.items()}
+    steps |= {f"1000 of {name}": a_femfit_step(models[name], 3, 1000, kind) for name in ("none", "three eddy currents")}
+    told = alternating(steps, 20)
+    print(f"\n{kind.__name__}, us a step:", ", ".join(f"{name} {spent:.0f}" for name, spent in told.items()))
+
+
+@pytest.mark.parametrize("observer", ["ukf", "ukf4", "ekf", "direct"])
+def test_a_thousand_loops_of_one_second(levitation_model, observer):
+    design = design_loop(levitation_model)
+    experiment = Experiment("backstepping", observer, design.targets_m)
+    summary, wall = seconds(
+        lambda: run_loops(design, experiment, np.random.default_rng(1), runs=1000, duration_s=1.0),
+        clock=time.perf_counter,
+    )
+    print(f"\n1000 loops of {summary.steps} steps, {observer}: {wall:.1f} s on the wall", dict(summary.outcomes))
+    assert sum(summary.outcomes.values()) == 1000
+
+
+def test_the_closed_loop_study(levitation_model):
+    study, spent = seconds(lambda: closed_loop_study(levitation_model))
+    print(f"\nclosed-loop study: {spent:.1f} s")
+    assert len(study.holds) == 8
+
+
+def test_the_pull_in_of_a_solenoid():
+    motion, spent = seconds(lambda: ff.simulate(solenoid(), voltage_V=12.0), 3)
+    print(f"\n100 ms of a solenoid with one pull-in: {spent:.3f} s")
+    assert [one.kind for one in motion.switchings] == ["pull_in"]
+
+
+@pytest.mark.parametrize("name", ["ukf", "ekf"])
+def test_samples_a_second_of_one_filter_over_a_record(name):
+    """A million samples in 50 s is the aim, 20,000 a second."""
+    runs = logs(8000, 25, seed=7)[1]
+    rows = pd.concat([one.rows.assign(run=k + 1.0, segment=k) for k, one in enumerate(runs)], ignore_index=True)
+    record = replace(runs[0], rows=rows)
+    found, spent = seconds(lambda: ff.observe(damped(), record, filter=name, find=False))
+    print(f"\n{name}: {len(rows) / spent:,.0f} samples a second, {found.filters[0].replayed.turns} turns")
+    assert found.filters[0].replayed.mean.shape == (len(rows), 3)
+
+
+def test_what_the_search_for_the_noise_adds():
+    record = logs(20_000, 1, seed=7)[1][0]
+    found, spent = seconds(lambda: ff.observe(damped(), record))
+    print(f"\nwith the noise: 20,000 samples in {spent:.1f} s")
+    assert found.noise is not None
+
+
+@pytest.mark.parametrize("bootstrap", [40, 0])
+def test_forty_thousand_samples_with_all_effects(levitation_model, bootstrap):
+    model = replace(levitation_model, sample_time_s=1e-3)
+    friction = AddedEffect(effect_by_name("viscous_friction"), {"damping_per_s": 3.0})
+    record = recorded(closed_loop(model, [friction], runs=10, seconds=4.0, seed=1), runs=range(1, 11))
+    result, spent = seconds(lambda: diagnose(model, record, bootstrap=bootstrap), 3)
+    scored = sum(not score.note for score in result.ranking)
+    print(f"{len(record.rows)} samples, {scored} effects, {bootstrap} clean records: {spent:.1f} s (60 s required)")
+    assert "viscous_friction" in result.missing[0].members
+
+
+def drawn(k):
+    """A number of a drawing: 0.2 % of W' a millimetre, as a decay of its own times a power of the current."""
+    power, length, currents = k % 3, 0.006 + 0.001 * k, np.linspace(0.0, 1.4, 8)
+
+    def decay(d):
+        return np.exp(-(d - REFERENCE_DISTANCE) / length)
+
+    coenergy = fitted_spline(lambda d, i: (2e-6, 6e-4, 6e-4)[power] * decay(d) * i**power, currents, 2)
+    hall = fitted_spline(lambda d, i: 1e-4 * decay(d) + 0.0 * i, currents, 1)
+    term = FieldTerm(parameter_name("mm"), DistanceCoordinate(REFERENCE_DISTANCE), coenergy, hall)
+    return DrawnEffect(f"part{k}.r_mm[0]", (), f"part{k}.r_mm[0]", 10.0, "mm", 0.1, (term,))
+
+
+def test_a_thousand_rows_with_all_effects_and_twenty_numbers(levitation_model):
+    """Asked are 3 s, and 20 s for 40 simulated clean campaigns."""
+    model = replace(levitation_model, drawn=tuple(drawn(k) for k in range(20)))
+    saturation = effect_by_name("core_saturation")
+    hidden = [AddedEffect(saturation, saturation.null() | {"mmf_loss_6": 0.02})]
+    observations = placed(model, campaign(model, 1, hidden, distances=15, currents=11))
+    effects = considered_effects((), (), observations.nominal.drawn)
+    result, whole = seconds(lambda: diagnose_observations(model, observations), 3)
+    assert result.missing[0].name == "core_saturation"
+    gathered, gathering = seconds(lambda: gather(observations, effects), 3)
+    _, deciding = seconds(lambda: decide(gathered), 3)
+    print(
+        f"\n{len(observations.covariates)} rows x {len(observations.channels)} channels, {len(gathered.effects)} "
+        f"variants: {whole:.1f} s (3 s asked); noise and columns {gathering:.1f}, decision {deciding:.1f}"
+    )
+    rng, parts = np.random.default_rng(1), []
+    for _ in range(10):
+        readings = observations.base + simulated_noise(gathered.whitening, rng)
+        noise, of_noise = seconds(lambda readings=readings: estimate_noise(observations.with_values(readings)))
+        simulated, reading = seconds(lambda readings=readings: gathered.with_readings(readings))
+        _, of_decision = seconds(lambda simulated=simulated: decide(simulated))
+        assert noise is not None
+        parts.append((reading + of_decision, of_noise, reading - of_noise, of_decision))
+    each = [statistics.median(part) for part in zip(*parts, strict=True)]
+    print(
+        f"40 simulated clean campaigns: {40.0 * each[0]:.0f} s (20 s asked); of each noise {each[1]:.2f}, columns "
+        f"{each[2]:.2f}, decision {each[3]:.2f}"
+    )
+
+
+@pytest.mark.parametrize("label", SWEEPS)
+def test_whole_sweep_command(label, tmp_path):
+    walls, counts = zip(*(timed_sweep(label, tmp_path / str(repeat)) for repeat in range(5)), strict=True)
+    assert len(set(counts)) == 1
+    peak, wall = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0, statistics.median(walls)
+    print(
+        f"\nfemfit sweep, {label}, {counts[0]} points, 2 processes, imports included: {wall:.2f} s on the wall "
+        f"({min(walls):.2f} to {max(walls):.2f}); peak memory of the largest process {peak:.0f} MB"
+    )
+
+
+def test_one_distance():
+    ngsolve.SetNumThreads(1)  # as the sweep's workers do
+    problem, mesh_time = seconds(lambda: prepared(read_actuator(GEOMETRY / "emaws-rig.toml"), 0.022))
+    times = [seconds(lambda d=d: problem.solve(1e-3 * d))[1] for d in range(21, 28)]
+    order = SolverSettings().order
+    print(
+        f"\none mesh of {problem.mesh.ne} elements, {problem.unknowns} unknowns at order {order}: {mesh_time:.3f} s; "
+        f"one distance (orders {order} and {order - 1}, self-force, all currents): {statistics.median(times):.3f} s"
+    )
+
+
+@pytest.mark.parametrize("name", ["emaws-rig", "ball", "voice-coil", "solenoid"])
+def test_signatures_beside_the_plain_sweep(name):
+    ngsolve.SetNumThreads(1)  # as the sweep's workers do
+    path = GEOMETRY / f"{name}.toml"
+    actuator, numbers, meshes = read_actuator(path), read_numbers(path), MeshCache()
+    currents, spent = swept_currents(actuator.sweep), np.zeros(2)
+    tasks = plan_sweep(actuator, settings_for(actuator))
+    for task in tasks[:: max(1, len(tasks) // 12)]:  # evenly spread over it
+        problem, meshing = seconds(lambda task=task: meshes.problem(task.mesh))
+        _, plain = seconds(lambda task=task, problem=problem: problem.rows(task.distance, currents))
+        _, more = seconds(lambda task=task, problem=problem: problem.signatures(task.distance, currents, numbers))
+        spent += meshing + plain, more
+    print(f"\n{name}: {len(numbers)} numbers: sweep {spent[0]:.1f} s, signatures {spent[1]:.1f} s more")
+
+
+def test_time_until_femfit_can_be_used():
+    commands = {"nothing": "pass", "import femfit": "import femfit"}
+    walls = {name: [timed([sys.executable, "-c", code]) for _ in range(9)] for name, code in commands.items()}
+    walls["femfit --help"] = [timed([FEMFIT, "--help"]) for _ in range(9)]
+    print("\n", ", ".join(f"{name} {statistics.median(one):.3f} s" for name, one in walls.items()), "on the wall")
+
+
+def test_an_interrupt_is_answered_at_once(tmp_path):
+    """From Ctrl-C in the middle of saturating solutions to the end of the command and of its workers."""
+    waits = []
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a child would inherit that it is ignored
+    try:
+        for repeat in range(5):
+            journal = tmp_path / str(repeat) / "journal.jsonl"
+            command = [FEMFIT, "sweep", str(GEOMETRY / "emaws-saturable.toml"), "-o", str(journal.parent)]
+            child = subprocess.Popen(
+                [*command, "--workers", "2"],
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                start_new_session=True,
+            )
+            while not journal.exists() or journal.read_bytes().count(b"\n") < 3:
+                time.sleep(0.01)
+            os.killpg(child.pid, signal.SIGINT)
+            waits.append(seconds(child.wait, clock=time.perf_counter)[1])
+            assert child.returncode == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    print(f"\nCtrl-C during a sweep: answered in {statistics.median(waits):.2f} s ({max(waits):.2f} at most)")

@@ -1,0 +1,387 @@
+"""Tables as labs write them, through fit, compare, diagnose, suggest, add and bench."""
+
+import json
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import femfit as ff
+from femfit.cli.add import add as add_command
+from femfit.core.errors import UsageError
+from femfit.effects.catalogue import all_effects, effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.identify.decision.campaign import considered_effects
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.readings.bench import conditions_of
+from femfit.identify.readings.place import placed
+from femfit.model.json_file import read_model, write_model
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of, with_effects
+from femfit.tables.measurement_file import read_bench_table
+from femfit.tables.sweep_table import write_sweep_table
+from support.campaign import campaign
+from support.cli_case import hidden_effect, plateaus
+from support.command import femfit
+from support.impedances import impedance_file
+from support.sweeps import full_table
+
+SIGMA = 1e-3
+
+
+@pytest.fixture(scope="module")
+def folder(levitation_model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("benches")
+    write_model(levitation_model, folder / "model.json")
+    size = {"distances": 6, "currents": 5}
+    hall = hidden_effect("hall_offset", offset_V=0.02)
+    campaign(levitation_model, 31, [hall], **size).rows.to_csv(folder / "hall.csv", index=False)
+    return folder
+
+
+def worked(folder, line, *options):
+    """A command in the folder, and its result as JSON."""
+    done = femfit(*line.split(), *options, "--json", "result.json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return json.loads((folder / "result.json").read_text())
+
+
+def compared(folder, rows, *options):
+    """The JSON of a comparison, and its channels by name."""
+    rows.to_csv(folder / "rows.csv", index=False)
+    data = worked(folder, "compare model.json rows.csv", *options)
+    return data, {one["channel"]: one for one in data["channels"]}
+
+
+def found(data, code):
+    return [one for one in data["findings"] if one["code"] == code]
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    directory = tmp_path_factory.mktemp("sweep")
+    write_sweep_table(full_table(), directory)
+    return directory
+
+
+def test_the_coenergy_is_the_default_and_lies_beside_the_table(sweep):
+    assert femfit("fit", sweep / "sweep.parquet").returncode == 0
+    assert read_model(sweep / "model_coenergy.json").misfit.force_rms_relative < 1e-3
+
+
+def test_a_law_is_written_where_asked_with_single_bounds_and_functions(sweep, tmp_path):
+    options = ["--bound", "d^-4=:1e-9", "--bound", "d^-2=0:", "--functions", "constant,through-origin"]
+    data = worked(tmp_path, f"fit {sweep} --model F1e -o deep/m.json", *options)
+    assert (data["model"], data["model_file"]) == ("F1e", "deep/m.json")
+    law = read_model(tmp_path / "deep" / "m.json").magnetics
+    assert (law.law_name, law.coefficients[0].bounds[1]) == ("F1e", 1e-9)
+
+
+def test_the_noise_of_a_single_sweep_is_declared_by_an_option(folder, levitation_model):
+    rows = campaign(levitation_model, 41, runs=1, mount_m=0.0, distances=6, currents=5).rows
+    _, noise = compared(folder, rows, "--noise", "force_N=4e-4", "--noise", "hall_mV=3")
+    assert noise["force_N"]["noise_source"] == noise["hall_V"]["noise_source"] == "declared"
+    assert (noise["force_N"]["noise_floor"], noise["hall_V"]["noise_floor"]) == pytest.approx((4e-4, 3e-3))
+
+
+def test_an_imported_table_is_compared_through_its_coenergy(folder, levitation_model):
+    d, i = (axis.ravel() for axis in np.meshgrid(0.015 + 0.00125 * np.arange(25), 0.2 * np.arange(8)))
+    read = {"force_N": levitation_model.force(d, i), "flux_linkage_Wb": levitation_model.flux_linkage(d, i)}
+    pd.DataFrame({"current_A": i, "distance_m": d} | read).to_csv(folder / "table.csv", index=False)
+    campaign(levitation_model, 41, distances=6, currents=5).rows.to_csv(folder / "clean.csv", index=False)
+    data = worked(folder, "compare table.csv clean.csv")
+    assert data["verdict"] == "agrees"
+    assert "hall_V" not in {one["channel"] for one in data["channels"]}
+
+
+def test_columns_and_units_are_said_by_options(folder, levitation_model):
+    rows = campaign(levitation_model, 41, runs=1, distances=4, currents=4).rows
+    foreign = rows.rename(columns={"force_N": "Kanal 3", "distance_m": "Weg"})
+    said = ("--column", "Kanal 3=force_N", "--unit", "Kanal 3=N", "--unit", "Weg=m")
+    assert "force_N" in compared(folder, foreign, *said)[1]
+
+
+@pytest.fixture(scope="module")
+def bench(levitation_model):
+    """Two runs of seven distances and four currents, all channels, as a file has them."""
+    table = campaign(levitation_model, 3, runs=2, distances=7, currents=4, rho=0.0, mount_m=0.0)
+    return table.rows.drop(columns="mount")
+
+
+def passes(model, seed, count, offset_N=0.0):
+    """Passes over 20 settings with white noise of the force, without a column that says which pass or when."""
+    box = model.validity
+    d, i = np.meshgrid(np.linspace(0.0165, 0.0435, 5), np.linspace(box.current_min_A, box.current_max_A, 4))
+    force = np.tile(model.force(d.ravel(), i.ravel()), count) + offset_N
+    read = force + SIGMA * np.random.default_rng(seed).standard_normal(len(force))
+    return pd.DataFrame(
+        {"distance_m": np.tile(d.ravel(), count), "current_A": np.tile(i.ravel(), count), "force_N": read}
+    )
+
+
+@pytest.mark.parametrize(("count", "order", "seeds"), [(2, "as measured", 20), (2, "shuffled", 10), (4, "sorted", 10)])
+def test_the_white_noise_of_passes_without_a_run_column_is_found(levitation_model, folder, count, order, seeds):
+    """20 differences know a standard deviation to 16 %: 89 of 100 lie within a quarter of the truth."""
+    ratios = []
+    for seed in range(seeds):
+        rows = passes(levitation_model, seed, count)
+        rows = rows.sort_values(["distance_m", "current_A"], kind="stable") if order == "sorted" else rows
+        rows = rows.sample(frac=1.0, random_state=seed) if order == "shuffled" else rows
+        rows.to_csv(folder / "passes.csv", index=False)
+        (sigma,) = estimate_noise(placed(levitation_model, folder / "passes.csv")).sigma
+        ratios.append(sigma / SIGMA)
+    within = np.abs(np.array(ratios) - 1.0) <= 0.25
+    assert within.sum() >= 0.9 * seeds, ratios
+    assert max(ratios) < 1.4
+
+
+@pytest.mark.parametrize(("times", "source"), [(1.0, "declared and repeats"), (10.0, "repeats")])
+def test_a_declared_noise_is_kept_beside_what_repeats_show(levitation_model, folder, times, source):
+    data, channels = compared(folder, passes(levitation_model, 1, 2), "--noise", f"force_N={times * SIGMA}")
+    assert channels["force_N"]["noise_source"] == source
+    assert channels["force_N"]["noise_declared"] == pytest.approx(times * SIGMA)
+    assert channels["force_N"]["noise_readings"] == pytest.approx(20.0)
+    assert bool(found(data, "declared-noise")) is (source == "repeats")
+
+
+def test_a_comparison_says_one_probability(levitation_model, folder):
+    passes(levitation_model, 1, 2, offset_N=5.0 * SIGMA).to_csv(folder / "off.csv", index=False)
+    result = ff.compare(levitation_model, folder / "off.csv")
+    assert result.to_dict()["verdict"] == "fails"
+    assert str(result).count("p <") + str(result).count("p =") == 1
+
+
+@pytest.mark.parametrize(("rows", "weight_N"), [(12, 0.04267), (21, 0.05)])
+def test_a_constant_force_does_not_fit_at_any_other_distance(folder, rows, weight_N):
+    """A weight that hovers: no shift makes the model's force constant."""
+    hover = {"distance_m": np.linspace(0.01575, 0.04275, rows), "current_A": np.linspace(0.2, 1.2, rows)}
+    data, _ = compared(folder, pd.DataFrame({**hover, "force_N": weight_N}), "--noise", f"force_N={SIGMA}")
+    assert not found(data, "suspected-zero")
+
+
+def test_a_hover_table_with_another_zero_of_the_distance_is_told_so(levitation_model, folder):
+    d, weight_N = np.linspace(0.0195, 0.0285, 12), 0.08
+    currents = np.linspace(0.0, 1.4, 200)
+    i = [np.interp(weight_N, levitation_model.force(np.full(200, one), currents), currents) for one in d]
+    rows = pd.DataFrame({"distance_m": d - 4e-3, "current_A": i, "force_N": weight_N})
+    (finding,) = found(compared(folder, rows, "--noise", f"force_N={SIGMA}")[0], "suspected-zero")
+    assert finding["size"] == pytest.approx(4e-3, rel=0.05)
+
+
+@pytest.mark.parametrize("runs", [1, 2])
+def test_rows_that_were_copied_and_numbered_anew_are_no_repeats(folder, bench, runs):
+    rows = bench[bench["run"] <= runs]
+    copied = rows.loc[rows.index.repeat(3)]
+    copied = copied.assign(order=copied.groupby("run").cumcount().to_numpy(dtype=float))
+    once, data = compared(folder, rows)[1], compared(folder, copied)[0]
+    (finding,) = found(data, "copies")
+    assert finding["size"] == 2 * len(rows)
+    for one in data["channels"]:
+        assert one["readings"] == once[one["channel"]]["readings"]
+        # The copies' numbers make gaps of three in the order, so that a correlation of neighbours is another
+        assert one["noise_floor"] == pytest.approx(once[one["channel"]]["noise_floor"], rel=0.1)
+
+
+def test_rows_pasted_twice_beside_repeats_that_differ_are_still_copies(folder, levitation_model):
+    rows = passes(levitation_model, 1, 2).round({"force_N": 5})
+    (copies,) = found(compared(folder, pd.concat([rows, rows[:12]]))[0], "copies")
+    assert copies["size"] == 12
+
+
+def test_equal_readings_of_a_coarse_channel_are_repeats(levitation_model, folder):
+    rows = passes(levitation_model, 2, 4)
+    rows = rows.assign(force_N=np.round(rows["force_N"] / SIGMA) * SIGMA, run=np.repeat([1.0, 2.0, 3.0, 4.0], 20))
+    assert rows.duplicated(["distance_m", "current_A", "force_N"]).sum() > 10
+    data, channels = compared(folder, rows)
+    assert not found(data, "copies")
+    assert channels["force_N"]["readings"] == 80
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_readings_that_are_equal_by_their_coarse_digit_are_repeats_of_their_noise(folder, levitation_model, count):
+    """Steps five times as wide as the sensor's noise: most repeats agree, many on end, and some are a step apart."""
+    digit, floors = 5.0 * SIGMA, []
+    for seed in range(4):
+        rows = passes(levitation_model, seed, count)
+        rows.assign(force_N=(rows["force_N"] / digit).round() * digit).to_csv(folder / "coarse.csv", index=False)
+        observations = placed(levitation_model, folder / "coarse.csv")
+        assert len(observations.covariates) == len(rows)  # none is a copy
+        floors.append(float(estimate_noise(observations).sigma[0]))
+    assert np.mean(floors) == pytest.approx(np.hypot(SIGMA, digit / np.sqrt(12.0)), rel=0.2)
+
+
+def test_rows_in_another_unit_are_counted_and_not_the_column(folder, bench):
+    half = bench["distance_m"].where(bench.index % 2 == 0, 1e3 * bench["distance_m"])
+    second = bench["force_N"].where(bench["run"] == 1.0, 1e3 * bench["force_N"])
+    for rows, column, count in (
+        (bench.assign(distance_m=half), "distance_m", (bench.index % 2 == 1).sum()),
+        (bench.assign(force_N=second), "force_N", (bench["run"] == 2.0).sum()),
+    ):
+        (finding,) = found(compared(folder, rows)[0], "suspected-unit")
+        assert (finding["column"], finding["size"]) == (column, count)
+        assert "--unit" not in finding["remedy"]
+
+
+@pytest.mark.parametrize("value", [0.0, 0.05])
+def test_a_channel_of_one_value_over_varying_settings_is_called_dead(folder, bench, value):
+    data, _ = compared(folder, bench.assign(force_N=value))
+    assert [one["column"] for one in found(data, "suspected-dead")] == ["force_N"]
+    assert not found(data, "suspected-scale")
+
+
+def test_a_unit_is_not_suspected_that_would_still_be_impossible(folder, bench):
+    data, _ = compared(folder, bench.assign(force_N=1e12 * bench["force_N"]))
+    assert not found(data, "suspected-unit")
+    assert [one["column"] for one in found(data, "suspected-scale")] == ["force_N"]
+
+
+def test_an_ammeters_column_that_gives_way_to_the_true_current_is_not_asked_for(folder, levitation_model):
+    """As docs/reference/files.md advises for a record of ideal instruments."""
+    rows = passes(levitation_model, 1, 2)
+    both = rows.rename(columns={"distance_m": "true_distance_m"}).assign(true_current_A=rows["current_A"])
+    ideal = ("--column", "true_distance_m=distance_m", "--column", "true_current_A=current_A")
+    (unused,) = found(compared(folder, both, *ideal)[0], "unused-column")
+    assert not unused["column"]
+
+
+def test_an_excluded_effect_is_not_named(folder):
+    data = worked(folder, "diagnose model.json hall.csv --bootstrap 0 --exclude hall_offset")
+    assert "hall_offset" not in {one["name"] for one in data["missing"]}
+    with pytest.raises(UsageError, match="core_saturaton"):
+        considered_effects(("core_saturaton",))
+    assert "core_saturation" not in {effect.name for effect in considered_effects(("core_saturation",))}
+
+
+def test_suggest_answers_for_a_plan_and_asks_for_repeats_where_no_noise_is_known(folder):
+    rows = [f"1,{k},{0.2 * (k % 7)},{0.016 + 0.002 * (k // 7)},1,\n" for k in range(70)]
+    (folder / "plan.csv").write_text("run,order,current_A,distance_m,branch,force_N\n" + "".join(rows))
+    done = femfit("suggest", "model.json", "--plan", "plan.csv", cwd=folder)
+    (line,) = (line for line in done.stdout.splitlines() if line.endswith("lack hall_V"))
+    assert "hall_offset" in line
+    lines = (folder / "hall.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    (folder / "few.csv").write_text("".join(lines[:6]), encoding="utf-8")
+    assert "twice" in femfit("suggest", "model.json", "few.csv", cwd=folder).stdout
+
+
+def test_what_was_added_is_not_diagnosed_once_more_for_its_report(folder, monkeypatch):
+    for place in ("diagnose.diagnose", "diagnose.diagnose_observations"):
+        monkeypatch.setattr(f"femfit.identify.decision.{place}", None)  # a call of it would fail
+    files = (folder / "model.json", "hall_offset", folder / "hall.csv")
+    add_command(*files, output=folder / "b.json", report=folder / "b.html")
+    assert (folder / "b.html").is_file()
+
+
+def test_what_no_effect_explains_is_learnt_by_its_own_name(folder, levitation_model):
+    def bent(readings, rows):
+        return {**readings, "force_N": readings["force_N"] + 0.2 * readings["force_N"] ** 2}
+
+    campaign(levitation_model, 52, distances=7, currents=5, change=bent).rows.to_csv(folder / "bent.csv")
+    said = worked(folder, "add model.json unexplained bent.csv -o left.json")["remainder"]
+    assert [one.effect.name for one in read_model(folder / "left.json").effects] == ["unexplained"]
+    assert (said["parts"], said["refutation"]["channel"]) == (["force_N"], "force_N")
+
+
+@pytest.fixture(scope="module")
+def impedances(folder, levitation_model):
+    lag = AddedEffect(all_effects()["eddy_current_lag"], {"ring_share": 0.2, "diffusion_share": 0.0, "time_s": 2e-3})
+    impedance_file(levitation_model, folder / "z.csv", [lag])
+    return folder
+
+
+def test_impedances_are_compared_diagnosed_and_explained_by_what_is_added(impedances):
+    data = worked(impedances, "compare model.json z.csv")
+    assert {one["largest"]["frequency_Hz"] is not None for one in data["channels"]} == {True}
+    data = worked(impedances, "diagnose model.json z.csv --bootstrap 0 --report d.html")
+    assert [one["name"] for one in data["missing"]] == ["eddy_current_lag"]
+    assert "eddy_current_lag" in (impedances / "d.html").read_text()
+    worked(impedances, "add model.json eddy_current_lag z.csv -o more.json")
+    assert worked(impedances, "compare more.json z.csv")["verdict"] == "agrees"
+
+
+def test_impedances_without_a_column_of_the_distance_take_it_from_an_option(impedances):
+    rows = pd.read_csv(impedances / "z.csv")
+    rows = rows[(rows["gap [mm]"] == rows["gap [mm]"].min()) & (rows["Bias [A]"] == 0.0)]
+    rows.drop(columns=["gap [mm]", "Bias [A]"]).to_csv(impedances / "one.csv", index=False)
+    data = worked(impedances, f"compare model.json one.csv --setting distance_mm={rows['gap [mm]'].iloc[0]}")
+    assert {"resistance_ohm", "inductance_H"} >= {one["channel"] for one in data["channels"]} != set()
+
+
+@pytest.fixture(scope="module")
+def recorded(folder, levitation_model):
+    plateaus(levitation_model).to_csv(folder / "record.csv", index=False)
+    return folder
+
+
+MAKE = "bench record.csv --resistance-ohm 2.69 --model model.json --settling-s 0.1 -o"
+
+
+def test_an_offset_left_in_the_integral_is_named_and_one_taken_from_the_plateaus_leaves_nothing(recorded):
+    worked(recorded, f"{MAKE} plain.csv --method trapezoid")
+    data = worked(recorded, "diagnose model.json plain.csv --bootstrap 0")
+    assert [one["name"] for one in data["missing"]] == ["flux_integrator_drift"]
+    worked(recorded, f"{MAKE} held.csv")
+    assert worked(recorded, "diagnose model.json held.csv --bootstrap 0")["missing"] == []
+
+
+def test_the_declared_noise_is_the_scatter_about_the_truth(recorded, levitation_model):
+    worked(recorded, f"{MAKE} noise.csv")
+    table = read_bench_table(recorded / "noise.csv")
+    rows = table.rows
+    at = conditions_of(rows.assign(run=0, mount=0, elapsed=rows["order"]), nominal_of(levitation_model))
+    read = predict_readings(levitation_model, rows["distance_m"].to_numpy(), rows["current_A"].to_numpy(), at)
+    rms = np.sqrt(np.mean((rows["flux_linkage_Wb"] - read["flux_linkage_Wb"]) ** 2))
+    declared = table.declared_noise["flux_linkage_Wb"]
+    # Three random walks, so a loose factor; a walk of half or thrice this noise fails.
+    assert 0.3 * declared < rms < 2.0 * declared
+
+
+def test_a_gap_and_a_forgotten_resistance_are_said_and_noted(recorded):
+    rows = pd.read_csv(recorded / "record.csv")
+    rows.loc[200:202, "coil_voltage_V"] = np.nan
+    rows.to_csv(recorded / "gap.csv", index=False)
+    said = worked(recorded, "bench gap.csv -o b.csv")["findings"]
+    assert [one["code"] for one in said] == ["gap", "resistance"]
+    assert "1 gap" in tomllib.loads((recorded / "b.toml").read_text())["notes"]
+
+
+IDEAL = ("--column", "true_distance_m=distance_m", "--column", "true_current_A=current_A")
+"""Instruments of distance and current without noise, which the rig of the Hall element does not have."""
+
+LOOP = "simulate model.json --runs 2 --seconds 1 --controller pid --csv"
+BALANCES = ["force_balance_N", "voltage_balance_V", "hall_V"]
+
+
+@pytest.fixture(scope="module")
+def loops(levitation_model, tmp_path_factory):
+    """A model, a plant with friction, and a loop around the model."""
+    folder = tmp_path_factory.mktemp("series")
+    model = replace(levitation_model, sample_time_s=1e-3)
+    write_model(model, folder / "model.json")
+    friction = AddedEffect(effect_by_name("viscous_friction"), {"damping_per_s": 3.0})
+    write_model(with_effects(model, [friction]), folder / "plant.json")
+    assert femfit(*LOOP.split(), "clean.csv", cwd=folder).returncode == 0
+    return folder
+
+
+def test_a_simulated_record_agrees_with_its_own_model(loops):
+    data = worked(loops, "compare model.json clean.csv", *IDEAL)
+    assert data["verdict"] == "agrees"
+    assert [one["channel"] for one in data["channels"]] == BALANCES
+    assert {one["noise_source"] for one in data["channels"]} == {"samples"}
+
+
+@pytest.mark.long
+def test_friction_in_the_plant_is_named_from_the_record_and_the_error_falls_to_the_noise_once_it_is_added(loops):
+    assert femfit(*LOOP.split(), "record.csv", "--plant", "plant.json", cwd=loops).returncode == 0
+    data = worked(loops, "diagnose model.json record.csv --bootstrap 0 --report d.html", *IDEAL)
+    assert data["verdict"] in {"named", "form_insufficient"}
+    assert "viscous_friction" in data["missing"][0]["class"]
+    assert (loops / "d.html").stat().st_size > 10_000
+    data = worked(loops, "add model.json viscous_friction record.csv -o new.json --base never", *IDEAL)
+    assert data["left_out"][BALANCES[0]] < 0.2 * data["error_fall"][BALANCES[0]]["rms_before"]
+    (added,) = read_model(loops / "new.json").effects
+    assert added.parameters["damping_per_s"] == pytest.approx(3.0, rel=0.02)  # no sensor noise but the Hall element's
+    assert worked(loops, "compare new.json record.csv", *IDEAL)["verdict"] == "agrees"
+    assert "explanations" in worked(loops, "suggest model.json record.csv", *IDEAL)

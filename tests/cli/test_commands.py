@@ -1,0 +1,251 @@
+"""Every command from end to end once: what it exits with, what it prints, which files it writes, and their facts."""
+
+import json
+import re
+import shlex
+import tomllib
+from itertools import pairwise
+
+import pandas as pd
+import pytest
+
+import femfit as ff
+from femfit.cli.main import COMMANDS
+from femfit.device.load import read_actuator
+from femfit.model.json_file import read_model
+from femfit.tables.sweep_table import read_sweep_table
+from support.campaign import NOISE
+from support.cli_case import DRAWN, FACE, ONCE
+from support.command import femfit
+from support.page import Page
+from support.snapshot import check_snapshot
+
+OUTPUTS = re.compile(r"^(?:-o|--json|--csv|--picture|--pictures|--report|--write-noise)$")
+
+
+def outputs(line):
+    """What a line asks a command to write."""
+    words = shlex.split(line)
+    return [value for option, value in pairwise(words) if OUTPUTS.match(option)]
+
+
+def result(case, name):
+    case.run(name)
+    return json.loads((case.folder / f"{name}.json").read_text())
+
+
+def test_every_command_is_run():
+    assert {*ONCE, "trial"} == {name for name, _, _ in COMMANDS}
+
+
+@pytest.mark.parametrize("name", ONCE)
+def test_a_command_prints_what_it_printed_and_writes_its_files(case, name, renew):
+    done = case.run(name)
+    assert "Traceback" not in done.stderr
+    assert not {"\x1b", "\r"} & set(done.stdout + done.stderr)  # lines of text where there is no terminal
+    for written in outputs(ONCE[name]):
+        path = case.folder / written
+        assert any(path.iterdir()) if path.is_dir() else path.stat().st_size > 100, written
+    check_snapshot(f"femfit-{name}", done.stdout, renew=renew)
+
+
+@pytest.mark.parametrize("name", [name for name in ONCE if f"--json {name}.json" in ONCE[name]])
+def test_a_result_as_json_is_a_table_of_strict_json_with_findings_by_code(case, name):
+    data = result(case, name)
+    assert data["written_by"].startswith("femfit ")
+    for finding in data.get("findings", []):
+        assert {"code", "severity"} <= set(finding) or "code" in finding
+
+
+def test_a_sweep_with_signatures_sorts_them_by_what_they_change_and_the_fit_keeps_them(case):
+    case.run("fit")
+    numbers = json.loads((case.folder / "fit.json").read_text())["drawn"]
+    assert {"key", "also", "subject", "value", "unit", "tolerance", "magnetics"} == set(numbers[0])
+    assert json.loads((case.folder / "fitted.json").read_text())["model_file"] == "fit.json"
+    assert read_model(case.folder / "fit.json").misfit.force_rms_relative < 1e-3
+    assert result(case, "sweep")["failed"] == 0
+
+
+def test_a_row_of_a_sweep_is_drawn_with_the_sweeps_force(case):
+    data = result(case, "view")
+    row = read_sweep_table(case.folder / "runs/small").rows.iloc[1]
+    assert (data["distance_m"], data["current_A"]) == (row["distance_m"], row["current_A"])
+    assert data["force_N"] == pytest.approx(row["force_N"], rel=5e-4)  # another mesh
+    assert (case.folder / "view.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_imported_table_is_read_as_its_header_says(case):
+    data = result(case, "import")
+    assert {entry["quantity"] for entry in data["mapping"]} == {"current", "distance", "force"}
+    rows = read_sweep_table(case.folder / "imported").rows
+    assert (len(rows), rows["distance_m"].max()) == (33, 0.015)
+
+
+def test_a_fem_model_becomes_an_actuator_file_that_says_where_it_comes_from(case):
+    data = result(case, "import-fem")
+    actuator = read_actuator(case.folder / "pull.toml")
+    assert (actuator.name, actuator.sweep.currents_A, len(actuator.sweep.distances_m)) == ("pull-magnet", (0, 1, 2), 9)
+    assert actuator.mechanics.mass_kg == 2.5e-3
+    text = (case.folder / "pull.toml").read_text()
+    assert "# block 'Pure Steel' at (r, z) = (2, 9) mm, group 1" in text
+    assert "# circuit 'coil': block 'Copper'" in text
+    assert (data["kind"], data["current_A"], data["distance_m"], data["mirrored"]) == ("import-fem", 2, 0.004, True)
+    assert {finding["code"] for finding in data["findings"]} >= {"mover", "frame", "near-boundary", "assumed-wire"}
+
+
+def test_an_export_lists_its_files(case):
+    data = result(case, "export")
+    assert data["target"] == "estimator"
+    assert {"model.json", "example.py", "README.md"} <= set(data["files"])
+    assert all((case.folder / "package" / name).is_file() for name in data["files"])
+
+
+def test_a_loop_is_summed_up_and_its_series_written(case):
+    data = result(case, "simulate")
+    assert (data["outcomes"], data["experiment"]["offset"]) == ({"HELD": 2}, 0.02)
+    table = pd.read_csv(case.folder / "loop.csv")
+    assert len(table) == 2 * 600
+    assert {"run", "time_s", "voltage_V", "true_current_A", "true_distance_m", "hall_V"} <= set(table)
+
+
+def test_an_audit_counts_what_it_prints(case):
+    findings = result(case, "audit")["findings"]
+    assert {one["severity"] for one in findings} <= {"holds", "stated"}
+    assert case.run("audit").stdout.count("holds: ") == sum(one["severity"] == "holds" for one in findings)
+
+
+def test_temperatures_are_written_part_by_part(case):
+    data = result(case, "heat")
+    assert data["distance_m"] == 5e-3
+    assert len(data["conductances_W_per_K"]) == len(data["names"]) > 2
+
+
+def test_an_observed_log_gives_estimates_of_each_filter_and_a_model_with_its_noise(case):
+    assert [one["name"] for one in result(case, "observe")["filters"]] == ["ukf", "ekf"]
+    header = (case.folder / "seen.csv").read_text().splitlines()[0]
+    assert {"ukf_distance_m", "ekf_deviation_distance_m", "ukf_innovation_laser"} <= set(header.split(","))
+    tuned = read_model(case.folder / "tuned.json")
+    assert ff.observe(tuned, case.folder / "log.csv", find=False).filters[0].trusted
+    again = ("observe", "damped.json", "log.csv", "--csv", "seen.csv", "--keep-noise")  # its own table is replaced
+    assert femfit(*again, cwd=case.folder).returncode == 0
+
+
+def test_a_model_that_holds_agrees_and_the_json_has_its_maps(case):
+    data = result(case, "compare")
+    assert data["verdict"] == "agrees"
+    assert {one["channel"] for one in data["channels"]} == {"force_N", "flux_linkage_Wb", "hall_V", "voltage_V"}
+    assert {len(one["mean"]) == len(one["readings"]) for one in data["maps"]} == {True}
+    assert (case.folder / "pictures" / "misfit-maps.png").stat().st_size > 10_000
+    assert (case.folder / "pictures" / "misfit-force_N-1.png").is_file()
+
+
+def test_a_diagnosis_names_what_is_hidden_and_its_noise_in_words_without_names_of_parameters(case):
+    data = result(case, "diagnose")
+    assert data["verdict"] == "named"
+    assert {one["name"] for one in data["missing"]} == {"hall_offset", "distance_offset"}
+    assert data["noise_floor"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.3)
+    assert "offset_V" not in case.run("diagnose").stdout
+
+
+def test_the_error_falls_to_the_noise_once_the_effects_are_added(case):
+    data = result(case, "add")
+    assert [one["name"] for one in data["added"]] == ["hall_offset", "distance_offset"]
+    # 240 readings a channel: 5 % of the rms, as much of the floor
+    fall = data["error_fall"]["hall_V"]
+    assert fall["rms_after"] == pytest.approx(NOISE["hall_V"], rel=0.2)
+    assert fall["after_over_noise"] < 1.15
+    assert data["left_out"]["hall_V"] == pytest.approx(NOISE["hall_V"], rel=0.2)
+    assert "waterfall" in Page((case.folder / "add.html").read_text(encoding="utf-8")).images
+
+
+def test_the_new_model_remembers_its_measurement_and_simulates_and_exports(case, tmp_path):
+    case.run("add")
+    model = read_model(case.folder / "more.json")
+    assert [one.effect.name for one in model.effects] == ["hall_offset", "distance_offset"]
+    assert model.provenance["added"][0]["data"] == "bench.csv"
+    assert ff.close_loop(model, controller="pid", estimator="ukf", seconds=0.05).outcomes
+    assert ff.export(model, tmp_path / "package").files
+
+
+def test_a_calibrated_drawing_says_above_it_what_was_changed(case):
+    (number,) = result(case, "calibrate")["numbers"]
+    text = (case.folder / "calibrated.toml").read_text()
+    first, second, blank, rest = text.split("\n", 3)
+    assert first == "# Calibrated by femfit from drawn.toml and taller.csv:"
+    assert f"[{FACE}] = 4.0" in second
+    assert (blank, len(rest.splitlines())) == ("", len(DRAWN.splitlines()))
+    written = tomllib.loads(text)["moving"]["regions"]["magnet"]["z_mm"][1]
+    assert number["value"] == written
+    assert abs(written - 4.05) < 3.0 * number["sd_as_drawn"] < 0.03
+    assert number["sd"] > number["sd_as_drawn"]
+
+
+def test_the_command_after_a_calibration_finds_sweep_and_model(case):
+    line = case.run("calibrate").stdout.splitlines()[-1].partition("femfit ")[2]
+    runs = case.folder / "runs/calibration"
+    assert line.split() == ["compare", "runs/calibration/calibrated/model.json", "taller.csv"]
+    assert (runs / "calibrated/manifest.json").is_file()
+    assert json.loads((runs / "calibrated/model.json").read_text())["effects"]
+    assert not json.loads((runs / "drawn/model.json").read_text()).get("effects")
+
+
+def test_advice_knows_what_explains_a_bench(case):
+    assert "hall_offset + distance_offset" in result(case, "suggest")["explanations"]
+
+
+def test_an_integrated_record_has_its_field_uncertainty_and_offset(case):
+    data = result(case, "integrate")
+    assert (data["method"], data["samples"], data["findings"]) == ("cs1-offset", 2000, [])
+    assert data["end"]["expanded_uncertainty"] == 2.0 * data["end"]["standard_uncertainty"]
+    rows = pd.read_csv(case.folder / "field.csv")
+    assert list(rows)[-3:] == ["field_T", "field_sigma_T", "offset_V"]
+
+
+def test_a_bench_table_has_one_row_a_plateau_with_branch_noise_and_what_was_assumed(case):
+    assert result(case, "bench")["findings"] == []
+    rows = ff.read_measurement(case.folder / "flux.csv").rows
+    assert len(rows) == 3 * 8 * (2 * 6 - 1)  # the top of a cycle is held twice as long: one plateau
+    assert set(rows["branch"]) == {-1.0, 0.0, 1.0}
+    notes = tomllib.loads((case.folder / "flux.toml").read_text())
+    assert "model.json" in notes["notes"]
+    assert notes["noise"]["flux_linkage_Wb"] > 0.0 if "noise" in notes else notes["flux_linkage_Wb"] > 0.0
+
+
+def test_a_run_goes_on_with_a_sweep_that_is_there_and_keeps_its_signatures(case):
+    case.run("slopes")
+    path = case.folder / "runs/sleeved/signatures.parquet"
+    slopes = path.read_bytes()
+    assert "15 of 15 points were there already" in case.run("run").stderr
+    assert path.read_bytes() == slopes
+    assert len(ff.read_sweep(case.folder / "runs/sleeved").signatures.rows) > 0
+
+
+@pytest.fixture(scope="module")
+def report(case):
+    case.run("run")
+    return Page((case.folder / "runs/sleeved/report.html").read_text(encoding="utf-8"))
+
+
+def cells(page, name):
+    """The rows of a page's table by their first cell, as texts."""
+    (table,) = re.findall(rf'data-name="{name}">(.*?)</table>', page.source, re.DOTALL)
+    body = re.findall(r"<tr>(.*?)</tr>", table.partition("<tbody>")[2], re.DOTALL)
+    rows = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in body]
+    return {first: rest for first, *rest in rows}
+
+
+def test_every_part_gives_its_heat_to_the_air_and_none_takes_it_from_there(report):
+    """A part that touches the winding alone gives the air none; in the steady state all heat ends there."""
+    rows = cells(report, "heat")
+    heat, given = ([float(values[column]) for values in rows.values()] for column in (2, 4))
+    assert rows["sleeve"][4] == "0"
+    assert min(given) >= 0.0
+    assert sum(given) == pytest.approx(sum(heat), rel=0.01)  # of three digits each
+
+
+def test_the_report_gives_the_warm_coil_one_temperature_and_the_limit_to_its_hottest_strand(report):
+    (settled,) = set(re.findall(r"the winding settles at ([0-9.]+) °C", report.text))
+    assert report.text.count(f" at {settled} °C") > 2
+    mean, hottest = map(float, cells(report, "heat")["coil"][:2])
+    assert mean < hottest == 130.0
+    assert float(cells(report, "coil")["rated current"][0]) == mean

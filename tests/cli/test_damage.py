@@ -1,0 +1,261 @@
+"""Whatever is wrong with a file, a command ends in time with one line on it, and this process lives."""
+
+import io
+import json
+import os
+import signal
+import subprocess
+import time
+import zipfile
+
+import h5py
+import numpy as np
+import pandas as pd
+import psutil
+import pytest
+from nptdms import ChannelObject, TdmsWriter
+from scipy.io import savemat, wavfile
+
+import femfit as ff
+from femfit.model.json_file import model_to_dict, write_model
+from femfit.tables.containers import apart, xlsx_file
+from support.command import FEMFIT, femfit
+from support.eddies import with_eddies
+
+DISTANCE = np.repeat([2e-3, 4e-3, 6e-3], 4)
+CURRENT = np.tile([0.1, 0.4, 0.7, 1.0], 3)
+BENCH = {"distance_m": DISTANCE, "current_A": CURRENT, "force_N": 3e-6 * (1.0 + CURRENT) / DISTANCE**2}
+# Stands for HDF5's code in C where it runs in a circle: it holds the interpreter's lock, so that no signal is heard
+DEAF = "from pathlib import Path\nPath({begun!r}).touch()\nimport ctypes\nctypes.PyDLL(None).sleep(60)\n"
+
+
+def mat_file():
+    file = io.BytesIO()
+    savemat(file, {"bench": BENCH})
+    return file.getvalue()
+
+
+def hdf5_file():
+    file = io.BytesIO()
+    with h5py.File(file, "w") as book:
+        for name, values in BENCH.items():
+            data = book.create_dataset(f"bench/{name}", data=values, chunks=(4,), compression="gzip", maxshape=(None,))
+            data.attrs["unit"] = "m"
+    return file.getvalue()
+
+
+def tdms_file():
+    file = io.BytesIO()
+    with TdmsWriter(file) as book:
+        book.write_segment([ChannelObject("bench", name, values) for name, values in BENCH.items()])
+    return file.getvalue()
+
+
+def xlsx_file_of(columns):
+    file = io.BytesIO()
+    pd.DataFrame(columns).to_excel(file, index=False)
+    return file.getvalue()
+
+
+def flipped(content, seed, count):
+    """The same bytes but so many."""
+    rng = np.random.default_rng(seed)
+    data = np.frombuffer(content, np.uint8).copy()
+    places = rng.integers(0, len(data), count)
+    data[places] = rng.integers(0, 256, count)
+    return data.tobytes()
+
+
+@pytest.fixture(scope="module")
+def folder(levitation_model, tmp_path_factory):
+    place = tmp_path_factory.mktemp("damage")
+    write_model(levitation_model, place / "model.json")
+    (place / "bench.h5").write_bytes(hdf5_file())
+    return place
+
+
+@pytest.fixture
+def deaf(tmp_path):
+    """A folder with an h5py that hangs, and the file that appears when it does."""
+    (tmp_path / "h5py.py").write_text(DEAF.format(begun=str(tmp_path / "begun")))
+    return tmp_path, tmp_path / "begun"
+
+
+# Seeds with which SciPy 1.17 and h5py 3.16 end the process by SIGBUS or SIGSEGV, or by filling its memory
+@pytest.mark.parametrize(
+    ("name", "make", "seed", "count"),
+    [
+        ("sigbus.mat", mat_file, 98, 8),
+        ("sigsegv.mat", mat_file, 108, 8),
+        ("endless.mat", mat_file, 137, 8),
+        ("sigsegv.h5", hdf5_file, 4088, 3),
+        ("endless.h5", hdf5_file, 1827, 3),
+    ],
+)
+def test_a_damaged_file_of_matlab_or_hdf5_is_said_to_be_damaged(folder, monkeypatch, name, make, seed, count):
+    monkeypatch.setattr(apart, "MEMORY", 1e9)
+    (folder / name).write_bytes(flipped(make(), seed, count))
+    done = femfit("compare", "model.json", name, cwd=folder)
+    assert done.returncode == 1
+    assert "damaged" in done.stderr
+    assert name in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("make", [mat_file, hdf5_file])
+def test_a_file_that_is_cut_is_said_to_be_damaged(tmp_path, make):
+    content = make()
+    for length in (len(content) // 2, len(content) - 200):
+        path = tmp_path / ("a.mat" if make is mat_file else "a.h5")
+        path.write_bytes(content[:length])
+        with pytest.raises(ff.FemfitError, match=r"damaged|no table"):
+            ff.read_measurement(path)
+
+
+def test_a_file_that_hangs_its_library_is_given_up(folder, deaf, monkeypatch):
+    monkeypatch.syspath_prepend(deaf[0])
+    monkeypatch.setattr(apart, "TIMEOUT_S", 3.0)
+    done = femfit("compare", "model.json", "bench.h5", cwd=folder)
+    assert deaf[1].exists()
+    assert done.returncode == 1
+    assert "damaged" in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_command_that_waits_for_a_file_which_hangs(folder, deaf, number):
+    path = os.pathsep.join([str(deaf[0]), *filter(None, [os.environ.get("PYTHONPATH")])])
+    child = subprocess.Popen(
+        [FEMFIT, "compare", "model.json", "bench.h5"],
+        cwd=folder,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": path},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509
+    )
+    try:
+        deadline = time.monotonic() + 60.0  # a busy machine
+        while not deaf[1].exists():
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        readers = psutil.Process(child.pid).children()
+        child.send_signal(number)
+        _, said = child.communicate(timeout=20.0)
+    finally:
+        child.kill()
+    assert child.returncode == 128 + number
+    assert len(said.splitlines()) == 1
+    assert len(readers) == 1
+    assert not readers[0].is_running()
+
+
+def test_a_workbook_whose_xml_is_damaged_is_said_to_be_damaged(folder):
+    good, bad = zipfile.ZipFile(io.BytesIO(xlsx_file_of(BENCH))), io.BytesIO()
+    with zipfile.ZipFile(bad, "w") as book:
+        for part in good.namelist():
+            book.writestr(part, good.read(part).replace(b"</row>", b"</rwo>"))
+    (folder / "bad.xlsx").write_bytes(bad.getvalue())
+    done = femfit("compare", "model.json", "bad.xlsx", cwd=folder)
+    assert done.returncode == 1
+    assert "damaged" in done.stderr
+
+
+def test_a_workbook_of_hours_is_refused_at_once_with_the_remedy(tmp_path):
+    path = tmp_path / "long.xlsx"
+    path.write_bytes(xlsx_file_of(BENCH))
+    with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as book:
+        book.writestr("xl/worksheets/sheet2.xml", bytes(int(1.1 * xlsx_file.LARGEST)))
+    assert path.stat().st_size < 1e6
+    with pytest.raises(ff.FemfitError, match="CSV"):
+        ff.read_measurement(path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(b'"name"', b'"nome"'), (b'"pandas_type"', b'"pandas_tipe"'), (b'"numpy_type"', b'"numpi_type"')]
+)
+def test_damaged_metadata_of_a_parquet_table_are_said(folder, old, new):
+    time_s = np.arange(200) / 1000.0
+    columns = {
+        "coil_voltage_V": 0.0,
+        "hall_T": time_s,
+        "distance_m": 0.02,
+        "current_A": np.arange(200) % 5,
+        "force_N": 0.03,
+    }
+    columns["time_s"] = time_s
+    pd.DataFrame(columns).to_parquet(folder / "bad.parquet")
+    content = (folder / "bad.parquet").read_bytes()
+    assert old in content
+    (folder / "bad.parquet").write_bytes(content.replace(old, new))
+    for command in ("compare model.json bad.parquet", "fit bad.parquet -o m.json", "integrate bad.parquet -o o.csv"):
+        done = femfit(*command.split(), cwd=folder)
+        assert done.returncode in {0, 1}, command
+        assert "bug" not in done.stderr
+
+
+def test_what_a_library_remarks_on_a_cut_recording_is_a_note(tmp_path):
+    (tmp_path / "cut.tdms").write_bytes(tdms_file()[:-40])
+    done = subprocess.run(
+        [FEMFIT, "import", "cut.tdms", "-o", "runs"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert "nptdms" not in done.stderr
+    assert "damaged" in done.stdout + done.stderr
+
+
+def test_a_gain_is_a_number_in_the_sidecar_too(tmp_path):
+    samples = np.round(2.0**14 * np.sin(np.arange(400))).astype(np.int16)
+    wavfile.write(tmp_path / "a.wav", 1000, np.stack([samples, samples], axis=1))
+    columns = {"channel 1": "current_A", "channel 2": "distance_m"}
+    gains = {"channel 1": 10.0, "channel 2": 2}
+    expected = ff.read_measurement(tmp_path / "a.wav", columns=columns, units=gains).rows
+    lines = ["[columns]", *(f'"{key}" = "{name}"' for key, name in columns.items())]
+    (tmp_path / "a.toml").write_text("\n".join([*lines, "[units]", *(f'"{k}" = {gain}' for k, gain in gains.items())]))
+    read = ff.read_measurement(tmp_path / "a.wav").rows
+    assert read["current_A"].abs().max() == pytest.approx(5.0, rel=1e-3)
+    pd.testing.assert_frame_equal(read, expected)
+
+
+def test_a_sweep_in_a_workbook_is_fitted_as_its_csv_is(tmp_path):
+    d, i = np.meshgrid(np.linspace(2e-3, 8e-3, 9), np.linspace(0.2, 1.0, 5))
+    table = pd.DataFrame({"current_A": i.ravel(), "distance_m": d.ravel(), "force_N": (3e-6 * i**2 / d**2).ravel()})
+    table["status"] = "ok"
+    results = {}
+    for name in ("a.csv", "a.xlsx"):
+        table.to_csv(tmp_path / name, index=False) if name == "a.csv" else table.to_excel(tmp_path / name, index=False)
+        done = femfit("fit", name, "--model", "F1e", "-o", f"{name}.json", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        results[name] = ff.read_model(tmp_path / f"{name}.json").magnetics.force(4e-3, 0.7)
+    assert results["a.xlsx"] == pytest.approx(results["a.csv"], rel=1e-9)
+
+
+def test_a_workbook_without_its_library_is_refused_with_the_remedy(tmp_path, monkeypatch):
+    (tmp_path / "a.xlsx").write_bytes(xlsx_file_of(BENCH))
+    monkeypatch.setitem(__import__("sys").modules, "openpyxl", None)
+    done = femfit("fit", "a.xlsx", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "openpyxl" in done.stderr
+
+
+@pytest.mark.parametrize("key", ["inductances_H", "couplings", "flux_linkages_Wb", "resistances_ohm"])
+def test_a_number_that_no_product_holds_is_damage_of_a_model_file(levitation_model, tmp_path, key):
+    data = model_to_dict(with_eddies(levitation_model, (1e-3, 1e-4)))
+    values = np.array(data["eddy"][key])
+    values.flat[0] = 1e308
+    data["eddy"][key] = values.tolist()
+    (tmp_path / "m.json").write_text(json.dumps(data))
+    with pytest.raises(ff.FemfitError, match=f"damaged: eddy.{key}"):
+        ff.read_model(tmp_path / "m.json")
+
+
+def test_numbers_that_nobody_measures_are_no_impedances(tmp_path):
+    (tmp_path / "a.csv").write_text("f [Hz],|Z|,theta\n1,1e300,1\n10,2,20\n100,3,25\n1e3,9,30\n")
+    read = ff.read_measurement(tmp_path / "a.csv", settings={"distance_mm": 2.0})
+    assert read.rows["resistance_ohm"].notna().sum() == 3
+
+
+def test_a_message_shows_the_first_problems_of_many(tmp_path):
+    lines = "".join(f"word_{k} = {k}\n" for k in range(400))
+    (tmp_path / "a.toml").write_text(f"schema = 2\n{lines}")
+    done = femfit("sweep", tmp_path / "a.toml")
+    assert done.returncode == 1
+    assert len(done.stderr) < 6000
+    assert "more" in done.stderr.splitlines()[-1]

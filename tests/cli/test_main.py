@@ -1,0 +1,344 @@
+"""The command line as a whole: help, failures, signals, pipes, progress, a full disk."""
+
+import contextlib
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import femfit as ff
+from femfit.cli import output
+from femfit.cli import progress as progress_module
+from femfit.cli.main import COMMANDS
+from femfit.cli.output import status
+from femfit.cli.progress import duration, loop_progress, progress
+from femfit.cli.run import _Steps
+from femfit.cli.signals import PATIENCE
+from femfit.field import sweep_task
+from femfit.model.json_file import write_model
+from support.command import FEMFIT, femfit, separate_femfit
+from support.small_drawing import SMALL
+
+FEW = SMALL.replace("stop = 12", "stop = 6")
+
+
+def python(code, **options):
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, **options).stdout
+
+
+def test_help_lists_every_command_and_imports_nothing_heavy():
+    heavy = ("numpy", "pandas", "ngsolve", "cvxpy", "matplotlib", "scipy")
+    code = f"import sys, femfit.cli.main as m; m.build_app(); print([n for n in {heavy} if n in sys.modules])"
+    assert python(code).strip() == "[]"
+    text = femfit("--help").stdout
+    assert all(f" {name} " in text for name, _, _ in COMMANDS)
+
+
+@pytest.fixture
+def model_file(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    return tmp_path / "model.json"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+@pytest.mark.parametrize("line", ["export {file} -o {place}/out --json /dev/full", "view {file} -o {place}/field.vtu"])
+def test_a_full_disk_is_an_error_and_nothing_is_said_to_be_written(model_file, tmp_path, line):
+    (tmp_path / "field.vtu").symlink_to("/dev/full")
+    (tmp_path / "small.toml").write_text(SMALL)
+    file = tmp_path / "small.toml" if line.startswith("view") else model_file
+    done = femfit(*line.format(file=file, place=tmp_path).split())
+    assert done.returncode == 1
+    assert "No space left" in done.stderr
+    assert "written" not in done.stdout
+
+
+@contextlib.contextmanager
+def room_for(size):
+    """Files of at most so many bytes, as a disk that fills up allows."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_a_full_disk_leaves_no_bench_table_without_its_sidecar(tmp_path):
+    current = np.repeat([0.0, 1.0, 0.0], 20)
+    columns = {"time_s": 0.05 * np.arange(60), "coil_voltage_V": 0.0 * current, "current_A": current}
+    pd.DataFrame({**columns, "distance_m": 0.02}).to_csv(tmp_path / "rec.csv", index=False)
+    with room_for(300):  # of a table of three rows and its notes, the table alone
+        done = femfit("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path)
+    assert done.returncode == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["rec.csv"]
+    assert femfit("bench", "rec.csv", "-o", "b.csv", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "b.csv").stat().st_size < 300 < (tmp_path / "b.toml").stat().st_size
+
+
+@pytest.mark.parametrize("name", ["i.bin", "i.csv", "i.parquet"])
+def test_a_full_disk_leaves_no_half_of_a_record(tmp_path, name):
+    (tmp_path / "in").mkdir()
+    rows = {"time_s": np.arange(2000) * 1e-3, "coil_voltage_V": 0.0}
+    pd.DataFrame(rows).to_csv(tmp_path / "in" / "rec.csv", index=False)
+    with room_for(4000):
+        done = femfit("integrate", tmp_path / "in" / "rec.csv", "--method", "trapezoid", "-o", tmp_path / name)
+    assert (done.returncode, name in done.stderr) == (1, True)
+    assert [file.name for file in tmp_path.iterdir()] == ["in"]
+
+
+def raising(error):
+    def broken(*arguments, **options):
+        raise error
+
+    return broken
+
+
+def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path):
+    error = TypeError("something that nobody thought of\nand more")
+    monkeypatch.setattr("femfit.targets.targets.export", raising(error))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    result = femfit("export", "model.json", "-o", tmp_path / "out")
+    assert (result.returncode, len(result.stderr.splitlines())) == (70, 1)
+    (log,) = tmp_path.glob("femfit-*.log")
+    assert str(log) in result.stderr
+    assert "TypeError: something that nobody thought of" in log.read_text()
+
+
+def test_too_little_memory_is_no_bug_of_femfit(monkeypatch, tmp_path):
+    monkeypatch.setattr("femfit.targets.targets.export", raising(MemoryError()))
+    assert femfit("export", "model.json", "-o", tmp_path / "out").returncode == 1
+
+
+def test_a_name_from_a_file_does_not_steer_the_terminal(tmp_path):
+    result = femfit("export", "\x1b[31mmodel.json", "-o", tmp_path / "out")
+    assert result.returncode == 1
+    assert "\x1b" not in result.stderr
+    assert "[31mmodel.json" in result.stderr
+
+
+def test_a_terminal_that_knows_only_ascii_loses_no_result():
+    code = "import sys, femfit.cli.main as m; m._print_what_the_terminal_can_show(); print('3.2 µm, 20 °C, ±1 Ω, ☂')"
+    said = python(code, env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    assert said == "3.2 um, 20 degC, +-1 ohm, ?\n"
+
+
+def test_completion_of_the_shell_is_installed_by_one_command(tmp_path):
+    result = separate_femfit("--install-completion", env=os.environ | {"HOME": str(tmp_path), "SHELL": "/bin/bash"})
+    assert result.returncode == 0, result.stderr
+    assert [path for path in tmp_path.rglob("*") if path.is_file() and "diagnose" in path.read_text()]
+
+
+@pytest.mark.parametrize("line", ["audit model.json --json audit.json", "audit --help"])
+def test_a_reader_that_has_seen_enough_is_no_error(model_file, line):
+    command = subprocess.Popen(
+        [FEMFIT, *line.split()], cwd=model_file.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    command.stdout.close()
+    _, said = command.communicate(timeout=60.0)
+    assert (command.returncode, said) == (0, "")
+    assert "--json" not in line or json.loads((model_file.parent / "audit.json").read_text())
+
+
+IN_C = """
+import sys, threading, ctypes, signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs begin with it ignored
+from femfit.cli import main
+def app():
+    def command(*_, **__):
+        print("in C", flush=True)
+        {wait}
+    return command
+main.build_app = app
+main.main()
+"""
+# A mutex locked twice stands for the mesher: C code without the interpreter's lock, which takes
+# up its wait again after a signal
+STUCK = (
+    "libc = ctypes.CDLL(None); lock = ctypes.create_string_buffer(64); [libc.pthread_mutex_lock(lock) for _ in '12']"
+)
+
+
+@pytest.mark.parametrize(("number", "word"), [(signal.SIGTERM, "SIGTERM"), (signal.SIGINT, "interrupted")])
+@pytest.mark.parametrize("wait", [STUCK, "import time; time.sleep(60)"], ids=["in C", "in Python"])
+def test_a_signal_ends_a_command_with_its_own_code_and_one_line(wait, number, word):
+    child = subprocess.Popen(
+        [sys.executable, "-c", IN_C.format(wait=wait)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert child.stdout.readline() == "in C\n"
+        child.send_signal(number)
+        _, said = child.communicate(timeout=PATIENCE + 60.0)  # a busy machine
+    finally:
+        child.kill()
+    assert child.returncode == 128 + number
+    (line,) = said.splitlines()
+    assert word in line
+
+
+SOLVED = sweep_task.DistanceTask.result
+
+
+def swallowing_at(distance, number):
+    """Solutions of which one meets a signal, as pybind11 does where the solver calls back: it becomes an error."""
+    pending = [distance]
+
+    def result(task):
+        if task.distance == distance and pending:
+            pending.clear()
+            try:
+                signal.raise_signal(number)
+            except BaseException as interrupt:
+                text = "Unable to cast Python instance of type <class 'tuple'>"
+                raise RuntimeError(text) from interrupt
+        return SOLVED(task)
+
+    return result
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_the_solver_swallows_is_no_failed_distance(tmp_path, monkeypatch, request, number):
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for work in the background
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, handler))
+    (tmp_path / "a.toml").write_text(FEW)
+    command = ("sweep", tmp_path / "a.toml", "-o", tmp_path / "run", "--workers", 1)
+    monkeypatch.setattr(sweep_task.DistanceTask, "result", swallowing_at(5e-3, number))
+    assert femfit(*command).returncode == 128 + number
+    assert "failed" not in (tmp_path / "run" / "journal.jsonl").read_text()
+    assert femfit(*command).returncode == 0
+    rows = ff.read_sweep(tmp_path / "run").rows
+    assert ((rows["status"] == "ok").all(), len(rows)) == (True, 9)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_sweep_in_two_processes_keeps_its_points_and_goes_on(tmp_path, number):
+    (tmp_path / "many.toml").write_text(SMALL.replace("step = 1", "step = 0.1"))  # it must not end before
+    journal = tmp_path / "run" / "journal.jsonl"
+    command = [FEMFIT, "sweep", str(tmp_path / "many.toml"), "-o", str(tmp_path / "run"), "--workers", "2"]
+    # Where the tests run in the background, SIGINT is ignored, and a child would inherit that
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    signal.signal(signal.SIGINT, before)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and child.poll() is None:
+        if journal.exists() and journal.read_bytes().count(b"\n") > 2:
+            os.killpg(child.pid, number)  # what Ctrl-C does: the whole group gets it
+            break
+        time.sleep(0.005)
+    child.communicate(timeout=60)
+    assert child.returncode == 128 + number
+    assert journal.read_bytes().count(b"\n") > 2
+    summary = tmp_path / "summary.json"
+    again = femfit("sweep", tmp_path / "many.toml", "-o", tmp_path / "run", "--workers", 1, "--json", summary)
+    assert again.returncode == 0
+    assert "were there already" in again.stderr
+    data = json.loads(summary.read_text())
+    assert (data["rows"], data["failed"]) == (3 * 81, 0)
+
+
+IMPORTING = """
+import atexit, builtins, signal, sys
+from femfit.cli import main
+load = builtins.__import__
+def hit(name, *rest, **named):
+    if name == "ngslib":  # of NGSolve in C++, within the import of NGSolve
+        builtins.__import__ = load
+        signal.raise_signal(signal.SIGINT)
+    return load(name, *rest, **named)
+builtins.__import__ = hit
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv = ["femfit", "sweep", "a.toml", "-o", "run", "--workers", "1"]
+atexit.register(lambda: print("loaded" if "ngsolve.ngslib" in sys.modules else "not loaded"))
+main.main()
+"""
+
+
+def test_a_ctrl_c_waits_until_the_solver_is_loaded_which_would_print_it_as_its_own_error(tmp_path):
+    (tmp_path / "a.toml").write_text(SMALL)
+    command = [sys.executable, "-c", IMPORTING]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 130
+    assert "not loaded" not in done.stdout  # nothing is printed where it loads for longer than a signal waits
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(progress_module, "monotonic", lambda: now[0])
+    return now
+
+
+def lines(capsys):
+    return capsys.readouterr().err.splitlines()
+
+
+def test_long_work_tells_its_end_with_the_first_result_and_then_every_ten_seconds(clock, capsys):
+    with progress("sweep x", "points") as show:
+        show(0, 100)
+        for done in range(1, 101):
+            clock[0] += 2.0
+            show(done, 100)
+    said = lines(capsys)
+    assert said[0] == "sweep x: 1 of 100 points, about 3 min left"
+    assert len(said) == 20
+
+
+def test_work_of_a_few_seconds_prints_nothing(clock, capsys):
+    with progress("sweep x", "points") as show:
+        for done in range(11):
+            show(done, 10)
+            clock[0] += 0.5
+    with status("Reading") as say:
+        say("Estimating the noise")
+    assert lines(capsys) == []
+
+
+def test_what_an_interrupted_run_left_takes_no_time_of_this_one(clock, capsys):
+    with progress("sweep x", "points") as show:
+        show(90, 100)
+        clock[0] = 5.0
+        show(91, 100)
+    first, second = lines(capsys)
+    assert "90 of 100 points" in first
+    assert second.endswith("91 of 100 points, about 45 s left")
+
+
+def test_work_of_unknown_length_says_now_and_then_what_is_being_done(monkeypatch, capsys):
+    monkeypatch.setattr(output, "INTERVAL_S", 0.01)
+    with status("Reading") as say:
+        time.sleep(0.2)
+        say("Estimating the noise")
+        time.sleep(0.2)
+    # No line says again what the one before it said
+    assert lines(capsys) == ["Reading, 1 s so far", "Estimating the noise, 1 s so far"]
+    with _Steps().timed("rank laws"):
+        time.sleep(0.2)
+    assert lines(capsys)[0].startswith("rank laws, ")
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (89.0, "89 s"), (200.0, "3 min"), (9000.0, "2.5 h")])
+def test_a_duration_is_said_as_one_would(seconds, text):
+    assert duration(seconds) == text
+
+
+def test_each_part_of_a_closed_loop_has_lines_of_its_own(clock, capsys):
+    with loop_progress("valve") as show:
+        show("closed loop", 0, 1000)
+        clock[0] += 5.0
+        show("closed loop", 100, 1000)
+        show("trial 1", 0, 300)
+        clock[0] += 20.0
+        show("trial 1", 100, 300)
+    first, second = lines(capsys)
+    assert first == "closed loop of valve: 100 of 1000 samples, about 45 s left"
+    assert second == "trial 1 of valve: 100 of 300 samples, about 40 s left"

@@ -1,0 +1,94 @@
+"""The files of a user survive every command that is given them, or their neighbours, as an output."""
+
+import hashlib
+import shutil
+
+import numpy as np
+import pytest
+
+from femfit.model.json_file import write_model
+from support.command import femfit
+
+BENCH = "current_A,distance_m,force_N\n0.1,0.02,0.03\n0.2,0.02,0.04\n0.3,0.02,0.05\n"
+FEM = '[Format]      =  4.0\n[ProblemType] =  "axisymmetric"\n'
+
+
+@pytest.fixture(scope="module")
+def files(levitation_model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("outputs")
+    write_model(levitation_model, folder / "model.json")
+    (folder / "bench.csv").write_text(BENCH)
+    shutil.copyfile("geometry/plunger-solenoid.toml", folder / "rig.toml")
+    (folder / "rig.fem").write_text(FEM)
+    time = np.arange(2000) * 1e-3
+    rows = np.column_stack([time, np.zeros(2000), np.zeros(2000), np.full(2000, 0.02)])
+    np.savetxt(
+        folder / "rec.csv", rows, delimiter=",", header="time_s,coil_voltage_V,current_A,distance_m", comments=""
+    )
+    return folder
+
+
+COMMANDS = [
+    ("bench rec.csv --resistance-ohm 2.69 -o rig.csv", "rig.toml"),
+    ("bench rec.csv -o rec.csv", "rec.csv"),
+    ("integrate rec.csv -o model.bin --method trapezoid", "model.json"),
+    ("integrate rec.csv -o rec.csv", "rec.csv"),
+    ("integrate rec.csv -o new.csv --json model.json", "model.json"),
+    ("import-fem rig.fem -o rig.fem", "rig.fem"),
+    ("import-fem rig.fem -o model.json", "model.json"),
+    ("import bench.csv -o runs --json model.json", "model.json"),
+    ("fit bench.csv --model F1e -o bench.csv", "bench.csv"),
+    ("fit bench.csv --model F1e -o rig.toml", "rig.toml"),
+    ("simulate model.json --csv model.json", "model.json"),
+    ("simulate model.json --json model.json", "model.json"),
+    ("compare model.json bench.csv --json model.json", "model.json"),
+    ("compare model.json bench.csv --json bench.csv", "bench.csv"),
+    ("diagnose model.json bench.csv --report model.json", "model.json"),
+    ("diagnose model.json bench.csv --json rig.toml", "rig.toml"),
+    ("add model.json force_offset bench.csv -o bench.csv", "bench.csv"),
+    ("suggest model.json bench.csv --json bench.csv", "bench.csv"),
+    ("audit model.json --json model.json", "model.json"),
+    ("sweep rig.toml -o runs --json rig.toml", "rig.toml"),
+    ("run rig.toml -o runs --json rig.toml", "rig.toml"),
+    ("view rig.toml -o new.png --json rig.toml", "rig.toml"),
+    ("export model.json -o est --json model.json", "model.json"),
+]
+
+
+@pytest.mark.parametrize(("line", "kept"), COMMANDS)
+def test_a_command_replaces_no_input_and_no_file_of_another_kind(files, line, kept):
+    before = hashlib.sha256((files / kept).read_bytes()).hexdigest()
+    done = femfit(*line.split(), cwd=files)
+    assert hashlib.sha256((files / kept).read_bytes()).hexdigest() == before
+    assert done.returncode == 1
+    assert kept in done.stderr
+    assert "name" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "simulate model.json --seconds 0.01 --csv new.parquet",
+        "simulate model.json --seconds 0.01 --csv new.xlsx",
+        "compare model.json bench.csv --json new.csv",
+        "diagnose model.json bench.csv --report new.pdf",
+        "fit bench.csv --model F1e -o new.toml",
+        "import-fem rig.fem -o new.json",
+        "bench rec.csv -o new.parquet",
+    ],
+)
+def test_a_name_that_promises_another_format_is_refused_and_nothing_is_written(files, line):
+    done = femfit(*line.split(), cwd=files)
+    assert done.returncode == 1
+    assert "new." in done.stderr
+    assert not list(files.glob("new.*"))
+
+
+def test_a_link_laid_where_a_result_is_begun_is_not_written_through(files, tmp_path):
+    other = tmp_path / "other.json"
+    other.write_text("kept")
+    (tmp_path / ".audit.partial.json").symlink_to(other)
+    assert femfit("audit", files / "model.json", "--json", tmp_path / "audit.json").returncode == 0
+    assert other.read_text() == "kept"
+    assert not (tmp_path / "audit.json").is_symlink()
+    assert (tmp_path / "audit.json").stat().st_size > 100

@@ -1,0 +1,146 @@
+"""A folder with every input that a command reads, and the line by which each command is run once, in a process."""
+
+import shlex
+
+import numpy as np
+import pandas as pd
+
+from femfit.device.load import actuator_from_toml
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.field.sweep import run_sweep
+from femfit.identify.readings.bench import conditions_of
+from femfit.model.json_file import write_model
+from femfit.model.readings import predict_readings
+from femfit.model.with_effects import nominal_of
+from support.campaign import campaign, settings
+from support.command import femfit, separate_femfit
+from support.fem_files import suspension
+from support.replays import TRUE, damped, logs
+from support.small_drawing import SLEEVED, SMALL
+
+FACE = "moving.regions.magnet.z_mm[1]"
+DRAWN = SMALL.replace("{ start = 4, stop = 12, step = 1 }", "[4, 5, 6, 7, 8, 9.5, 11, 12.5]")
+"""Of the device that is calibrated."""
+
+ONCE = {
+    "new": "new ball -o ball.toml",
+    "sweep": "sweep small.toml --signatures --workers 1 -o runs/small --json sweep.json",
+    "run": "run sleeved.toml --workers 1 -o runs/sleeved --json run.json",
+    "view": "view runs/small --row 1 --what flux-density -o view.png --json view.json",
+    "import": "import kraft.csv -o imported --json import.json",
+    "import-fem": "import-fem 'pull magnet.fem' -o pull.toml --distance-mm 2:6:0.5 --current-A 0,1 --mass-g 2.5"
+    " --json import-fem.json",
+    "fit": "fit runs/small -o fit.json --json fitted.json",
+    "export": "export model.json --to estimator -o package --json export.json",
+    "simulate": "simulate model.json --controller pid --filter ukf4 --offset 0.02 --seconds 0.3 --runs 2 --seed 7"
+    " --csv loop.csv --json simulate.json",
+    "sense": "sense solenoid.json --voltage 9 --runs 2 --json sense.json",
+    "audit": "audit model.json --json audit.json",
+    "heat": "heat small.toml --current-A 0.5 --distance-mm 5 --json heat.json",
+    "tolerance": "tolerance runs/small --distance-mm 5 --current-A 0.5 --json tolerance.json",
+    "observe": "observe damped.json log.csv --filter ukf,ekf --sensors current,laser --csv seen.csv --picture seen.png"
+    " --json observe.json --write-noise tuned.json",
+    "compare": "compare model.json clean.csv --json compare.json --pictures pictures",
+    "diagnose": "diagnose model.json bench.csv --bootstrap 1 --json diagnose.json",
+    "add": "add model.json hall_offset bench.csv --with distance_offset -o more.json --json add.json --report add.html",
+    "calibrate": f"calibrate drawn.toml taller.csv --numbers {FACE} --with force_offset --noise force_N=5e-5"
+    " -o calibrated.toml --runs runs/calibration --workers 1 --json calibrate.json",
+    "suggest": "suggest model.json bench.csv --json suggest.json",
+    "integrate": "integrate coil.csv --coil-area 0.05 -o field.csv --json integrate.json",
+    "bench": "bench plateaus.csv --resistance-ohm 2.69 --model model.json --settling-s 0.1 -o flux.csv"
+    " --json bench.json",
+}
+"""Each command but ``trial``, whose room is its own."""
+
+FIRST = {"slopes": "sweep sleeved.toml --signatures --workers 1 -o runs/sleeved"}
+"""Of the drawing that is run."""
+
+AFTER = {"view": "sweep", "fit": "sweep", "tolerance": "sweep", "run": "slopes"}
+"""Commands that go on with what another has written."""
+
+
+class Case:
+    """The folder, and what each command printed there."""
+
+    def __init__(self, folder):
+        self.folder, self.done = folder, {}
+
+    def run(self, name):
+        """Run a command once, after what it needs."""
+        if name not in self.done:
+            if name in AFTER:
+                self.run(AFTER[name])
+            words = shlex.split((ONCE | FIRST)[name])
+            done = femfit(*words, cwd=self.folder) if name in FIRST else separate_femfit(*words, cwd=self.folder)
+            assert done.returncode == 0, done.stderr
+            self.done[name] = done
+        return self.done[name]
+
+
+def hidden_effect(name, **values):
+    effect = effect_by_name(name)
+    return AddedEffect(effect, effect.null() | values)
+
+
+def write_inputs(model, folder):
+    """Every input."""
+    write_model(model, folder / "model.json")
+    for name, text in (("small", SMALL), ("sleeved", SLEEVED), ("drawn", DRAWN)):
+        (folder / f"{name}.toml").write_text(text)
+    size = {"distances": 6, "currents": 5}
+    campaign(model, 41, **size).rows.to_csv(folder / "clean.csv", index=False)
+    hidden = [hidden_effect("hall_offset", offset_V=0.02), hidden_effect("distance_offset", offset_m=2e-4)]
+    campaign(model, 51, hidden, runs=4, **size).rows.to_csv(folder / "bench.csv", index=False)
+    lines = ["Strom (A);Luftspalt (mm);Kraft (mN)"]
+    lines += [f"{i};{d};{1e3 * (i + 0.5) / d**2:.8g}" for i in (0.0, 0.5, 1.0) for d in np.linspace(5, 15, 11)]
+    (folder / "kraft.csv").write_text("\n".join(lines).replace(".", ","), encoding="cp1252")
+    (folder / "pull magnet.fem").write_text(suspension(below=True, face=3.0, unit="inches").text())
+    write_model(damped(), folder / "solenoid.json")
+    write_model(damped({**TRUE, "laser": 1e-5}), folder / "damped.json")
+    log = logs(1500, 1, seed=8)[1][0].rows
+    log[["time_s", "voltage_V", "current_A", "distance_m"]].to_csv(folder / "log.csv", index=False)
+    time = np.arange(0.0, 2.0, 1e-3)
+    field = 0.1 * (1.0 - np.cos(2 * np.pi * time))
+    coil = {"time_s": time, "coil_voltage_V": 0.05 * np.gradient(field, time) + 1e-5, "hall_T": field}
+    pd.DataFrame(coil).to_csv(folder / "coil.csv", index=False)
+    plateaus(model).to_csv(folder / "plateaus.csv", index=False)
+    taller(folder).to_csv(folder / "taller.csv", index=False)
+
+
+def taller(folder):
+    """One run of a device with a taller magnet, with white noise."""
+    rows = run_sweep(actuator_from_toml(DRAWN.replace("z_mm = [0, 4]", "z_mm = [0, 4.05]")), folder / "true", workers=1)
+    noise = 5e-5 * np.random.default_rng(5).standard_normal(len(rows.rows))
+    return rows.rows[["distance_m", "current_A"]].assign(force_N=rows.rows["force_N"] + noise)
+
+
+RATE, HOLD = 20.0, 20
+"""Samples a second, and of a plateau; one sample half way follows, whose two trapezoids are the step."""
+
+
+def plateaus(model, resistance_ohm=2.69, offset_V=2e-6, noise_V=2e-6):
+    """A voltage whose trapezoids are the model's flux linkage, plus R i, a growing offset and white noise."""
+    generator = np.random.default_rng(4)
+    plan = settings(model, runs=3, distances=8, currents=6)
+    pieces = []
+    for run in (1, 2, 3):
+        rows = plan[plan["run"] == run].reset_index(drop=True)
+        at = conditions_of(rows.assign(run=0, mount=0, elapsed=rows["order"]), nominal_of(model))
+        read = predict_readings(model, rows["distance_m"].to_numpy(), rows["current_A"].to_numpy(), at)
+        current, distance = (_with_steps(rows[name]) for name in ("current_A", "distance_m"))
+        time = np.arange(len(current)) / RATE
+        change = np.diff(read["flux_linkage_Wb"]) * RATE
+        induced = np.zeros(len(current))
+        induced[HOLD :: HOLD + 1][: len(change)] = change
+        offset = offset_V * (run + time / time[-1])
+        voltage = induced + resistance_ohm * current + offset + generator.normal(0.0, noise_V, len(current))
+        columns = {"run": run, "time_s": time, "coil_voltage_V": voltage, "current_A": current, "distance_m": distance}
+        pieces.append(pd.DataFrame(columns))
+    return pd.concat(pieces)
+
+
+def _with_steps(column):
+    held = np.asarray(column)
+    half_way = 0.5 * (held + np.append(held[1:], held[-1]))
+    return np.concatenate([np.append(np.full(HOLD, one), half) for one, half in zip(held, half_way, strict=True)])
