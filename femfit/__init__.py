@@ -14,7 +14,6 @@ _PLACES = {
     "ActuatorModel": "femfit.model.actuator_model:ActuatorModel",
     "AddResult": "femfit.identify.refit.add_result:AddResult",
     "BenchTable": "femfit.tables.measurement:BenchTable",
-    "BoundMap": "femfit.filters.bound_map:BoundMap",
     "CalibrationResult": "femfit.identify.calibration.result:CalibrationResult",
     "CoilIntegral": "femfit.integrate.coil_integral:CoilIntegral",
     "Comparison": "femfit.identify.comparison.compare:Comparison",
@@ -45,7 +44,6 @@ _PLACES = {
     "read_model": "femfit.model.json_file:read_model",
     "write_model": "femfit.model.json_file:write_model",
     # Motion, filters, the loop and the target
-    "bound_map": "femfit.filters.bound_map:bound_map",
     "error_bound": "femfit.filters.error_bound:error_bound",
     "kalman_filter": "femfit.filters.kalman_filter:kalman_filter",
     "simulate": "femfit.open_loop.simulate:simulate",

@@ -7,8 +7,6 @@ from femfit.device.load import read_actuator as read_actuator
 from femfit.device.parts import Actuator as Actuator
 from femfit.effects.catalogue import all_effects as list_effects
 from femfit.field.sweep import run_sweep as run_sweep
-from femfit.filters.bound_map import BoundMap as BoundMap
-from femfit.filters.bound_map import bound_map as bound_map
 from femfit.filters.error_bound import ErrorBound as ErrorBound
 from femfit.filters.error_bound import error_bound as error_bound
 from femfit.filters.filter import Filter as Filter
@@ -56,7 +54,6 @@ __all__ = [
     "ActuatorModel",
     "AddResult",
     "BenchTable",
-    "BoundMap",
     "CalibrationResult",
     "CoilIntegral",
     "Comparison",
@@ -75,7 +72,6 @@ __all__ = [
     "Temperatures",
     "TimeSeries",
     "add_effects",
-    "bound_map",
     "calibrate",
     "close_loop",
     "compare",

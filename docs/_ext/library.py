@@ -9,7 +9,7 @@ GROUPS = {
         "read_actuator find_temperatures run_sweep analyse_tolerances read_sweep import_table fit_model list_laws "
         "read_model write_model"
     ),
-    "Filters, the loop and the target": "error_bound bound_map sense kalman_filter close_loop simulate export",
+    "Filters, the loop and the target": "error_bound sense kalman_filter close_loop simulate export",
     "Why the bench disagrees": (
         "read_measurement observe compare diagnose suggest add_effects calibrate list_effects write_report"
     ),

@@ -28,7 +28,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
-    ("sense", "femfit.cli.sense:sense", "How well the current tells the distance: error, bound, where it is blind."),
+    ("sense", "femfit.cli.sense:sense", "How well the current tells the distance: error in simulation, and bound."),
     (
         "audit",
         "femfit.cli.audit:audit",

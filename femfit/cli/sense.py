@@ -1,4 +1,4 @@
-"""``femfit sense``: how well sensors tell the distance without a sensor of position, and where they are blind."""
+"""``femfit sense``: how well sensors tell the distance without a sensor of position."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,7 +21,7 @@ def sense(
     csv: Path | None = None,
     json: Path | None = None,
 ) -> None:
-    """How well the current, or other sensors, tell the distance: error in simulation, bound, and where they are blind.
+    """How well the current, or other sensors, tell the distance: error in simulation, and bound.
 
     Parameters
     ----------
@@ -42,11 +42,11 @@ def sense(
     seed : int
         Of the noise.
     picture : Path
-        PNG, SVG or PDF: the motion with the filter's error, and the map of the bound.
+        PNG, SVG or PDF: the motion with the filter's error, and its bound.
     csv : Path
         File for time, distance, the filter's error, what it claims, and the bound.
     json : Path
-        File for the result as JSON, with the map.
+        File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
     from femfit.core.atomic import write_text

@@ -63,8 +63,8 @@ def cholesky_rows(matrix: list[list[float]]) -> list[list[float]] | None:
     order = len(matrix)
     for entries in matrix:
         row: list[float] = []
-        for other in rows:  # the products run over what the row has so far
-            row.append((entries[len(row)] - sum(map(mul, row, other))) / other[-1])
+        for upper in rows:  # the products run over what the row has so far
+            row.append((entries[len(row)] - sum(map(mul, row, upper))) / upper[-1])
         pivot = entries[len(row)] - sum(map(mul, row, row))
         if not pivot > 0.0:
             return None

@@ -48,9 +48,6 @@ OBSERVED_SHARE = 0.5
 SETTLING_STEPS = 2000
 """Conventional: samples after which the bound of a body held still is stated."""
 
-MAP_POINTS = 15
-"""Conventional: distances, and currents, at which a map of the bound is drawn."""
-
 TEST_SAMPLES = 20
 """Conventional: samples of a period of a test voltage, of which the filter sees both slopes of the current."""
 

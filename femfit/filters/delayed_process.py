@@ -22,14 +22,14 @@ def with_delayed_samples(process: FilterProcess, delayed: DelayedSamples | None)
     """
     if delayed is None:
         return process
-    base, own = process.order, process.require_start_covariance()
+    base, start = process.order, process.require_start_covariance()
     unlimited = np.full(delayed.order, np.inf)
     added = replace(
         process,
         names=(*process.names, *delayed.names),
         lower=None if process.lower is None else np.concatenate([process.lower, -unlimited]),
         upper=None if process.upper is None else np.concatenate([process.upper, unlimited]),
-        start_covariance=_joined(own, delayed_variances(delayed, _places(delayed.model, base))),
+        start_covariance=_joined(start, delayed_variances(delayed, _places(delayed.model, base))),
         process_covariance=_joined(process.process_covariance, _delayed_noise(delayed, process.outputs)),
         delayed=delayed,
     )
@@ -48,8 +48,8 @@ def _delayed_noise(delayed: DelayedSamples, outputs: Sequence[Output]) -> FloatA
     """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
     variance = {output.name: output.variance for output in outputs}
     parts = [
-        np.full(one.count, DELAYED_NOISE**2 * variance[one.name] / np.abs(one.weights).max() ** 2)
-        for one in delayed.by_sensor
+        np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
+        for samples in delayed.by_sensor
     ]
     return np.concatenate(parts)
 

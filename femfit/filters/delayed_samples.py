@@ -51,39 +51,41 @@ class DelayedSamples:
     def names(self) -> tuple[str, ...]:
         """Of the states, with their units; a pickup coil's are flux linkages."""
         units = [
-            "Wb" if isinstance(one.sensor, PickupSensor) else unit_in_name(reading_of(self.model, one.name).unit)
-            for one in self.by_sensor
+            "Wb"
+            if isinstance(samples.sensor, PickupSensor)
+            else unit_in_name(reading_of(self.model, samples.name).unit)
+            for samples in self.by_sensor
         ]
         pairs = zip(self.by_sensor, units, strict=True)
-        return tuple(f"{one.name}_before_{k + 1}_{unit}" for one, unit in pairs for k in range(one.count))
+        return tuple(f"{samples.name}_before_{k + 1}_{unit}" for samples, unit in pairs for k in range(samples.count))
 
     @property
     def order(self) -> int:
         """Number of these states."""
-        return sum(one.count for one in self.by_sensor)
+        return sum(samples.count for samples in self.by_sensor)
 
     def of_sensor(self, name: str) -> SensorSamples | None:
         """What is remembered of a sensor."""
-        return next((one for one in self.by_sensor if one.name == name), None)
+        return next((samples for samples in self.by_sensor if samples.name == name), None)
 
-    def values(self, one: SensorSamples, states: FloatArray) -> FloatArray:
+    def values(self, samples: SensorSamples, states: FloatArray) -> FloatArray:
         """G at states (N, n), of shape (N,)."""
-        return sampled_value(self.model, one.sensor, states[:, : self.model.order])
+        return sampled_value(self.model, samples.sensor, states[:, : self.model.order])
 
-    def slope(self, one: SensorSamples, states: FloatArray) -> FloatArray:
+    def slope(self, samples: SensorSamples, states: FloatArray) -> FloatArray:
         """dg/dx in the first ``base`` states, (N, base), by differences."""
         return central_differences(
-            lambda points: self.values(one, points)[:, None], states[:, : self.base], self.scale
+            lambda points: self.values(samples, points)[:, None], states[:, : self.base], self.scale
         )[:, 0, :]
 
     def moved(self, base: FloatArray, before: FloatArray) -> FloatArray:
         """All states one sample later, from the first ones (N, base) of then and all of before (N, n)."""
         result = np.empty((before.shape[1], len(before))).T
         result[:, : self.base] = base[:, : self.base]
-        for one in self.by_sensor:
-            end = one.first + one.count
-            result[:, one.first] = self.values(one, before)
-            result[:, one.first + 1 : end] = before[:, one.first : end - 1]
+        for samples in self.by_sensor:
+            end = samples.first + samples.count
+            result[:, samples.first] = self.values(samples, before)
+            result[:, samples.first + 1 : end] = before[:, samples.first : end - 1]
         return result
 
     def jacobian(self, base: FloatArray, before: FloatArray) -> FloatArray:
@@ -91,16 +93,16 @@ class DelayedSamples:
         n = before.shape[1]
         result = np.zeros((len(before), n, n))
         result[:, : self.base, : self.base] = base
-        for one in self.by_sensor:
-            later = range(one.first + 1, one.first + one.count)
-            result[:, one.first, : self.base] = self.slope(one, before)
+        for samples in self.by_sensor:
+            later = range(samples.first + 1, samples.first + samples.count)
+            result[:, samples.first, : self.base] = self.slope(samples, before)
             result[:, later, [k - 1 for k in later]] = 1.0
         return result
 
     def from_rest(self, mean: FloatArray) -> FloatArray:
         """A first estimate (..., base) with what was remembered if nothing had moved before."""
         rows = mean.reshape(-1, self.base)
-        parts = [np.repeat(self.values(one, rows)[:, None], one.count, axis=1) for one in self.by_sensor]
+        parts = [np.repeat(self.values(samples, rows)[:, None], samples.count, axis=1) for samples in self.by_sensor]
         return np.concatenate([rows, *parts], axis=1).reshape(*mean.shape[:-1], -1)
 
 
@@ -117,7 +119,7 @@ def delayed_samples(model: ActuatorModel, sensors: dict[str, AnySensor], scale: 
     FilterError
         If a delay is longer than a filter remembers.
     """
-    place, found = len(scale), []
+    place, remembered = len(scale), []
     for name, sensor in sensors.items():
         if sensor.delay_s > MOST_DELAYED_SAMPLES * model.sample_time_s:
             raise FilterError(
@@ -127,15 +129,15 @@ def delayed_samples(model: ActuatorModel, sensors: dict[str, AnySensor], scale: 
             )
         weights = sample_weights(sensor, model.sample_time_s)
         if len(weights) > 1:
-            found.append(SensorSamples(name, sensor, place, weights))
+            remembered.append(SensorSamples(name, sensor, place, weights))
             place += len(weights) - 1
-    return DelayedSamples(model, len(scale), tuple(found), scale) if found else None
+    return DelayedSamples(model, len(scale), tuple(remembered), scale) if remembered else None
 
 
 def delayed_variances(delayed: DelayedSamples, places: FloatArray) -> FloatArray:
     """First variances of the states that are remembered: the largest over places (N, base), independent of others."""
     result = []
-    for one in delayed.by_sensor:
-        spread = np.abs(delayed.slope(one, places)) @ delayed.scale
-        result += [float(spread.max() ** 2)] * one.count
+    for samples in delayed.by_sensor:
+        spread = np.abs(delayed.slope(samples, places)) @ delayed.scale
+        result += [float(spread.max() ** 2)] * samples.count
     return np.array(result)

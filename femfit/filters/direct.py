@@ -55,17 +55,17 @@ class HallInverse:
         volts, current = np.broadcast_to(volts, shape), np.broadcast_to(current, (*shape, *each))
         near = sensor.voltage(np.asarray(box.distance_min_m), current)
         far = sensor.voltage(np.asarray(box.distance_max_m), current)
-        known = np.isfinite(volts) & np.all(np.isfinite(current.reshape(*shape, -1)), axis=-1)
+        finite = np.isfinite(volts) & np.all(np.isfinite(current.reshape(*shape, -1)), axis=-1)
         low, high = np.minimum(near, far), np.maximum(near, far)
         with np.errstate(invalid="ignore"):
-            inside = known & (volts >= low) & (volts <= high)
+            inside = finite & (volts >= low) & (volts <= high)
         # What cannot be solved is taken at the middle current, where it can
         wanted = np.where(inside, volts, self.volts[len(self.volts) // 2])
         amps = np.where(inside[..., None] if each else inside, current, _middle(self.model))
-        found = self._solve(wanted, amps)
+        solved = self._solve(wanted, amps)
         with np.errstate(invalid="ignore"):
             edge = np.where((volts > high) == (near > far), box.distance_min_m, box.distance_max_m)
-        return np.where(inside, found, np.where(known, edge, np.nan)), ~inside
+        return np.where(inside, solved, np.where(finite, edge, np.nan)), ~inside
 
     def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """What the element reads in V, at distances in m and currents in A."""
@@ -109,7 +109,7 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
         slope = sensor.field.derivatives(distances, current)[1]
         if not (np.all(slope > 0.0) or np.all(slope < 0.0)):
             turn = distances[np.flatnonzero(np.sign(slope) != np.sign(slope[0]))[0]]
-            amperes = " and ".join(f"{one:g} A" for one in corner)
+            amperes = " and ".join(f"{current_A:g} A" for current_A in corner)
             raise FilterError(
                 f"The Hall voltage must change monotonically with the distance to be inverted; at {amperes} it "
                 f"turns at {1e3 * turn:.3g} mm. Move the Hall element, or use the filter, which needs no inversion."

@@ -55,17 +55,17 @@ class ErrorBound(Printed):
     def __str__(self) -> str:
         against = f"with {', '.join(self.sensors)} against the process noises that it allows for"
         lines = [f"Best that any filter can do {against}, the body held still:"]
-        for place, deviations, seen in zip(self.places, self.deviations, self.observed, strict=True):
+        for place, deviations, observed in zip(self.places, self.deviations, self.observed, strict=True):
             currents = [amount(float(place[k]), "A") for k, name in enumerate(self.names) if is_current(name)]
             where = " and ".join([f"at {amount(place[0], 'm')}", *currents])
-            told = [
+            bounds = [
                 f"{name.rpartition('_')[0].replace('_', ' ')} to {amount(float(deviation), name.rpartition('_')[2])}"
-                for name, deviation, known in zip(self.names, deviations, seen, strict=True)
-                if known and name.rpartition("_")[2] in {"m", "A", "V", "N"}
+                for name, deviation, is_observed in zip(self.names, deviations, observed, strict=True)
+                if is_observed and name.rpartition("_")[2] in {"m", "A", "V", "N"}
             ]
-            told = told or ["nothing that was not known before"]
-            hidden = "" if seen[0] else "; the distance cannot be told"
-            lines.append(f"  {where}: {', '.join(told)}{hidden}")
+            bounds = bounds or ["nothing that was not known before"]
+            hidden = "" if observed[0] else "; the distance cannot be told"
+            lines.append(f"  {where}: {', '.join(bounds)}{hidden}")
         return "\n".join(lines)
 
 

@@ -76,7 +76,7 @@ class Filter(Printed, ABC):
                 ),
                 *(
                     f"noise of one reading {amount(output.variance**0.5, output.unit)}"
-                    + (f" ({output.name})" if process.further else "")
+                    + (f" ({output.name})" if len(process.outputs) > 1 else "")
                     for output in process.outputs
                 ),
             ]
@@ -158,8 +158,8 @@ class Filter(Printed, ABC):
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
             moments = self._predicted(state, _inputs(state, voltage, self.process.inputs))
-            known = state.innovation, state.innovation_variance, state.out_of_band
-            return self._next(moments, known, state.outcome)
+            innovations = state.innovation, state.innovation_variance, state.out_of_band
+            return self._next(moments, innovations, state.outcome)
 
     @final
     def update(self, state: FilterState, measurement: ArrayLike) -> FilterState:
@@ -177,11 +177,12 @@ class Filter(Printed, ABC):
         outputs = self.process.outputs
         if len(outputs) == 1:
             return self._update_one(state, _per_run(state, measurement), outputs[0])
-        readings, seen = _readings(state, measurement, len(outputs)), []
+        needed = f"A measurement must hold {len(outputs)} readings for each of {state.runs} runs, one a sensor"
+        readings, judged = _rows(state, measurement, len(outputs), needed), []
         for k, output in enumerate(outputs):
             state = self._update_one(state, readings[:, k], output)
-            seen.append((state.innovation, state.innovation_variance))
-        innovation, variance = (np.stack(values, axis=1) for values in zip(*seen, strict=True))
+            judged.append((state.innovation, state.innovation_variance))
+        innovation, variance = (np.stack(values, axis=1) for values in zip(*judged, strict=True))
         return replace(state, innovation=innovation, innovation_variance=variance)
 
     def _update_one(self, state: FilterState, measurement: FloatArray, output: Output) -> FilterState:
@@ -205,8 +206,8 @@ class Filter(Printed, ABC):
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         if len(state.mean) == 1 and not state.outcome.item():
             inputs = self.process.inputs
-            given = _number(voltage) if inputs == 1 else _inputs(state, voltage, inputs)[0]
-            alone = self._step_alone(state, given, _numbers(measurement, len(self.process.outputs)))
+            held = _number(voltage) if inputs == 1 else _inputs(state, voltage, inputs)[0]
+            alone = self._step_alone(state, held, _numbers(measurement, len(self.process.outputs)))
             if alone is not None:
                 return alone
         return self.update(self.predict(state, voltage), measurement)
@@ -231,20 +232,20 @@ class Filter(Printed, ABC):
             return None
         order, sensors = self.process.order, len(step.innovations)
         entries, numbers = order**2, step.numbers
-        known = np.array([fraction, *step.innovations, *step.variances])
-        seen = known[1:].reshape((2, 1) if sensors == 1 else (2, 1, sensors))
+        numbers_of_readings = np.array([fraction, *step.innovations, *step.variances])
+        innovations = numbers_of_readings[1:].reshape((2, 1) if sensors == 1 else (2, 1, sensors))
         return FilterState(
             mean=numbers[2 * entries :].reshape(1, order),
             covariance=numbers[:entries].reshape(1, order, order),
             factor=numbers[entries : 2 * entries].reshape(1, order, order),
-            innovation=seen[0],
-            innovation_variance=seen[1],
-            out_of_band=known[:1],
+            innovation=innovations[0],
+            innovation_variance=innovations[1],
+            out_of_band=numbers_of_readings[:1],
             outcome=state.outcome,
         )
 
     def _next(
-        self, moments: Moments, known: tuple[FloatArray, FloatArray, FloatArray], outcome: IntArray
+        self, moments: Moments, innovations: tuple[FloatArray, FloatArray, FloatArray], outcome: IntArray
     ) -> FilterState:
         """Name what went wrong; the first name of a run stays. ``known`` is what a state holds of innovations."""
         mean, covariance = moments
@@ -259,13 +260,13 @@ class Filter(Printed, ABC):
         if not plausible.all():
             # A run that broke down has its name already
             outcome = np.where((outcome == RUNNING) & ~plausible, FilterOutcome.LEFT_MODEL, outcome)
-        return FilterState(mean, covariance, factor, *known, outcome)
+        return FilterState(mean, covariance, factor, *innovations, outcome)
 
 
 def _per_run(state: FilterState, value: ArrayLike) -> FloatArray:
-    """A number for each run, in the state's precision."""
+    """A number for each run, given as (runs,), (runs, 1) or one for all, in the state's precision."""
     result = np.empty(state.runs, state.mean.dtype)
-    result[:] = value
+    result[:] = value if np.ndim(value) < 2 else np.ravel(value)
     return result
 
 
@@ -273,24 +274,17 @@ def _inputs(state: FilterState, voltage: FloatArray | float, inputs: int) -> Flo
     """Voltages of shape (runs,), or (runs, inputs) where there is not one input, in the state's precision."""
     if inputs == 1:
         return _per_run(state, voltage)
-    given = np.asarray(voltage, state.mean.dtype)
-    if given.shape not in {(inputs,), (state.runs, inputs), (1, inputs)}:
-        raise FilterError(
-            f"This filter takes {inputs} voltages for each of {state.runs} runs, one a circuit; instead received the "
-            f"shape {given.shape}."
-        )
-    return np.broadcast_to(given, (state.runs, inputs))
+    return _rows(
+        state, voltage, inputs, f"This filter takes {inputs} voltages for each of {state.runs} runs, one a circuit"
+    )
 
 
-def _readings(state: FilterState, value: ArrayLike, sensors: int) -> FloatArray:
-    """Readings of shape (runs, sensors), in the state's precision."""
-    given = np.asarray(value, state.mean.dtype)
-    if given.shape not in {(sensors,), (state.runs, sensors), (1, sensors)}:
-        raise FilterError(
-            f"A measurement must hold {sensors} readings for each of {state.runs} runs, one a sensor; instead received "
-            f"the shape {given.shape}."
-        )
-    return np.broadcast_to(given, (state.runs, sensors))
+def _rows(state: FilterState, value: ArrayLike, width: int, needed: str) -> FloatArray:
+    """Numbers of shape (runs, width), in the state's precision; refused with what is needed where they are others."""
+    numbers = np.asarray(value, state.mean.dtype)
+    if numbers.shape not in {(width,), (state.runs, width), (1, width)}:
+        raise FilterError(f"{needed}; instead received the shape {numbers.shape}.")
+    return np.broadcast_to(numbers, (state.runs, width))
 
 
 def _number(value: FloatArray | float) -> float:
@@ -302,7 +296,7 @@ def _numbers(value: ArrayLike | float, sensors: int) -> list[float]:
     """The readings of one run."""
     if sensors == 1 and isinstance(value, float):  # what a control loop gives
         return [value]
-    found: list[float] = np.asarray(value, np.float64).ravel().tolist()
-    if len(found) != sensors:
-        raise FilterError(f"A measurement must hold {sensors} readings, one a sensor; instead received {len(found)}.")
-    return found
+    numbers: list[float] = np.asarray(value, np.float64).ravel().tolist()
+    if len(numbers) != sensors:
+        raise FilterError(f"A measurement must hold {sensors} readings, one a sensor; instead received {len(numbers)}.")
+    return numbers

@@ -1,9 +1,12 @@
 """The state of a batch of filters, which one step hands to the next, and how a run ended."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 
@@ -58,6 +61,11 @@ class FilterState:
     innovation_variance: FloatArray
     out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
     outcome: IntArray  # A :class:`FilterOutcome` each; shape (runs,)
+
+    @classmethod
+    def of_fields(cls, value: Callable[[str], NDArray[Any]]) -> "FilterState":
+        """A state from what stands for the name of each of its arrays."""
+        return cls(**{array.name: value(array.name) for array in fields(cls)})
 
     @property
     def runs(self) -> int:

@@ -117,13 +117,13 @@ def _stopped(
         met[comes] = there
     met[:, 0] = stop.distance_m
     returned, met[:, 1] = -stop.restitution * outward * np.maximum(outward * met[:, 1], 0.0), 0.0
-    left = (model.sample_time_s - time)[:, None]
-    result = _stepped(still, met, voltage, left, count)
+    rest_time = (model.sample_time_s - time)[:, None]
+    result = _stepped(still, met, voltage, rest_time, count)
     result[:, 0], result[:, 1] = stop.distance_m, 0.0
     back = np.flatnonzero(returned)
     if len(back):
         met[back, 1] = returned[back]
-        free = _stepped(model, met[back], voltage[back], left[back], count)
+        free = _stepped(model, met[back], voltage[back], rest_time[back], count)
         bounced = outward * (free[:, 0] - stop.distance_m) < 0.0  # else what presses it to the stop keeps it there
         result[back[bounced]] = free[bounced]
     return blocked_by_diodes(model, result)

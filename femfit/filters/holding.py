@@ -71,7 +71,8 @@ def holding_currents(model: ActuatorModel, distance: float, bias_A: FloatArray |
     )
     raise DomainError(
         f"A body of {1e3 * model.require_motion().mass_kg:g} g must be held at {1e3 * distance:g} mm by currents "
-        f"within {ranges}, where the model was fitted, about a bias of {', '.join(f'{one:g} A' for one in bias)}; "
+        f"within {ranges}, where the model was fitted, about a bias of "
+        f"{', '.join(f'{current:g} A' for current in bias)}; "
         f"the force comes to {needed - missing:g} N of {needed:g} N. Choose another distance, or sweep wider."
     )
 
@@ -101,26 +102,26 @@ def nearest_currents(
     """
     if start is not None:
         return _descended(model, distance, force, bias, limits, np.clip(start, *limits.T), NEAR)
-    found = _descended(model, distance, force, bias, limits, np.tile(bias, (len(distance), 1)))
+    nearest = _descended(model, distance, force, bias, limits, np.tile(bias, (len(distance), 1)))
     corners = np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, len(limits))
     # Of the domain, for in the middle of a symmetric bearing every corner pulls with nothing
     largest = float(np.abs(model.magnetics.force(*model.validity.grid(5, 3))).max())
     balanced = BALANCED * np.maximum(np.abs(force), largest)
-    for row in np.flatnonzero(np.abs(force - model.magnetics.force(distance, found)) > balanced):
-        starts = np.vstack([found[row], corners])
-        at, wanted = np.full((2, len(starts)), [distance[row : row + 1], force[row : row + 1]])
+    for row in np.flatnonzero(np.abs(force - model.magnetics.force(distance, nearest)) > balanced):
+        starts = np.vstack([nearest[row], corners])
+        distances, wanted = np.full((2, len(starts)), [distance[row : row + 1], force[row : row + 1]])
         ends = _descended(
             model,
-            at,
+            distances,
             wanted,
             bias,
             limits,
-            _balanced(model.magnetics.at_distances(at), wanted, starts, model.resistances_ohm, limits),
+            _balanced(model.magnetics.at_distances(distances), wanted, starts, model.resistances_ohm, limits),
         )
-        short = np.maximum(np.abs(wanted - model.magnetics.force(at, ends)), balanced[row])
+        short = np.maximum(np.abs(wanted - model.magnetics.force(distances, ends)), balanced[row])
         heat = np.sum(model.resistances_ohm * (ends - bias) ** 2, axis=1)
-        found[row] = ends[np.lexsort((heat, short))[0]]
-    return found
+        nearest[row] = ends[np.lexsort((heat, short))[0]]
+    return nearest
 
 
 def _descended(
@@ -138,12 +139,12 @@ def _descended(
     what is missing to the others; a step after which heat and missing force are not less is halved.
     """
     ohms, tolerance = model.resistances_ohm, converged * float(np.abs(limits).max())
-    pull, part = model.magnetics.at_distances(distance), np.ones(len(distance))
-    given, slope = pull(currents)
+    pull, share = model.magnetics.at_distances(distance), np.ones(len(distance))
+    pulled, slope = pull(currents)
     for _ in range(STEPS):
-        missing = force - given
+        missing = force - pulled
         wanted, mu = _projected(slope, missing + np.sum(slope * currents, axis=1), bias, ohms, limits)
-        step = part[:, None] * (wanted - currents)
+        step = share[:, None] * (wanted - currents)
         if np.abs(step).max() <= tolerance:
             break
         tried, tried_slope = pull(currents + step)
@@ -152,9 +153,9 @@ def _descended(
         before = np.sum(ohms * (currents - bias) ** 2, axis=1) + weight * np.abs(missing)
         after = np.sum(ohms * (currents + step - bias) ** 2, axis=1) + weight * np.abs(force - tried)
         better = after <= before
-        part = np.where(better, np.minimum(2.0 * part, 1.0), 0.5 * part)
+        share = np.where(better, np.minimum(2.0 * share, 1.0), 0.5 * share)
         currents = np.where(better[:, None], currents + step, currents)
-        given, slope = np.where(better, tried, given), np.where(better[:, None], tried_slope, slope)
+        pulled, slope = np.where(better, tried, pulled), np.where(better[:, None], tried_slope, slope)
     return _balanced(pull, force, currents, ohms, limits)
 
 
@@ -162,16 +163,16 @@ def _balanced(
     pull: ForceOfCurrents, force: FloatArray, currents: FloatArray, ohms: FloatArray, limits: FloatArray
 ) -> FloatArray:
     """The nearest currents that give the force, by Newton's steps as long as these come nearer to it."""
-    given, slope = pull(currents)
+    pulled, slope = pull(currents)
     for _ in range(CORRECTIONS):
-        missing = force - given
+        missing = force - pulled
         wanted, _ = _projected(slope, missing + np.sum(slope * currents, axis=1), currents, ohms, limits)
         tried, tried_slope = pull(wanted)
         nearer = np.abs(force - tried) < np.abs(missing)
         if not nearer.any():
             break
         currents = np.where(nearer[:, None], wanted, currents)
-        given, slope = np.where(nearer, tried, given), np.where(nearer[:, None], tried_slope, slope)
+        pulled, slope = np.where(nearer, tried, pulled), np.where(nearer[:, None], tried_slope, slope)
     return currents
 
 
@@ -201,8 +202,8 @@ def bias_currents(model: ActuatorModel, distance: float) -> FloatArray:
     limits = model.validity.current_limits_A
     widths, middle = np.ptp(limits, axis=1), limits.mean(axis=1)
     each = np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, len(limits))
-    at = np.full(len(each) + 1, distance)
-    motional = model.magnetics.state(at, np.vstack([middle, each])).motional_constant
+    distances = np.full(len(each) + 1, distance)
+    motional = model.magnetics.state(distances, np.vstack([middle, each])).motional_constant
     strength = np.abs(motional * widths).max(axis=1)
     if strength[0] >= HARDLY_MOVES * strength.max():
         return np.asarray(middle)

@@ -80,25 +80,17 @@ def levitation_process(
     start, process_noise = _covariances(model, noise, distance, biases)
     named = {name: sensor_named(model, name) for name in sensors}
     delayed = delayed_samples(model, named, np.sqrt(np.diag(start)))
-    own, *further = outputs_of(model, sensors, biases, noise, delayed)
     process = FilterProcess(
         names=names,
         step_s=model.sample_time_s,
         transition=partial(_driven_transition if driven else _transition, model),
-        measure=own.measure,
+        outputs=outputs_of(model, sensors, biases, noise, delayed),
         process_covariance=process_noise,
-        measurement_variance=own.variance,
         transition_jacobian=None if driven else partial(_transition_jacobian, model),
-        measurement_jacobian=own.jacobian,
         transition_columns=None if driven else float_step(model),
-        measure_columns=own.columns,
         lower=lower,
         upper=upper,
         start_covariance=start,
-        sensor=own.name,
-        unit=own.unit,
-        further=tuple(further),
-        period=own.period,
         inputs=len(model.circuits),
         eddies=0 if model.eddy is None else model.eddy.count,
     )
@@ -118,10 +110,10 @@ def _covariances(
 def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:
     """Names as given, or the Hall element's, or those of all sensors where there is none."""
     if sensors is None:
-        found = (HALL,) if model.sensor is not None else tuple(sensors_of(model))
-        if not found:
+        names = (HALL,) if model.sensor is not None else tuple(sensors_of(model))
+        if not names:
             model.require_sensor()
-        return found
+        return names
     if isinstance(sensors, str) or not sensors or len(set(sensors)) < len(sensors):
         raise FilterError(
             f"sensors must be a sequence of one or more different names; instead received {sensors!r}. "
@@ -155,8 +147,8 @@ def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
     _, currents = model.validity.grid(1, 3 if len(model.circuits) > 1 else 5)
     all_currents = np.zeros((len(currents), windings.count))
     all_currents[:, : windings.circuits] = currents.reshape(len(currents), -1)[:, : windings.circuits]
-    at = windings.magnetics.state_of_circuits(np.full(len(currents), distance), all_currents)
-    inductance = at.inductance + windings.series_H
+    magnetic = windings.magnetics.state_of_circuits(np.full(len(currents), distance), all_currents)
+    inductance = magnetic.inductance + windings.series_H
     if windings.count == 1:
         return float(inductance.min() / windings.resistances_ohm[0])
     root = np.sqrt(windings.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric

@@ -63,8 +63,8 @@ def default_noise(model: ActuatorModel, distance: float | None = None) -> Filter
     else:  # a share of the weight is not stated where the forces are far above it
         share = model.misfit.force_rms_of_weight
         error = model.misfit.force_rms_N if share is None or not weight else share * weight
-    known = model.process_noise
-    density, volts = (known.acceleration_density, known.voltage_V) if known is not None else (None, None)
+    recorded = model.process_noise
+    density, volts = (recorded.acceleration_density, recorded.voltage_V) if recorded is not None else (None, None)
     return FilterNoise(
         acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
         voltage_V=_driver_errors(circuits) if volts is None else volts,
@@ -73,7 +73,7 @@ def default_noise(model: ActuatorModel, distance: float | None = None) -> Filter
 
 
 def _driver_errors(circuits: Sequence[Circuit]) -> float | tuple[float, ...]:
-    errors = tuple(DRIVER_ERROR * max(abs(one.voltage_min_V), abs(one.voltage_max_V)) for one in circuits)
+    errors = tuple(DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)) for circuit in circuits)
     return errors[0] if len(errors) == 1 else errors
 
 
@@ -125,18 +125,18 @@ def process_covariance(
     circuits, windings = len(model.circuits), model.windings
     middle = np.zeros(windings.count)
     middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
-    at = windings.magnetics.state_of_circuits(np.asarray(distance), middle)
+    magnetic = windings.magnetics.state_of_circuits(np.asarray(distance), middle)
     moving = model.order
     result = np.zeros((moving + len(bias_densities),) * 2)
     result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
     if model.eddy is None:
-        steps = np.linalg.inv(at.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
+        steps = np.linalg.inv(magnetic.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
     else:
-        steps = currents_by_voltages(model, at, t)[:, :circuits] * np.asarray(noise.voltage_V)
+        steps = currents_by_voltages(model, magnetic, t)[:, :circuits] * np.asarray(noise.voltage_V)
     result[2 : windings.end, 2 : windings.end] = steps @ steps.T
     if model.eddy is not None:
         each = range(2 + circuits, windings.end)
-        result[each, each] += _eddy_variances(model, at.inductance, distance)
+        result[each, each] += _eddy_variances(model, magnetic.inductance, distance)
     if model.memory_names:
         _add_memory(result, model, distance, float(middle[0]))
     biases = range(moving, len(result))
@@ -186,9 +186,9 @@ def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
         return covariance
     added = len(spreads)
     first = 2 + len(model.circuits)
-    kept = np.r_[0:first, first + added : len(covariance) + added]
+    places = np.r_[0:first, first + added : len(covariance) + added]
     result = np.zeros((len(covariance) + added,) * 2)
-    result[np.ix_(kept, kept)] = covariance
+    result[np.ix_(places, places)] = covariance
     result[range(first, first + added), range(first, first + added)] = spreads**2
     return result
 
@@ -197,11 +197,9 @@ def initial_covariance(
     distance_m: float = FIRST_DEVIATION_M,
     velocity_m_s: float = FIRST_VELOCITY_M_S,
     current_A: float = FIRST_CURRENT_A,
-    hall_bias_V: float | None = None,
     biases: Sequence[float] = (),
     circuits: int = 1,
 ) -> FloatArray:
-    """Covariance of a first estimate from its standard deviations; the Hall bias, and further ones, where given."""
-    hall = () if hall_bias_V is None else (hall_bias_V,)
-    deviations = [distance_m, velocity_m_s, *(current_A,) * circuits, *hall, *biases]
+    """Covariance of a first estimate from its standard deviations; those of biases after them."""
+    deviations = [distance_m, velocity_m_s, *(current_A,) * circuits, *biases]
     return np.diag(np.square(np.asarray(deviations, dtype=np.float64)))

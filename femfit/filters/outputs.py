@@ -11,7 +11,7 @@ from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.filters.constants import BIAS_DEVIATION_V, BIAS_SHARE, BIAS_SHARE_PER_ROOT_S
 from femfit.filters.delayed_samples import DelayedSamples, SensorSamples
 from femfit.filters.noise import FilterNoise
-from femfit.filters.process import Output
+from femfit.filters.process import Measure, Output
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.float_steps import float_reading
 from femfit.model.hall_sensor import HallSensor
@@ -38,7 +38,7 @@ def outputs_of(
 ) -> tuple[Output, ...]:
     """One output a sensor; a bias is the state at its place in ``biases``, after those of the model."""
     moving = model.order
-    found = []
+    outputs = []
     for name in sensors:
         sensor = sensor_named(model, name)
         reading = reading_of(model, name)
@@ -50,16 +50,16 @@ def outputs_of(
             )
         bias = moving + list(biases).index(name) if name in biases else None
         period = reading.period(model.sample_time_s)
-        measure, slope = partial(_read, model, sensor, moving, bias), _slope(model, sensor, bias)
-        columns, samples = float_reading(model, sensor, bias), None if delayed is None else delayed.of_sensor(name)
+        measure: Measure = partial(_read, model, sensor, moving)
+        slope, columns = _slope(model, sensor), float_reading(model, sensor, bias)
+        samples = None if delayed is None else delayed.of_sensor(name)
         if delayed is not None and samples is not None:
-            measure, slope = (
-                partial(_read_delayed, delayed, samples, bias),
-                partial(_delayed_slope, delayed, samples, bias),
-            )
+            measure, slope = partial(_read_delayed, delayed, samples), partial(_delayed_slope, delayed, samples)
             columns = None
-        found.append(Output(name, reading.unit, measure, white**2, slope, columns, period))
-    return tuple(found)
+        if bias is not None:
+            measure, slope = partial(_biased, measure, bias), slope and partial(_biased_slope, slope, bias)
+        outputs.append(Output(name, reading.unit, measure, white**2, slope, columns, period))
+    return tuple(outputs)
 
 
 def bias_names(model: ActuatorModel, biases: Sequence[str]) -> tuple[str, ...]:
@@ -75,40 +75,46 @@ def bias_deviations(model: ActuatorModel, biases: Sequence[str]) -> tuple[list[f
     return first, [BIAS_SHARE_PER_ROOT_S * span for span in spans]
 
 
-def _read(model: ActuatorModel, sensor: AnySensor, moving: int, bias: int | None, states: FloatArray) -> FloatArray:
-    value = predict_sensor(model, sensor, states[:, :moving])
-    return value if bias is None else value + states[:, bias]
+def _biased(measure: Measure, bias: int, states: FloatArray) -> FloatArray:
+    return measure(states) + states[:, bias]
 
 
-def _read_delayed(delayed: DelayedSamples, samples: SensorSamples, bias: int | None, states: FloatArray) -> FloatArray:
+def _biased_slope(slope: Measure, bias: int, states: FloatArray) -> FloatArray:
+    result = slope(states)
+    result[:, bias] = 1.0
+    return result
+
+
+def _read(model: ActuatorModel, sensor: AnySensor, moving: int, states: FloatArray) -> FloatArray:
+    return predict_sensor(model, sensor, states[:, :moving])
+
+
+def _read_delayed(delayed: DelayedSamples, samples: SensorSamples, states: FloatArray) -> FloatArray:
     before = states[:, samples.first : samples.first + samples.count] @ samples.weights[1:]
-    value = before + samples.weights[0] * delayed.values(samples, states) if samples.weights[0] else before
-    return value if bias is None else value + states[:, bias]
+    return before + samples.weights[0] * delayed.values(samples, states) if samples.weights[0] else before
 
 
-def _delayed_slope(delayed: DelayedSamples, samples: SensorSamples, bias: int | None, states: FloatArray) -> FloatArray:
+def _delayed_slope(delayed: DelayedSamples, samples: SensorSamples, states: FloatArray) -> FloatArray:
     result = np.zeros_like(states)
     if samples.weights[0]:
         result[:, : delayed.base] = samples.weights[0] * delayed.slope(samples, states)
     result[:, samples.first : samples.first + samples.count] = samples.weights[1:]
-    if bias is not None:
-        result[:, bias] = 1.0
     return result
 
 
-def _slope(model: ActuatorModel, sensor: AnySensor, bias: int | None) -> partial[FloatArray] | None:
+def _slope(model: ActuatorModel, sensor: AnySensor) -> Measure | None:
     """The analytic Jacobian where there is one."""
     late = model.memory_names or (model.dynamics is not None and model.dynamics.late)
     if isinstance(sensor, HallSensor):
-        return None if late else partial(_hall_slope, model, sensor, bias)
+        return None if late else partial(_hall_slope, model, sensor)
     if not records_as_it_is(model):
         return None
     if isinstance(sensor, CurrentSensor):
-        return partial(_current_slope, sensor, current_index(model, sensor), bias)
-    return partial(_position_slope, sensor, bias) if isinstance(sensor, PositionSensor) else None
+        return partial(_current_slope, sensor, current_index(model, sensor))
+    return partial(_position_slope, sensor) if isinstance(sensor, PositionSensor) else None
 
 
-def _hall_slope(model: ActuatorModel, sensor: HallSensor, bias: int | None, states: FloatArray) -> FloatArray:
+def _hall_slope(model: ActuatorModel, sensor: HallSensor, states: FloatArray) -> FloatArray:
     hall, distance = model.eddy_hall, states[:, 0]
     acting = model.currents_of(states) if hall is None else hall.acting(distance, states[:, 2 : model.windings.end])
     _, in_distance, in_currents = sensor.field.derivatives(distance, acting)
@@ -116,26 +122,22 @@ def _hall_slope(model: ActuatorModel, sensor: HallSensor, bias: int | None, stat
     by_current = in_currents.reshape(len(states), 1, -1)[..., :n]
     result[:, 0], result[:, 2 : 2 + n] = in_distance, by_current[:, 0]
     if model.eddy is not None:
-        own, rising = ((by_current @ at.coupling)[:, 0] + at.hall for at in model.eddy.whole_forms(distance, 0, 1))
+        by_eddy, rising = (
+            (by_current @ form.coupling)[:, 0] + form.hall for form in model.eddy.whole_forms(distance, 0, 1)
+        )
         result[:, 0] += (rising * states[:, 2:end]).sum(axis=1)
-        result[:, 2:end] = own
+        result[:, 2:end] = by_eddy
     result *= sensor.sensitivity_V_per_T
-    if bias is not None:
-        result[:, bias] = 1.0
     return result
 
 
-def _current_slope(sensor: CurrentSensor, at: int, bias: int | None, states: FloatArray) -> FloatArray:
+def _current_slope(sensor: CurrentSensor, index: int, states: FloatArray) -> FloatArray:
     result = np.zeros_like(states)
-    result[:, at] = sensor.gain
-    if bias is not None:
-        result[:, bias] = 1.0
+    result[:, index] = sensor.gain
     return result
 
 
-def _position_slope(sensor: PositionSensor, bias: int | None, states: FloatArray) -> FloatArray:
+def _position_slope(sensor: PositionSensor, states: FloatArray) -> FloatArray:
     result = np.zeros_like(states)
     result[:, 0] = piece_slope(sensor, states[:, 0])
-    if bias is not None:
-        result[:, bias] = 1.0
     return result

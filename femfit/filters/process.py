@@ -19,13 +19,14 @@ Columns = list[list[float]]
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """One sensor of a process, whose noise is independent of the others'; functions as in :class:`FilterProcess`."""
+    """One sensor of a process, whose noise is independent of the others'."""
 
     name: str
     unit: str
-    measure: Measure
+    measure: Measure  # h: states (N, n) -> measurements (N,)
     variance: float
-    jacobian: Measure | None = None
+    jacobian: Measure | None = None  # dh/dx, shape (N, n); central differences where absent
+    # The reading of a handful of states in Python's floats, one list a state; by arrays where absent
     columns: Callable[[Columns], list[float]] | None = None
     period: int = 1  # Samples from one reading to the next; those between are missing
 
@@ -47,35 +48,18 @@ class FilterProcess:
     names: tuple[str, ...]  # State names with units, for example ``distance_m``
     step_s: float
     transition: Transition  # f: states (N, n) and inputs (N,), or (N, inputs), -> next states (N, n)
-    measure: Measure  # h: states (N, n) -> measurements (N,)
+    outputs: tuple[Output, ...]  # All sensors, in the order of a measurement's entries
     process_covariance: FloatArray  # Q, added once a step; shape (n, n)
-    measurement_variance: float
     transition_jacobian: Transition | None = None  # df/dx, shape (N, n, n); central differences where absent
-    measurement_jacobian: Measure | None = None  # dh/dx, shape (N, n); central differences where absent
-    # The same functions for a handful of states in Python's floats, one list a state; by arrays where absent
-    transition_columns: Callable[[Columns, float], Columns] | None = None  # of a process with one input
-    measure_columns: Callable[[Columns], list[float]] | None = None
+    # The same for a handful of states in Python's floats, one list a state, of a process with one input; else by arrays
+    transition_columns: Callable[[Columns, float], Columns] | None = None
     # Range of states that the model can still say something about; shape (n,)
     lower: FloatArray | None = None
     upper: FloatArray | None = None
     start_covariance: FloatArray | None = None  # Covariance of a first estimate's error by default; shape (n, n)
-    # What ``measure`` above is the reading of, and the sensors read beside it in the same sample
-    sensor: str = "hall"
-    unit: str = "V"
-    further: tuple[Output, ...] = ()
-    period: int = 1  # Samples from one reading of ``measure`` to the next
     delayed: DelayedSamples | None = None  # States after the others that are values of earlier samples
     inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
     eddies: int = 0  # States that are eddy currents
-
-    @cached_property
-    def outputs(self) -> tuple[Output, ...]:
-        """All sensors, in the order of a measurement's entries."""
-        slope = self.measurement_jacobian
-        own = Output(
-            self.sensor, self.unit, self.measure, self.measurement_variance, slope, self.measure_columns, self.period
-        )
-        return own, *self.further
 
     def predicting(self, transition: Transition, jacobian: Transition | None = None) -> "FilterProcess":
         """The same process with another transition of all states but those that are remembered, by arrays."""
@@ -153,9 +137,8 @@ class FilterProcess:
             self._deviations,
         )
 
-    def output_jacobian(self, states: FloatArray, output: Output | None = None) -> FloatArray:
-        """dh/dx of shape (N, n) of one sensor, the first where None; analytic where the process has it."""
-        output = self.outputs[0] if output is None else output
+    def output_jacobian(self, states: FloatArray, output: Output) -> FloatArray:
+        """dh/dx of shape (N, n) of one sensor, analytic where it has it."""
         if output.jacobian is not None:
             return output.jacobian(states)
         measure = output.measure

@@ -26,9 +26,9 @@ from femfit.model.actuator_model import ActuatorModel
 def unstable_pole(model: ActuatorModel, distance: float) -> float:
     """Unstable pole lambda = sqrt((dF_0/dd - dF/dd) / m) where the body is held."""
     currents = holding_currents(model, distance)
-    at = np.asarray(distance)
-    gradient = float(model.magnetics.slopes_of_circuits(at, currents).force_gradient)
-    gradient -= float(model.require_motion().static_gradient(at))
+    place = np.asarray(distance)
+    gradient = float(model.magnetics.slopes_of_circuits(place, currents).force_gradient)
+    gradient -= float(model.require_motion().static_gradient(place))
     if gradient >= 0.0:
         held = " and ".join(f"{current:g} A" for current in currents)
         raise DomainError(

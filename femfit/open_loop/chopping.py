@@ -26,7 +26,7 @@ def command_before(profiles: Sequence[Profile], time: float, after: float = 0.0)
     after : float
         When the last motion ended: what was commanded before moved the body then.
     """
-    return max((_before(one, time, after) for one in profiles), default=0.0)
+    return max((_before(profile, time, after) for profile in profiles), default=0.0)
 
 
 def _before(profile: Profile, time: float, after: float) -> float:

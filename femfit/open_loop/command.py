@@ -27,14 +27,17 @@ def commanded(
 ) -> tuple[Profile, ...]:
     """A profile for each circuit, in their order; one that nothing is said of has no voltage, or no current."""
     circuits = model.require_circuits()
-    if not circuits:
-        return _none(drive, voltage, current)
-    given = [one for one in (drive, voltage, current) if one is not None]
-    mixed = all(isinstance(one, Mapping) for one in (voltage, current)) and drive is None
-    if len(given) != 1 and not mixed:
+    commands = [command for command in (drive, voltage, current) if command is not None]
+    if not circuits and commands:
+        raise UsageError(
+            "A device without a winding takes no command; instead received one. Leave out drive, voltage_V and "
+            "current_A (--drive, --voltage, --current)."
+        )
+    mixed = all(isinstance(command, Mapping) for command in (voltage, current)) and drive is None
+    if circuits and len(commands) != 1 and not mixed:
         raise UsageError(
             "A simulation needs one of drive, voltage_V and current_A (--drive, --voltage, --current); "
-            f"instead received {len(given)} of them."
+            f"instead received {len(commands)} of them."
         )
     if isinstance(drive, str | Path):
         named: Mapping[str, Profile] = read_profiles(drive, model.circuit_names, interpolation)
@@ -45,40 +48,30 @@ def commanded(
     return tuple(_checked(model, circuit, named.get(circuit.name)) for circuit in circuits)
 
 
-def _none(*given: object) -> tuple[Profile, ...]:
-    if any(one is not None for one in given):
-        raise UsageError(
-            "A device without a winding takes no command; instead received one. Leave out drive, voltage_V and "
-            "current_A (--drive, --voltage, --current)."
-        )
-    return ()
-
-
-def _constant(model: ActuatorModel, kind: Literal["voltage", "current"], given: Constant) -> dict[str, Profile]:
-    if given is None:
+def _constant(model: ActuatorModel, kind: Literal["voltage", "current"], constant: Constant) -> dict[str, Profile]:
+    if constant is None:
         return {}
     option = "voltage_V (--voltage)" if kind == "voltage" else "current_A (--current)"
-    return {
-        name: Profile(kind, np.zeros(1), np.array([value])) for name, value in _by_name(model, given, option).items()
-    }
+    values = _by_name(model, constant, option)
+    return {name: Profile(kind, np.zeros(1), np.array([value])) for name, value in values.items()}
 
 
-def _by_name(model: ActuatorModel, given: Value | Mapping[str, Value], option: str) -> dict[str, Value]:
+def _by_name(model: ActuatorModel, values: Value | Mapping[str, Value], option: str) -> dict[str, Value]:
     names = model.circuit_names
-    if not isinstance(given, Mapping):
+    if not isinstance(values, Mapping):
         if len(names) == 1:
-            return {names[0]: given}
+            return {names[0]: values}
         raise UsageError(
             f"{option} must say for which of the circuits {', '.join(names)} it is; instead received one value. Give "
             f"it by their names, as --voltage {','.join(f'{name}=1' for name in names)}."
         )
-    unknown = [name for name in given if name not in names]
+    unknown = [name for name in values if name not in names]
     if unknown:
         raise UsageError(
             f"{option} must name circuits of model {model.name!r} ({', '.join(names)}); instead received "
             f"{', '.join(unknown)}. Use these names."
         )
-    return dict(given)
+    return dict(values)
 
 
 def _checked(model: ActuatorModel, circuit: Circuit, profile: Profile | None) -> Profile:

@@ -61,7 +61,7 @@ def balance(
 
     The magnetic energy has that of the inductances in series, 1/2 L_s i^2.
     """
-    source, copper, eddy, diode, friction, impact = (float(one) for one in gone)
+    source, copper, eddy, diode, friction, impact = (float(energy) for energy in gone)
     ends, windings = np.array([first, last]), model.windings
     d, v, each = ends[:, 0], ends[:, 1], ends[:, 2 : windings.end]
     i = each if model.eddy is not None else model.currents_of(ends)
@@ -74,6 +74,6 @@ def balance(
         mechanics.energy_of_springs(d),
         -(mechanics.mass_kg * mechanics.gravity_m_s2 + mechanics.load_N) * d,
     ]
-    magnetic, kinetic, strain, potential = (float(one[1] - one[0]) for one in stored)
+    magnetic, kinetic, strain, potential = (float(ends_J[1] - ends_J[0]) for ends_J in stored)
     gone_to = (copper, eddy, diode, friction, impact, magnetic, kinetic, strain, potential)
     return EnergyBalance(source, *gone_to, source - sum(gone_to))

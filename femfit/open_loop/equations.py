@@ -69,11 +69,11 @@ class Equations:
     ) -> tuple[float, FloatArray, FloatArray]:
         """Under effects: net force, i', and the rates of their states; that of the circuit is ``rate`` if a number."""
         assert self.effects is not None  # noqa: S101  asked for by its callers
-        found = self.effects.derivative(
+        rates = self.effects.derivative(
             state[None, :], voltage[:1], 0.0, self.smooth, self.sample_time_s, current_rate=rate
         )[0]
         end = 2 + self.windings
-        return float(self.smooth.mass_kg * found[1]), found[2:end], found[end:]
+        return float(self.smooth.mass_kg * rates[1]), rates[2:end], rates[end:]
 
 
 def equations_of(model: ActuatorModel) -> Equations:

@@ -114,7 +114,7 @@ class Feed:
     @property
     def bandwidth(self) -> float:
         """The largest of the current amplifiers' in rad/s; 0 where there is none."""
-        return max((one.bandwidth or 0.0 for one in self.windings), default=0.0)
+        return max((winding.bandwidth or 0.0 for winding in self.windings), default=0.0)
 
     def flow(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Flow:
         """Currents and net force in a mode; ``state`` is (distance, velocity, currents, states of effects)."""
@@ -127,7 +127,9 @@ class Feed:
                 drops = drops.copy()
                 drops[k] = drop
         flow = self._solved(point, state, values, rated, drops)
-        limited = [k for k, one in enumerate(self.windings) if rated[k] and one.commands_current and one.bandwidth]
+        limited = [
+            k for k, winding in enumerate(self.windings) if rated[k] and winding.commands_current and winding.bandwidth
+        ]
         for _ in limited:  # an amplifier gives no more than its voltage, which the others then feel
             low, high = self._ends
             over = [k for k in limited if rated[k] and not low[k] <= flow.voltage_V[k] <= high[k]]
@@ -144,7 +146,7 @@ class Feed:
     @cached_property
     def _ends(self) -> FloatArray:
         """Least and largest voltages, shape (2, n)."""
-        return np.array([(one.circuit.voltage_min_V, one.circuit.voltage_max_V) for one in self.windings]).T
+        return np.array([(winding.circuit.voltage_min_V, winding.circuit.voltage_max_V) for winding in self.windings]).T
 
     def _solved(self, point: Point, state: FloatArray, values: FloatArray, rated: BoolArray, drops: FloatArray) -> Flow:
         """The flow where each circuit's voltage is given, or its current's rate where ``rated``."""
@@ -158,9 +160,9 @@ class Feed:
             rate = values
         else:
             rate = np.where(rated, values, 0.0)
-            free, known = np.flatnonzero(~rated), np.flatnonzero(rated)
+            free, driven = np.flatnonzero(~rated), np.flatnonzero(rated)
             driving = values - equations.resistance_ohm * currents + point.motional_V
-            driving = driving[free] - point.inductance_H[np.ix_(free, known)] @ rate[known]
+            driving = driving[free] - point.inductance_H[np.ix_(free, driven)] @ rate[driven]
             rate[free] = np.linalg.solve(point.inductance_H[np.ix_(free, free)], driving)
         voltage = np.where(rated, equations.voltage(point, currents, rate), values)
         if equations.effects is None:
@@ -172,22 +174,22 @@ class Feed:
 
     def settled(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Modes:
         """The modes that hold from now on, where a command may have jumped."""
-        found = [
-            self._alone(one, line, time, float(state[2 + k]))
-            for k, (one, line) in enumerate(zip(self.windings, lines, strict=True))
+        settled = [
+            self._alone(winding, line, time, float(state[2 + k]))
+            for k, (winding, line) in enumerate(zip(self.windings, lines, strict=True))
         ]
         for _ in modes:  # what one circuit does may turn another's diode or amplifier
-            before = tuple(found)
+            before = tuple(settled)
             for k, winding in enumerate(self.windings):
-                if found[k] == BLOCKED and self.conducts(tuple(found), k, lines, time, state) > 0.0:
-                    found[k] = CONDUCTING
-                elif found[k] == FOLLOWING:
-                    needed = float(self.flow(tuple(found), lines, time, state).voltage_V[k])
+                if settled[k] == BLOCKED and self.conducts(tuple(settled), k, lines, time, state) > 0.0:
+                    settled[k] = CONDUCTING
+                elif settled[k] == FOLLOWING:
+                    needed = float(self.flow(tuple(settled), lines, time, state).voltage_V[k])
                     above, below = needed > winding.circuit.voltage_max_V, needed < winding.circuit.voltage_min_V
-                    found[k] = AT_MAX if above else AT_MIN if below else FOLLOWING
-            if tuple(found) == before:
+                    settled[k] = AT_MAX if above else AT_MIN if below else FOLLOWING
+            if tuple(settled) == before:
                 break
-        return tuple(found)
+        return tuple(settled)
 
     @staticmethod
     def _alone(winding: Winding, line: Line, time: float, current: float) -> str:
@@ -204,8 +206,8 @@ class Feed:
     def conducts(self, modes: Modes, k: int, lines: Sequence[Line], time: float, state: FloatArray) -> float:
         """Above zero where source or diode of a blocked circuit would drive a positive current, in V."""
         flow = self.flow((*modes[:k], CONDUCTING, *modes[k + 1 :]), lines, time, state)
-        own = self.equations.point(state).inductance_H[k, k]
-        return float(flow.current_rate_A_s[k] * own) - _TINY * self.windings[k].voltage_scale_V
+        inductance = self.equations.point(state).inductance_H[k, k]
+        return float(flow.current_rate_A_s[k] * inductance) - _TINY * self.windings[k].voltage_scale_V
 
 
 def _net_voltage_rates(

@@ -47,7 +47,7 @@ class Profile(Printed):
 
     def __post_init__(self) -> None:
         """Refuse what is no function of time."""
-        time, value = (np.asarray(given, dtype=np.float64) for given in (self.time_s, self.value))
+        time, value = (np.asarray(column, dtype=np.float64) for column in (self.time_s, self.value))
         if self.kind not in {"voltage", "current"} or self.interpolation not in {"held", "linear"}:
             raise TableError(
                 "A profile must be of kind voltage or current, and held or linear; instead received "
@@ -125,10 +125,10 @@ def read_profiles(
     path = Path(path)
     raw = read_raw_table(path)
     pairs = list(zip(circuits, voltage_columns(circuits), circuit_currents(circuits), strict=True))
-    known = ("time_s", *(column for _, *both in pairs for column in both))
+    columns = ("time_s", *(column for _, *both in pairs for column in both))
     used: dict[str, UsedColumn] = {}
     for header in raw.headers:
-        column = match_column(header, known)
+        column = match_column(header, columns)
         if column is not None and column.name not in used:
             used[column.name] = column
     commands = {name: [column for column in both if column in used] for name, *both in pairs}
@@ -139,12 +139,12 @@ def read_profiles(
             "leave one of two for the same circuit out."
         )
     values, _ = column_values(raw, list(used.values()))
-    found: dict[str, Profile] = {}
+    profiles: dict[str, Profile] = {}
     try:
         for name, commanded in commands.items():
             for command in commanded:
                 kind: Literal["voltage", "current"] = "voltage" if command.startswith("voltage") else "current"
-                found[name] = Profile(kind, values["time_s"].to_numpy(), values[command].to_numpy(), interpolation)
+                profiles[name] = Profile(kind, values["time_s"].to_numpy(), values[command].to_numpy(), interpolation)
     except TableError as error:
         raise TableError(f"{path}: {error}") from error
-    return found
+    return profiles

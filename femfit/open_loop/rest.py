@@ -26,9 +26,9 @@ def rest_distance(model: ActuatorModel) -> float:
     high = box.distance_max_m if far is None else far.distance_m
 
     def acting(distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        at = np.asarray(distance, dtype=np.float64)
-        idle = np.zeros((*at.shape, len(model.circuits)))
-        return motion.static_force(at), -model.magnetics.state_of_circuits(at, idle).force
+        places_m = np.asarray(distance, dtype=np.float64)
+        idle = np.zeros((*places_m.shape, len(model.circuits)))
+        return motion.static_force(places_m), -model.magnetics.state_of_circuits(places_m, idle).force
 
     places = np.linspace(low, high, PLACES)
     static, magnetic = acting(places)

@@ -95,7 +95,7 @@ class OpenLoop(Printed):
     def step(self) -> StepResponse | None:
         """Rise, overshoot and settling where one constant command moved the body and no stop was in its way."""
         if (
-            any(len(one.value) > 1 for one in self.profiles)
+            any(len(profile.value) > 1 for profile in self.profiles)
             or self.left_domain
             or any("near" in e.name or "far" in e.name for e in self.events)
         ):
@@ -154,22 +154,22 @@ class OpenLoop(Printed):
             way = "comes back to its stop" if touched else "reaches no stop"
             return [f"The body {way} in {amount(self.end_s, 's', 3)}; {end}{end and ', '}{where}."]
         lines = []
-        for one in self.switchings[:_MOST_PRINTED]:
-            bounces = counted(one.bounces, "bounce") if one.bounces else "no bounce"
+        for switching in self.switchings[:_MOST_PRINTED]:
+            bounces = counted(switching.bounces, "bounce") if switching.bounces else "no bounce"
             rest = ""
-            if one.rested_s is not None and one.bounces:
-                rest = f", at rest after {amount(one.rested_s - one.command_s, 's', 3)}"
-            waited = one.started_s - one.command_s
+            if switching.rested_s is not None and switching.bounces:
+                rest = f", at rest after {amount(switching.rested_s - switching.command_s, 's', 3)}"
+            waited = switching.started_s - switching.command_s
             starts = f"after {amount(waited, 's', 3)}" if waited > _AT_ONCE * self.end_s else "at once"
-            if one.kind not in _SWITCHES and len(self.switchings) > 1:
+            if switching.kind not in _SWITCHES and len(self.switchings) > 1:
                 lines.append(
-                    f"{_WORDS[one.kind]} at {amount(one.reached_s, 's', 3)} with "
-                    f"{amount(one.seating_velocity_m_s, 'm', 3)}/s, {bounces}."
+                    f"{_WORDS[switching.kind]} at {amount(switching.reached_s, 's', 3)} with "
+                    f"{amount(switching.seating_velocity_m_s, 'm', 3)}/s, {bounces}."
                 )
                 continue
             lines.append(
-                f"{_WORDS[one.kind]} {amount(one.switching_time_s, 's', 3)} after the command: the body starts "
-                f"{starts} and seats with {amount(one.seating_velocity_m_s, 'm', 3)}/s, {bounces}{rest}."
+                f"{_WORDS[switching.kind]} {amount(switching.switching_time_s, 's', 3)} after the command: the body "
+                f"starts {starts} and seats with {amount(switching.seating_velocity_m_s, 'm', 3)}/s, {bounces}{rest}."
             )
         more = len(self.switchings) - _MOST_PRINTED
         return lines + ([f"... and {counted(more, 'more arrival')} at a stop (--json)."] if more > 0 else [])
@@ -191,8 +191,10 @@ class OpenLoop(Printed):
             "weight and load": energy.potential_J,
             "back to the source": -energy.source_J,
         }
-        said = [f"{name} {amount(value / total, '')}" for name, value in shares.items() if value > _LEAST_SHARE * total]
-        line = f"Of {amount(total, 'J', 3)} went to: {', '.join(said)}."
+        printed = [
+            f"{name} {amount(value / total, '')}" for name, value in shares.items() if value > _LEAST_SHARE * total
+        ]
+        line = f"Of {amount(total, 'J', 3)} went to: {', '.join(printed)}."
         if self.model.dynamics is not None and self.model.dynamics.drives:
             return [line, f"The model's effects took {amount(energy.remainder_J, 'J')}."]
         return [line, f"The balance closes to {abs(energy.remainder_J) / total:.1g} of it."]
@@ -203,7 +205,9 @@ class OpenLoop(Printed):
             "model": self.model.name,
             "duration_s": self.duration_s,
             "end_s": self.end_s,
-            "switchings": [asdict(one) | {"switching_time_s": one.switching_time_s} for one in self.switchings],
+            "switchings": [
+                asdict(switching) | {"switching_time_s": switching.switching_time_s} for switching in self.switchings
+            ],
             "events": [asdict(event) for event in self.events],
             "step": None if self.step is None else asdict(self.step),
             "energy": self.energy.to_dict(),

@@ -114,8 +114,8 @@ class _Walk:
         """The first mode: on a stop or not, held or moving."""
         self._command()
         d = float(self.state[0])
-        at = {side: self.system.stop(side) for side in SIDES}
-        reached = [(side, stop) for side, stop in at.items() if stop is not None and stop.distance_m == d]
+        stops = {side: self.system.stop(side) for side in SIDES}
+        reached = [(side, stop) for side, stop in stops.items() if stop is not None and stop.distance_m == d]
         support = next((side for side, stop in reached if stop.stiffness_N_per_m is None), None)
         self.mode = replace(self.mode, touching=next((side for side, _ in reached if side != support), None))
         self.mode = self.system.from_rest(self.mode, support, self._net())
@@ -129,10 +129,10 @@ class _Walk:
         self.state, self.time = solution.y[:, -1].copy(), float(solution.t[-1])
         self.stretches.append(Stretch(start, self.time, self.mode, self.lines, solution.sol))
         self.longest_step = np.inf
-        found = [watch for watch, times in zip(watches, solution.t_events, strict=True) if len(times)]
-        if not found:
+        occurred = [watch for watch, times in zip(watches, solution.t_events, strict=True) if len(times)]
+        if not occurred:
             self._command()
-        for watch in found:
+        for watch in occurred:
             self._answer(watch)
         self.at_once = self.at_once + 1 if self.time == start else 0
         if len(self.events) > _MOST_EVENTS or self.at_once > _MOST_AT_ONCE:
@@ -213,7 +213,7 @@ class _Walk:
         return self.system.net_force(self.mode, self.lines, self.time, self.state)
 
     def _tell(self, name: str, circuit: int | None = None) -> None:
-        d, v, *i = (float(one) for one in self.state[: 2 + len(self.lines)])
+        d, v, *i = (float(value) for value in self.state[: 2 + len(self.lines)])
         windings = self.system.feed.windings
         named = windings[circuit].circuit.name if circuit is not None and len(windings) > 1 else ""
         self.events.append(Event(self.time, name, d, v, i[0] if len(i) == 1 else tuple(i), named))

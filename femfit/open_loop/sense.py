@@ -15,10 +15,11 @@ import pandas as pd
 
 from femfit.core.amount import amount, counted
 from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.errors import UsageError
+from femfit.core.errors import FilterError, UsageError
 from femfit.core.printed import Printed
 from femfit.core.random_numbers import random_generator
-from femfit.filters.bound_map import BoundMap, bound_map
+from femfit.device.circuit import Circuit
+from femfit.filters.constants import TEST_SAMPLES
 from femfit.filters.error_bound import bound_along, without_stops
 from femfit.filters.filter import Filter
 from femfit.filters.fine_steps import in_fine_steps
@@ -62,7 +63,6 @@ class Sensing(Printed):
     rms_m: FloatArray  # Root mean square error of the filter over the runs
     claimed_m: FloatArray  # Standard deviation that the filter says, root mean square over the runs
     bound_m: FloatArray  # That no unbiased filter without knowledge of the stops goes below
-    map: BoundMap
 
     @property
     def parts(self) -> dict[str, BoolArray]:
@@ -72,27 +72,27 @@ class Sensing(Printed):
             return {"at rest": np.ones(len(moving), dtype=bool)}
         first, last = np.flatnonzero(moving)[[0, -1]]
         row = np.arange(len(moving))
-        found = {"before it starts": row < first, MOVES: (row >= first) & (row <= last)}
-        return found | {"after it has come to rest": row > last}
+        parts = {"before it starts": row < first, MOVES: (row >= first) & (row <= last)}
+        return parts | {"after it has come to rest": row > last}
 
     def __str__(self) -> str:
         lines = [f"Distance from {', '.join(self.sensors)} alone, {counted(self.runs, 'simulated run')}:"]
         for name, (error, claimed, bound) in self.errors.items():
-            told = f"error {amount(error, 'm')} rms" if error > _EXACT_M else "known to the stop"
-            lines.append(f"  {name}: {told} (the filter claims {amount(claimed, 'm')}; bound {amount(bound, 'm')})")
-        return "\n".join([*lines, *self.motion.notes, str(self.map)])
+            accuracy = f"error {amount(error, 'm')} rms" if error > _EXACT_M else "known to the stop"
+            lines.append(f"  {name}: {accuracy} (the filter claims {amount(claimed, 'm')}; bound {amount(bound, 'm')})")
+        return "\n".join([*lines, *self.motion.notes])
 
     @property
     def errors(self) -> dict[str, tuple[float, float, float]]:
         """Root mean squares of error, claim and bound in m by part: over the motion, and in the last half of a rest."""
-        found = {}
+        errors = {}
         for name, here in self.parts.items():
             rows = np.flatnonzero(here)
             rows = rows if name == MOVES else rows[len(rows) // 2 :]
             if len(rows):
-                mean = [np.sqrt(np.mean(one[rows] ** 2)) for one in (self.rms_m, self.claimed_m, self.bound_m)]
-                found[name] = (float(mean[0]), float(mean[1]), float(mean[2]))
-        return found
+                mean = [np.sqrt(np.mean(series[rows] ** 2)) for series in (self.rms_m, self.claimed_m, self.bound_m)]
+                errors[name] = (float(mean[0]), float(mean[1]), float(mean[2]))
+        return errors
 
     @property
     def table(self) -> pd.DataFrame:
@@ -109,7 +109,6 @@ class Sensing(Printed):
                 name: {"rms_m": error, "claimed_m": claimed, "bound_m": bound}
                 for name, (error, claimed, bound) in self.errors.items()
             },
-            "map": self.map.to_dict(),
         }
 
 
@@ -124,7 +123,7 @@ def sense(
     runs: int = 20,
     rng: np.random.Generator | int = 1,
 ) -> Sensing:
-    """How well sensors tell the distance while an actuator switches: error in simulation, bound, and blind places.
+    """How well sensors tell the distance while an actuator switches: error in simulation, and bound.
 
     Parameters
     ----------
@@ -158,15 +157,13 @@ def sense(
     model = model_of(model)
     if runs < 1 or (drive is not None and voltage_V is not None):
         raise UsageError("sense needs at least one run, and one of drive and voltage_V at most.")
-    sensors = names_or_kinds(model, sensors)
-    found = bound_map(model, sensors=sensors, test_voltage_V=test_voltage_V, test_frequency_Hz=test_frequency_Hz)
-    base = _base(model, drive, voltage_V)
-    given = _with_test(base, model, test_voltage_V, found.test_frequency_Hz)
-    step, end = model.sample_time_s, float(base.time_s[-1])
-    motion = simulate(model, drive=given, duration_s=end, sample_time_s=step)
-    table = motion.table
+    circuit, sensors = model.require_circuit(), names_or_kinds(model, sensors)
     built = kalman_filter(model, sensors=sensors)
     built = replace(built, process=in_fine_steps(model, built.process))
+    step, base = model.sample_time_s, _base(model, drive, circuit.voltage_max_V if voltage_V is None else voltage_V)
+    end, command = float(base.time_s[-1]), _with_test(base, circuit, step, test_voltage_V, test_frequency_Hz)
+    motion = simulate(model, drive=command, duration_s=end, sample_time_s=step)
+    table = motion.table
     states = np.zeros((len(table["time_s"]), built.process.order))
     states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]
     for k, name in enumerate(model.eddy_names, start=3):
@@ -183,23 +180,26 @@ def sense(
         rms_m=rms,
         claimed_m=claimed,
         bound_m=np.sqrt(bound_along(free, states, volts)[:, 0, 0]),
-        map=found,
     )
 
 
-def _base(model: ActuatorModel, drive: Profile | str | Path | None, voltage: float | None) -> Profile:
+def _base(model: ActuatorModel, drive: Profile | str | Path | None, volts: float) -> Profile:
     if drive is not None:
-        (given,) = commanded(model, drive, None, None, "held")
-        return given
-    volts = model.require_circuit().voltage_max_V if voltage is None else voltage
+        (profile,) = commanded(model, drive, None, None, "held")
+        return profile
     return Profile("voltage", np.array([0.0, REST_S, REST_S + ON_S]), np.array([0.0, volts, volts]))
 
 
-def _with_test(base: Profile, model: ActuatorModel, amplitude: float, frequency: float) -> Profile:
+def _with_test(base: Profile, circuit: Circuit, step: float, amplitude: float, frequency: float | None) -> Profile:
     """The command, held over each sample, with a square wave on top, as far as the driver goes."""
+    frequency = 1.0 / (TEST_SAMPLES * step) if frequency is None else frequency
+    if not 0.0 < frequency <= 0.5 / step:
+        raise FilterError(
+            f"The test voltage's frequency must be > 0 and at most half of the sampling rate, {0.5 / step:g} Hz; "
+            f"instead received {frequency:g} Hz."
+        )
     if not amplitude:
         return base
-    step, circuit = model.sample_time_s, model.require_circuit()
     row = np.arange(int(np.ceil(base.time_s[-1] / step)))
     period = max(2, round(1.0 / (frequency * step)))
     sign = np.where(2 * (row % period) < period, 1.0, -1.0)
@@ -220,9 +220,9 @@ def _errors(
     """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
     process, names = built.process, [output.name for output in built.process.outputs]
     # What is remembered follows from the first states: the body was at rest before
-    known = process.order if process.delayed is None else process.delayed.base
-    first = np.linalg.cholesky(process.require_start_covariance()[:known, :known])
-    start = states[0, :known] + generator.standard_normal((runs, known)) @ first.T
+    states_of_model = process.order if process.delayed is None else process.delayed.base
+    first = np.linalg.cholesky(process.require_start_covariance()[:states_of_model, :states_of_model])
+    start = states[0, :states_of_model] + generator.standard_normal((runs, states_of_model)) @ first.T
     start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
     moved = states[:, : model.order]
     exact = np.stack([sampled_readings(model, sensor_named(model, name), moved) for name in names], axis=1)
@@ -234,7 +234,7 @@ def _errors(
         state = state if k == 0 else built.predict(state, np.full(runs, volts[k]))
         readings = exact[k] + deviation * generator.standard_normal((runs, len(names)))
         readings[:, k % periods > 0] = np.nan
-        state = built.update(state, readings[:, 0] if len(names) == 1 else readings)
+        state = built.update(state, readings)
         rms[k] = np.sqrt(np.mean((state.mean[:, 0] - truth[0]) ** 2))
         claimed[k] = np.sqrt(np.mean(state.covariance[:, 0, 0]))
     return rms, claimed

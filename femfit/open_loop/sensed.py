@@ -21,7 +21,7 @@ def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -
     states : array, shape (steps, n)
         As in :mod:`femfit.model.dynamics`.
     """
-    found = {}
+    columns = {}
     for name, sensor in sensors_of(model).items():
         reading = reading_of(model, name)
         if reading.column is None:
@@ -33,5 +33,5 @@ def sensor_columns(model: ActuatorModel, time: FloatArray, states: FloatArray) -
         else:
             values = predict_sensor(model, sensor, states, time)
         late = np.interp(time - reading.delay_s, time, values)
-        found[reading.column] = np.clip(late, reading.low, reading.high)
-    return found
+        columns[reading.column] = np.clip(late, reading.low, reading.high)
+    return columns

@@ -13,7 +13,7 @@ from femfit.core.sweep_columns import circuit_currents, flux_columns, voltage_co
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import state_scale
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.open_loop.command import Command, Constant, beyond_limits, commanded
 from femfit.open_loop.energy import balance
 from femfit.open_loop.equations import equations_of
@@ -92,7 +92,7 @@ def simulate(
     >>> fall.end_s, len(fall.table["distance_m"])
     (0.01, 2001)
     """
-    model = model if isinstance(model, ActuatorModel) else read_model(Path(model))
+    model = model_of(model)
     if mechanics is not None:
         model = replace(model, motion=mechanics)
     model.require_motion()
@@ -109,28 +109,28 @@ def simulate(
     _require_between_stops(system.mechanics, start)
     first = np.zeros(system.size)
     first[0] = start
-    given = tuple(one.within(*winding.limits) for one, winding in zip(profiles, windings, strict=True))
-    found = run(system, given, first, duration, outside == "extrapolate")
+    within_limits = tuple(profile.within(*winding.limits) for profile, winding in zip(profiles, windings, strict=True))
+    walked = run(system, within_limits, first, duration, outside == "extrapolate")
     step = duration / SAMPLES if sample_time_s is None else sample_time_s
     size = system.size
     return OpenLoop(
         model=model,
         profiles=profiles,
         duration_s=duration,
-        table=_table(model, system, found, step),
-        events=found.events,
-        switchings=switchings(found.events, _side(system.mechanics, start), given),
-        energy=balance(model, system.mechanics, found.first, found.last, found.last[size:]),
-        end_s=found.end_s,
-        left_domain=found.left_domain,
-        extrapolated=outside == "extrapolate" and bool(found.left_domain),
+        table=_table(model, system, walked, step),
+        events=walked.events,
+        switchings=switchings(walked.events, _side(system.mechanics, start), within_limits),
+        energy=balance(model, system.mechanics, walked.first, walked.last, walked.last[size:]),
+        end_s=walked.end_s,
+        left_domain=walked.left_domain,
+        extrapolated=outside == "extrapolate" and bool(walked.left_domain),
         notes=notes,
     )
 
 
-def _duration(given: float | None, profiles: Sequence[Profile]) -> float:
-    last = max((float(one.time_s[-1]) for one in profiles), default=0.0)
-    duration = given if given is not None else last if last > 0.0 else DURATION_S
+def _duration(asked_s: float | None, profiles: Sequence[Profile]) -> float:
+    last = max((float(profile.time_s[-1]) for profile in profiles), default=0.0)
+    duration = asked_s if asked_s is not None else last if last > 0.0 else DURATION_S
     if not 0.0 < duration < np.inf:
         raise UsageError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
     return duration
@@ -143,7 +143,7 @@ def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
     pairs = zip(model.circuits, profiles, strict=True)
     force = float(np.abs(model.magnetics.force(d, i)).max() + np.abs(mechanics.static_force(d)).max())
     return System(
-        feed=Feed(equations, tuple(Winding(circuit, one.kind == "current") for circuit, one in pairs)),
+        feed=Feed(equations, tuple(Winding(circuit, profile.kind == "current") for circuit, profile in pairs)),
         mechanics=mechanics,
         domain=box,
         size=model.order,
@@ -155,7 +155,7 @@ def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
 def _on_stop(system: System, start: float) -> float:
     """A start that rounding alone keeps from a stop is on it."""
     stops = [stop.distance_m for stop in (system.mechanics.near_stop, system.mechanics.far_stop) if stop is not None]
-    return next((at for at in stops if abs(at - start) < system.least_rebound_m), start)
+    return next((stop_m for stop_m in stops if abs(stop_m - start) < system.least_rebound_m), start)
 
 
 def _require_between_stops(mechanics: Mechanics, start: float) -> None:
@@ -173,21 +173,21 @@ def _side(mechanics: Mechanics, distance: float) -> Side | None:
     return "far" if mechanics.far_stop is not None and distance == mechanics.far_stop.distance_m else None
 
 
-def _table(model: ActuatorModel, system: System, found: Run, step: float) -> dict[str, FloatArray]:
+def _table(model: ActuatorModel, system: System, walked: Run, step: float) -> dict[str, FloatArray]:
     """The motion at equal steps, up to where it ended; its own columns are true, whatever a sensor reads of them."""
-    if not step > 0.0 or found.end_s / step > 1e7:
+    if not step > 0.0 or walked.end_s / step > 1e7:
         raise UsageError(
             f"The table's step must be > 0 s and give at most ten million rows; instead received {step:g} s."
         )
-    time: FloatArray = step * np.arange(1.0 + np.floor(found.end_s / step * (1.0 + 1e-12)))
-    time[-1] = min(time[-1], found.end_s)
+    time: FloatArray = step * np.arange(1.0 + np.floor(walked.end_s / step * (1.0 + 1e-12)))
+    time[-1] = min(time[-1], walked.end_s)
     circuits = len(model.circuits)
     states, volts = np.empty((system.size + len(ENERGIES), len(time))), np.empty((circuits, len(time)))
-    ends = [stretch.end_s for stretch in found.stretches]
+    ends = [stretch.end_s for stretch in walked.stretches]
     which = np.minimum(np.searchsorted(ends, time, side="right"), len(ends) - 1)
     for k in np.unique(which):
         rows = np.flatnonzero(which == k)
-        stretch = found.stretches[k]
+        stretch = walked.stretches[k]
         states[:, rows] = stretch.solution(time[rows])
         volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
     d, names, windings = states[0], model.circuit_names, model.windings

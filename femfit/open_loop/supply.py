@@ -53,23 +53,23 @@ def _until_rest(model: ActuatorModel, values: list[float], times: list[float]) -
     after = FIRST_S
     while True:
         command = Profile("voltage", np.array(times), np.array(values))
-        found = simulate(model, drive=command, duration_s=times[-1] + after)
-        if found.left_domain:
-            return None if any(name == "distance" for name, _ in found.left_domain) else found
-        moving = [event.time_s for event in found.events if event.name != "sticks"]
-        still = abs(found.table["velocity_m_s"][-1]) == 0.0 and (not moving or max(moving) < times[-1] + 0.8 * after)
-        if (still and len(found.switchings) == len(values)) or after > LONGEST_S:
-            return found
+        motion = simulate(model, drive=command, duration_s=times[-1] + after)
+        if motion.left_domain:
+            return None if any(name == "distance" for name, _ in motion.left_domain) else motion
+        moving = [event.time_s for event in motion.events if event.name != "sticks"]
+        still = abs(motion.table["velocity_m_s"][-1]) == 0.0 and (not moving or max(moving) < times[-1] + 0.8 * after)
+        if (still and len(motion.switchings) == len(values)) or after > LONGEST_S:
+            return motion
         after *= 2.0
 
 
 def _stepped(model: ActuatorModel, voltage: float) -> OpenLoop | None:
     share, duration = 1.0, FIRST_S
     while share >= WEAKEST:
-        found = simulate(model, voltage_V=share * voltage, duration_s=duration)
-        if found.step is not None:
-            return found
-        if found.left_domain or found.switchings or any(event.name.startswith("hits") for event in found.events):
+        motion = simulate(model, voltage_V=share * voltage, duration_s=duration)
+        if motion.step is not None:
+            return motion
+        if motion.left_domain or motion.switchings or any(event.name.startswith("hits") for event in motion.events):
             share *= 0.5
         elif duration > LONGEST_S:
             return None

@@ -49,26 +49,26 @@ class Switching:
 
 def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequence[Profile]) -> tuple[Switching, ...]:
     """Every way to a stop in a list of events, from a start on a stop or in the air."""
-    found: list[Switching] = []
-    at, started, rebounds = begun_at, 0.0, False
+    ways: list[Switching] = []
+    last_side, started, rebounds = begun_at, 0.0, False
     for event in events:
         action, _, place = event.name.partition("_")
         side: Side | None = "near" if place == "near" else "far" if place == "far" else None
         if event.name == "starts":
             started = event.time_s
-        elif action == "rests" and found:
-            found[-1] = replace(found[-1], rested_s=event.time_s)
-        elif action == "hits" and side == at and found:
-            found[-1] = replace(found[-1], bounces=found[-1].bounces + 1, rested_s=None)
-        elif action == "hits" and side != at:
-            command = command_before(profiles, started, found[-1].reached_s if found else 0.0)
+        elif action == "rests" and ways:
+            ways[-1] = replace(ways[-1], rested_s=event.time_s)
+        elif action == "hits" and side == last_side and ways:
+            ways[-1] = replace(ways[-1], bounces=ways[-1].bounces + 1, rested_s=None)
+        elif action == "hits" and side != last_side:
+            command = command_before(profiles, started, ways[-1].reached_s if ways else 0.0)
             kind: Kind = "pull_in" if side == "near" else "drop_out"
-            if at is None or rebounds:
+            if last_side is None or rebounds:
                 kind = "to_near" if side == "near" else "to_far"
-            found.append(Switching(kind, command, started, event.time_s, None, abs(event.velocity_m_s), 0))
-            at = side
+            ways.append(Switching(kind, command, started, event.time_s, None, abs(event.velocity_m_s), 0))
+            last_side = side
         if action in {"hits", "rests", "starts", "leaves"}:
             rebounds = action == "hits"
         if action in {"hits", "leaves"}:  # where it goes on without resting
             started = event.time_s
-    return tuple(found)
+    return tuple(ways)

@@ -119,10 +119,10 @@ class System:
 
     def watches(self, mode: Mode, lines: Lines, ignored: tuple[str, ...]) -> list[Watch]:
         """The events that end a mode, or the simulation."""
-        found = [*self._of_motion(mode, lines), *self._of_domain()]
+        watches = [*self._of_motion(mode, lines), *self._of_domain()]
         for k in range(len(mode.feed)):
-            found += self._of_feed(mode, lines, k)
-        return [watch for watch in found if watch.name not in ignored]
+            watches += self._of_feed(mode, lines, k)
+        return [watch for watch in watches if watch.name not in ignored]
 
     def _of_motion(self, mode: Mode, lines: Lines) -> list[Watch]:
         if mode.held:
@@ -134,9 +134,9 @@ class System:
             def downwards(time: float, state: FloatArray) -> float:
                 return -self.net_force(mode, lines, time, state) - least
 
-            found = [] if mode.support == "far" else [Watch("up", upwards, 1.0)]
-            return found if mode.support == "near" else [*found, Watch("down", downwards, 1.0)]
-        found = []
+            watches = [] if mode.support == "far" else [Watch("up", upwards, 1.0)]
+            return watches if mode.support == "near" else [*watches, Watch("down", downwards, 1.0)]
+        watches = []
         for side in SIDES:
             sign = -1.0 if side == "near" else 1.0
             stop = self.stop(side)
@@ -147,28 +147,28 @@ class System:
                 return sign * (float(state[0]) - stop.distance_m)
 
             if stop.stiffness_N_per_m is None:
-                found.append(Watch(f"hits_{side}", depth, 1.0))
+                watches.append(Watch(f"hits_{side}", depth, 1.0))
             elif mode.touching == side:  # a body that rises by less is not said to leave
 
                 def risen(time: float, state: FloatArray, at: Reading = depth) -> float:
                     return at(time, state) + self.least_rebound_m
 
-                found.append(Watch(f"leaves_{side}", risen, -1.0))
+                watches.append(Watch(f"leaves_{side}", risen, -1.0))
             else:
-                found.append(Watch(f"touches_{side}", depth, 1.0))
+                watches.append(Watch(f"touches_{side}", depth, 1.0))
         if mode.sliding:
-            found.append(Watch("still", lambda _, state: float(state[1]), -float(mode.sliding)))
-        return found
+            watches.append(Watch("still", lambda _, state: float(state[1]), -float(mode.sliding)))
+        return watches
 
     def _of_feed(self, mode: Mode, lines: Lines, k: int) -> list[Watch]:
         """The events of one circuit."""
-        feed, size, at, line = self.feed, self.size, 2 + k, lines[k]
-        winding, circuit, own = feed.windings[k], feed.windings[k].circuit, mode.feed[k]
-        if own == BLOCKED:
+        feed, size, index, line = self.feed, self.size, 2 + k, lines[k]
+        winding, circuit, state_of_drive = feed.windings[k], feed.windings[k].circuit, mode.feed[k]
+        if state_of_drive == BLOCKED:
             return [
                 Watch("conducts", lambda time, state: feed.conducts(mode.feed, k, lines, time, state[:size]), 1.0, k)
             ]
-        if own == FOLLOWING:
+        if state_of_drive == FOLLOWING:
 
             def volts(time: float, state: FloatArray) -> float:
                 return float(feed.flow(mode.feed, lines, time, state[:size]).voltage_V[k])
@@ -178,10 +178,10 @@ class System:
                 Watch("lags", lambda time, state: volts(time, state) - circuit.voltage_max_V - slack, 1.0, k),
                 Watch("leads", lambda time, state: circuit.voltage_min_V - slack - volts(time, state), 1.0, k),
             ]
-        if own in {AT_MAX, AT_MIN}:
-            sign = 1.0 if own == AT_MAX else -1.0
-            return [Watch("reaches", lambda time, state: sign * (line.at(time) - float(state[at])), -1.0, k)]
-        return [] if winding.diode_V is None else [Watch("blocks", lambda _, state: float(state[at]), -1.0, k)]
+        if state_of_drive in {AT_MAX, AT_MIN}:
+            sign = 1.0 if state_of_drive == AT_MAX else -1.0
+            return [Watch("reaches", lambda time, state: sign * (line.at(time) - float(state[index])), -1.0, k)]
+        return [] if winding.diode_V is None else [Watch("blocks", lambda _, state: float(state[index]), -1.0, k)]
 
     def _of_domain(self) -> list[Watch]:
         box = self.domain
@@ -189,7 +189,7 @@ class System:
         ranges = {"distance": (0, box.distance_min_m, box.distance_max_m)}
         limits = box.current_limits_A.tolist()
         ranges |= {name: (2 + k, *limits[k]) for k, name in enumerate(names)}
-        found = []
+        watches = []
         for name, (index, low, high) in ranges.items():
             slack = SLACK * (high - low)
 
@@ -201,8 +201,8 @@ class System:
                 value = -float(state[k]) if reversed_together else float(state[k])
                 return min(value - low, high - value)
 
-            found.append(Watch(name, inside, -1.0))
-        return found
+            watches.append(Watch(name, inside, -1.0))
+        return watches
 
     def breakaway(self) -> float:
         """The least net force in N that moves a body at rest; above the dry friction by what rounding may make."""

@@ -57,6 +57,19 @@ def on_grid(series: TimeSeries) -> OnGrid:
     return OnGrid(replace(series, rows=rows, clipped=clipped, findings=(*series.findings, *findings)), added)
 
 
+def stretches_and_step(time: FloatArray, segment: IntArray, usual_step_s: float = 1.0) -> tuple[IntArray, float]:
+    """First samples of the stretches without a gap, and the median step in s within them.
+
+    Parameters
+    ----------
+    usual_step_s : float
+        The step where no stretch has two samples.
+    """
+    begins = np.flatnonzero(np.r_[True, np.diff(segment) != 0])
+    steps = np.delete(np.diff(time), begins[1:] - 1)
+    return begins, float(np.median(steps)) if len(steps) else usual_step_s
+
+
 def bridged(values: FloatArray, added: BoolArray) -> FloatArray:
     """Values of shape (rows, ...) with those of the added rows interpolated; NaN beside a missing reading.
 
@@ -66,10 +79,10 @@ def bridged(values: FloatArray, added: BoolArray) -> FloatArray:
     >>> bridged(np.array([1.0, np.nan, 3.0, np.nan]), np.array([False, True, False, False]))
     array([ 1.,  2.,  3., nan])
     """
-    here, known = np.flatnonzero(added), np.flatnonzero(~added)
+    here, written = np.flatnonzero(added), np.flatnonzero(~added)
     result = values.copy()
     for column in result.reshape(len(values), -1).T:
-        column[here] = np.interp(here, known, column[known])
+        column[here] = np.interp(here, written, column[written])
     return result
 
 
@@ -93,17 +106,17 @@ def _multiples(steps: FloatArray, source: str) -> tuple[IntArray, BoolArray]:
 
 
 def _said(count: IntArray, off: BoolArray, samples: int) -> list[Finding]:
-    missing, found = int((count - 1).sum()), []
+    missing, findings = int((count - 1).sum()), []
     if missing:
         text = (
             f"{counted(missing, 'row')} of {samples + missing} are missing between samples. The filter predicts over "
             "them, with the command interpolated."
         )
-        found.append(Finding("missing-rows", "warning", text, size=float(missing), column="time_s"))
+        findings.append(Finding("missing-rows", "warning", text, size=float(missing), column="time_s"))
     if off.any():
         text = (
             f"{counted(int(off.sum()), 'step')} of the clock differ from a multiple of the usual one by more than a "
             "third of it; the nearest multiple was taken."
         )
-        found.append(Finding("uneven-steps", "warning", text, size=float(off.sum()), column="time_s"))
-    return found
+        findings.append(Finding("uneven-steps", "warning", text, size=float(off.sum()), column="time_s"))
+    return findings

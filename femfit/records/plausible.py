@@ -34,26 +34,28 @@ def suspect_settings(
     box = model.without_effects.validity
     columns = current.reshape(len(current), -1).T
     limits = zip(names, columns, box.current_limits_A.tolist(), strict=False)  # magnets alone have no current
-    found = [suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m)]
-    found += [suspected_by_range(name, values, low, high) for name, values, (low, high) in limits]
-    return [one for one in found if one is not None]
+    suspicions = [suspected_by_range("distance_m", distance, box.distance_min_m, box.distance_max_m)]
+    suspicions += [suspected_by_range(name, values, low, high) for name, values, (low, high) in limits]
+    return [suspicion for suspicion in suspicions if suspicion is not None]
 
 
 def suspect_record(model: ActuatorModel, series: TimeSeries) -> list[Finding]:
     """Find columns of a record whose unit, sign or polarity is another than the model's; each is named once."""
     rows, names = series.rows, circuit_currents(model.circuit_names)
-    known = {one.column for one in series.findings if one.code == "suspected-unit"}
+    suspected = {finding.column for finding in series.findings if finding.code == "suspected-unit"}
     empty = np.full(len(rows), np.nan)
     distance = rows["distance_m"].to_numpy() if "distance_m" in series.given else empty
     columns = [rows[name].to_numpy() if name in series.given else empty for name in names]
     currents = np.stack(columns, axis=1) if columns else np.zeros((len(rows), 0))
-    found = [one for one in suspect_settings(model, distance, currents, names) if one.column not in known]
-    known |= {one.column for one in found}
+    findings = [
+        finding for finding in suspect_settings(model, distance, currents, names) if finding.column not in suspected
+    ]
+    suspected |= {finding.column for finding in findings}
     for k, command in enumerate(voltage_columns(model.circuit_names)):
         polarity = _polarity(model, k, command, rows[command].to_numpy(), columns[k])
-        if polarity is not None and not known & {command, names[k]}:
-            found.append(polarity)
-    return found
+        if polarity is not None and not suspected & {command, names[k]}:
+            findings.append(polarity)
+    return findings
 
 
 def require_possible_step(model: ActuatorModel, step_s: float, source: str) -> None:
@@ -83,14 +85,15 @@ def _polarity(
     model: ActuatorModel, circuit: int, command: str, volts: FloatArray, current: FloatArray
 ) -> Finding | None:
     """A command that its supply gives only the other way round, or that takes power out of the winding."""
-    fed, given = model.circuits[circuit], volts[np.isfinite(volts)]
+    fed, commands = model.circuits[circuit], volts[np.isfinite(volts)]
     low, high = fed.voltage_min_V, fed.voltage_max_V
     turned, most = np.sign(high + low), max(abs(low), abs(high))
     if low * high >= 0.0 and np.isfinite(most):
-        beyond = turned * given < -FLOWS * most
-        if beyond.sum() >= LEAST_READINGS and not (turned * given > FLOWS * most).any():
-            supply, seen = amount_range(low, high, "V"), amount_range(float(given.min()), float(given.max()), "V")
-            why = f"the supply gives {supply}, and all commands are {seen}"
+        beyond = turned * commands < -FLOWS * most
+        if beyond.sum() >= LEAST_READINGS and not (turned * commands > FLOWS * most).any():
+            supply = amount_range(low, high, "V")
+            recorded = amount_range(float(commands.min()), float(commands.max()), "V")
+            why = f"the supply gives {supply}, and all commands are {recorded}"
             return _other_polarity(command, f"{command} seems to be of the other sign: {why}.", "Convert the column.")
     mean = np.append(0.5 * (current[1:] + current[:-1]), np.nan)  # the command is held over the step
     here = np.isfinite(mean) & np.isfinite(volts)
@@ -115,15 +118,16 @@ def _other_polarity(command: str, text: str, remedy: str) -> Finding:
 def _own_times(model: ActuatorModel) -> tuple[float, ...]:
     """Shortest and longest L / R of the windings, and the time in which the largest force takes the body its way."""
     distance, current = model.validity.grid(5, 3)
-    at = model.magnetics.state_of_circuits(distance, current.reshape(len(distance), -1))
-    found: list[float] = []
+    magnetic = model.magnetics.state_of_circuits(distance, current.reshape(len(distance), -1))
+    times: list[float] = []
     if model.circuits:
-        own = np.diagonal(at.inductance + model.series_inductances_H, axis1=-2, axis2=-1) / model.resistances_ohm
-        found += [float(own.min()), float(own.max())]
+        inductance = magnetic.inductance + model.series_inductances_H
+        settling = np.diagonal(inductance, axis1=-2, axis2=-1) / model.resistances_ohm
+        times += [float(settling.min()), float(settling.max())]
     motion = model.motion
     if motion is not None:
-        box, forces = model.validity, np.abs(at.force)
+        box, forces = model.validity, np.abs(magnetic.force)
         most = float(forces.max()) + motion.mass_kg * abs(motion.gravity_m_s2)
         if most > 0.0:
-            found.append(float(np.sqrt(2.0 * motion.mass_kg * (box.distance_max_m - box.distance_min_m) / most)))
-    return tuple(one for one in found if one > 0.0 and np.isfinite(one))
+            times.append(float(np.sqrt(2.0 * motion.mass_kg * (box.distance_max_m - box.distance_min_m) / most)))
+    return tuple(time for time in times if time > 0.0 and np.isfinite(time))

@@ -12,6 +12,7 @@ from femfit.device.sensors import PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sampling import WHOLE
 from femfit.model.sensors import Reading, piece_slope, reading_of
+from femfit.records.grid import stretches_and_step
 from femfit.records.readings import at_ends, without_repeats
 from femfit.tables.measurement import TimeSeries
 
@@ -48,9 +49,7 @@ def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading
     and the nearest sample takes its place.
     """
     time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
-    begins = np.flatnonzero(np.r_[True, np.diff(segment) != 0])
-    inside = np.delete(np.diff(time), begins[1:] - 1)
-    step = float(np.median(inside)) if len(inside) else 1.0
+    begins, step = stretches_and_step(time, segment)
     read, passed = without_repeats(series.rows[str(reading.column)].to_numpy(copy=True), begins, reading, step)
     clipped, _ = at_ends(read, reading)
     if clipped.any():
@@ -62,26 +61,27 @@ def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading
     slow = reading.sample_time_s is not None and reading.sample_time_s > 1.5 * step
     if slow or abs(late - round(late)) < WHOLE:
         return _later(distance, segment, round(late)), passed
-    part, whole = late - floor(late), floor(late)
-    return (1.0 - part) * _later(distance, segment, whole) + part * _later(distance, segment, whole + 1), passed
+    fraction, samples = late - floor(late), floor(late)
+    early, later = (_later(distance, segment, shift) for shift in (samples, samples + 1))
+    return (1.0 - fraction) * early + fraction * later, passed
 
 
 def _later(values: FloatArray, segment: IntArray, samples: int) -> FloatArray:
     """The values so many samples later within their segments, NaN beyond the last."""
-    found = np.full(len(values), np.nan)
+    result = np.full(len(values), np.nan)
     here = np.arange(max(0, len(values) - samples))
     same = segment[here] == segment[here + samples]
-    found[here[same]] = values[here + samples][same]
-    return found
+    result[here[same]] = values[here + samples][same]
+    return result
 
 
 def distance_of(sensor: PositionSensor, readings: FloatArray) -> FloatArray:
     """Distances in m that give these readings; beyond the characteristic its last pieces go on."""
-    at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
+    places, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
     order = np.argsort(read)
-    found = np.interp(readings, read[order], at[order])
+    result = np.interp(readings, read[order], places[order])
     for end in (0, -1):  # np.interp stays at the ends
         beyond = (readings - read[end]) * np.sign(read[-1] - read[0]) * (1 if end else -1) > 0.0
-        slope = float(piece_slope(sensor, at[end : end + 1 or None])[0])
-        found = np.where(beyond, at[end] + (readings - read[end]) / slope, found)
-    return np.asarray(found)
+        slope = float(piece_slope(sensor, places[end : end + 1 or None])[0])
+        result = np.where(beyond, places[end] + (readings - read[end]) / slope, result)
+    return np.asarray(result)

@@ -28,8 +28,8 @@ def repeated(values: FloatArray, begins: NDArray[np.intp], period: int) -> BoolA
     if period < 2 or not len(values):
         return np.zeros(len(values), dtype=np.bool_)
     row = np.arange(len(values))
-    known = np.maximum.accumulate(np.where(np.isfinite(values), row, 0))
-    last = values[known]  # a missing row does not make a new reading of the one after it
+    latest = np.maximum.accumulate(np.where(np.isfinite(values), row, 0))
+    last = values[latest]  # a missing row does not make a new reading of the one after it
     starts = np.r_[True, (last[1:] != last[:-1]) & np.isfinite(last[1:])]
     starts[begins] = True
     since = row - np.maximum.accumulate(np.where(starts, row, 0))

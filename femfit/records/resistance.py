@@ -135,7 +135,7 @@ def _stretch(
 def _mean(circuit: str, model_ohm: float, stretches: Sequence[_Stretch]) -> SteadyResistance:
     """Least squares over the stretches; the wider of the intervals by noise and by scatter."""
     u, i, durations, deviations = np.array(
-        [(one.volts, one.amperes, one.duration_s, one.deviation_V) for one in stretches]
+        [(stretch.volts, stretch.amperes, stretch.duration_s, stretch.deviation_V) for stretch in stretches]
     ).T
     share = durations * i / (durations @ i**2)
     ohm = float(share @ u)

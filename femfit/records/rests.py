@@ -105,13 +105,13 @@ def find_rests(
 
 def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
     """First and last row, and mean, of every stretch of a channel whose blocks agree."""
-    found = []
+    stretches = []
     edges = np.flatnonzero(np.diff(segment)) + 1
     for begin, end in zip(np.r_[0, edges], np.r_[edges, len(segment)], strict=True):
         count = (end - begin) // BLOCK
         blocks = distance[begin : begin + count * BLOCK].reshape(count, BLOCK)
-        known = np.isfinite(blocks)
-        means = np.where(known.any(axis=1), np.nansum(blocks, axis=1) / np.maximum(known.sum(axis=1), 1), np.nan)
+        finite = np.isfinite(blocks)
+        means = np.where(finite.any(axis=1), np.nansum(blocks, axis=1) / np.maximum(finite.sum(axis=1), 1), np.nan)
         start = 0
         while start < count:
             stop, low, high = start, means[start], means[start]
@@ -120,9 +120,9 @@ def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> li
                 stop += 1
             if stop - start >= LEAST_BLOCKS:
                 last = end if stop == count else begin + stop * BLOCK
-                found.append((int(begin + start * BLOCK), int(last) - 1, float(means[start:stop].mean())))
+                stretches.append((int(begin + start * BLOCK), int(last) - 1, float(means[start:stop].mean())))
             start = max(stop, start + 1)
-    return found
+    return stretches
 
 
 def _moving(away: FloatArray, noise: float) -> int:
@@ -146,10 +146,10 @@ def _unbalanced(
     model: ActuatorModel, time: FloatArray, distance: FloatArray, current: FloatArray, noise: float
 ) -> bool:
     """Whether no force within a factor of two of the model's would leave the body where it stands."""
-    known = np.isfinite(distance) & np.isfinite(current).reshape(len(distance), -1).all(axis=1)
-    if known.sum() < LEAST_BLOCKS * BLOCK:
+    finite = np.isfinite(distance) & np.isfinite(current).reshape(len(distance), -1).all(axis=1)
+    if finite.sum() < LEAST_BLOCKS * BLOCK:
         return False
-    time, distance, current = time[known], distance[known], current[known]
+    time, distance, current = time[finite], distance[finite], current[finite]
     motion, box = model.require_motion(), model.validity
     # A reading that noise carries out of the domain is the domain's end
     d = np.clip(np.full(len(distance), distance.mean()), box.distance_min_m, box.distance_max_m)
@@ -168,8 +168,8 @@ def _unbalanced(
         mean = bump / bump.sum()
         curved = (12.0 * s**2 - 4.0) - np.polyval(np.polyfit(s, 12.0 * s**2 - 4.0, 1), s)
         curved /= 0.5 * (curved @ s**2) * (0.5 * length) ** 2  # exactly 1 for t^2 / 2
-        seen = distance[: count * size].reshape(cut) @ curved
-        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(seen))))
+        accelerations = distance[: count * size].reshape(cut) @ curved
+        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(accelerations))))
         low = least[: count * size].reshape(cut) @ mean / motion.mass_kg
         high = most[: count * size].reshape(cut) @ mean / motion.mass_kg
         if np.any((low > DECISIVE * spread) | (high < -DECISIVE * spread)):
@@ -217,7 +217,7 @@ def _whatever_flows(current: FloatArray, rest: Rest) -> bool:
 
 
 def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: list[Rest]) -> list[Finding]:
-    found, samples = [], len(time)
+    findings, samples = [], len(time)
     words = {"near": "The body rests on the near stop", "far": "The body rests on the far stop"}
     for place in ("near", "far", "held"):
         here = [rest for rest in rests if rest.place == place]
@@ -236,7 +236,7 @@ def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: li
             )
         else:
             text = f"{words[place]} at {where} {stretches}, first at {span}; its force is not balanced there."
-        found.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
+        findings.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
     held = [rest for rest in rests if rest.place != "held" or _whatever_flows(current, rest)]
     leaves = [rest for rest in held if rest.last + BLOCK + 1 < samples]
     if leaves:
@@ -246,7 +246,7 @@ def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: li
         text = f"The body has left {amount(rest.distance_m, 'm', 3)} by {amount(float(time[row]), 's', 3)}"
         currents = np.atleast_1d(current[row])
         if np.isfinite(currents).all() and len(model.circuits):
-            text += ", at " + " and ".join(amount(float(one), "A") for one in currents[: len(model.circuits)])
+            text += ", at " + " and ".join(amount(float(value), "A") for value in currents[: len(model.circuits)])
         more = f"; {counted(len(leaves) - 1, 'more departure')}" if len(leaves) > 1 else ""
-        found.append(Finding("lift-off", "info", f"{text}{more}."))
-    return found
+        findings.append(Finding("lift-off", "info", f"{text}{more}."))
+    return findings

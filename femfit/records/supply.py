@@ -51,7 +51,7 @@ def given_voltage(
     circuit : int
         The place of the circuit whose voltage it is.
     """
-    fed, own = model.circuits[circuit], current if current.ndim == 1 else current[:, circuit]
+    fed, own_current = model.circuits[circuit], current if current.ndim == 1 else current[:, circuit]
     clamped = np.clip(voltage, fed.voltage_min_V, fed.voltage_max_V)
     with np.errstate(invalid="ignore"):
         beyond = clamped != voltage
@@ -59,8 +59,8 @@ def given_voltage(
     diode, unsure = fed.drive.diode_V, np.zeros(len(voltage), dtype=bool)
     if diode is not None:
         off = voltage <= 0.0
-        flows, unsure = _conducts(own, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
-        voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), one) for one in (voltage, clamped))
+        flows, unsure = _conducts(own_current, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
+        voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), volts) for volts in (voltage, clamped))
         beyond &= ~off
     if not beyond.any():
         return Given(voltage, unsure, ())
@@ -117,28 +117,28 @@ def _favour(
     """Logarithm of the likelihood of the commands as recorded over that of the clamped ones; zero where unknown."""
     follows = np.zeros(len(time), dtype=bool)
     follows[:-1] = np.diff(segment) == 0
-    known = np.isfinite(current).reshape(len(time), -1).all(axis=1) & np.isfinite(distance)
-    known &= model.validity.contains(np.nan_to_num(distance), np.nan_to_num(current))
-    usable = beyond & follows & known & np.r_[known[1:], False]
+    finite = np.isfinite(current).reshape(len(time), -1).all(axis=1) & np.isfinite(distance)
+    finite &= model.validity.contains(np.nan_to_num(distance), np.nan_to_num(current))
+    usable = beyond & follows & finite & np.r_[finite[1:], False]
     if not usable.any() or not np.isfinite(noise).all():
         return 0.0
     first = np.flatnonzero(usable & ~np.r_[False, usable[:-1]])
     last = np.flatnonzero(usable & ~np.r_[usable[1:], False]) + 1
     d, i = np.nan_to_num(distance), np.nan_to_num(current)
-    at = model.magnetics.state_of_circuits(d, i.reshape(len(time), -1))
+    magnetic = model.magnetics.state_of_circuits(d, i.reshape(len(time), -1))
     series, resistance = model.circuits[circuit].inductance_H, model.circuits[circuit].resistance_ohm
-    slope, inductance = at.motional_constant[:, circuit], at.inductance[:, circuit, circuit] + series
-    own = i.reshape(len(time), -1)[:, circuit]
-    flux = model.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, circuit] + series * own
+    slope, inductance = magnetic.motional_constant[:, circuit], magnetic.inductance[:, circuit, circuit] + series
+    own_current = i.reshape(len(time), -1)[:, circuit]
+    flux = model.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, circuit] + series * own_current
     step = np.r_[np.diff(time), 0.0]
-    drop = resistance * step * 0.5 * (own + np.r_[own[1:], 0.0])
+    drop = resistance * step * 0.5 * (own_current + np.r_[own_current[1:], 0.0])
     gained = flux[last] - flux[first]
     total = np.r_[0.0, np.cumsum(np.where(usable, drop, 0.0))]
-    left = []
-    for one in volts:
-        supplied = np.r_[0.0, np.cumsum(np.where(usable, step * np.nan_to_num(one), 0.0))]
-        left.append(gained + (total[last] - total[first]) - (supplied[last] - supplied[first]))
+    residuals = []
+    for command in volts:
+        supplied = np.r_[0.0, np.cumsum(np.where(usable, step * np.nan_to_num(command), 0.0))]
+        residuals.append(gained + (total[last] - total[first]) - (supplied[last] - supplied[first]))
     spread = 2.0 * (inductance[first] * noise[0]) ** 2 + 2.0 * (slope[first] * noise[1]) ** 2
     spread += (last - first) * (resistance * np.median(step[usable]) * noise[0]) ** 2
-    recorded, clamped = (float(np.sum(one**2 / spread)) for one in left)
+    recorded, clamped = (float(np.sum(residual**2 / spread)) for residual in residuals)
     return 0.5 * (clamped - recorded)

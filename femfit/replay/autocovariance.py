@@ -31,7 +31,8 @@ class Stretches(NamedTuple):
     innovation: FloatArray  # Reading less prediction; (steps, pieces, sensors)
     slope: FloatArray  # F from each sample to the next; (steps, pieces, n, n)
     outputs: FloatArray  # H; (steps, pieces, sensors, n)
-    forgotten: int
+    shift: FloatArray  # K e; (steps, pieces, n)
+    forgotten: int  # Steps at the begin of a piece that do not count
 
 
 class Factors(NamedTuple):
@@ -42,7 +43,7 @@ class Factors(NamedTuple):
 
 
 def variance_factors(
-    seen: Stretches, causes: list[FloatArray], known: FloatArray, readings: FloatArray
+    stretches: Stretches, causes: list[FloatArray], fixed: FloatArray, readings: FloatArray
 ) -> Factors | None:
     """Fit the sizes of noises to autocovariances; None where too few products of readings are known.
 
@@ -50,20 +51,20 @@ def variance_factors(
     ----------
     causes : list of array, shape (n, n)
         Q of each process noise that is searched for, as the filter was given it.
-    known : array, shape (n, n)
+    fixed : array, shape (n, n)
         Q of what is not searched for.
     readings : array, shape (sensors,)
         Variances of the sensors as the filter was given them.
     """
-    sensors, order = len(readings), len(known)
+    sensors, order = len(readings), len(fixed)
     none, zero = np.zeros(sensors), np.zeros((order, order))
     noises = [(q, none) for q in causes]
     noises += [(zero, np.where(np.arange(sensors) == s, readings, 0.0)) for s in range(sensors)]
-    gains = _gains(seen, sum(causes, known), readings)
-    parts = _predicted(seen, gains, [*noises, (known, none)])
-    products = _products(seen.innovation)
+    gains = _gains(stretches, sum(causes, fixed), readings)
+    parts = _predicted(stretches, gains, [*noises, (fixed, none)])
+    products = _products(stretches.innovation)
     steps = np.arange(len(products))
-    use = steps >= seen.forgotten
+    use = steps >= stretches.forgotten
     count = max(1, int(use.sum()) // COVARIANCE_BLOCK)
     blocks = np.array_split(steps[use], count)
     # (blocks * pieces, entries), and the same with noises + 1; the mean over the products that both readings give
@@ -78,8 +79,8 @@ def variance_factors(
     matrix = np.nanmean(design[:, :, :-1], axis=0)
     scale = np.maximum(np.nanstd(target, axis=0, ddof=1), np.finfo(float).tiny)
     value, _ = nnls(matrix / scale[:, None], np.nanmean(target, axis=0) / scale)
-    left = target - design[:, :, :-1] @ value
-    scale = np.maximum(np.nanstd(left, axis=0, ddof=1), np.finfo(float).tiny)
+    residual = target - design[:, :, :-1] @ value
+    scale = np.maximum(np.nanstd(residual, axis=0, ddof=1), np.finfo(float).tiny)
     value, _ = nnls(matrix / scale[:, None], np.nanmean(target, axis=0) / scale)
     weighted = matrix / scale[:, None]
     share = np.nan_to_num((target - design[:, :, :-1] @ value) / scale) * (len(measured) / seen_in)
@@ -89,9 +90,9 @@ def variance_factors(
 
 def _mean(values: FloatArray, products: FloatArray) -> FloatArray:
     """Mean over the steps at which a product is known; NaN where it never is."""
-    known = np.isfinite(products)
-    count = known.sum(axis=0)
-    total = np.where(known, values, 0.0).sum(axis=0)
+    finite = np.isfinite(products)
+    count = finite.sum(axis=0)
+    total = np.where(finite, values, 0.0).sum(axis=0)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
@@ -100,13 +101,13 @@ def _every_noise_shows(design: FloatArray) -> bool:
     return bool((np.nanmax(np.abs(design), axis=(0, 1)) > 0.0).all())
 
 
-def _gains(seen: Stretches, q: FloatArray, readings: FloatArray) -> FloatArray:
+def _gains(stretches: Stretches, q: FloatArray, readings: FloatArray) -> FloatArray:
     """Gains K of the filter with the noises that it was given; (steps, pieces, n, sensors)."""
-    steps, pieces, sensors, order = seen.outputs.shape
+    steps, pieces, sensors, order = stretches.outputs.shape
     covariance = np.broadcast_to(q * steps, (pieces, order, order))
     result = np.empty((steps, pieces, order, sensors))
     for k in range(steps):
-        h, f = seen.outputs[k] * np.isfinite(seen.innovation[k])[:, :, None], seen.slope[k]
+        h, f = stretches.outputs[k] * np.isfinite(stretches.innovation[k])[:, :, None], stretches.slope[k]
         cross = covariance @ h.swapaxes(1, 2)
         total = h @ cross + np.diag(readings)
         gain = np.linalg.solve(total, cross.swapaxes(1, 2)).swapaxes(1, 2)
@@ -117,13 +118,13 @@ def _gains(seen: Stretches, q: FloatArray, readings: FloatArray) -> FloatArray:
     return result
 
 
-def _predicted(seen: Stretches, gains: FloatArray, noises: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
+def _predicted(stretches: Stretches, gains: FloatArray, noises: list[tuple[FloatArray, FloatArray]]) -> FloatArray:
     """What each noise alone makes of every product e(k+j) e(k)'; (steps, pieces, entries, noises)."""
-    steps, pieces, sensors, order = seen.outputs.shape
-    f, h = seen.slope, seen.outputs
+    steps, pieces, sensors, order = stretches.outputs.shape
+    f, h = stretches.slope, stretches.outputs
     closed = f @ (np.eye(order) - gains @ h)
     driven = f @ gains
-    found = []
+    products = []
     for q, r in noises:
         noise = np.diag(r)
         spread, first = np.broadcast_to(q * 1.0, (pieces, order, order)), np.empty((steps, pieces, sensors, sensors))
@@ -139,8 +140,8 @@ def _predicted(seen: Stretches, gains: FloatArray, noises: list[tuple[FloatArray
             size = steps - COVARIANCE_LAGS
             lags.append(h[j : j + size] @ carried[:size])
             carried[:size] = closed[j : j + size] @ carried[:size]
-        found.append(np.stack(lags, axis=2).reshape(steps - COVARIANCE_LAGS, pieces, -1))
-    return np.stack(found, axis=-1)
+        products.append(np.stack(lags, axis=2).reshape(steps - COVARIANCE_LAGS, pieces, -1))
+    return np.stack(products, axis=-1)
 
 
 def _products(innovation: FloatArray) -> FloatArray:

@@ -95,9 +95,9 @@ def beside(column: str, used: bool, recorded: FloatArray, estimated: FloatArray,
     read = np.isfinite(difference)
     if int(read.sum()) < LEAST_JUDGED:
         return None
-    left = difference[read]
+    residual = difference[read]
     delay = None if used else _delay(recorded, estimated, step_s)
-    return Beside(column, used, float(np.sqrt(np.mean(left**2))), float(left.mean()), delay)
+    return Beside(column, used, float(np.sqrt(np.mean(residual**2))), float(residual.mean()), delay)
 
 
 def _delay(recorded: FloatArray, estimated: FloatArray, step_s: float) -> float | None:
@@ -106,12 +106,12 @@ def _delay(recorded: FloatArray, estimated: FloatArray, step_s: float) -> float 
     if size < 100:
         return None
     middle = slice(LAGS, LAGS + size)
-    left = np.array(
+    variances = np.array(
         [np.nanvar(recorded[LAGS + k : LAGS + k + size] - estimated[middle]) for k in range(-LAGS, LAGS + 1)]
     )
-    best = int(np.argmin(left))
-    if not 0 < best < 2 * LAGS or not left[best] < DELAY_GAIN**2 * left[LAGS]:
+    best = int(np.argmin(variances))
+    if not 0 < best < 2 * LAGS or not variances[best] < DELAY_GAIN**2 * variances[LAGS]:
         return None
-    before, here, after = left[best - 1 : best + 2]
+    before, here, after = variances[best - 1 : best + 2]
     shift = 0.5 * (before - after) / (before - 2.0 * here + after)
     return float((best - LAGS + shift) * step_s)

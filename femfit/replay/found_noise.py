@@ -63,22 +63,28 @@ class FoundNoise:
             lines[0] = (
                 f"noise that would explain {self.samples} samples if the model were right, which lost the record:"
             )
-        for one in self.estimates:
-            if not one.tells:
+        for estimate in self.estimates:
+            if not estimate.tells:
                 continue
-            was = f"the filter was given {amount(one.assumed, one.unit)}"
-            if one.name == "acceleration":
+            was = f"the filter was given {amount(estimate.assumed, estimate.unit)}"
+            if estimate.name == "acceleration":
                 what = "force that the model does not know"
-                was += f"; it amounts to {amount(self.force_N, 'N')}" if self.force_N is not None and one.known else ""
+                was += (
+                    f"; it amounts to {amount(self.force_N, 'N')}"
+                    if self.force_N is not None and estimate.known
+                    else ""
+                )
             else:
                 what = (
-                    "voltage that the driver does not tell" if one.name == "voltage" else f"noise of sensor {one.name}"
+                    "voltage that the driver does not tell"
+                    if estimate.name == "voltage"
+                    else f"noise of sensor {estimate.name}"
                 )
-            lines.append(f"  {what}: {one.interval}; {was}")
+            lines.append(f"  {what}: {estimate.interval}; {was}")
             lines += [
-                f"    by autocovariance: {other.interval}"
-                for other in self.by_autocovariance
-                if other.name == one.name and other.tells
+                f"    by autocovariance: {second.interval}"
+                for second in self.by_autocovariance
+                if second.name == estimate.name and second.tells
             ]
         if self._disagree:
             lines.append(
@@ -89,40 +95,47 @@ class FoundNoise:
             share = min(1.0, (self.friction.force_N / self.force_N) ** 2) if self.force_N else 1.0
             lines.append(f"  {100.0 * share:.0f} % of that force is friction: {self.friction}")
         for sensor, parts in () if lost else self.shares.items():
-            told = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
-            lines.append(f"  the innovations of {sensor} are {told}")
+            shown = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
+            lines.append(f"  the innovations of {sensor} are {shown}")
         return lines
 
     @property
     def _disagree(self) -> bool:
         """Whether an interval of one method lies wholly outside of the other's."""
-        pairs = [(one, other) for one in self.estimates for other in self.by_autocovariance if one.name == other.name]
-        return any(one.low > other.high or (one.known and other.low > one.high) for one, other in pairs)
+        pairs = [
+            (first, second)
+            for first in self.estimates
+            for second in self.by_autocovariance
+            if first.name == second.name
+        ]
+        return any(first.low > second.high or (first.known and second.low > first.high) for first, second in pairs)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
         return {
-            "estimates": [vars(one) for one in self.estimates],
-            "by_autocovariance": [vars(one) for one in self.by_autocovariance],
+            "estimates": [vars(estimate) for estimate in self.estimates],
+            "by_autocovariance": [vars(estimate) for estimate in self.by_autocovariance],
             "friction": self.friction and vars(self.friction),
             "samples": self.samples,
             "shares": self.shares,
         }
 
 
-def with_noise(model: ActuatorModel, found: FoundNoise) -> ActuatorModel:
+def with_noise(model: ActuatorModel, noise: FoundNoise) -> ActuatorModel:
     """The model with the noises that a record showed; what the record could not tell stays."""
-    known = {one.name: one.value for one in found.estimates if one.known}
-    process = ProcessNoise(known["acceleration"] ** 2 if "acceleration" in known else None, known.get("voltage"))
+    deviations = {estimate.name: estimate.value for estimate in noise.estimates if estimate.known}
+    process = ProcessNoise(
+        deviations["acceleration"] ** 2 if "acceleration" in deviations else None, deviations.get("voltage")
+    )
 
-    def changed(one: ActuatorModel) -> ActuatorModel:
+    def changed(quiet: ActuatorModel) -> ActuatorModel:
         def own(name: str, before: float) -> float:  # what is left of the noise beside the converter's rounding
-            rounding = reading_of(one, name).white ** 2 - before**2
-            return float(np.sqrt(max(known[name] ** 2 - rounding, 0.0))) if name in known else before
+            rounding = reading_of(quiet, name).white ** 2 - before**2
+            return float(np.sqrt(max(deviations[name] ** 2 - rounding, 0.0))) if name in deviations else before
 
-        sensors = tuple(replace(s, noise=own(s.name, s.noise)) for s in one.other_sensors)
-        hall = one.sensor and replace(one.sensor, noise_V=own(HALL, one.sensor.noise_V))
-        return replace(one, other_sensors=sensors, sensor=hall, process_noise=process)
+        sensors = tuple(replace(s, noise=own(s.name, s.noise)) for s in quiet.other_sensors)
+        hall = quiet.sensor and replace(quiet.sensor, noise_V=own(HALL, quiet.sensor.noise_V))
+        return replace(quiet, other_sensors=sensors, sensor=hall, process_noise=process)
 
     held = changed(model)
     return held if model.base is None else replace(held, base=changed(model.base))

@@ -50,7 +50,7 @@ def dry_friction(prepared: Prepared, replayed: Replayed) -> DryFriction | None:
         blocks = int(here.sum()) // COVARIANCE_BLOCK
         if blocks < LEAST_BLOCKS:
             return None
-        means = np.array([one.mean() for one in np.array_split(force[here], blocks)])
+        means = np.array([block.mean() for block in np.array_split(force[here], blocks)])
         each.append((float(means.mean()), float(means.var(ddof=1) / blocks)))
     (approaching, first), (leaving, second) = each
     friction, spread = 0.5 * (approaching - leaving), 0.5 * float(np.sqrt(first + second))

@@ -98,9 +98,9 @@ def observe(
     noise = noise_of(prepared, noise)
     runs = [_run(prepared, name, biases, noise) for name in names]
     mended = None
-    if not runs[0].trusted and any(one.contradicts for one in prepared.resistances):
+    if not runs[0].trusted and any(resistance.contradicts for resistance in prepared.resistances):
         mended = _run(_with_resistances(prepared), names[0], biases, noise)
-    found = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
+    shown = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
         source=series.source,
@@ -112,9 +112,9 @@ def observe(
             *suspect_record(prepared.model, series),
             *prepared.findings,
             *_told_by_estimate(prepared, runs[0]),
-            *([NO_NOISE_FOUND] if find and found is None else []),
+            *([NO_NOISE_FOUND] if find and shown is None else []),
         ),
-        noise=found,
+        noise=shown,
         seatings=find_seatings(prepared, runs[0].built, runs[0].replayed),
         resistances=prepared.resistances,
         with_resistances=mended,
@@ -135,9 +135,10 @@ def filtered(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
 
 def _with_resistances(prepared: Prepared) -> Prepared:
     """The record with a model whose resistances are those that steady currents show."""
-    ohm = {one.circuit: one.ohm for one in prepared.resistances if one.contradicts}
+    ohm = {resistance.circuit: resistance.ohm for resistance in prepared.resistances if resistance.contradicts}
     circuits = tuple(
-        replace(one, resistance_ohm=ohm.get(one.name, one.resistance_ohm)) for one in prepared.model.circuits
+        replace(circuit, resistance_ohm=ohm.get(circuit.name, circuit.resistance_ohm))
+        for circuit in prepared.model.circuits
     )
     return replace(prepared, model=replace(prepared.model, circuits=circuits))
 
@@ -161,44 +162,44 @@ def _run(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: Fil
         name=name,
         built=built,
         replayed=replayed,
-        innovations=tuple(one for one in judged if one is not None),
-        beside=tuple(one for one in compared if one is not None),
+        innovations=tuple(innovations for innovations in judged if innovations is not None),
+        beside=tuple(channel for channel in compared if channel is not None),
         estimates=estimates,
         lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
         outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if len(lost) else FilterOutcome.RUNNING,
     )
 
 
-def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
+def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
     """Rests on a stop where no recorded distance tells them, and where the model leaves its validity domain.
 
     An estimate that is not consistent with the readings, or does not claim to know the distance, tells no rest.
     """
-    model, mean, found = prepared.model, one.replayed.mean, []
+    model, mean, findings = prepared.model, run.replayed.mean, []
     near, far = model.require_motion().ends
     samples = len(mean)
-    box, deviation = model.validity, one.replayed.deviation
+    box, deviation = model.validity, run.replayed.deviation
     least = AT_STOP * (box.distance_max_m - box.distance_min_m)
     close = np.where(deviation[:, 0] <= least, deviation[:, 0], -1.0)
-    if "distance_m" not in prepared.recorded and one.trusted:
+    if "distance_m" not in prepared.recorded and run.trusted:
         for side, stop in (("near", near), ("far", far)):
             resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
             if resting.any():
                 share = f"{100.0 * resting.mean():.3g} % of the {counted(samples, 'sample')}"
-                found.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
+                findings.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
     with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain, and than a body lies on its stop
         bounded = [0, *range(2, 2 + len(model.circuits))]
         limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])[: len(bounded)]
-        at = mean[:, bounded]
-        beyond = np.maximum(limits[:, 0] - at, at - limits[:, 1])
+        bounded_states = mean[:, bounded]
+        beyond = np.maximum(limits[:, 0] - bounded_states, bounded_states - limits[:, 1])
         beyond -= np.fmax(3.0 * deviation[:, bounded], AT_STOP * np.ptp(limits, axis=1))
-        outside = (beyond > 0.0).any(axis=1) | ~np.isfinite(at).all(axis=1)
+        outside = (beyond > 0.0).any(axis=1) | ~np.isfinite(bounded_states).all(axis=1)
     if outside.any():
         ranges = " and ".join(
             [f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm"]
             + [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
         )
-        found.append(
+        findings.append(
             Finding(
                 "outside-domain",
                 "warning",
@@ -207,4 +208,4 @@ def _told_by_estimate(prepared: Prepared, one: OneFilter) -> list[Finding]:
                 "Sweep wider, or leave the stretch out.",
             )
         )
-    return found
+    return findings

@@ -19,7 +19,7 @@ from femfit.model.other_sensor import OtherSensor
 from femfit.model.recorded import true_setting_of
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
 from femfit.records.constants import BLOCK, STILL
-from femfit.records.grid import bridged, on_grid
+from femfit.records.grid import bridged, on_grid, stretches_and_step
 from femfit.records.noise import converter_step, white_noise
 from femfit.records.plausible import require_possible_step
 from femfit.records.position import with_distance
@@ -56,10 +56,10 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     lacking = [name for name in commands if name not in series.given]
     if lacking:
         left_out = _left_out(series)
-        other = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
+        remedy = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
         raise TableError(
             f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
-            f"{', '.join(series.given)}. Record {' and '.join(lacking)}{other}. {left_out}".rstrip()
+            f"{', '.join(series.given)}. Record {' and '.join(lacking)}{remedy}. {left_out}".rstrip()
         )
     series, added = on_grid(series)
     rows = series.rows
@@ -71,11 +71,9 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     for name in series.given:
         if name not in {"run", "time_s"}:
             recorded[name] = rows[name].to_numpy(copy=True)
-    begins = np.flatnonzero(np.r_[True, np.diff(rows["segment"].to_numpy()) != 0])
-    inside = np.delete(np.diff(time), begins[1:] - 1)
-    step = float(np.median(inside)) if len(inside) else model.sample_time_s
-    require_possible_step(model, step, series.source)
     segment, unknown = rows["segment"].to_numpy(), np.full(len(time), np.nan)
+    begins, step = stretches_and_step(time, segment, model.sample_time_s)
+    require_possible_step(model, step, series.source)
     placed = with_distance(model, series)
     distance = placed.rows["distance_m"].to_numpy() if "distance_m" in placed.given else unknown
     columns = circuit_currents(model.circuit_names)
@@ -83,27 +81,27 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     current = model.currents_of(np.column_stack([distance, distance, each]))
     spread_m = _sample_noise(series, "distance_m", distance, added)
     spreads_A = [_sample_noise(series, name, each[:, k], added) for k, name in enumerate(columns)]
-    distance, current = (bridged(one, added) for one in true_setting_of(model, distance, current))
+    distance, current = (bridged(setting, added) for setting in true_setting_of(model, distance, current))
     rests = find_rests(model, time, segment, distance, current, spread_m)
-    given = [
+    feeds = [
         given_voltage(model, time, segment, recorded[command], current, distance, (spreads_A[k], spread_m), k)
         for k, command in enumerate(commands)
     ]
-    volts = np.stack([one.voltage_V for one in given], axis=1) if given else np.zeros((len(time), 0))
-    inputs, said = _inputs(volts, begins)
-    findings += [*rests.findings, *(finding for one in given for finding in one.findings), *said]
+    volts = np.stack([feed.voltage_V for feed in feeds], axis=1) if feeds else np.zeros((len(time), 0))
+    inputs, held_findings = _inputs(volts, begins)
+    findings += [*rests.findings, *(finding for feed in feeds for finding in feed.findings), *held_findings]
     channels = [_channel(series, reading, begins, step) for reading in readings]
-    noises = [_noise(series, one.values, reading) for one, reading in zip(channels, readings, strict=True)]
-    findings += [finding for one in channels for finding in one.findings]
-    findings += [finding for _, said in noises for finding in said]
+    noises = [_noise(series, channel.values, reading) for channel, reading in zip(channels, readings, strict=True)]
+    findings += [finding for channel in channels for finding in channel.findings]
+    findings += [finding for _, of_noise in noises for finding in of_noise]
     log = Log(
         inputs=inputs[:, 0] if len(commands) == 1 else inputs,
-        readings=np.stack([one.values for one in channels], axis=1),
+        readings=np.stack([channel.values for channel in channels], axis=1),
         begins=begins,
         guesses=_guesses(model, distance, current.reshape(len(time), -1)[:, : len(columns)]),
         held=_held(model, rests, names),
-        limits=np.stack([one.limit for one in channels], axis=1),
-        side=np.stack([one.side for one in channels], axis=1),
+        limits=np.stack([channel.limit for channel in channels], axis=1),
+        side=np.stack([channel.side for channel in channels], axis=1),
     )
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
@@ -113,26 +111,26 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
         if reading.column in columns:  # a current at the end of its range stands still whatever flows
             flowing[at_ends(recorded.get(reading.column, unknown), reading)[0], columns.index(reading.column)] = np.nan
     shown = [
-        steady_resistance(model, time, segment, one.voltage_V, one.unsure, flowing, distance, spreads_A[k], k)
-        for k, one in enumerate(given)
+        steady_resistance(model, time, segment, feed.voltage_V, feed.unsure, flowing, distance, spreads_A[k], k)
+        for k, feed in enumerate(feeds)
     ]
-    resistances = tuple(one for one in shown if one is not None)
+    resistances = tuple(resistance for resistance in shown if resistance is not None)
     return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting, resistances)
 
 
 def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
     """The model with a sensor for each recorded current or distance that none of its own reads."""
-    known = sensors_of(model)
-    read = {reading_of(model, name).column for name in known}
+    drawn = sensors_of(model)
+    read = {reading_of(model, name).column for name in drawn}
     columns = dict(zip(circuit_currents(model.circuit_names), model.circuit_names, strict=True))
-    own: dict[str, OtherSensor] = {
+    ammeters: dict[str, OtherSensor] = {
         column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit) for column, circuit in columns.items()
     }
     distance = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
     added = [
         sensor
-        for column, sensor in {**own, "distance_m": distance}.items()
-        if column in series.given and column not in read and sensor.name not in known
+        for column, sensor in {**ammeters, "distance_m": distance}.items()
+        if column in series.given and column not in read and sensor.name not in drawn
     ]
     return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
 
@@ -140,11 +138,11 @@ def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorM
 def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence[str] = ()) -> tuple[str, ...]:
     """Names of the sensors that the record has readings of, those of some columns left out."""
     columns = {name: reading_of(model, name).column for name in sensors_of(model)}
-    return tuple(name for name, one in columns.items() if one in series.given and one not in without)
+    return tuple(name for name, column in columns.items() if column in series.given and column not in without)
 
 
 def _left_out(series: TimeSeries) -> str:
-    return " ".join(str(one) for one in series.findings if one.code in {"unused-column", "stuck"})
+    return " ".join(str(finding) for finding in series.findings if finding.code in {"unused-column", "stuck"})
 
 
 def _chosen(
@@ -181,7 +179,7 @@ def _held(model: ActuatorModel, rests: Rests, sensors: Sequence[str]) -> BoolArr
     An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there.
     """
     read = any(isinstance(sensor_named(model, name), PositionSensor) for name in sensors)
-    return replace(rests, rests=tuple(one for one in rests.rests if read or one.place == "held")).held
+    return replace(rests, rests=tuple(rest for rest in rests.rests if read or rest.place == "held")).held
 
 
 def _resting_deviations(rests: Rests, step: float, noise: float) -> tuple[float, float] | None:
@@ -198,8 +196,8 @@ def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, li
         findings.append(
             Finding("held-command", "warning", f"{counted(missing, 'command')} are missing; the last one was held.")
         )
-    known = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))[:, None]), axis=0)
-    held = np.nan_to_num(np.take_along_axis(volts, known, axis=0))
+    last = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))[:, None]), axis=0)
+    held = np.nan_to_num(np.take_along_axis(volts, last, axis=0))
     before = np.concatenate([held[:1], held[:-1]])
     before[begins] = held[begins]
     return before, findings
@@ -221,8 +219,8 @@ def _channel(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], ste
     limit = np.array(series.clipped.get(name, np.full(len(column), np.nan)))
     clipped, above = at_ends(column, reading)
     if clipped.any():
-        known = np.isfinite(reading.high - reading.low)
-        limits = amount_range(reading.low, reading.high, reading.unit) if known else "its range"
+        limited = np.isfinite(reading.high - reading.low)
+        limits = amount_range(reading.low, reading.high, reading.unit) if limited else "its range"
         findings.append(
             Finding(
                 "clipped",
@@ -244,18 +242,20 @@ def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[fl
     if declared or reading.white > 0.0:
         return float(declared or reading.white), []
     read = np.isfinite(column)  # where a sensor is read more slowly than the record, what is between is missing
-    known = column[read]
-    guess = white_noise(known, series.rows["segment"].to_numpy()[read], least=1)
-    guess = float(np.fmax(guess, converter_step(known) / 12.0**0.5))
+    readings = column[read]
+    guess = white_noise(readings, series.rows["segment"].to_numpy()[read], least=1)
+    guess = float(np.fmax(guess, converter_step(readings) / 12.0**0.5))
     if not guess > 0.0:
         fault = (
-            "its readings do not vary" if len(known) > 2 else f"the record has {counted(len(known), 'reading')} of it"
+            "its readings do not vary"
+            if len(readings) > 2
+            else f"the record has {counted(len(readings), 'reading')} of it"
         )
         raise TableError(
             f"The noise of {reading.column} must be known; {fault}. Give --noise {reading.column}=STANDARD DEVIATION."
         )
-    said = f"The noise of sensor {reading.name} is guessed from its third differences: {amount(guess, reading.unit)}."
-    return guess, [Finding("guessed-noise", "info", said, "Give it with --noise.", column=str(reading.column))]
+    text = f"The noise of sensor {reading.name} is guessed from its third differences: {amount(guess, reading.unit)}."
+    return guess, [Finding("guessed-noise", "info", text, "Give it with --noise.", column=str(reading.column))]
 
 
 def _guesses(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> FloatArray:

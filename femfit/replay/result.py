@@ -41,19 +41,19 @@ class OneFilter:
     def trusted(self) -> bool:
         """Whether it ran through, and its innovations are as large as it says and white; not without any judged."""
         judged = self.innovations
-        return self.lost_at_s is None and bool(judged) and all(one.consistent and one.white for one in judged)
+        return self.lost_at_s is None and bool(judged) and all(sensor.consistent and sensor.white for sensor in judged)
 
     @property
     def misfit(self) -> float:
         """By how much the mean square of all normalised innovations exceeds 1; infinite where none is judged."""
-        excess = sum(one.count * max(one.mean_square - 1.0, 0.0) for one in self.innovations)
-        return excess / sum(one.count for one in self.innovations) if self.innovations else float("inf")
+        excess = sum(sensor.count * max(sensor.mean_square - 1.0, 0.0) for sensor in self.innovations)
+        return excess / sum(sensor.count for sensor in self.innovations) if self.innovations else float("inf")
 
     @property
     def cautious(self) -> bool:
         """Whether it is not trusted only because it allows for more noise than the record has."""
         ran = self.lost_at_s is None and bool(self.innovations)
-        return ran and not self.trusted and not any(one.bold for one in self.innovations)
+        return ran and not self.trusted and not any(sensor.bold for sensor in self.innovations)
 
     @property
     def sentence(self) -> str:
@@ -79,28 +79,28 @@ class OneFilter:
         """What the filter expected of the readings at which its covariance broke down, or how else it ended."""
         if self.outcome is not FilterOutcome.COVARIANCE_LOST:
             return self.outcome.sentence
-        seen = self.replayed
-        row = int(np.flatnonzero(seen.outcome != FilterOutcome.RUNNING)[0])
+        replayed = self.replayed
+        row = int(np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)[0])
         rows = slice(max(0, row + 1 - LEAST_JUDGED), row + 1)
-        ratio = np.nan_to_num(np.abs(seen.innovation[rows]) / np.sqrt(seen.variance[rows]))
-        at, k = np.unravel_index(int(ratio.argmax()), ratio.shape)
+        ratio = np.nan_to_num(np.abs(replayed.innovation[rows]) / np.sqrt(replayed.variance[rows]))
+        sample, k = np.unravel_index(int(ratio.argmax()), ratio.shape)
         name = self.built.process.outputs[k].name
         return (
-            f"A reading of {name} was {ratio[at, k]:.3g} of its expected deviations off the prediction "
-            f"({amount(float(seen.innovation[rows][at, k]), self.built.process.outputs[k].unit)}), and the covariance "
-            "did not survive it: the model is wrong by more than noise. Check the drawing, the sensor's characteristic "
-            "and the columns' signs and units."
+            f"A reading of {name} was {ratio[sample, k]:.3g} of its expected deviations off the prediction "
+            f"({amount(float(replayed.innovation[rows][sample, k]), self.built.process.outputs[k].unit)}), and the "
+            "covariance did not survive it: the model is wrong by more than noise. Check the drawing, the sensor's "
+            "characteristic and the columns' signs and units."
         )
 
     def lines(self) -> list[str]:
         """What became of it."""
         lines = [self.sentence]
-        for one in self.innovations:
-            band = f"{one.band.lower:.3g} to {one.band.upper:.3g}"
-            worst = int(np.argmax(np.abs(one.autocorrelation)))
-            white = "white" if one.white else f"not white ({one.autocorrelation[worst]:+.2f} at lag {worst + 1})"
-            size = f"{amount(one.rms, one.unit)} rms, mean square {one.mean_square:.3g} (should be {band})"
-            lines.append(f"  innovations of {one.sensor}: {size}, {white}")
+        for sensor in self.innovations:
+            band = f"{sensor.band.lower:.3g} to {sensor.band.upper:.3g}"
+            worst = int(np.argmax(np.abs(sensor.autocorrelation)))
+            white = "white" if sensor.white else f"not white ({sensor.autocorrelation[worst]:+.2f} at lag {worst + 1})"
+            size = f"{amount(sensor.rms, sensor.unit)} rms, mean square {sensor.mean_square:.3g} (should be {band})"
+            lines.append(f"  innovations of {sensor.sensor}: {size}, {white}")
         for channel in self.beside:
             unit = channel.column.rpartition("_")[2]
             what = "read by the filter" if channel.used else "not read by the filter: a check"
@@ -116,7 +116,32 @@ class OneFilter:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the series."""
-        return _filter_data(self)
+        return {
+            "name": self.name,
+            "trusted": self.trusted,
+            "cautious": self.cautious,
+            "lost_at_s": self.lost_at_s,
+            "states": list(self.built.process.names),
+            "innovations": [
+                {
+                    "sensor": each.sensor,
+                    "unit": each.unit,
+                    "count": each.count,
+                    "rms": each.rms,
+                    "mean_square": each.mean_square,
+                    "band": [each.band.lower, each.band.upper],
+                    "autocorrelation": each.autocorrelation.tolist(),
+                    "correlation_band": each.correlation_band,
+                    "consistent": each.consistent,
+                    "white": each.white,
+                }
+                for each in self.innovations
+            ],
+            "beside": [
+                {"column": each.column, "used": each.used, "rms": each.rms, "mean": each.mean, "delay_s": each.delay_s}
+                for each in self.beside
+            ],
+        }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -153,47 +178,52 @@ class Observation(Printed):
         return mended.trusted or mended.misfit < MOST_LEFT * self.filters[0].misfit
 
     def __str__(self) -> str:
-        first, *others = self.filters
+        first, *rivals = self.filters
         span = amount_range(float(self.time_s.min()), float(self.time_s.max()), "s", 3)
-        count, unused = counted(len(self.time_s), "sample"), [one for one in self.findings if one.code == UNUSED]
+        count = counted(len(self.time_s), "sample")
+        unused = [finding for finding in self.findings if finding.code == UNUSED]
         lines = first.lines()
         lines[1:1] = [
-            *(f"check first: {one}" for one in self.findings if one.severity != "info"),
+            *(f"check first: {finding}" for finding in self.findings if finding.severity != "info"),
             f"{self.source}: {count} from {span}, read through {', '.join(self.sensors)}",
-            *(str(one) for one in unused),
+            *(str(finding) for finding in unused),
         ]
-        shown = [str(one) for one in self.resistances if self.with_resistances is not None and one.contradicts]
+        shown = [
+            str(resistance)
+            for resistance in self.resistances
+            if self.with_resistances is not None and resistance.contradicts
+        ]
         if self.with_resistances is not None and self.of_resistance:
             lost = f"lost at {amount(first.lost_at_s, 's', 4)}" if first.lost_at_s is not None else "not consistent"
             rest = "it is consistent" if self.with_resistances.trusted else "most of the misfit is gone, not all of it"
             lines[:1] = [*shown, f"{first.name}: {lost}; with this resistance {rest}."]
         else:
             lines[1:1] = shown
-        told = [one for one in self.seatings if one.followed]
-        lines += [str(one) for one in told[:MOST_SEATINGS]]
-        if len(told) > MOST_SEATINGS:
-            lines.append(f"... and {counted(len(told) - MOST_SEATINGS, 'more arrival')} at a stop (--json)")
-        if open_ := [one for one in self.seatings if not one.followed]:
+        followed = [seating for seating in self.seatings if seating.followed]
+        lines += [str(seating) for seating in followed[:MOST_SEATINGS]]
+        if len(followed) > MOST_SEATINGS:
+            lines.append(f"... and {counted(len(followed) - MOST_SEATINGS, 'more arrival')} at a stop (--json)")
+        if open_ := [seating for seating in self.seatings if not seating.followed]:
             lines.append(not_followed(open_))
-        for other in others:
-            lines += other.lines()
+        for rival in rivals:
+            lines += rival.lines()
         if self.noise is not None and not self.of_resistance:
             lines += self.noise.lines(lost=first.lost_at_s is not None)
-        notes = [str(one) for one in self.findings if one.severity == "info" and one not in unused]
-        notes += [str(one) for one in self.resistances if str(one) not in shown]
-        return "\n".join([*lines, *(f"note: {one}" for one in notes)])
+        notes = [str(finding) for finding in self.findings if finding.severity == "info" and finding not in unused]
+        notes += [str(resistance) for resistance in self.resistances if str(resistance) not in shown]
+        return "\n".join([*lines, *(f"note: {note}" for note in notes)])
 
     @property
     def table(self) -> pd.DataFrame:
         """Recorded channels, and for each filter its estimate, deviations and normalised innovations."""
         columns: dict[str, FloatArray] = {"time_s": self.time_s, **self.recorded}
-        for one in self.filters:
-            for k, name in enumerate(one.built.process.names):
-                columns[f"{one.name}_{name}"] = one.replayed.mean[:, k]
-                columns[f"{one.name}_deviation_{name}"] = one.replayed.deviation[:, k]
-            for k, output in enumerate(one.built.process.outputs):
-                ratio = one.replayed.innovation[:, k] / np.sqrt(one.replayed.variance[:, k])
-                columns[f"{one.name}_innovation_{output.name}"] = ratio
+        for run in self.filters:
+            for k, name in enumerate(run.built.process.names):
+                columns[f"{run.name}_{name}"] = run.replayed.mean[:, k]
+                columns[f"{run.name}_deviation_{name}"] = run.replayed.deviation[:, k]
+            for k, output in enumerate(run.built.process.outputs):
+                ratio = run.replayed.innovation[:, k] / np.sqrt(run.replayed.variance[:, k])
+                columns[f"{run.name}_innovation_{output.name}"] = ratio
         return pd.DataFrame(columns)
 
     def to_dict(self) -> dict[str, Any]:
@@ -202,39 +232,12 @@ class Observation(Printed):
             "source": self.source,
             "samples": len(self.time_s),
             "sensors": list(self.sensors),
-            "filters": [one.to_dict() for one in self.filters],
-            "seatings": [vars(one) for one in self.seatings],
+            "filters": [run.to_dict() for run in self.filters],
+            "seatings": [vars(seating) for seating in self.seatings],
             "noise": None if self.noise is None else self.noise.to_dict(),
-            "resistances": [{**vars(one), "contradicts": one.contradicts} for one in self.resistances],
+            "resistances": [
+                {**vars(resistance), "contradicts": resistance.contradicts} for resistance in self.resistances
+            ],
             "of_resistance": self.of_resistance,
-            "findings": [str(one) for one in self.findings],
+            "findings": [str(finding) for finding in self.findings],
         }
-
-
-def _filter_data(one: OneFilter) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        "trusted": one.trusted,
-        "cautious": one.cautious,
-        "lost_at_s": one.lost_at_s,
-        "states": list(one.built.process.names),
-        "innovations": [
-            {
-                "sensor": each.sensor,
-                "unit": each.unit,
-                "count": each.count,
-                "rms": each.rms,
-                "mean_square": each.mean_square,
-                "band": [each.band.lower, each.band.upper],
-                "autocorrelation": each.autocorrelation.tolist(),
-                "correlation_band": each.correlation_band,
-                "consistent": each.consistent,
-                "white": each.white,
-            }
-            for each in one.innovations
-        ],
-        "beside": [
-            {"column": each.column, "used": each.used, "rms": each.rms, "mean": each.mean, "delay_s": each.delay_s}
-            for each in one.beside
-        ],
-    }

@@ -8,9 +8,10 @@ not forgotten is run again until it is the sequential result.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.filters.filter import Filter
@@ -54,8 +55,8 @@ def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed
     pieces = _cut(log)
     order, sensors, samples = filter_.process.order, log.readings.shape[1], len(log.inputs)
     states = [np.full((samples, *shape), np.nan) for shape in ((order,), (order,), (order, order))]
-    seen = [np.full((samples, sensors), np.nan) for _ in range(2)]
-    result = Replayed(states[0], states[1], states[2], seen[0], seen[1], np.zeros(samples, np.intp), 0)
+    innovations = [np.full((samples, sensors), np.nan) for _ in range(2)]
+    result = Replayed(states[0], states[1], states[2], innovations[0], innovations[1], np.zeros(samples, np.intp), 0)
     start = filter_.start(log.guesses[pieces.first])
     used, ends, todo, turns = start, start, np.arange(len(pieces.first)), 0
     while len(todo):
@@ -65,7 +66,7 @@ def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed
         todo = np.flatnonzero(~_joined(used, wanted))
         used = _put(used, todo, _take(wanted, todo))
     clipped = np.isfinite(log.limits)  # a bound is no reading, and says nothing of the noise
-    innovation, variance = (np.where(clipped, np.nan, one) for one in (result.innovation, result.variance))
+    innovation, variance = (np.where(clipped, np.nan, values) for values in (result.innovation, result.variance))
     return replace(result, innovation=innovation, variance=variance, turns=turns)
 
 
@@ -109,7 +110,7 @@ def _run(
         if j == 0 and opens.any():  # nothing moves before the first sample
             moved = _put(moved, np.flatnonzero(opens), _take(state, np.flatnonzero(opens)))
         readings = np.where(alive[:, None], _bounded(filter_, log, row, moved), np.nan)
-        state = filter_.update(moved, readings[:, 0] if readings.shape[1] == 1 else readings)
+        state = filter_.update(moved, readings)
         here = row[alive]
         result.predicted[here], result.mean[here] = moved.mean[alive], state.mean[alive]
         result.covariance[here] = state.covariance[alive]
@@ -133,28 +134,25 @@ def _bounded(filter_: Filter, log: Log, row: IntArray, moved: FilterState) -> Fl
     return readings
 
 
-def _joined(left: FilterState, right: FilterState) -> BoolArray:
+def _joined(used: FilterState, wanted: FilterState) -> BoolArray:
     """Whether two starts of each piece are the same to :data:`JOINED`; what broke down stays as it is."""
-    variance = np.diagonal(right.covariance, axis1=1, axis2=2)
+    variance = np.diagonal(wanted.covariance, axis1=1, axis2=2)
     with np.errstate(invalid="ignore"):
-        near = np.abs(left.mean - right.mean) <= JOINED * np.sqrt(variance)
-        alike = np.abs(np.diagonal(left.covariance, axis1=1, axis2=2) - variance) <= JOINED * variance
-    both = np.isnan(left.mean) & np.isnan(right.mean)
-    return np.asarray(((near & alike) | both).all(axis=1) & (left.outcome == right.outcome))
-
-
-_FIELDS = ("mean", "covariance", "factor", "innovation", "innovation_variance", "out_of_band", "outcome")
+        near = np.abs(used.mean - wanted.mean) <= JOINED * np.sqrt(variance)
+        alike = np.abs(np.diagonal(used.covariance, axis1=1, axis2=2) - variance) <= JOINED * variance
+    both = np.isnan(used.mean) & np.isnan(wanted.mean)
+    return np.asarray(((near & alike) | both).all(axis=1) & (used.outcome == wanted.outcome))
 
 
 def _take(state: FilterState, which: IntArray) -> FilterState:
-    return FilterState(**{name: getattr(state, name)[which] for name in _FIELDS})
+    return FilterState.of_fields(lambda name: getattr(state, name)[which])
 
 
-def _put(state: FilterState, which: IntArray, other: FilterState) -> FilterState:
-    values = {}
-    for name in _FIELDS:
-        new = getattr(other, name)
-        old = getattr(state, name)
-        values[name] = np.array(old) if old.shape[1:] == new.shape[1:] else np.full((len(old), *new.shape[1:]), np.nan)
-        values[name][which] = new
-    return FilterState(**values)
+def _put(state: FilterState, which: IntArray, changed: FilterState) -> FilterState:
+    def value(name: str) -> NDArray[Any]:
+        old, new = getattr(state, name), getattr(changed, name)
+        result = np.array(old) if old.shape[1:] == new.shape[1:] else np.full((len(old), *new.shape[1:]), np.nan)
+        result[which] = new
+        return result
+
+    return FilterState.of_fields(value)

@@ -16,9 +16,10 @@ A. S. Willsky and H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108: like
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from femfit.core.amount import amount, amount_range
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
@@ -65,8 +66,10 @@ class Seating:
         if not self.followed:
             return not_followed([self])
         if self.confidence < LEAST_CONFIDENCE:
-            at = amount(self.time_s, "s", 3)
-            return f"The estimate reaches the {self.stop} stop at {at}; the record does not tell whether the body does."
+            time = amount(self.time_s, "s", 3)
+            return (
+                f"The estimate reaches the {self.stop} stop at {time}; the record does not tell whether the body does."
+            )
         sure = "more than 99.9 %" if self.confidence > CERTAIN else amount(self.confidence, "", 3)
         span = amount_range(self.low_s, self.high_s, "s", 4)
         return f"Seats on the {self.stop} stop at {span} with {speed}, {sure} certain."
@@ -74,22 +77,24 @@ class Seating:
 
 def not_followed(seatings: Sequence[Seating]) -> str:
     """Of arrivals of the estimate that the readings contradict, in one sentence."""
-    where = ", ".join(f"the {one.stop} stop at {amount(one.time_s, 's', 3)}" for one in seatings[:MOST_SEATINGS])
+    where = ", ".join(
+        f"the {seating.stop} stop at {amount(seating.time_s, 's', 3)}" for seating in seatings[:MOST_SEATINGS]
+    )
     more = f" and {len(seatings) - MOST_SEATINGS} more" if len(seatings) > MOST_SEATINGS else ""
     return f"The estimate comes to {where}{more}, but the readings there are not its own; the body may be elsewhere."
 
 
 def find_seatings(prepared: Prepared, built: Filter, replayed: Replayed) -> tuple[Seating, ...]:
     """Every arrival of the estimate at a stop, in order of time."""
-    motion, found = prepared.model.require_motion(), []
+    motion, seatings = prepared.model.require_motion(), []
     sides: tuple[tuple[Side, Stop | None], ...] = (("near", motion.near_stop), ("far", motion.far_stop))
     for side, stop in sides:
         if stop is not None and stop.stiffness_N_per_m is None:
             outward = -1.0 if side == "near" else 1.0
             for rows in _arrivals(prepared, replayed, stop.distance_m, outward):
-                one = _judged(prepared, built, replayed, rows, (side, stop, outward))
-                found += [] if one is None else [one]
-    return tuple(sorted(found, key=lambda one: one.time_s))
+                seating = _judged(prepared, built, replayed, rows, (side, stop, outward))
+                seatings += [] if seating is None else [seating]
+    return tuple(sorted(seatings, key=lambda seating: seating.time_s))
 
 
 def _arrivals(prepared: Prepared, replayed: Replayed, stop: float, outward: float) -> Iterator[tuple[int, int]]:
@@ -123,8 +128,8 @@ def fastest(model: ActuatorModel, outward: float) -> float:
     np.maximum.at(most, which, force)
     work = float(np.sum(0.5 * (most[1:] + most[:-1]) * np.diff(places)))
     returned = max((stop.restitution for stop in (motion.near_stop, motion.far_stop) if stop is not None), default=0.0)
-    left = 1.0 - returned**2
-    return float(np.sqrt(2.0 * work / (motion.mass_kg * left))) if left > 0.0 else np.inf
+    lost_share = 1.0 - returned**2
+    return float(np.sqrt(2.0 * work / (motion.mass_kg * lost_share))) if lost_share > 0.0 else np.inf
 
 
 @dataclass
@@ -140,9 +145,9 @@ class _Rivals:
 
 
 def _judged(
-    prepared: Prepared, built: Filter, replayed: Replayed, rows: tuple[int, int], at: tuple[Side, Stop, float]
+    prepared: Prepared, built: Filter, replayed: Replayed, rows: tuple[int, int], place: tuple[Side, Stop, float]
 ) -> Seating | None:
-    (side, stop, outward), (row, touched) = at, rows
+    (side, stop, outward), (row, touched) = place, rows
     step, log = prepared.model.sample_time_s, prepared.log
     recent = np.arange(max(row - SEAT_BEFORE, 0), row)
     before = int(recent[np.argmax(outward * replayed.mean[recent, 1])]) if len(recent) else row
@@ -196,10 +201,10 @@ def run_rivals(
     built: Filter,
     rows: tuple[int, int],
     candidates: IntArray,
-    at: tuple[Stop, float, Replayed],
+    place: tuple[Stop, float, Replayed],
 ) -> _Rivals:
     """The likelihood of the readings for a body that lies on the stop, that seats at each candidate, or goes on."""
-    stop, outward, replayed = at
+    stop, outward, replayed = place
     model, log = prepared.model, prepared.log
     # An impact at the other stop may lie in the stretch
     motion = model.require_motion()
@@ -221,7 +226,7 @@ def run_rivals(
         if now.any():
             state = _seat(model, state, now, (stop, outward), rivals)
         readings = np.tile(log.readings[row], (runs, 1))
-        state = built.update(state, readings[:, 0] if readings.shape[1] == 1 else readings)
+        state = built.update(state, readings)
         innovation, variance = state.innovation.reshape(runs, -1), state.innovation_variance.reshape(runs, -1)
         read = np.isfinite(log.readings[row])
         squares = (innovation[:, read] ** 2 / variance[:, read]).sum(axis=1)
@@ -244,10 +249,10 @@ def _lying(state: FilterState, stop: Stop) -> FilterState:
 
 
 def _seat(
-    model: ActuatorModel, state: FilterState, now: BoolArray, at: tuple[Stop, float], rivals: _Rivals
+    model: ActuatorModel, state: FilterState, now: BoolArray, place: tuple[Stop, float], rivals: _Rivals
 ) -> FilterState:
     """The state of the runs that seat: the distance read as the stop's, the speed returned, the flux linkage kept."""
-    stop, outward = at
+    stop, outward = place
     mean, covariance = state.mean.copy(), state.covariance.copy()
     variance = covariance[now, 0, 0]
     gap = stop.distance_m - mean[now, 0]
@@ -269,11 +274,11 @@ def _seat(
     return replace(state, mean=mean, covariance=covariance, factor=cholesky(covariance)[0])
 
 
-def _either(free: FilterState, kept: FilterState, seated: BoolArray) -> FilterState:
+def _either(free: FilterState, lying: FilterState, seated: BoolArray) -> FilterState:
     """The prediction of each run: of a free body, or of one that its stop keeps."""
-    names = ("mean", "covariance", "factor", "innovation", "innovation_variance", "out_of_band", "outcome")
-    values = {}
-    for name in names:
-        one, other = getattr(free, name), getattr(kept, name)
-        values[name] = np.where(seated.reshape(-1, *([1] * (one.ndim - 1))), other, one)
-    return FilterState(**values)
+
+    def value(name: str) -> NDArray[Any]:
+        moving, resting = getattr(free, name), getattr(lying, name)
+        return np.asarray(np.where(seated.reshape(-1, *([1] * (moving.ndim - 1))), resting, moving))
+
+    return FilterState.of_fields(value)

@@ -19,9 +19,9 @@ _FLOOR_M = 1e-7
 
 @styled
 def sense_figure(found: Sensing) -> "Figure":
-    """Draw the motion with the filter's error, that error beside its bound, and the bound over distance and current."""
-    figure = new_figure(7.0)
-    path, error, over = figure.subplots(3, 1, height_ratios=(1.0, 1.0, 1.4))
+    """Draw the motion with the filter's error, and that error beside its bound."""
+    figure = new_figure(4.5)
+    path, error = figure.subplots(2, 1)
     time, distance = 1e3 * found.time_s, 1e3 * found.distance_m
     rms = 1e3 * found.rms_m
     path.fill_between(time, distance - rms, distance + rms, color=BLUE, alpha=0.25, label=words("sense", "band"))
@@ -36,18 +36,6 @@ def sense_figure(found: Sensing) -> "Figure":
         error.semilogy(time, 1e6 * np.maximum(values, _FLOOR_M), color=colour, label=words("sense", key))
     error.set(ylabel=words("sense", "error"), xlabel=words("sense", "time"))
     error.legend(ncols=3)
-    known = found.map
-    levels = np.log10(1e6 * np.maximum(known.deviation_m, _FLOOR_M))
-    drawn = over.contourf(1e3 * known.distances_m, known.currents_A, levels.T, levels=12, cmap="viridis_r")
-    if known.blind.any():
-        over.contourf(
-            1e3 * known.distances_m, known.currents_A, known.blind.T.astype(float), levels=(0.5, 1.5),
-            colors="none", hatches=("///",),
-        )  # fmt: skip
-    bar = figure.colorbar(drawn, ax=over, label=words("sense", "map"))
-    ticks = np.arange(np.ceil(levels.min()), np.floor(levels.max()) + 1.0)
-    bar.set_ticks(ticks.tolist(), labels=[f"{10.0**tick:g}" for tick in ticks])
-    over.set(xlabel=words("sense", "distance"), ylabel=words("sense", "current"))
     return figure
 
 

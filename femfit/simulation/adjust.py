@@ -76,20 +76,20 @@ def _of_bandwidth(design: LoopDesign, name: ControllerName, bandwidth: float | N
 
 
 def _with(design: LoopDesign, controller: Controller, gains: Mapping[str, float]) -> Controller:
-    known = gains_of(design, controller)
-    if wrong := [name for name in gains if name not in known]:
+    gains_now = gains_of(design, controller)
+    if wrong := [name for name in gains if name not in gains_now]:
         raise DomainError(
-            f"The gains of this controller are {', '.join(known)}; instead received {', '.join(wrong)}. Name one of "
-            "them, as in kp=2000."
+            f"The gains of this controller are {', '.join(gains_now)}; instead received {', '.join(wrong)}. Name one "
+            "of them, as in kp=2000."
         )
     if bad := [name for name, value in gains.items() if not np.isfinite(value)]:
         raise DomainError(f"Gains must be finite; instead received {', '.join(bad)}.")
-    values = {**known, **gains}
+    values = {**gains_now, **gains}
     if isinstance(controller, Pid):
         return pid_of_parts(design.model, **values, direction=controller.direction)
     if isinstance(controller, Backstepping):
-        own: dict[str, Any] = {"position_gain": values["position"], "velocity_gain": values["velocity"]}
-        return replace(controller, **own, current_gain_ohm=values.get("current", controller.current_gain_ohm))
+        outer: dict[str, Any] = {"position_gain": values["position"], "velocity_gain": values["velocity"]}
+        return replace(controller, **outer, current_gain_ohm=values.get("current", controller.current_gain_ohm))
     assert isinstance(controller, StateFeedback)  # noqa: S101  the only other kind
     along = _along(design)
     feedback, integral = controller.gains.copy(), controller.integral.copy()
@@ -111,17 +111,17 @@ def gains_of(design: LoopDesign, controller: Controller) -> dict[str, float]:
     if isinstance(controller, Pid):
         return controller.parts
     if isinstance(controller, Backstepping):
-        found = {"position": controller.position_gain, "velocity": controller.velocity_gain}
+        outer = {"position": controller.position_gain, "velocity": controller.velocity_gain}
         amplified = all(circuit.drive.kind == "current" for circuit in design.model.circuits)
-        return found if amplified else {**found, "current": controller.current_gain_ohm}
+        return outer if amplified else {**outer, "current": controller.current_gain_ohm}
     assert isinstance(controller, StateFeedback)  # noqa: S101  the only other kind
     along = _along(design)
     first = int(np.argmax(np.abs(along)))
-    own = controller.gains
+    matrix = controller.gains
     return {
-        "distance": -float(own[first, 0] / along[first]),
-        "velocity": -float(own[first, 1] / along[first]),
-        **{name: float(own[k, 2 + k]) for k, name in enumerate(_current_names(design))},
+        "distance": -float(matrix[first, 0] / along[first]),
+        "velocity": -float(matrix[first, 1] / along[first]),
+        **{name: float(matrix[k, 2 + k]) for k, name in enumerate(_current_names(design))},
         "integral": -float(controller.integral[first] / along[first]),
     }
 

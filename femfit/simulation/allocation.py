@@ -78,8 +78,8 @@ def currents_for_force(
         return flat[..., None]
     distance, force = np.broadcast_arrays(np.asarray(distance, float), np.asarray(force, float))
     start = None if near is None else np.reshape(near, (distance.size, -1))
-    found = nearest_currents(model, distance.ravel(), force.ravel(), _bias(model), current_ranges(model), start)
-    return found.reshape(*distance.shape, -1)
+    currents = nearest_currents(model, distance.ravel(), force.ravel(), _bias(model), current_ranges(model), start)
+    return currents.reshape(*distance.shape, -1)
 
 
 def currents_for_acceleration(
@@ -120,8 +120,8 @@ def _rises(model: ActuatorModel) -> bool:
     """Whether a larger current attracts more, in the middle of the distances."""
     box = model.validity
     low, high = current_range(model)
-    at = np.full(2, 0.5 * (box.distance_min_m + box.distance_max_m))
-    weak, strong = model.magnetics.force(at, np.array([low, high]))
+    middle = np.full(2, 0.5 * (box.distance_min_m + box.distance_max_m))
+    weak, strong = model.magnetics.force(middle, np.array([low, high]))
     return bool(strong >= weak)
 
 

@@ -31,7 +31,7 @@ class BlindBound:
 
 def blind_bound(bench: Bench) -> BlindBound | None:
     """The bound of a loop of one sensor and one command; None of any other, and where no zero and pole make one."""
-    step, found = bench.model.sample_time_s, []
+    step, bounds = bench.model.sample_time_s, []
     for point, plant in zip(bench.points, bench.plants, strict=True):
         if len(plant.C) != 1 or plant.B.shape[1] != 1:
             return None
@@ -39,17 +39,17 @@ def blind_bound(bench: Bench) -> BlindBound | None:
         for zero in _unstable(zeros_of(plant)):
             each = np.abs((zero - poles) / (1.0 - poles.conj() * zero))
             if each.size:
-                own, body = (float(abs(np.log(one)) / step) for one in (zero, poles[np.argmin(each)]))
-                found.append(BlindBound(point.distance_m, own, body, float(np.prod(each))))
-    return min(found, key=lambda one: one.modulus, default=None)
+                zero_rate, pole_rate = (float(abs(np.log(root)) / step) for root in (zero, poles[np.argmin(each)]))
+                bounds.append(BlindBound(point.distance_m, zero_rate, pole_rate, float(np.prod(each))))
+    return min(bounds, key=lambda bound: bound.modulus, default=None)
 
 
 def zeros_of(plant: LinearPlant) -> ComplexArray:
     """Zeros of the reading over the command, of det(z - A + B C) - det(z - A) for each of the reading's samples."""
-    own, late = np.poly(plant.A), plant.C.shape[1]
-    above = np.zeros(len(own) + late - 1)
+    poles, late = np.poly(plant.A), plant.C.shape[1]
+    above = np.zeros(len(poles) + late - 1)
     for k, row in enumerate(plant.C[0]):
-        above[k : k + len(own)] += np.poly(plant.A - plant.B @ row[None]).real - own.real
+        above[k : k + len(poles)] += np.poly(plant.A - plant.B @ row[None]).real - poles.real
     return np.roots(np.trim_zeros(np.where(np.abs(above) > 1e-13 * np.abs(above).max(), above, 0.0))).astype(complex)
 
 

@@ -30,7 +30,7 @@ class Choice:
     def text(self, lost: Sequence[str] = ()) -> str:
         """A line for the first controller that is not among those with which runs were lost."""
         taken = next(name for name in self.margins if name not in lost)
-        first, *others = [_standing(name, margins) for name, margins in self.margins.items()]
+        first, *rivals = [_standing(name, margins) for name, margins in self.margins.items()]
         why = (
             "its linear loop keeps the largest margins of phase and modulus"
             if self.margins[taken].stable
@@ -38,7 +38,7 @@ class Choice:
         )
         if lost:
             why = f"runs are lost with {' and '.join(lost)}, whose linear loop keeps larger margins"
-        return f"{taken} is chosen on {self.observer}, as {why}: {', '.join((first, *others))}"
+        return f"{taken} is chosen on {self.observer}, as {why}: {', '.join((first, *rivals))}"
 
 
 def choose(design: LoopDesign, observer: ObserverName) -> Choice:
@@ -49,16 +49,16 @@ def choose(design: LoopDesign, observer: ObserverName) -> Choice:
     DomainError
         If no controller can be designed at all.
     """
-    found: dict[ControllerName, Margins] = {}
+    margins: dict[ControllerName, Margins] = {}
     reasons = []
     for name in CONTROLLERS:
         try:
-            found[name] = worst_of(design.margins(name, observer))
+            margins[name] = worst_of(design.margins(name, observer))
         except (DomainError, FilterError) as error:
             reasons.append(str(error))
-    if not found:
+    if not margins:
         raise DomainError(" ".join(dict.fromkeys(reasons)))
-    return Choice(observer, dict(sorted(found.items(), key=lambda item: _rank(item[1]), reverse=True)))
+    return Choice(observer, dict(sorted(margins.items(), key=lambda item: _rank(item[1]), reverse=True)))
 
 
 def _rank(margins: Margins) -> tuple[bool, float, float, float]:

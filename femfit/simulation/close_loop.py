@@ -114,9 +114,9 @@ def close_loop(
     >>> loop.estimate_rms_m.median < 50e-6
     True
     """
-    for given, value, known in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
-        if value is not None and value not in known:
-            raise DomainError(f"There is no {given} {value!r}. Give one of {', '.join(known)}.")
+    for option, value, names in (("controller", controller, CONTROLLERS), ("estimator", estimator, OBSERVERS)):
+        if value is not None and value not in names:
+            raise DomainError(f"There is no {option} {value!r}. Give one of {', '.join(names)}.")
     for name, count, least in (("runs", runs, 1), ("recorded", recorded, 0), ("latency", latency, 0)):
         if not isinstance(count, int | np.integer) or count < least:
             raise DomainError(

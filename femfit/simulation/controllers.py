@@ -54,15 +54,10 @@ class SplitController(Controller):
         """Each part's command on its own runs."""
         command, updated = np.empty((len(estimate), estimate.shape[1] - 2)), memory.copy()
         for rows, controller in self.parts:
-            part = reference if np.ndim(reference.distance) == 0 else reference.at(rows)
-            command[rows], words = controller.command(memory[rows, : controller.words], estimate[rows], part)
+            path = reference if np.ndim(reference.distance) == 0 else reference.at(rows)
+            command[rows], words = controller.command(memory[rows, : controller.words], estimate[rows], path)
             updated[rows, : controller.words] = words
         return command, updated
-
-
-def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
-    """Commands that hold currents of shape (..., n): R i, or the currents themselves for an amplifier."""
-    return np.where(commands_currents(model), currents, model.resistances_ohm * currents)
 
 
 def reference_currents(model: ActuatorModel, reference: Reference) -> FloatArray:

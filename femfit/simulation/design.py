@@ -92,13 +92,19 @@ class LoopDesign:
 
     def loop_sensors(self, model: ActuatorModel | None = None) -> tuple[LoopSensor, ...]:
         """The sensors of the design's model, or those of the same names of another one."""
-        own = self.model if model is None else model
-        return loop_sensors(own, self.sensors, self.noise, self.model.sample_time_s)
+        read = self.model if model is None else model
+        return loop_sensors(read, self.sensors, self.noise, self.model.sample_time_s)
+
+    @property
+    def delay_s(self) -> float:
+        """Longest time in s from the body to the command that answers it, without the samples themselves."""
+        delay = max(sensor.delay for sensor in self.loop_sensors()) + self.latency
+        return delay * self.model.sample_time_s
 
     @property
     def reads_slowly(self) -> bool:
         """Whether a sensor is not read at each sample."""
-        return any(one.period > 1 for one in self.loop_sensors())
+        return any(sensor.period > 1 for sensor in self.loop_sensors())
 
     @property
     def backstepping(self) -> Backstepping:
@@ -180,8 +186,8 @@ class LoopDesign:
         """What linear controllers are judged in."""
         if observer not in self._benches:
             made = None if observer == "exact" else self.observer(observer)
-            own = None if isinstance(made, SplitObserver) else made  # never one of several
-            bench = make_bench(self.model, self.points, self.loop_sensors(), own, self.latency)
+            single = None if isinstance(made, SplitObserver) else made  # never one of several
+            bench = make_bench(self.model, self.points, self.loop_sensors(), single, self.latency)
             self._benches[observer] = bench
         return self._benches[observer]
 
@@ -206,7 +212,7 @@ class LoopDesign:
         """What the filters know of the noise."""
         base = default_noise(self.model, self.targets_m[0])
         volts = np.atleast_1d(base.voltage_V) * self.command_error
-        white = {one.name: one.reading.white for one in self.loop_sensors()}
+        white = {sensor.name: sensor.reading.white for sensor in self.loop_sensors()}
         hall = white.pop(HALL, base.hall_V)
         return replace(
             base, voltage_V=tuple(volts.tolist()) if len(volts) > 1 else float(volts[0]), hall_V=hall, sensors=white
@@ -254,7 +260,7 @@ def design_loop(
         model.require_circuit()
     model.require_motion()
     names = chosen_sensors(model, sensors)
-    known = sensor_noise(model, names, noise)
+    white = sensor_noise(model, names, noise)
     model = covered(model)
     targets = model.reference_distances_m or derived_targets(model, names)
     distances: FloatArray = np.linspace(min(targets), max(targets), DESIGN_POINTS)
@@ -263,7 +269,7 @@ def design_loop(
     design = LoopDesign(
         model=model,
         sensors=names,
-        noise=known,
+        noise=white,
         targets_m=targets,
         points=points,
         reference_rate_rad_s=reference_rate(model, targets),
@@ -285,8 +291,8 @@ def keeping_margins(design: LoopDesign) -> LoopDesign:
         for factor in COMMAND_ERRORS if most > 0.0 else ():
             if tried[-1][0] >= most:
                 break
-            one = replace(design, command_error=factor)
-            tried.append((_score(one, "ekf"), one))
+            cautious = replace(design, command_error=factor)
+            tried.append((_score(cautious, "ekf"), cautious))
     except (DomainError, FilterError):  # whose controllers say why there is none
         return design
     return near_the_best(tried)

@@ -24,13 +24,13 @@ class PositionInverse:
         """Distances in m, and which readings lie beyond the characteristic within the validity domain."""
         box = self.model.validity
         ends = np.array([box.distance_min_m, box.distance_max_m])
-        at = np.unique(np.concatenate([np.asarray(self.sensor.distances_m).clip(*ends), ends]))
-        read = characteristic(self.sensor, at)
+        places = np.unique(np.concatenate([np.asarray(self.sensor.distances_m).clip(*ends), ends]))
+        read = characteristic(self.sensor, places)
         order = np.argsort(read)
         several = len(self.model.circuits) > 1
         reading = np.broadcast_to(reading, np.shape(current)[:-1] if several else np.shape(current))
         outside = ~((reading >= read.min()) & (reading <= read.max()))
-        return np.interp(reading, read[order], at[order]), outside
+        return np.interp(reading, read[order], places[order]), outside
 
     def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:  # noqa: ARG002  as of a Hall element
         """What it reads at a distance in m."""

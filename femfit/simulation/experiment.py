@@ -139,13 +139,13 @@ def run_experiments(
 
 def _paths(design: LoopDesign, experiments: Sequence[Experiment], steps: int) -> list[Reference]:
     """The reference of each experiment, with the current that a linear controller adds to its own."""
-    known: dict[tuple[float, ...], Reference] = {}
+    references: dict[tuple[float, ...], Reference] = {}
     for e in experiments:
-        if e.targets_m not in known:
+        if e.targets_m not in references:
             path = reference_steps(e.targets_m, steps, design.model.sample_time_s, design.reference_rate_rad_s)
             currents = currents_for_acceleration(design.model, path.distance, path.acceleration, path.velocity)
-            known[e.targets_m] = replace(path, currents=currents)
-    return [known[e.targets_m] for e in experiments]
+            references[e.targets_m] = replace(path, currents=currents)
+    return [references[e.targets_m] for e in experiments]
 
 
 def _rows(mask: Sequence[bool], runs: int) -> IntArray:

@@ -28,7 +28,7 @@ def covered_currents(model: ActuatorModel) -> FloatArray:
     widths = model.validity.current_limits_A[: len(model.circuits)].T
     margin = (1.0 - COVERED_PART) * np.abs(widths).max(axis=0)
     low, high = widths[0] + margin, widths[1] - margin
-    one_sided = [(one.voltage_min_V >= 0.0, one.voltage_max_V <= 0.0) for one in model.circuits]
+    one_sided = [(circuit.voltage_min_V >= 0.0, circuit.voltage_max_V <= 0.0) for circuit in model.circuits]
     kept_low, kept_high = np.array(one_sided).T
     # Currents of a driver of one sign cannot pass a sweep that ends at zero
     low = np.where(kept_low & (widths[0] >= 0.0) & (widths[0] <= margin), -np.inf, low)
@@ -46,10 +46,10 @@ def limited(model: ActuatorModel, estimate: FloatArray, command: FloatArray) -> 
     distance = np.clip(estimate[:, 0], box.distance_min_m, box.distance_max_m)
     currents = np.clip(estimate[:, 2:], *box.current_limits_A[: command.shape[1]].T)
     _, motional, inductance = circuit_terms(model, distance, currents)
-    own = np.einsum("rkk->rk", inductance) / model.sample_time_s
-    resting = model.resistances_ohm * currents - motional * estimate[:, 1:2] - own * currents
+    self_inductance_rate = np.einsum("rkk->rk", inductance) / model.sample_time_s
+    resting = model.resistances_ohm * currents - motional * estimate[:, 1:2] - self_inductance_rate * currents
     ends = [
-        np.where(amplified, limit, resting + own * end)
+        np.where(amplified, limit, resting + self_inductance_rate * end)
         for limit, end in zip((low, high), covered_currents(model), strict=True)
     ]
     return np.clip(np.clip(command, ends[0], ends[1]), low, high)

@@ -47,8 +47,8 @@ class LinearPlant:
     def response(self, z: ComplexArray, latency: int = 0) -> ComplexArray:
         """Readings over commands that are applied so many samples late, of shape (frequencies, sensors, n)."""
         states = np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, self.B + 0j)
-        seen = np.einsum("fm,jmx->fjx", z[:, None] ** -np.arange(self.C.shape[1]), self.C)
-        return np.asarray(seen @ states * z[:, None, None] ** -latency)
+        readings = np.einsum("fm,jmx->fjx", z[:, None] ** -np.arange(self.C.shape[1]), self.C)
+        return np.asarray(readings @ states * z[:, None, None] ** -latency)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +69,10 @@ class LinearController:
         u = H z^-(latency + 1) u + K y with the small loop of observer and controller alone.
         """
         n, late = len(self.C), self.latency + 1
-        own, oldest = slice(0, len(self.A) - n * late), slice(len(self.A) - n, None)
-        inputs = np.concatenate([self.A[own, oldest], self.B[own]], axis=1)
-        states = np.linalg.solve(z[:, None, None] * np.eye(len(inputs)) - self.A[own, own], inputs + 0j)
-        both = self.C[:, own] @ states + np.concatenate([self.C[:, oldest], self.D], axis=1)
+        inner, oldest = slice(0, len(self.A) - n * late), slice(len(self.A) - n, None)
+        inputs = np.concatenate([self.A[inner, oldest], self.B[inner]], axis=1)
+        states = np.linalg.solve(z[:, None, None] * np.eye(len(inputs)) - self.A[inner, inner], inputs + 0j)
+        both = self.C[:, inner] @ states + np.concatenate([self.C[:, oldest], self.D], axis=1)
         again = np.eye(n) - both[..., :n] * z[:, None, None] ** -late
         return np.asarray(np.linalg.solve(again, both[..., n:]))
 
@@ -83,21 +83,18 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
     rest = plant.start(point.state[None])[0]
     scale, push = state_scale(model), _command_scale(model, point)
 
-    def moved(points: FloatArray, commands: FloatArray) -> FloatArray:
-        return plant.step(points, commands)
-
-    A, B = _differences(moved, rest, point.commands, scale, push)
-    seen = []
-    for one in sensors:
+    A, B = _differences(plant.step, rest, point.commands, scale, push)
+    slopes = []
+    for sensor in sensors:
         # Of p samples one is read: what is seen is (p - 1)/2 samples old on average
-        late = (one.delay + 0.5 * (one.period - 1)) * model.sample_time_s
-        weights = sample_weights(replace(one.sensor, delay_s=late), model.sample_time_s)
-        seen.append(np.outer(weights, _slope(partial(sampled_value, model, one.sensor), rest, scale)))
-    C = np.zeros((len(sensors), max(map(len, seen), default=1), len(rest)))
-    for j, rows in enumerate(seen):
+        late = (sensor.delay + 0.5 * (sensor.period - 1)) * model.sample_time_s
+        weights = sample_weights(replace(sensor.sensor, delay_s=late), model.sample_time_s)
+        slopes.append(np.outer(weights, _slope(partial(sampled_value, model, sensor.sensor), rest, scale)))
+    C = np.zeros((len(sensors), max(map(len, slopes), default=1), len(rest)))
+    for j, rows in enumerate(slopes):
         C[j, : len(rows)] = rows
     # As in a filter's R: noise that is met once in p samples tells as little as sqrt(p) times as much at each
-    noise = np.array([one.reading.white * np.sqrt(one.period) for one in sensors])
+    noise = np.array([sensor.reading.white * np.sqrt(sensor.period) for sensor in sensors])
     return LinearPlant(A, B, C, noise)
 
 
@@ -105,17 +102,6 @@ def exact_readings(plant: LinearPlant) -> LinearPlant:
     """The plant where every state is known at once, without noise."""
     order = len(plant.A)
     return replace(plant, C=np.eye(order)[:, None], noise=np.zeros(order))
-
-
-def linear_controller(
-    model: ActuatorModel,
-    point: OperatingPoint,
-    observer: Filter | DirectObserver | None,
-    controller: Controller,
-    latency: int = 0,
-) -> LinearController:
-    """Observer and controller about a point; ``observer`` None knows the exact state."""
-    return joined(model, point, linear_observer(model, point, observer), controller, latency)
 
 
 def joined(
@@ -130,20 +116,20 @@ def joined(
     order = model.order
     P, G, L = observer
     M, E, N, D = _controller(model, point, controller, len(P))
-    seen, words, inputs = len(P), len(M), L.shape[1]
+    estimated, words, inputs = len(P), len(M), L.shape[1]
     pending = n * (latency + 1)
-    size = seen + words + pending
+    size = estimated + words + pending
     A, B = np.zeros((size, size)), np.zeros((size, inputs))
     C, Dy = np.zeros((n, size)), D @ L
     applied = slice(size - n, size)  # the oldest command on its way acted from the sample before to this one
-    A[:seen, :seen], A[:seen, applied], B[:seen] = P, G, L
-    rows = slice(seen, seen + words)
-    A[rows, :seen], A[rows, rows], A[rows, applied], B[rows] = E @ P, M, E @ G, E @ L
-    C[:, :seen], C[:, rows], C[:, applied] = D @ P, N, D @ G
-    first = slice(seen + words, seen + words + n)
+    A[:estimated, :estimated], A[:estimated, applied], B[:estimated] = P, G, L
+    rows = slice(estimated, estimated + words)
+    A[rows, :estimated], A[rows, rows], A[rows, applied], B[rows] = E @ P, M, E @ G, E @ L
+    C[:, :estimated], C[:, rows], C[:, applied] = D @ P, N, D @ G
+    first = slice(estimated + words, estimated + words + n)
     A[first], B[first] = C, Dy
     for k in range(latency):
-        start = seen + words + n * (k + 1)
+        start = estimated + words + n * (k + 1)
         A[start : start + n, start - n : start] = np.eye(n)
     return LinearController(A, B, C, Dy, latency, order)
 
@@ -162,17 +148,17 @@ def closed_loop_matrix(plant: LinearPlant, controller: LinearController) -> Floa
         y[j, chain[0]] = 1.0
         F[chain[:-1], chain[1:]] = 1.0
         F[chain, :N] = plant.C[j, 1:]
-    own = slice(inner, size)
+    control = slice(inner, size)
     u = controller.D @ y
-    u[:, own] += controller.C
+    u[:, control] += controller.C
     F[:N, :N] += plant.A
     if controller.latency:  # the command given so many samples ago
         start = size - n * controller.latency - n + n * (controller.latency - 1)
         F[:N, start : start + n] += plant.B
     else:
         F[:N] += plant.B @ u
-    F[own] += controller.B @ y
-    F[own, own] += controller.A
+    F[control] += controller.B @ y
+    F[control, control] += controller.A
     return F
 
 
@@ -196,7 +182,7 @@ def _differences(
     scale: FloatArray,
     push: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Jacobians of a step in its states and its commands."""
+    """Jacobians of a step in its states, and in its commands or what else it takes."""
     order, n = len(rest), len(commands)
     both = np.concatenate([rest, commands])
     steps = np.diag(_PROBE * np.concatenate([scale, push]))
@@ -218,8 +204,8 @@ def linear_observer(
     A, B, C, R = linear_filter(model, point, observer)
     covariance = solve_riccati(A.T, C.T, observer.process.process_covariance, R)
     gain = np.asarray(np.linalg.solve(C @ covariance @ C.T + R, C @ covariance).T, dtype=np.float64)
-    kept = np.eye(len(A)) - gain @ C
-    return kept @ A, kept @ B, gain
+    remainder = np.eye(len(A)) - gain @ C
+    return remainder @ A, remainder @ B, gain
 
 
 def linear_filter(
@@ -241,22 +227,18 @@ def linear_filter(
 
 
 def _controller(
-    model: ActuatorModel, point: OperatingPoint, controller: Controller, seen: int
+    model: ActuatorModel, point: OperatingPoint, controller: Controller, estimated: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """M, E, N and D of the module's head."""
     n, words = len(point.commands), controller.words
     still = np.zeros(1)
     reference = Reference(np.array([point.distance_m]), still, still, point.currents_A[None])
-    rest = point.state
-    scale = np.concatenate([state_scale(model)[: 2 + n], np.full(words, 1e-2)])
-    both = np.concatenate([rest, np.zeros(words)])
-    steps = np.diag(_PROBE * scale)
-    points = np.concatenate([both + steps, both - steps])
-    command, memory = controller.command(points[:, 2 + n :], points[:, : 2 + n], reference)
-    count, width = 2 + n + words, 2.0 * _PROBE * scale
-    outputs = np.concatenate([command, memory], axis=1)
-    slopes = ((outputs[:count] - outputs[count:]) / width[:, None]).T
-    D, E = np.zeros((n, seen)), np.zeros((words, seen))
-    D[:, : 2 + n], N = slopes[:n, : 2 + n], slopes[:n, 2 + n :]
-    E[:, : 2 + n], M = slopes[n:, : 2 + n], slopes[n:, 2 + n :]
-    return M, E, N, D
+
+    def step(estimates: FloatArray, memory: FloatArray) -> FloatArray:
+        return np.concatenate(controller.command(memory, estimates, reference), axis=1)
+
+    scale, words_scale = state_scale(model)[: 2 + n], np.full(words, 1e-2)
+    by_estimate, by_memory = _differences(step, point.state, np.zeros(words), scale, words_scale)
+    D, E = np.zeros((n, estimated)), np.zeros((words, estimated))
+    D[:, : 2 + n], E[:, : 2 + n] = by_estimate[:n], by_estimate[n:]
+    return by_memory[n:], E, by_memory[:n], D

@@ -15,9 +15,10 @@ import numpy as np
 
 from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.simulation.controllers import Controller, resting_command
+from femfit.simulation.controllers import Controller
 from femfit.simulation.limits import limits_of
 from femfit.simulation.observers import Observer, innovation_quality
+from femfit.simulation.operating_point import resting_command
 from femfit.simulation.plant import Plant
 from femfit.simulation.reference import Reference
 from femfit.simulation.sensor import History, LoopSensor, SensorErrors, read_sensors, true_readings
@@ -152,14 +153,14 @@ def run_loop(
     """
     model, step = loop.plant.model, loop.plant.model.sample_time_s
     n, runs, steps = len(model.circuits), len(start), len(loop.reference.distance)
-    kept = slice(0, runs if recorded is None else min(recorded, runs))
-    record = _Record(steps, kept, n, len(loop.sensors))
+    recorded_runs = slice(0, runs if recorded is None else min(recorded, runs))
+    record = _Record(steps, recorded_runs, n, len(loop.sensors))
     sums = np.zeros((len(windows), 6, runs))
     state = loop.plant.start(start)
     belief = state[:, : 2 + n] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
     history = History(loop.sensors, state, step)
     last = np.full((runs, len(loop.sensors)), np.nan)
-    seen: Any = None if loop.observer is None else loop.observer.start(belief)
+    observed: Any = None if loop.observer is None else loop.observer.start(belief)
     memory = np.zeros((runs, loop.controller.words))
     rest = np.clip(resting_command(model, belief[:, 2:]), *limits_of(model))
     on_their_way = deque([rest] * (loop.latency + 1), maxlen=loop.latency + 1)  # the oldest of them acts
@@ -171,31 +172,34 @@ def run_loop(
         last = np.where(np.isnan(readings), last, readings)
         estimate, diverged, quality = state[:, : 2 + n], none, unknown
         if loop.observer is not None:
-            given, acted = _as_filters_take(readings), _as_filters_take(on_their_way[0])
             first = k == -supported_steps
-            seen = loop.observer.update(seen, given) if first else loop.observer.step(seen, acted, given)
-            estimate, diverged, quality = seen.mean[:, : 2 + n], seen.diverged, innovation_quality(seen)
+            observed = (
+                loop.observer.update(observed, readings)
+                if first
+                else loop.observer.step(observed, on_their_way[0], readings)
+            )
+            estimate, diverged, quality = observed.mean[:, : 2 + n], observed.diverged, innovation_quality(observed)
         if show is not None and k % SHOWN == 0:
             show(k + supported_steps, steps + supported_steps)
         if k < 0:
             continue
         alive = watch.alive(k * step, state, estimate, diverged)
-        whole = bool(alive.all())
+        all_alive = bool(alive.all())
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
-        belief = estimate if whole else np.where(alive[:, None], estimate, start)
+        belief = estimate if all_alive else np.where(alive[:, None], estimate, start)
         reference = loop.reference.at(k)
         command, memory = loop.controller.command(memory, belief, reference)
         on_their_way.append(command)
-        if kept.stop:
+        if recorded_runs.stop:
             record.add(k, alive, (state[:, : 2 + n], belief, command, readings, reference.distance, quality))
         inside = [j for j, window in enumerate(windows) if window.start <= k < window.stop]
         if inside:
             error, deviation = belief[:, 0] - state[:, 0], state[:, 0] - reference.distance
-            told = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
-            parts = [error**2, error, deviation**2, deviation, np.where(told > 0, quality * told, 0.0), told]
+            read = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
+            parts = [error**2, error, deviation**2, deviation, np.where(read > 0, quality * read, 0.0), read]
             sums[inside] += np.stack(parts)
         moved = loop.plant.step(state, on_their_way[0])
-        state = moved if whole else np.where(alive[:, None], moved, state)
+        state = moved if all_alive else np.where(alive[:, None], moved, state)
         history.add(state)
         if not alive.any():
             break
@@ -210,11 +214,6 @@ def run_loop(
     )
 
 
-def _as_filters_take(values: FloatArray) -> FloatArray:
-    """One number a run where there is one sensor, or one circuit."""
-    return values[:, 0] if values.shape[1] == 1 else values
-
-
 class _Record:
     """The series of the first runs."""
 
@@ -225,12 +224,12 @@ class _Record:
         self._reference, self._quality = np.full((2, steps, kept.stop), np.nan)
 
     def add(self, k: int, alive: BoolArray, row: tuple[FloatArray, ...]) -> None:
-        kept, alive = self._kept, alive[self._kept]
+        runs, alive = self._kept, alive[self._kept]
         *many, reference, quality = row
         for array, values in zip(self._many, many, strict=True):
-            array[k] = np.where(alive[:, None], values[kept], np.nan)
-        self._reference[k] = np.where(alive, np.broadcast_to(reference, quality.shape)[kept], np.nan)
-        self._quality[k] = np.where(alive, quality[kept], np.nan)
+            array[k] = np.where(alive[:, None], values[runs], np.nan)
+        self._reference[k] = np.where(alive, np.broadcast_to(reference, quality.shape)[runs], np.nan)
+        self._quality[k] = np.where(alive, quality[runs], np.nan)
 
     def series(self) -> TimeSeries:
         state, belief, command, readings = self._many

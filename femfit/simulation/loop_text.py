@@ -33,16 +33,16 @@ TOO_CAUTIOUS = (
 
 def consistency_line(holds: Sequence[HoldRow]) -> str:
     """How many filters' predictions are as wrong as they expect, and what it means where most are not."""
-    known = [row for row in holds if isfinite(row.normalised_innovation_squared)]
-    inside = sum(row.innovation_band.contains(row.normalised_innovation_squared) for row in known)
-    below = sum(row.normalised_innovation_squared < row.innovation_band.lower for row in known)
-    above = len(known) - inside - below
-    counts = f"Of {len(known)} mean normalised innovations {inside} lie in their 95 % band"
-    if 2 * below > len(known):
+    judged = [row for row in holds if isfinite(row.normalised_innovation_squared)]
+    inside = sum(row.innovation_band.contains(row.normalised_innovation_squared) for row in judged)
+    below = sum(row.normalised_innovation_squared < row.innovation_band.lower for row in judged)
+    above = len(judged) - inside - below
+    counts = f"Of {len(judged)} mean normalised innovations {inside} lie in their 95 % band"
+    if 2 * below > len(judged):
         return f"{counts} and {below} below it, because {TOO_CAUTIOUS}."
-    if 2 * above > len(known):
+    if 2 * above > len(judged):
         return f"{counts} and {above} above it: the filter's error is larger than it expects."
-    if inside == len(known):
+    if inside == len(judged):
         return f"{counts}, as they do for a filter that knows its own error."
     return f"{counts}, {below} below it and {above} above it."
 
@@ -55,7 +55,8 @@ def verdict(
     word = "Held" if held == runs else "Lost" if held == 0 else "Lost in part"
     apart = len(loops) > 1 and 0 < held < runs
     names = ", ".join(
-        f"{e.controller} on {e.observer}{f' {own} of {all_own}' if apart else ''}" for e, own, all_own in loops
+        f"{e.controller} on {e.observer}{f' {held_of_loop} of {all_own}' if apart else ''}"
+        for e, held_of_loop, all_own in loops
     )
     around = f" around the plant {quoted(plant)}" if plant else ""
     model = quoted(design.model.name)
@@ -145,15 +146,15 @@ def gains_text(design: LoopDesign, controller: Controller) -> str:
             + (f", inner loop of the current {parts['current']:.4g} ohm" if parts["current"] else "")
         )
     if isinstance(controller, StateFeedback) and len(controller.gains) == 1:
-        found = gains_of(design, controller)
+        gains = gains_of(design, controller)
         units = {"distance": f"{unit}/m", "velocity": f"{unit} s/m", "integral": f"{unit}/(m s)"}
-        return ", ".join(f"{name} {value:.4g} {units.get(name, f'{unit}/A')}" for name, value in found.items())
+        return ", ".join(f"{name} {value:.4g} {units.get(name, f'{unit}/A')}" for name, value in gains.items())
     if isinstance(controller, StateFeedback):
         rows = [
             f"{row[0]:.4g} {unit}/m, {row[1]:.4g} {unit} s/m, "
             + ", ".join(f"{gain:.4g} {unit}/A" for gain in row[2:])
-            + f", integral {-own:.4g} {unit}/(m s)"
-            for row, own in zip(-controller.gains, controller.integral, strict=True)
+            + f", integral {-integral:.4g} {unit}/(m s)"
+            for row, integral in zip(-controller.gains, controller.integral, strict=True)
         ]
         return "; ".join(rows)
     return type(controller).__name__
@@ -161,10 +162,10 @@ def gains_text(design: LoopDesign, controller: Controller) -> str:
 
 def _margin_lines(design: LoopDesign, name: ControllerName, observer: str) -> list[str]:
     try:
-        found = design.margins(name, observer)  # type: ignore[arg-type]
+        margins = design.margins(name, observer)  # type: ignore[arg-type]
     except (DomainError, FilterError) as error:
         return [f"no margins of {name} on {observer}: {error}"]
-    worst = worst_of(found)
+    worst = worst_of(margins)
     lines = [f"{name} on {observer}: {margins_text(worst, len(design.model.circuits), design.reads_slowly)}"]
     return [*lines, *([thin] if (thin := thin_text(design, name, observer, worst)) else [])]
 
@@ -183,8 +184,8 @@ def thin_text(design: LoopDesign, name: ControllerName, observer: str, worst: Ma
         )
     better = [(way, of) for way, of in _raised(design, name, observer).items() if NEARLY * of.kept > worst.kept]
     better.sort(key=lambda pair: pair[1].kept, reverse=True)
-    told = ", ".join(f"{_kept(margins)} {way}" for way, margins in better)
-    return f"{head}; it would keep {told}" if told else head
+    gained = ", ".join(f"{_kept(margins)} {way}" for way, margins in better)
+    return f"{head}; it would keep {gained}" if gained else head
 
 
 def _kept(margins: Margins) -> str:
@@ -195,8 +196,8 @@ def _raised(design: LoopDesign, name: ControllerName, observer: str) -> dict[str
     """The margins of the same controller, designed anew, without one of what may take them; the stable ones."""
     noise = {sensor: LESS_NOISE * white for sensor, white in design.noise.items()}
     sensors = ", ".join(
-        f"{amount(white, one.reading.unit, 2)} of {sensor_word(one.name)}"
-        for one, white in zip(design.loop_sensors(), design.noise.values(), strict=True)
+        f"{amount(white, sensor.reading.unit, 2)} of {sensor_word(sensor.name)}"
+        for sensor, white in zip(design.loop_sensors(), design.noise.values(), strict=True)
     )
     ways: dict[str, tuple[LoopDesign, str]] = {
         f"with a tenth of the sensors' noise ({sensors})": (keeping_margins(replace(design, noise=noise)), observer),
@@ -209,15 +210,15 @@ def _raised(design: LoopDesign, name: ControllerName, observer: str) -> dict[str
         )
     if design.latency:
         ways["without latency"] = keeping_margins(replace(design, latency=0)), observer
-    found = {}
+    raised = {}
     for way, (better, by) in ways.items():
         try:
             margins = worst_of(better.margins(name, by))  # type: ignore[arg-type]
         except (DomainError, FilterError):
             continue
         if margins.stable:
-            found[way] = margins
-    return found
+            raised[way] = margins
+    return raised
 
 
 def margins_text(margins: Margins, circuits: int = 1, slow: bool = False) -> str:
@@ -246,20 +247,20 @@ def margins_text(margins: Margins, circuits: int = 1, slow: bool = False) -> str
 def sensor_line(design: LoopDesign) -> str:
     """The sensors with noise, delay and sample time."""
     parts = []
-    for one in design.loop_sensors():
-        noise = f"{amount(one.reading.noise, one.reading.unit, 3)} rms" if one.reading.noise else "no noise"
-        late = f", {amount(one.reading.delay_s, 's')} late" if one.delay else ""
-        slow = f", every {one.period} samples" if one.period > 1 else ""
-        parts.append(f"{sensor_word(one.name)} {noise}{late}{slow}")
+    for sensor in design.loop_sensors():
+        noise = f"{amount(sensor.reading.noise, sensor.reading.unit, 3)} rms" if sensor.reading.noise else "no noise"
+        late = f", {amount(sensor.reading.delay_s, 's')} late" if sensor.delay else ""
+        slow = f", every {sensor.period} samples" if sensor.period > 1 else ""
+        parts.append(f"{sensor_word(sensor.name)} {noise}{late}{slow}")
     return f"sensors: {'; '.join(parts)}"
 
 
 def observed_lines(design: LoopDesign) -> list[str]:
     """What error a settled filter expects of distance and velocity at rest, in the middle of the reference."""
-    told = design.told
-    if told is None:
+    settled = design.told
+    if settled is None:
         return ["these sensors cannot tell the distance of a body at rest"]
-    distance, velocity = told
+    distance, velocity = settled
     both = f"the distance to {amount(distance, 'm')} and the velocity to {amount(velocity, 'm/s')}"
     lines = [f"a filter that allows for this model's process noises expects to know {both} rms"]
     if design.command_error > 1.0:

@@ -72,17 +72,17 @@ class Margins:
         return self.stable and (self.modulus < THIN_MODULUS or np.degrees(self.phase_rad) < THIN_PHASE_DEG)
 
 
-def worst_of(found: Sequence[Margins]) -> Margins:
+def worst_of(margins: Sequence[Margins]) -> Margins:
     """The least of each margin over the points of rest."""
     return Margins(
-        stable=all(one.stable for one in found),
-        gain_below=max(one.gain_below for one in found),
-        gain_above=min(one.gain_above for one in found),
-        phase_rad=min(one.phase_rad for one in found),
-        delay_s=min(one.delay_s for one in found),
-        modulus=min(one.modulus for one in found),
-        slowest_pole_rad_s=min(one.slowest_pole_rad_s for one in found),
-        noise_share=max(one.noise_share for one in found),
+        stable=all(point.stable for point in margins),
+        gain_below=max(point.gain_below for point in margins),
+        gain_above=min(point.gain_above for point in margins),
+        phase_rad=min(point.phase_rad for point in margins),
+        delay_s=min(point.delay_s for point in margins),
+        modulus=min(point.modulus for point in margins),
+        slowest_pole_rad_s=min(point.slowest_pole_rad_s for point in margins),
+        noise_share=max(point.noise_share for point in margins),
     )
 
 
@@ -140,10 +140,10 @@ def gain_margins(L: ComplexArray) -> tuple[float, float]:
     """The factors nearest to one, below and above it, that bring L to -1; 0 and infinity where there are none."""
     real, imaginary = L.real, L.imag
     turns = np.flatnonzero(imaginary[:-1] * imaginary[1:] < 0.0)
-    part = imaginary[turns] / (imaginary[turns] - imaginary[turns + 1])
+    share = imaginary[turns] / (imaginary[turns] - imaginary[turns + 1])
     ends = L[[0, -1]]
     ends = ends[np.abs(ends.imag) < ON_AXIS * np.abs(ends.real)]
-    crossings = np.append(real[turns] + part * (real[turns + 1] - real[turns]), ends.real)
+    crossings = np.append(real[turns] + share * (real[turns + 1] - real[turns]), ends.real)
     factors = -1.0 / crossings[crossings < 0.0]
     return float(factors[factors < 1.0].max(initial=0.0)), float(factors[factors > 1.0].min(initial=np.inf))
 
@@ -155,19 +155,19 @@ def gains_together(plant: LinearPlant, controller: LinearController) -> tuple[fl
         matrix = closed_loop_matrix(replace(plant, B=factor * plant.B), controller)
         return bool(np.abs(np.linalg.eigvals(matrix)).max() < 1.0)
 
-    found = []
+    ends = []
     for end, none in ((1.0 / MOST, 0.0), (MOST, np.inf)):
         factors = np.geomspace(1.0, end, FACTORS)
         lost = next((k for k in range(1, FACTORS) if not stable(float(factors[k]))), None)
         if lost is None:
-            found.append(none)
+            ends.append(none)
             continue
         inner, outer = float(factors[lost - 1]), float(factors[lost])
         for _ in range(HALVINGS):
             middle = float(np.sqrt(inner * outer))
             inner, outer = (middle, outer) if stable(middle) else (inner, middle)
-        found.append(outer)
-    return found[0], found[1]
+        ends.append(outer)
+    return ends[0], ends[1]
 
 
 def phase_and_delay_margin(w: FloatArray, L: ComplexArray) -> tuple[float, float]:
@@ -176,8 +176,8 @@ def phase_and_delay_margin(w: FloatArray, L: ComplexArray) -> tuple[float, float
     turns = np.flatnonzero(size[:-1] * size[1:] < 0.0)
     if not turns.size:
         return np.pi, np.inf
-    part = size[turns] / (size[turns] - size[turns + 1])
-    at = w[turns] + part * (w[turns + 1] - w[turns])
+    share = size[turns] / (size[turns] - size[turns + 1])
+    frequency = w[turns] + share * (w[turns + 1] - w[turns])
     phases = np.unwrap(np.angle(L))
-    lag = np.mod(phases[turns] + part * (phases[turns + 1] - phases[turns]) + np.pi, 2.0 * np.pi)  # 0 at -1
-    return float(np.minimum(lag, 2.0 * np.pi - lag).min()), float((lag / at).min())
+    lag = np.mod(phases[turns] + share * (phases[turns + 1] - phases[turns]) + np.pi, 2.0 * np.pi)  # 0 at -1
+    return float(np.minimum(lag, 2.0 * np.pi - lag).min()), float((lag / frequency).min())

@@ -19,8 +19,8 @@ def why_none(design: "LoopDesign", name: "ControllerName", bench: "Bench") -> st
     start = (
         f"No {name} was found that keeps this body at rest from the nearest to the farthest distance of the reference: "
     )
-    others: list[ControllerName] = ["backstepping", "state-feedback"]
-    stable = [other for other in others if other != name and _is_stable(design, other, bench)]
+    rivals: list[ControllerName] = ["backstepping", "state-feedback"]
+    stable = [rival for rival in rivals if rival != name and _is_stable(design, rival, bench)]
     instead = f"{' or '.join(stable)}, which feeds back the current, or " if stable else ""
     late = design.latency * design.model.sample_time_s
     if design.latency and not replace(design, latency=0, given={}).why_no(name):

@@ -47,19 +47,18 @@ class DirectObserver:
         return Seen(np.array(mean), np.zeros(len(mean), dtype=bool), np.full(len(mean), np.nan))
 
     def update(self, state: Seen, measurement: FloatArray) -> Seen:
-        """The distance alone."""
-        mean, first = state.mean.copy(), _first(measurement)
-        found = self.inverse.distance(first, self.inverse.model.currents_of(mean))[0]
-        mean[:, 0] = np.where(np.isnan(first), mean[:, 0], found)
+        """The distance alone, from readings of shape (runs, sensors)."""
+        mean, first = state.mean.copy(), measurement[:, 0]
+        distance = self.inverse.distance(first, self.inverse.model.currents_of(mean))[0]
+        mean[:, 0] = np.where(np.isnan(first), mean[:, 0], distance)
         return Seen(mean, state.diverged, state.normalised_innovation_squared)
 
     def step(self, state: Seen, voltage: FloatArray, measurement: FloatArray) -> Seen:
         """Coil equations, inversion, difference quotient; a sample that is missing leaves distance and velocity."""
-        mean, first = state.mean, _first(measurement)
+        mean, first = state.mean, measurement[:, 0]
         model = self.inverse.model
         n, step = len(model.circuits), model.sample_time_s
-        command = voltage[:, None] if voltage.ndim == 1 else voltage
-        currents = coil_currents(model, mean, command)
+        currents = coil_currents(model, mean, voltage)
         measured, _ = self.inverse.distance(first, currents if n > 1 else currents[:, 0])
         moved = np.concatenate([np.stack([measured, (measured - mean[:, 0]) / step], axis=1), currents], axis=1)
         missing = np.isnan(first)
@@ -75,15 +74,10 @@ class DirectObserver:
         scale[1] = 1.0
         steps = np.diag(1e-6 * scale)
         points = np.concatenate([both + steps, both - steps])
-        seen = self.step(self.start(points[:, : 2 + n]), points[:, 2 + n : 2 + 2 * n], points[:, 2 + 2 * n :]).mean
+        means = self.step(self.start(points[:, : 2 + n]), points[:, 2 + n : 2 + 2 * n], points[:, 2 + 2 * n :]).mean
         half = len(both)
-        slopes = ((seen[:half] - seen[half:]) / (2e-6 * scale)[:, None]).T
+        slopes = ((means[:half] - means[half:]) / (2e-6 * scale)[:, None]).T
         return slopes[:, : 2 + n], slopes[:, 2 + n : 2 + 2 * n], slopes[:, 2 + 2 * n :]
-
-
-def _first(measurement: FloatArray) -> FloatArray:
-    """Readings of the first sensor."""
-    return measurement if measurement.ndim == 1 else measurement[:, 0]
 
 
 def coil_currents(model: ActuatorModel, mean: FloatArray, command: FloatArray) -> FloatArray:
@@ -96,15 +90,17 @@ def coil_currents(model: ActuatorModel, mean: FloatArray, command: FloatArray) -
     rest = (volts + motional * velocity[:, None]) / ohms
     decay, modes = np.linalg.eig(np.linalg.solve(inductance, np.diag(ohms) + np.zeros_like(inductance)))
     along = np.linalg.solve(modes, (currents - rest)[..., None])
-    found = rest + (modes @ (np.exp(-decay * step)[..., None] * along))[..., 0].real
+    settling = rest + (modes @ (np.exp(-decay * step)[..., None] * along))[..., 0].real
     if is_plain(model.circuits):
-        return np.asarray(found)
+        return np.asarray(settling)
     wanted = current_targets(model, currents, command, step)
     low, high = voltage_limits(model.circuits)
     free = np.isfinite(wanted) & (volts > low) & (volts < high)
-    one_sided = np.array([one.drive.kind == "voltage" and one.drive.diode_V is not None for one in model.circuits])
-    found = np.where(one_sided, np.maximum(found, 0.0), found)
-    return np.where(free, wanted, found)
+    one_sided = np.array(
+        [circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None for circuit in model.circuits]
+    )
+    settling = np.where(one_sided, np.maximum(settling, 0.0), settling)
+    return np.where(free, wanted, settling)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +116,13 @@ class SplitObserver:
 
     def update(self, state: Seen, measurement: FloatArray) -> Seen:
         """Each part on its own runs."""
-        own = zip(self.parts, state.parts, strict=True)
-        return self._gathered([observer.update(part, measurement[rows]) for (rows, observer), part in own])
+        pairs = zip(self.parts, state.parts, strict=True)
+        return self._gathered([observer.update(observed, measurement[rows]) for (rows, observer), observed in pairs])
 
     def step(self, state: Seen, voltage: FloatArray, measurement: FloatArray) -> Seen:
         """Each part on its own runs."""
-        own = zip(self.parts, state.parts, strict=True)
-        return self._gathered([observer.step(s, voltage[rows], measurement[rows]) for (rows, observer), s in own])
+        pairs = zip(self.parts, state.parts, strict=True)
+        return self._gathered([observer.step(s, voltage[rows], measurement[rows]) for (rows, observer), s in pairs])
 
     def _gathered(self, states: list[Any]) -> Seen:
         runs = sum(len(rows) for rows, _ in self.parts)

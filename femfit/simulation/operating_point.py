@@ -71,7 +71,7 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     ohms, n = model.resistances_ohm, len(currents)
     d, i = np.array([distance]), currents[None]
     gradient = float((model.magnetics.slopes_of_circuits(d, i).force_gradient - motion.static_gradient(d))[0])
-    motional, inductance = (part[0] for part in circuit_terms(model, d, i)[1:])
+    motional, inductance = (of_point[0] for of_point in circuit_terms(model, d, i)[1:])
     mass = motion.mass_kg
     inverse = np.linalg.inv(inductance)
     A, B = np.zeros((2 + n, 2 + n)), np.zeros((2 + n, n))
@@ -80,14 +80,13 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     A[2:, 1], A[2:, 2:] = inverse @ motional, -inverse * ohms
     B[2:] = inverse
     along = motional / ohms  # the least copper loss for a force
-    commands = np.where(commands_currents(model), currents, ohms * currents)
-    along = np.where(commands_currents(model), along, ohms * along)
+    along = resting_command(model, along)
     constant = float(np.sqrt(max(-gradient / mass, 0.0)))
     growing = constant if np.all(commands_currents(model)) else max(float(np.linalg.eigvals(A).real.max()), 0.0)
     return OperatingPoint(
         distance_m=distance,
         currents_A=currents,
-        commands=commands,
+        commands=resting_command(model, currents),
         direction=along / np.abs(along).max(),
         unstable_pole_rad_s=constant,
         runaway_rad_s=growing,
@@ -97,6 +96,11 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
         A=A,
         B=B,
     )
+
+
+def resting_command(model: ActuatorModel, currents: FloatArray) -> FloatArray:
+    """Commands that hold currents of shape (..., n): R i, or the currents themselves for an amplifier."""
+    return np.where(commands_currents(model), currents, model.resistances_ohm * currents)
 
 
 def _require_driven(model: ActuatorModel, distance: float, currents: FloatArray) -> None:

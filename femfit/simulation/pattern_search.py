@@ -15,7 +15,7 @@ from femfit.simulation.constants import FIRST_FACTOR, LAST_FACTOR
 
 def pattern_search(
     score: Callable[[FloatArray], float], start: FloatArray, highest: FloatArray, enough: float
-) -> tuple[FloatArray, float]:
+) -> FloatArray:
     """Climb by one coordinate after the other, and along what the last round changed, with steps that shrink."""
     values, best, step = start, score(start), np.log(FIRST_FACTOR)
     while step > np.log(LAST_FACTOR) and best < enough:
@@ -24,13 +24,13 @@ def pattern_search(
             for sign in (1.0, -1.0):
                 tried = values.copy()
                 tried[k] = min(tried[k] + sign * step, highest[k])
-                if (found := score(tried)) > best + 1e-9:
-                    values, best = tried, found
+                if (reached := score(tried)) > best + 1e-9:
+                    values, best = tried, reached
                     break
         if np.array_equal(values, before):
             step *= 0.5
             continue
         tried = np.minimum(2.0 * values - before, highest)
-        if (found := score(tried)) > best:
-            values, best = tried, found
-    return values, best
+        if (reached := score(tried)) > best:
+            values, best = tried, reached
+    return values

@@ -7,8 +7,9 @@ import numpy as np
 from femfit.core.arrays import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
-from femfit.simulation.controllers import Controller, reference_currents, resting_command
+from femfit.simulation.controllers import Controller, reference_currents
 from femfit.simulation.limits import limited
+from femfit.simulation.operating_point import resting_command
 from femfit.simulation.reference import Reference
 
 _ROUNDED = 1e-13
@@ -54,8 +55,8 @@ class Pid(Controller):
         inner = np.where(commands_currents(self.model), 0.0, self.current_gain_ohm / self.model.resistances_ohm)
         back = inner * self.model.resistances_ohm * estimate[:, 2:]
         command = limited(self.model, estimate, (1.0 + inner) * (needed + along * w[:, None]) - back)
-        given = ((command + back) / (1.0 + inner) - needed) @ along / (along @ along)
-        return command, np.stack([given, w1, error, e1], axis=1)
+        effective = ((command + back) / (1.0 + inner) - needed) @ along / (along @ along)
+        return command, np.stack([effective, w1, error, e1], axis=1)
 
     @property
     def parts(self) -> dict[str, float]:

@@ -137,8 +137,8 @@ class Plant:
             return moved
         amplified = commands_currents(model)
         if amplified.any():  # what the filters' step missed, taken back by one secant
-            left = current_targets(model, state[:, 2 : 2 + n], command, step) - moved[:, 2 : 2 + n]
-            more = np.einsum("rjk,rk->rj", self._needed(moved, step), np.where(amplified, left, 0.0))
+            missing = current_targets(model, state[:, 2 : 2 + n], command, step) - moved[:, 2 : 2 + n]
+            more = np.einsum("rjk,rk->rj", self._needed(moved, step), np.where(amplified, missing, 0.0))
             corrected = np.clip(volts + more, *voltage_limits(model.circuits))
             moved = self._integrated(state, np.where(amplified, corrected, volts), step)
         return blocked_by_diodes(model, moved)
@@ -146,10 +146,10 @@ class Plant:
     def _needed(self, state: FloatArray, step: float) -> FloatArray:
         """Voltages held over a step for a change of the currents, in V/A, shape (runs, n, n)."""
         model, n = self.model, len(self.model.circuits)
-        at = model.windings.magnetics.state_of_circuits(state[:, 0], state[:, 2 : model.windings.end])
+        magnetic = model.windings.magnetics.state_of_circuits(state[:, 0], state[:, 2 : model.windings.end])
         if model.eddy is None:
-            return (at.inductance + model.series_inductances_H) / step
-        return np.asarray(np.linalg.inv(currents_by_voltages(model, at, step)[:, :n, :n]))
+            return (magnetic.inductance + model.series_inductances_H) / step
+        return np.asarray(np.linalg.inv(currents_by_voltages(model, magnetic, step)[:, :n, :n]))
 
     def _integrated(self, state: FloatArray, volts: FloatArray, step: float) -> FloatArray:
         voltage = volts[:, 0] if len(self.model.circuits) == 1 else volts
@@ -169,7 +169,7 @@ class Plant:
         if not isinstance(magnetics, ScaledForce) or model.dynamics is not None:
             return [(np.ones(1, dtype=np.bool_), model)]
         scales = np.atleast_1d(magnetics.scale)
-        return [(scales == one, replace(model, magnetics=magnetics.alike(one))) for one in np.unique(scales)]
+        return [(scales == factor, replace(model, magnetics=magnetics.alike(factor))) for factor in np.unique(scales)]
 
 
 def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:

@@ -62,7 +62,7 @@ def stack_references(references: Sequence[Reference], counts: Sequence[int]) -> 
     if all(r.currents is not None for r in references):
         names.append("currents")
     parts = (np.stack([getattr(r, name) for r in references], axis=1) for name in names)
-    return Reference(*(np.repeat(part, counts, axis=1) for part in parts))
+    return Reference(*(np.repeat(path, counts, axis=1) for path in parts))
 
 
 def reference_rate(model: ActuatorModel, targets: Sequence[float]) -> float:

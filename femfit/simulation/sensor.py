@@ -68,7 +68,7 @@ def loop_sensors(
     DomainError
         If a slower sensor's sample time is no multiple of the loop's.
     """
-    found = []
+    read = []
     for name in names:
         sensor = sensor_named(model, name)
         reading = replace(reading_of(model, name), noise=noise[name])
@@ -80,22 +80,22 @@ def loop_sensors(
                 f"{amount(samples * sample_time_s, 's', 3)} and the controller's sample is "
                 f"{amount(sample_time_s, 's', 3)}. Make [sensors.{name}] sample_time_ms a multiple of it."
             )
-        found.append(LoopSensor(reading, sensor, reading.delay_s / sample_time_s, period))
-    return tuple(found)
+        read.append(LoopSensor(reading, sensor, reading.delay_s / sample_time_s, period))
+    return tuple(read)
 
 
 def sensor_noise(
-    model: ActuatorModel, names: Sequence[str], given: Mapping[str, float] | float | None = None
+    model: ActuatorModel, names: Sequence[str], noise: Mapping[str, float] | float | None = None
 ) -> dict[str, float]:
     """White noise of one sample of each sensor: as given, the sensor's own, or a part of its range where it has none.
 
     Parameters
     ----------
-    given : mapping of str to float, float or None
+    noise : mapping of str to float, float or None
         By the sensors' names, in the units of their readings; one number is the first sensor's.
     """
-    known = dict(given) if isinstance(given, Mapping) else {} if given is None else {names[0]: given}
-    if unknown := [name for name in known if name not in names]:
+    by_name = dict(noise) if isinstance(noise, Mapping) else {} if noise is None else {names[0]: noise}
+    if unknown := [name for name in by_name if name not in names]:
         raise DomainError(
             f"Noise must be given for sensors that the loop reads ({', '.join(names)}); instead received "
             f"{', '.join(unknown)}."
@@ -104,7 +104,7 @@ def sensor_noise(
     for name in names:
         sensor = sensor_named(model, name)
         reading = reading_of(model, name)
-        white = known.get(name)
+        white = by_name.get(name)
         if white is not None and not 0.0 <= white < np.inf:
             raise DomainError(
                 f"The noise of a sample must be >= 0 {reading.unit}; instead received {white:g} {reading.unit} of "
@@ -136,25 +136,25 @@ class History:
 
     def before(self, samples: float) -> FloatArray:
         """The state so many samples before the last one."""
-        whole = floor(samples)
-        part = samples - whole
+        steps = floor(samples)
+        fraction = samples - steps
         states = self._states
-        later = states[max(-1 - whole, -len(states))]
-        if part == 0.0:
+        later = states[max(-1 - steps, -len(states))]
+        if fraction == 0.0:
             return later
-        return between(states[max(-2 - whole, -len(states))], later, 1.0 - part, self._step)
+        return between(states[max(-2 - steps, -len(states))], later, 1.0 - fraction, self._step)
 
 
-def between(earlier: FloatArray, later: FloatArray, part: float, step: float) -> FloatArray:
+def between(earlier: FloatArray, later: FloatArray, fraction: float, step: float) -> FloatArray:
     """A state between two that are a step in s apart: the distance by Hermite's cubic, the rest linearly.
 
     Parameters
     ----------
-    part : float
+    fraction : float
         Of the step that has passed since the earlier one, 0 to 1.
     """
-    state = earlier + part * (later - earlier)
-    s, rest = part, 1.0 - part
+    state = earlier + fraction * (later - earlier)
+    s, rest = fraction, 1.0 - fraction
     state[..., 0] = (
         (1.0 + 2.0 * s) * rest**2 * earlier[..., 0]
         + s**2 * (1.0 + 2.0 * rest) * later[..., 0]
@@ -168,10 +168,10 @@ def true_readings(
 ) -> FloatArray:
     """What the sensors would read without noise, clipping and rounding, of shape (runs, sensors)."""
     columns = []
-    for one in sensors:
-        value = sampled_value(model, one.sensor, history.before(one.delay), time)
-        if isinstance(one.sensor, PickupSensor):
-            before = sampled_value(model, one.sensor, history.before(one.delay + 1.0), time)
+    for sensor in sensors:
+        value = sampled_value(model, sensor.sensor, history.before(sensor.delay), time)
+        if isinstance(sensor.sensor, PickupSensor):
+            before = sampled_value(model, sensor.sensor, history.before(sensor.delay + 1.0), time)
             value = (value - before) / model.sample_time_s
         columns.append(value)
     return np.stack(columns, axis=1)

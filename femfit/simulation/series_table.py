@@ -12,22 +12,24 @@ from femfit.simulation.loop import LoopResult
 def command_columns(design: LoopDesign) -> list[str]:
     """Names of the commands in a table: by the circuit's name where there are several."""
     circuits = design.model.circuits
-    kinds = [("command", "A") if one.drive.kind == "current" else ("voltage", "V") for one in circuits]
+    kinds = [("command", "A") if circuit.drive.kind == "current" else ("voltage", "V") for circuit in circuits]
     if len(circuits) == 1:
         return ["_".join(kinds[0])]
-    return [f"{kind}_{one.name}_{unit}" for (kind, unit), one in zip(kinds, circuits, strict=True)]
+    return [f"{kind}_{circuit.name}_{unit}" for (kind, unit), circuit in zip(kinds, circuits, strict=True)]
 
 
 def current_columns(design: LoopDesign) -> list[str]:
     """Names of the currents in a table."""
     circuits = design.model.circuits
-    return ["current_A"] if len(circuits) == 1 else [f"current_{one.name}_A" for one in circuits]
+    return ["current_A"] if len(circuits) == 1 else [f"current_{circuit.name}_A" for circuit in circuits]
 
 
 def reading_columns(design: LoopDesign) -> list[str]:
     """Names of the readings in a table: those of a record, from which any filter takes them."""
-    readings = [one.reading for one in design.loop_sensors()]
-    return [one.column or f"{one.name}_{one.unit.replace('/', '_').replace('^', '')}" for one in readings]
+    readings = [sensor.reading for sensor in design.loop_sensors()]
+    return [
+        reading.column or f"{reading.name}_{reading.unit.replace('/', '_').replace('^', '')}" for reading in readings
+    ]
 
 
 def series_columns(design: LoopDesign) -> list[str]:
@@ -47,7 +49,7 @@ def write_series(design: LoopDesign, result: LoopResult, path: str | Path) -> No
     """Write the recorded runs of a loop."""
     series, rows = result.series, []
     for run in range(series.distance_m.shape[1]):
-        known = np.flatnonzero(np.isfinite(series.distance_m[:, run]))
+        alive = np.flatnonzero(np.isfinite(series.distance_m[:, run]))
         columns = [
             series.commands,
             series.currents_A,
@@ -58,8 +60,8 @@ def write_series(design: LoopDesign, result: LoopResult, path: str | Path) -> No
             series.estimated_velocity_m_s[..., None],
             series.estimated_currents_A,
         ]
-        head = np.stack([np.full(len(known), run + 1.0), result.time_s[known]], axis=1)
-        rows.append(np.concatenate([head, *(column[known, run] for column in columns)], axis=1))
+        head = np.stack([np.full(len(alive), run + 1.0), result.time_s[alive]], axis=1)
+        rows.append(np.concatenate([head, *(column[alive, run] for column in columns)], axis=1))
     names = ("run", "time_s", *series_columns(design))
     table = np.concatenate(rows) if rows else np.empty((0, len(names)))
     with atomic.replacing(path) as partial:

@@ -21,10 +21,10 @@ from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
-from femfit.simulation.controllers import Controller, reference_currents, resting_command
+from femfit.simulation.controllers import Controller, reference_currents
 from femfit.simulation.limits import limited, limits_of
 from femfit.simulation.linear_loop import LinearPlant
-from femfit.simulation.operating_point import OperatingPoint
+from femfit.simulation.operating_point import OperatingPoint, resting_command
 from femfit.simulation.reference import Reference
 from femfit.simulation.riccati import feedback_gain
 
@@ -51,18 +51,18 @@ class StateFeedback(Controller):
 
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """The law, clamped; the integral stands while the clamp holds back what it asks for."""
-        q, given = memory[:, 0], memory[:, 1:]
+        q, pending = memory[:, 0], memory[:, 1:]
         currents = reference_currents(self.model, reference)
         needed = resting_command(self.model, currents)
         error = estimate[:, 0] - reference.distance
         moving = np.empty_like(estimate)
         moving[:, 0], moving[:, 1] = error, estimate[:, 1] - reference.velocity
         moving[:, 2:] = estimate[:, 2:] - currents
-        wanted = needed - moving @ self.gains.T - given @ self.pending.T - q[:, None] * self.integral
+        wanted = needed - moving @ self.gains.T - pending @ self.pending.T - q[:, None] * self.integral
         command = limited(self.model, estimate, wanted)
         held_back = np.any((command - wanted) * (self.integral * error[:, None]) > 0.0, axis=1)
         grown = np.where(held_back, q, q + self.model.sample_time_s * error)
-        later = np.concatenate([command - needed, given], axis=1)[:, : self.pending.shape[1]]
+        later = np.concatenate([command - needed, pending], axis=1)[:, : self.pending.shape[1]]
         return command, np.concatenate([grown[:, None], later], axis=1)
 
 

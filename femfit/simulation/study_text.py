@@ -80,16 +80,17 @@ def _fault_line(design: LoopDesign, row: FaultRow) -> str:
         parts.append(f"all {row.runs} runs held")
     if math.isfinite(row.position_shift_m):
         moved = f"moved by {amount(row.position_shift_m, 'm', 3)} +-{amount(row.shift_error_m, 'm')}"
-        seen = abs(row.position_shift_m) > SEEN * row.shift_error_m
-        parts.append(f"estimate off by {amount(row.estimate_bias_m, 'm', 3)}, body {moved if seen else 'not moved'}")
+        moves = abs(row.position_shift_m) > SEEN * row.shift_error_m
+        parts.append(f"estimate off by {amount(row.estimate_bias_m, 'm', 3)}, body {moved if moves else 'not moved'}")
     elif math.isfinite(row.estimate_rms_m):
         parts.append(f"estimate within {amount(row.estimate_rms_m, 'm', 3)} rms")
     name: str = "no filter" if e.observer == "direct" else e.observer
     what = [f"{e.controller}, {name}, {1e3 * e.targets_m[0]:.4g} mm"]
     if e.offset:
-        one = design.loop_sensors()[0]
+        sensor = design.loop_sensors()[0]
         what.append(
-            f"{sensor_word(one.name)} offset {'+' if e.offset > 0.0 else ''}{amount(e.offset, one.reading.unit, 3)}"
+            f"{sensor_word(sensor.name)} offset {'+' if e.offset > 0.0 else ''}"
+            f"{amount(e.offset, sensor.reading.unit, 3)}"
         )
     if e.force_scale != 1.0:
         what.append(f"force {100.0 * (e.force_scale - 1.0):+.2g} %")

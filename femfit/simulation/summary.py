@@ -83,8 +83,9 @@ class LoopSummary(Printed):
     @property
     def expects_absent_errors(self) -> bool:
         """Whether innovations stay below their band in a plant that is the model, which has no process noise."""
-        found, own = self.normalised_innovation_squared, self.plant is None and self.experiment.force_scale == 1.0
-        return own and found is not None and found < self.innovation_band.lower
+        quality = self.normalised_innovation_squared
+        same_plant = self.plant is None and self.experiment.force_scale == 1.0
+        return same_plant and quality is not None and quality < self.innovation_band.lower
 
     @property
     def loop(self) -> tuple[ControllerName, str]:

@@ -48,10 +48,10 @@ def derived_targets(model: ActuatorModel, sensors: Sequence[str]) -> tuple[float
     if holdable.size < 3:
         _refuse_to_hold(model, d, weakest, strongest)
     currents = currents_for_force(model, holdable, motion.static_force(holdable))
-    seen = holdable[~blind(model, sensors, holdable, currents)]
-    if seen.size < 3:
+    sensed = holdable[~blind(model, sensors, holdable, currents)]
+    if sensed.size < 3:
         require_sensed(model, sensors, holdable, currents)
-    near, far = float(seen[0]), float(seen[-1])
+    near, far = float(sensed[0]), float(sensed[-1])
     return near + 0.3 * (far - near), near + 0.7 * (far - near), near + 0.3 * (far - near)
 
 
@@ -62,10 +62,10 @@ def _refuse_to_hold(model: ActuatorModel, d: FloatArray, weakest: FloatArray, st
     asked = (
         f"the weight is {low:.4g} mN" if low == high else f"weight, springs and load ask for {low:.4g}..{high:.4g} mN"
     )
-    given = ", ".join(f"{one[0]:.3g}..{one[1]:.3g} A" for one in ranges)
+    spans = ", ".join(f"{span[0]:.3g}..{span[1]:.3g} A" for span in ranges)
     raise DomainError(
         f"Model {model.name!r} cannot hold its body of {1e3 * motion.mass_kg:g} g anywhere in {1e3 * d[0]:g}.."
-        f"{1e3 * d[-1]:g} mm: {asked}, and with {given} the force is {1e3 * forces.min():.4g}.."
+        f"{1e3 * d[-1]:g} mm: {asked}, and with {spans} the force is {1e3 * forces.min():.4g}.."
         f"{1e3 * forces.max():.4g} mN. It is not an actuator that levitates this body; change mass or supply to "
         "simulate one that is."
     )
@@ -75,13 +75,13 @@ def blind(model: ActuatorModel, sensors: Sequence[str], distance: FloatArray, cu
     """At which points of rest a Hall element or position sensor gives the end of its range, whatever the distance."""
     states = np.zeros((len(distance), model.order))
     states[:, 0], states[:, 2 : 2 + currents.shape[1]] = distance, currents
-    found = np.zeros(len(distance), dtype=np.bool_)
+    ended = np.zeros(len(distance), dtype=np.bool_)
     for name in sensors:
         sensor = sensor_named(model, name)
         if isinstance(sensor, HallSensor | PositionSensor):
             reading, value = reading_of(model, name), predict_sensor(model, sensor, states)
-            found |= (value <= reading.low) | (value >= reading.high)
-    return found
+            ended |= (value <= reading.low) | (value >= reading.high)
+    return ended
 
 
 def require_sensed(model: ActuatorModel, sensors: Sequence[str], distance: FloatArray, currents: FloatArray) -> None:

@@ -86,13 +86,13 @@ class Bench:
 
     def judge(self, controller: Controller, points: int = FREQUENCIES) -> tuple[Margins, ...]:
         """Margins at each point, from a frequency response of so many points."""
-        found = []
+        judged = []
         limits = limits_of(self.model)
         for point, plant, observer in zip(self.points, self.plants, self.observers, strict=True):
             linear = joined(self.model, point, observer, controller, self.latency)
             room = np.minimum(point.commands - limits[0], limits[1] - point.commands)
-            found.append(margins(plant, linear, self.model.sample_time_s, room, points))
-        return tuple(found)
+            judged.append(margins(plant, linear, self.model.sample_time_s, room, points))
+        return tuple(judged)
 
     @cached_property
     def observers(self) -> tuple[tuple[FloatArray, FloatArray, FloatArray], ...]:
@@ -101,7 +101,7 @@ class Bench:
 
     def growth(self, controller: Controller) -> float:
         """Rate in 1/s at which the loop's slowest motion grows at its worst point; below zero where it is stable."""
-        return max(-one.slowest_pole_rad_s for one in self.judge(controller, SEARCH_FREQUENCIES))
+        return max(-point.slowest_pole_rad_s for point in self.judge(controller, SEARCH_FREQUENCIES))
 
     def score(self, controller: Controller) -> float:
         """Margins over the wanted ones, cut by too much noise and too slow a loop; below zero where it is unstable.
@@ -112,8 +112,8 @@ class Bench:
         if not worst.stable:
             return worst.slowest_pole_rad_s * self.model.sample_time_s
         if self.noisier is not None:
-            other = worst_of(self.noisier.judge(controller, SEARCH_FREQUENCIES))
-            worst = replace(worst, noise_share=max(worst.noise_share, other.noise_share))
+            noisier = worst_of(self.noisier.judge(controller, SEARCH_FREQUENCIES))
+            worst = replace(worst, noise_share=max(worst.noise_share, noisier.noise_share))
         rate = SETTLING_PART * min(point.natural_rad_s for point in self.points)
         return worst.kept * min(1.0, worst.slowest_pole_rad_s / max(rate, 1e-300))
 
@@ -142,8 +142,8 @@ def settled_errors(bench: Bench) -> tuple[float, float] | None:
     A, _, C, R = linear_filter(bench.model, bench.points[bench.middle], bench.observer)
     process = bench.observer.process
     predicted = solve_riccati(A.T, C.T, process.process_covariance, R)
-    told = predicted - predicted @ C.T @ np.linalg.solve(C @ predicted @ C.T + R, C @ predicted)
-    errors = np.sqrt(np.diag(told)[:2])
+    settled = predicted - predicted @ C.T @ np.linalg.solve(C @ predicted @ C.T + R, C @ predicted)
+    errors = np.sqrt(np.diag(settled)[:2])
     first = float(np.sqrt(process.require_start_covariance()[0, 0]))
     return (float(errors[0]), float(errors[1])) if errors[0] < OBSERVED_SHARE * first else None
 
@@ -166,29 +166,29 @@ def tuned_backstepping(bench: Bench, points: Sequence[OperatingPoint]) -> Backst
 def _fastest(bench: Bench, made: Callable[[float], C]) -> C:
     """What is made for the highest bandwidth that keeps the wanted margins, or comes nearest to them."""
     highest = USABLE_PART / bench.model.sample_time_s
-    own = max(one.natural_rad_s for one in bench.points)
-    lowest = np.clip(SLOWEST_OVER_BODY * own, SLOWEST_OVER_HIGHEST * highest, NARROWEST_RANGE * highest)
+    natural = max(point.natural_rad_s for point in bench.points)
+    lowest = np.clip(SLOWEST_OVER_BODY * natural, SLOWEST_OVER_HIGHEST * highest, NARROWEST_RANGE * highest)
     tried: list[tuple[float, C]] = []
     for bandwidth in np.geomspace(highest, lowest, BANDWIDTHS):
         if tried and tried[-1][0] >= 1.0:
             break
         try:
-            found = made(float(bandwidth))
+            controller = made(float(bandwidth))
         except DomainError:
             continue
-        tried.append((bench.score(found), found))
+        tried.append((bench.score(controller), controller))
     if not tried:
         raise DomainError(
             f"No controller was found: between {lowest:.4g} and {highest:.4g} rad/s no bandwidth keeps the loop. "
             "Use another controller, or a shorter sample time."
         )
-    return max(tried, key=lambda one: one[0])[1]
+    return max(tried, key=lambda scored: scored[0])[1]
 
 
 def near_the_best(tried: Sequence[tuple[float, T]]) -> T:
     """The first of several whose score is :data:`NEARLY` the best; the best itself where none is above zero."""
     best = max(score for score, _ in tried)
-    return next(found for score, found in tried if score >= min(best, NEARLY * best))
+    return next(candidate for score, candidate in tried if score >= min(best, NEARLY * best))
 
 
 def tuned_pid(bench: Bench) -> Pid:
@@ -207,8 +207,7 @@ def tuned_pid(bench: Bench) -> Pid:
     # The filter's pole cannot be faster than the samples
     highest = np.array([np.inf, np.inf, np.inf, np.log(FASTEST_FILTER / bench.model.sample_time_s)])
     values = np.minimum(values, highest)
-    found, _ = pattern_search(lambda logs: bench.score(made(logs)), values, highest, 1.0)
-    return made(found)
+    return made(pattern_search(lambda logs: bench.score(made(logs)), values, highest, 1.0))
 
 
 def _start(bench: Bench) -> Pid:

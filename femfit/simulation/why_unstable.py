@@ -7,23 +7,16 @@ the linear loop tells goes first: no driver holds a body in a loop that is unsta
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from femfit.core.amount import amount
 from femfit.core.errors import DomainError, FilterError
-from femfit.simulation.constants import NOISE_FILLS
 from femfit.simulation.controllers import Controller
-from femfit.simulation.limits import limits_of
-from femfit.simulation.loop_text import command_unit, gains_text
+from femfit.simulation.loop_text import gains_text
 from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.state_feedback import StateFeedback
-from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, make_bench
+from femfit.simulation.tune import Bench, make_bench
 
 HALVINGS = 8
 """Conventional: steps of the search for the longest delay; it is then known to half a per cent of the delay."""
-
-LITTLE_ROOM = 0.1
-"""Conventional: room to the nearer limit over the driver's range, below which it is little."""
 
 
 def growth_of(loop: LostLoop) -> float:
@@ -48,27 +41,6 @@ def why_unstable(loop: LostLoop, other_gains: Callable[[], str], growth: float) 
     return _gains_or_delay(loop, growth) or other_gains() or _estimate_or_controller(loop, growth)
 
 
-def short_of_room(loop: LostLoop) -> str:
-    """A sentence where the resting command leaves the feedback less room than the sensors' noise takes; else empty."""
-    design, e = loop.design, loop.experiment
-    limits = limits_of(design.model)
-    try:
-        bench = design.bench(e.observer)
-        found = bench.judge(design.controller(e.controller), SEARCH_FREQUENCIES)
-    except (DomainError, FilterError):
-        return ""
-    rooms = [np.minimum(one.commands - limits[0], limits[1] - one.commands).min() for one in bench.points]
-    worst = int(np.argmin(rooms))
-    room, share = float(rooms[worst]), found[worst].noise_share
-    if share < NOISE_FILLS or room > LITTLE_ROOM * float(np.min(limits[1] - limits[0])):
-        return ""
-    unit, distance = command_unit(design), bench.points[worst].distance_m
-    return (
-        f" The authority is short too: at {amount(distance, 'm', 3)} the resting command leaves {amount(room, unit)} "
-        f"to the driver's limit, and the sensors' noise alone takes {amount(share * room, unit)} rms of it."
-    )
-
-
 def _gains_or_delay(loop: LostLoop, growth: float) -> str:
     """The gains given, or the delays, where the linear loop is stable without them; empty where neither is it."""
     design, name = loop.design, loop.experiment.controller
@@ -80,12 +52,11 @@ def _gains_or_delay(loop: LostLoop, growth: float) -> str:
                 f"The gains given: with them the loop is unstable about its rest, {grows}; with those that femfit "
                 f"designs it is stable ({gains_text(design, designed)})."
             )
-    late = (max(one.delay for one in bench.sensors) + bench.latency) * design.model.sample_time_s
-    if late == 0.0 or (prompt := _without_delay(loop, bench)) is None:
+    if design.delay_s == 0.0 or (prompt := _without_delay(loop, bench)) is None:
         return ""
     return (
-        f"The delay: {amount(late, 's')} from the body to the command make the loop unstable about its rest, {grows}"
-        f"{_borne(bench, prompt)}."
+        f"The delay: {amount(design.delay_s, 's')} from the body to the command make the loop unstable about its rest, "
+        f"{grows}{_borne(bench, prompt)}."
     )
 
 
@@ -103,10 +74,10 @@ def _estimate_or_controller(loop: LostLoop, growth: float) -> str:
 
 def _without_delay(loop: LostLoop, bench: Bench) -> Controller | None:
     """A controller with which the loop is stable without delays: the loop's own, or one designed for none."""
-    own = loop.design.controller(loop.experiment.controller)
+    controller = loop.design.controller(loop.experiment.controller)
     prompt = _delayed(bench, 0.0)
-    if not isinstance(own, StateFeedback) and prompt.growth(own) < 0.0:
-        return own
+    if not isinstance(controller, StateFeedback) and prompt.growth(controller) < 0.0:
+        return controller
     made = replace(loop.design, latency=0, given={}).controller(loop.experiment.controller)
     return made if prompt.growth(made) < 0.0 else None
 
@@ -120,11 +91,11 @@ def _borne(bench: Bench, controller: Controller) -> str:
         middle = 0.5 * (good + bad)
         good, bad = (middle, bad) if _delayed(bench, middle).growth(controller) < 0.0 else (good, middle)
     borne = int(good * bench.latency) * bench.model.sample_time_s
-    borne += max(good * one.delay for one in bench.sensors) * bench.model.sample_time_s
+    borne += max(good * sensor.delay for sensor in bench.sensors) * bench.model.sample_time_s
     return f"; with {amount(borne, 's', 3)} at most it is stable"
 
 
-def _delayed(bench: Bench, part: float) -> Bench:
+def _delayed(bench: Bench, share: float) -> Bench:
     """The bench with a part of its delays."""
-    sensors = [replace(one, delay=part * one.delay) for one in bench.sensors]
-    return make_bench(bench.model, bench.points, sensors, bench.observer, int(part * bench.latency))
+    sensors = [replace(sensor, delay=share * sensor.delay) for sensor in bench.sensors]
+    return make_bench(bench.model, bench.points, sensors, bench.observer, int(share * bench.latency))

@@ -13,7 +13,7 @@ from femfit.filters.extended import ExtendedFilter
 from femfit.filters.holding import holding_current
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import default_noise, initial_covariance, process_covariance
-from femfit.filters.process import FilterProcess
+from femfit.filters.process import FilterProcess, Output
 from femfit.filters.theory import noise_ratio_bound, unstable_pole
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.bspline import TensorSpline
@@ -32,11 +32,9 @@ def test_the_steady_filter_of_an_unstable_body_reaches_the_formula(rho):
         names=("d", "v"),
         step_s=step,
         transition=lambda x, _u: x @ advance.T,
-        measure=lambda x: x[:, 0],
+        outputs=(Output("d", "m", lambda x: x[:, 0], noise**2, jacobian=lambda x: np.tile([1.0, 0.0], (len(x), 1))),),
         process_covariance=density * np.array([[step**3 / 3.0, step**2 / 2.0], [step**2 / 2.0, step]]),
-        measurement_variance=noise**2,
         transition_jacobian=lambda x, _u: np.broadcast_to(advance, (len(x), 2, 2)),
-        measurement_jacobian=lambda x: np.tile([1.0, 0.0], (len(x), 1)),
     )
     filter_ = ExtendedFilter(process)
     state = filter_.start(np.zeros(2), np.diag([1e-8, 1e-4]))
@@ -60,9 +58,9 @@ def test_default_noise_leaves_the_filter_within_15_percent_of_the_bound(levitati
     state = filter_.start(rest, initial_covariance())
     for _ in range(1500):
         state = filter_.predict(replace(state, mean=rest), voltage)
-        state = filter_.update(state, process.measure(rest))
-    slope = abs(process.output_jacobian(rest)[0, 0])
-    ratio = np.sqrt(process.measurement_variance) / slope / np.sqrt(state.covariance[0, 0, 0])
+        state = filter_.update(state, process.outputs[0].measure(rest))
+    slope = abs(process.output_jacobian(rest, process.outputs[0])[0, 0])
+    ratio = np.sqrt(process.outputs[0].variance) / slope / np.sqrt(state.covariance[0, 0, 0])
     bound = noise_ratio_bound(levitation_model, distance)
     # The figure; above the bound only by discretisation, lambda t_s = 1.7 %.
     assert 0.85 < ratio / bound < 1.02
@@ -193,14 +191,15 @@ def test_analytic_jacobians_of_the_process_equal_central_differences(levitation_
         axis=1,
     )
     inputs = RANDOM.uniform(0.5, 3.0, count)
-    plain = replace(process, transition_jacobian=None, measurement_jacobian=None)
+    (hall,) = process.outputs
+    plain = replace(process, transition_jacobian=None, outputs=(replace(hall, jacobian=None),))
     scale = np.array([1e-4, 1e-2, 1e-2, 1e-2])[:order]  # typical deviations of the states
     found = plain.state_jacobian(states, inputs) * scale / scale[:, None]
     exact = process.state_jacobian(states, inputs) * scale / scale[:, None]
     # Central differences with steps of eps^(1/3): about eps^(2/3) = 4e-11, times d'' / d of steep forces.
     np.testing.assert_allclose(found, exact, atol=1e-6)
     np.testing.assert_allclose(
-        plain.output_jacobian(states) * scale, process.output_jacobian(states) * scale, atol=1e-9
+        plain.output_jacobian(states, *plain.outputs) * scale, process.output_jacobian(states, hall) * scale, atol=1e-9
     )
 
 

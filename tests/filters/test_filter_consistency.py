@@ -11,7 +11,7 @@ from femfit.filters.extended import ExtendedFilter
 from femfit.filters.holding import holding_current
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import FilterNoise, initial_covariance, process_covariance
-from femfit.filters.process import FilterProcess
+from femfit.filters.process import FilterProcess, Output
 from femfit.filters.theory import consistency_band
 from femfit.filters.unscented import UnscentedFilter
 from femfit.model.dynamics import runge_kutta_step
@@ -36,9 +36,8 @@ def linear_process():
         names=("x", "v", "i"),
         step_s=0.1,
         transition=lambda x, u: x @ A.T + u[:, None] * B,
-        measure=lambda x: x @ C,
+        outputs=(Output("z", "V", lambda x: x @ C, R),),
         process_covariance=Q,
-        measurement_variance=R,
     )
 
 
@@ -157,13 +156,10 @@ def test_compensating_the_coil_by_the_resting_current_costs_what_the_hall_voltag
     inverse = hall_inverse(levitation_model)
     through_volts = as_the_plant_moves(levitation_process(levitation_model))
     rest = np.array([[0.022, 0.0, 0.32]])
-    slope = through_volts.output_jacobian(rest)[0, 0]
-    of_distance = replace(
-        through_volts,
-        measure=lambda x: x[:, 0],
-        measure_columns=None,
-        measurement_variance=through_volts.measurement_variance / slope**2,
-    )
+    (hall,) = through_volts.outputs
+    slope = through_volts.output_jacobian(rest, hall)[0, 0]
+    inverted = replace(hall, measure=lambda x: x[:, 0], columns=None, variance=hall.variance / slope**2)
+    of_distance = replace(through_volts, outputs=(inverted,))
 
     def error_rms(process, values):
         filter_ = UnscentedFilter(process)

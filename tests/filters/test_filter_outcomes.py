@@ -10,7 +10,7 @@ from femfit.filters.extended import ExtendedFilter
 from femfit.filters.filter_state import FilterOutcome
 from femfit.filters.levitation import levitation_process
 from femfit.filters.noise import initial_covariance
-from femfit.filters.process import FilterProcess
+from femfit.filters.process import FilterProcess, Output
 from femfit.filters.unscented import UnscentedFilter
 
 ALL = [UnscentedFilter, ExtendedFilter]
@@ -27,9 +27,8 @@ def plain_process(transition=lambda x, _u: x, covariance=None):
         names=("x", "v"),
         step_s=1.0,
         transition=transition,
-        measure=lambda x: x[:, 0],
+        outputs=(Output("x", "m", lambda x: x[:, 0], 1.0),),
         process_covariance=1e-6 * np.eye(2) if covariance is None else covariance,
-        measurement_variance=1.0,
     )
 
 
@@ -49,7 +48,7 @@ def test_a_covariance_that_is_lost_is_named_and_its_run_becomes_nan(filter_class
 def test_a_reading_that_is_infinite_ends_its_own_run_only(process, filter_class, bad):
     filter_ = filter_class(process)
     state = filter_.start(START, initial_covariance(), runs=3)
-    hall = float(process.measure(START[None])[0])
+    hall = float(process.outputs[0].measure(START[None])[0])
     state = filter_.step(state, 0.86, np.array([hall, bad, hall]))
     state = filter_.step(state, 0.86, hall)
     assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.NOT_FINITE, FilterOutcome.RUNNING)
@@ -77,10 +76,10 @@ def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_win
     """The filter is told of 0.1 mV; the sensor jumps by +-10 mV from sample to sample."""
     rng = np.random.default_rng(4)
     process = levitation_process(levitation_model)
-    process = replace(process, measurement_variance=(1e-4) ** 2)
+    process = replace(process, outputs=(replace(process.outputs[0], variance=(1e-4) ** 2),))
     filter_ = filter_class(process, divergence_steps=50)
     state = filter_.start(START, initial_covariance(1e-5, 1e-3, 1e-3), runs=2)
-    clean = float(process.measure(START[None])[0])
+    clean = float(process.outputs[0].measure(START[None])[0])
     named_at = None
     for k in range(60):
         # The mean is held, as the magnet is by its controller: only the innovations tell.

@@ -20,7 +20,7 @@ def printed_form_lasts(process, record, alpha, dtype) -> int:
     wm[0] = lam / (n + lam)
     wc[0] = wm[0] + dtype(3.0 - alpha**2)
     mean, covariance = START.astype(dtype), initial_covariance().astype(dtype)
-    noise, variance = process.process_covariance.astype(dtype), dtype(process.measurement_variance)
+    noise, variance = process.process_covariance.astype(dtype), dtype(process.outputs[0].variance)
     for k, (voltage, hall) in enumerate(zip(record.voltage[:, 0], record.hall[:, 0], strict=True)):
         try:
             root = np.linalg.cholesky((n + lam) * covariance)
@@ -30,7 +30,7 @@ def printed_form_lasts(process, record, alpha, dtype) -> int:
         points = process.transition(points, np.full(2 * n + 1, voltage)).astype(dtype)
         mean = wm @ points
         covariance = (wc * (points - mean).T) @ (points - mean) + noise
-        outputs = process.measure(points).astype(dtype)
+        outputs = process.outputs[0].measure(points).astype(dtype)
         expected = wm @ outputs
         spread = wc @ (outputs - expected) ** 2 + variance
         gain = ((wc * (outputs - expected)) @ (points - mean)) / spread

@@ -17,7 +17,7 @@ AGREEMENT = 1e-10
 def start_of(process):
     bias = process.order == 4
     mean = np.array([0.0225, 0.01, 0.3, 0.005][: process.order])
-    return mean, initial_covariance(hall_bias_V=0.01 if bias else None)
+    return mean, initial_covariance(biases=(0.01,) if bias else ())
 
 
 def run_ours(filter_, record, run):
@@ -60,9 +60,9 @@ def paper_filter(process, record, run, alpha, redraw=True, beta=2.0, kappa=0.0):
         covariance = (wc * (points - mean).T) @ (points - mean) + process.process_covariance
         if redraw:
             points = draw(mean, covariance)
-        outputs = process.measure(points)
+        outputs = process.outputs[0].measure(points)
         expected = wm @ outputs
-        variance = wc @ (outputs - expected) ** 2 + process.measurement_variance
+        variance = wc @ (outputs - expected) ** 2 + process.outputs[0].variance
         cross = (wc * (outputs - expected)) @ (points - mean)
         gain = cross / variance
         mean = mean + gain * (hall - expected)
@@ -83,12 +83,12 @@ def test_ukf_equals_filterpy(process, record):
         dim_x=n,
         dim_z=1,
         dt=process.step_s,
-        hx=lambda x: process.measure(x[None]),
+        hx=lambda x: process.outputs[0].measure(x[None]),
         fx=lambda x, _dt, u: process.transition(x[None], np.array([u]))[0],
         points=MerweScaledSigmaPoints(n, alpha=1.0, beta=2.0, kappa=0.0),
     )
     oracle.x, oracle.P = start_of(process)
-    oracle.Q, oracle.R = process.process_covariance, np.array([[process.measurement_variance]])
+    oracle.Q, oracle.R = process.process_covariance, np.array([[process.outputs[0].variance]])
     means, covariances = [], []
     for voltage, hall in zip(record.voltage[:, 0], record.hall[:, 0], strict=True):
         oracle.predict(u=voltage)
@@ -115,7 +115,7 @@ def test_redrawing_sigma_points_changes_the_estimate_measurably(process, record)
 def test_ekf_equals_filterpy(process, record):
     oracle = ExtendedKalmanFilter(dim_x=process.order, dim_z=1)
     oracle.x, oracle.P = start_of(process)
-    oracle.Q, oracle.R = process.process_covariance, np.array([[process.measurement_variance]])
+    oracle.Q, oracle.R = process.process_covariance, np.array([[process.outputs[0].variance]])
     means, covariances = [], []
     for voltage, hall in zip(record.voltage[:, 2], record.hall[:, 2], strict=True):
         inputs = np.array([voltage])
@@ -125,8 +125,8 @@ def test_ekf_equals_filterpy(process, record):
         oracle.x = moved
         oracle.update(
             np.array([hall]),
-            HJacobian=lambda x: process.output_jacobian(x[None]),
-            Hx=lambda x: process.measure(x[None]),
+            HJacobian=lambda x: process.output_jacobian(x[None], process.outputs[0]),
+            Hx=lambda x: process.outputs[0].measure(x[None]),
         )
         means.append(oracle.x.copy())
         covariances.append(oracle.P.copy())

@@ -68,11 +68,12 @@ def test_what_goes_wrong_is_named_as_by_the_general_path(levitation_model, hall,
 
 
 def test_innovations_out_of_their_band_are_named_in_one_run_too(levitation_model):
-    process = replace(levitation_process(levitation_model), measurement_variance=(1e-4) ** 2)
+    process = levitation_process(levitation_model)
+    process = replace(process, outputs=(replace(process.outputs[0], variance=(1e-4) ** 2),))
     filter_ = UnscentedFilter(process, divergence_steps=20)
     state = filter_.start(np.array([0.022, 0.0, 0.32]), initial_covariance(1e-5, 1e-3, 1e-3))
     clean, generator = state.mean, np.random.default_rng(4)
-    volts = float(process.measure(clean)[0])
+    volts = float(process.outputs[0].measure(clean)[0])
     for _ in range(30):
         held = replace(state, mean=clean)  # the body is held by its controller: only the innovations tell
         state = filter_.step(held, 0.86, volts + 0.03 * generator.choice([-1.0, 1.0]))

@@ -12,7 +12,7 @@ from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import Backstepping
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.linear_loop import closed_loop_matrix, linear_controller, linear_plant
+from femfit.simulation.linear_loop import closed_loop_matrix, joined, linear_observer, linear_plant
 from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.pid import pid_of_parts
@@ -41,7 +41,7 @@ def late(levitation_model):
 def parts(design, name="backstepping", observer="ekf"):
     bench = design.bench(observer)
     k = bench.middle
-    linear = linear_controller(design.model, bench.points[k], bench.observer, design.controller(name), design.latency)
+    linear = joined(design.model, bench.points[k], bench.observers[k], design.controller(name), design.latency)
     return bench.points[k], bench.plants[k], linear
 
 
@@ -196,7 +196,7 @@ def test_a_position_loop_of_a_levitation_needs_more_than_the_unstable_poles_forc
         poles = np.linalg.eigvals(
             closed_loop_matrix(
                 replace(bench.plants[0], A=scipy.linalg.expm(still * fine.sample_time_s)),
-                linear_controller(fine, point, None, pid),
+                joined(fine, point, linear_observer(fine, point, None), pid, 0),
             )
         )
         return np.abs(poles).max() < 1.0 + 1e-6  # the integrator without gain is at 1, to the differences

@@ -197,7 +197,7 @@ def tuned_pid_without_current(design):
         return pid_of_parts(design.model, kp, ki, kd, rate)
 
     start = np.log([max(first.parts[name], 1e-6) for name in ("kp", "ki", "kd", "filter_rad_s")])
-    found, _ = pattern_search(lambda logs: bench.score(made(logs)), start, np.full(4, np.inf), 1.0)
+    found = pattern_search(lambda logs: bench.score(made(logs)), start, np.full(4, np.inf), 1.0)
     return made(found)
 
 

@@ -1,4 +1,4 @@
-"""The cause of a lost loop is named, and it holds where that is improved: authority, sensor, gains."""
+"""The cause of a lost loop is named with its numbers: authority, sensor, gains."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop_text import design_lines
 from femfit.simulation.lost_loop import LostLoop
-from femfit.simulation.why_unstable import short_of_room
+from femfit.simulation.why_lost import hardware_limit, reach, short_of_room
 
 
 @pytest.fixture(scope="module")
@@ -72,20 +72,18 @@ def test_gains_that_are_unstable_with_the_exact_state_are_not_laid_on_the_filter
     assert words.startswith("The gains given")
 
 
-@pytest.mark.long
-def test_noise_is_named_with_the_noise_that_would_do(optical):
+def test_noise_that_fills_the_commands_room_is_named_with_what_it_takes(optical):
     words = lost(with_laser(optical, noise=1.0))
     assert words.startswith("The sensors' noise: laser 1.00 V")
-    assert "the same runs hold" in words
+    assert "to the driver's limit" in words
 
 
-@pytest.mark.long
 def test_authority_is_named_where_the_force_at_the_limits_does_not_reach(optical):
     """A supply of hardly more than the 0.852 V that hold the body, and noise that asks for more."""
     weak = replace(optical, circuits=(replace(optical.circuit, voltage_max_V=1.02 * 0.852),))
     words = lost(with_laser(weak, noise=60e-3))
     assert words.startswith("The authority: at 22.0 mm")
-    assert "times as wide" in words
+    assert "brings a body at rest back" in words
 
 
 def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(optical):
@@ -96,6 +94,15 @@ def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(opt
     loop = lost_loop(with_laser(weak, noise=5e-3))
     left = 1e3 * (weak.circuit.voltage_max_V - loop.design.points[0].commands[0])
     assert f"leaves {left:.2g} mV" in short_of_room(loop)
+
+
+def test_a_sensor_that_ends_before_the_driver_does_is_named(optical):
+    """At 22 mm the laser reads 2.2 V; the driver brings the body back from more than the 0.1 mm up to 2.21 V."""
+    assert reach(lost_loop(optical))[1] > 1e-3
+    assert hardware_limit(lost_loop(optical)).startswith("The authority")
+    words = hardware_limit(lost_loop(with_laser(optical, maximum=2.21)))
+    assert words.startswith("The sensors' range")
+    assert "farther, although" in words
 
 
 def test_a_loop_next_to_its_longest_latency_is_called_thin_and_told_what_it_would_keep_without(optical):

@@ -50,7 +50,7 @@ def closed_loop(model_file, steps, filters):
     reference = reference_steps([0.022, 0.026], steps, model.sample_time_s, rate=30.0)
     results = []
     for kind in (UnscentedFilter, ExtendedFilter)[:filters]:
-        covariance = with_memory(model, initial_covariance(hall_bias_V=0.01))
+        covariance = with_memory(model, initial_covariance(biases=(0.01,)))
         observer = kind(replace(levitation_process(model, hall_bias=True), start_covariance=covariance))
         sensors = loop_sensors(model, ("hall",), {{"hall": 1e-3}}, model.sample_time_s)
         loop = ClosedLoop(Plant(model), sensors, SensorErrors(), observer,

@@ -1,4 +1,4 @@
-"""Where a current can tell the distance: against brute force, and blind where the physics says so."""
+"""How well a current can tell the distance: against brute force, and not at all where the physics says so."""
 
 from dataclasses import replace
 
@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from femfit.core.errors import FilterError
-from femfit.device.mechanics import Spring
 from femfit.device.sensors import CurrentSensor
-from femfit.filters.bound_map import bound_map
-from femfit.filters.error_bound import bound_along
+from femfit.filters.error_bound import bound_along, error_bound
 from femfit.filters.kalman_filter import kalman_filter
 from femfit.filters.noise import FilterNoise
 from femfit.model.magnetics import Magnetics
@@ -91,49 +88,9 @@ def test_with_a_test_voltage_the_bound_at_rest_is_that_of_an_inductance_that_is_
     assert found == pytest.approx(wanted, rel=0.04)  # h R / L = 0.03 of Euler's step
 
 
-def test_the_map_is_blind_without_a_current_and_sees_with_a_test_voltage(model):
-    places = {"sensors": ("current",), "distances_m": (1e-3, 3e-3), "currents_A": (0.0, 0.4)}
-    still, lively, livelier = (bound_map(model, test_voltage_V=u, **places) for u in (0.0, 2.0, 4.0))
-    assert still.blind[:, 0].all()
-    assert "blind" in str(still)
-    assert not lively.blind.any()
-    assert np.all(livelier.deviation_m[:, 0] < 0.7 * lively.deviation_m[:, 0])  # as the slope of the current
-
-
-def test_the_map_is_blind_where_the_inductance_does_not_change(model):
+def test_a_current_tells_no_distance_where_the_inductance_does_not_change(model):
     """Iron that is saturated: L(d) is the leakage alone."""
     flat = replace(model, magnetics=Flat(), motion=replace(model.motion, springs=()))
-    found = bound_map(
-        flat, sensors=("current",), distances_m=(2e-3,), currents_A=(0.4,), test_voltage_V=4.0, noise=SILENT
-    )
-    assert found.blind.all()
-
-
-def test_a_frequency_beyond_half_of_the_sampling_rate_is_refused(model):
-    with pytest.raises(FilterError, match="sampling rate"):
-        bound_map(model, sensors=("current",), test_voltage_V=1.0, test_frequency_Hz=0.6 / STEP_S)
-
-
-def test_a_rest_that_the_model_knows_is_not_told_by_the_current(model):
-    """A strong damper on a stiff spring forgets where it began."""
-    damped = replace(model.motion, springs=(Spring(2e4, 0.1, 4e-3),), viscous_N_s_per_m=50.0)
-    places = {"sensors": ("current",), "distances_m": (2e-3,), "currents_A": (0.0,)}
-    found = bound_map(replace(model, motion=damped, sample_time_s=2e-4), **places)
-    assert found.deviation_m[0, 0] < 0.1 * found.first_m
-    assert found.unread_m[0, 0] == pytest.approx(found.deviation_m[0, 0], rel=1e-3)
-    assert found.blind.all()
-
-
-def test_the_frequency_that_is_said_is_that_of_the_whole_samples_that_were_used(model):
-    places = {"sensors": ("current",), "distances_m": (2e-3,), "currents_A": (0.4,)}
-    found = bound_map(model, test_voltage_V=1.0, test_frequency_Hz=0.4 / STEP_S, **places)
-    assert found.test_frequency_Hz == pytest.approx(0.5 / STEP_S)
-
-
-def test_a_coil_faster_than_half_a_sample_has_a_map_of_what_finer_samples_would_tell(model):
-    """L/R is a tenth of this sample: the current is a new, settled one at each, and tells the force's work alone."""
-    quick = replace(model, sample_time_s=10.0 * inductance(2e-3) / 20.0)
-    places = {"sensors": ("current",), "distances_m": (2e-3,), "currents_A": (0.0, 0.4), "noise": SILENT}
-    found = bound_map(quick, **places)
-    assert found.blind[0, 0]
-    assert np.isfinite(found.deviation_m).all()
+    places = {"distances_m": (2e-3,), "currents_A": (0.4,)}
+    assert not error_bound(flat, sensors=("current",), noise=SILENT, **places).observed[0, 0]
+    assert error_bound(model, sensors=("current",), noise=SILENT, **places).observed[0, 0]
