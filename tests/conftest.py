@@ -9,16 +9,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.field.sweep import run_sweep
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.hall import HallSpline
-from femfit.model.hall_sensor import HallSensor
+from femfit.model.hall import HallSensor, HallSpline
 from femfit.model.magnetics import CoenergySpline
-from femfit.model.misfit import Misfit
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import Misfit, ValidityBox
 from support.actuators import GEOMETRY
 from support.expected import Expected
 from support.splines import REFERENCE_DISTANCE, fitted_spline

@@ -6,7 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
-from femfit.device import schema, schema_device, schema_materials, schema_solver, schema_thermal
+from femfit.device import schema, schema_device
+from femfit.device import schema_device as schema_materials
+from femfit.device import schema_device as schema_solver
+from femfit.device import schema_device as schema_thermal
 from femfit.device.materials import LIBRARY
 
 REFERENCE = Path(__file__).parents[1] / "reference"

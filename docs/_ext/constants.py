@@ -6,19 +6,18 @@ from typing import NamedTuple
 
 PACKAGE = Path(__file__).parents[2] / "femfit"
 FILES = {
-    "What is missing": PACKAGE / "identify" / "decision" / "constants.py",
-    "The noise, the fit of effects and where a model fails": PACKAGE / "identify" / "constants.py",
+    "What is missing, and what to measure next": PACKAGE / "identify" / "decision" / "constants.py",
+    "The noise, the fit of effects, where a model fails and the numbers of a drawing": PACKAGE
+    / "identify"
+    / "constants.py",
     "What is left unexplained": PACKAGE / "identify" / "remainder" / "constants.py",
-    "The numbers of a drawing": PACKAGE / "identify" / "calibration" / "constants.py",
     "A record over time as readings": PACKAGE / "identify" / "series" / "constants.py",
-    "Rests, held bodies and what the driver gave": PACKAGE / "records" / "constants.py",
-    "A record through a filter": PACKAGE / "replay" / "constants.py",
-    "What to measure next": PACKAGE / "identify" / "experiments" / "constants.py",
+    "What a record shows, and what a filter makes of it": PACKAGE / "estimate" / "constants.py",
     "A table to a model": PACKAGE / "fit" / "constants.py",
     "Which readings contradict all others": PACKAGE / "tables" / "outliers.py",
     "Which rows and sensors of a bench table cannot be right": PACKAGE / "tables" / "measurement_checks.py",
     "Which samples of a record cannot be right": PACKAGE / "tables" / "time_series_checks.py",
-    "Which unit or sign a column seems to have": PACKAGE / "tables" / "suspected_units.py",
+    "Which unit or sign a column seems to have": PACKAGE / "tables" / "units.py",
 }
 
 

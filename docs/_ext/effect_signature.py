@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect, Effect, Memory, Parameters
+from femfit.effects.friction import REST
 from femfit.effects.stages import recorded
-from femfit.effects.stop_position import REST
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects

@@ -5,28 +5,26 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.audit.carried import held_body
+from femfit.audit.carried import held_body, held_by_several
 from femfit.audit.conclusions import Audit, AuditFinding, Severity
-from femfit.audit.held_currents import held_by_several
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, TableError
-from femfit.core.finding import listing
-from femfit.device.hall_range import REMEDY, where_clipped
-from femfit.fit.circuit_rows import CircuitRows
+from femfit.core.numerics import FloatArray
+from femfit.core.results import listing
+from femfit.core.text import amount
+from femfit.device.electrics import REMEDY, where_clipped
+from femfit.fit.circuit_system import CircuitRows
 from femfit.fit.circuits_build import circuit_rows, misfit_of_circuits
 from femfit.fit.constants import POOR_POINT, SMALL_CIRCUIT_FORCE
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.coenergy_tensor import CoenergyTensor
-from femfit.model.hall_sensor import HallSensor
+from femfit.model.hall import HallSensor
 from femfit.model.json_file import read_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
-from femfit.model.misfit import Misfit
 from femfit.model.sensors import HALL, reading_of
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
+from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import TABLE_STEM, current_names, read_sweep_table
 
 _GRID = (41, 15)

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from femfit.core.printed import Printed
+from femfit.core.results import Printed
 
 Severity = Literal["holds", "stated", "note", "wrong"]
 _SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")

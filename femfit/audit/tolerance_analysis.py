@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.amount import amount, counted, rounded
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import MissingPartError, UsageError
-from femfit.core.printed import Printed
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Printed
+from femfit.core.text import amount, counted, rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
 

@@ -64,7 +64,7 @@ def add(
     from dataclasses import replace
 
     from femfit.cli.output import status, write_json
-    from femfit.core.outputs import MODEL, PAGE, PICTURE, RESULT, require_outputs
+    from femfit.core.files import MODEL, PAGE, PICTURE, RESULT, require_outputs
     from femfit.identify.refit.add_effects import add_effects
     from femfit.model.json_file import read_model, write_model
     from femfit.tables.measurement_file import read_measurement
@@ -91,7 +91,7 @@ def add(
     print(f"{result}\nwritten: {output}")
     if picture is not None:
         from femfit.core.errors import UsageError
-        from femfit.report.replay_figure import write_before_after
+        from femfit.report.motion_figures import write_before_after
         from femfit.tables.measurement import TimeSeries
 
         if not isinstance(measured, TimeSeries):

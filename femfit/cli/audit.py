@@ -19,7 +19,7 @@ def audit(model: Path, *, table: Path | None = None, json: Path | None = None) -
     """
     from femfit.audit.audit_model import audit_model
     from femfit.cli.output import write_json
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
 
     require_outputs([model, table], (json, RESULT))
     result = audit_model(model, table)

@@ -57,7 +57,7 @@ def bench(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
     from femfit.integrate.bench_table import make_bench_table
 
     require_outputs([record, model, output, output.with_suffix(".toml")], (json, RESULT))

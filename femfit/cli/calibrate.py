@@ -44,9 +44,8 @@ def calibrate(
         File for the result as JSON, with the covariance.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.atomic import write_text
     from femfit.core.errors import UsageError
-    from femfit.core.outputs import DRAWING, MODEL, RESULT, require_outputs
+    from femfit.core.files import DRAWING, MODEL, RESULT, require_outputs, write_text
     from femfit.device.load import read_actuator
     from femfit.device.rewrite import require_same_elsewhere
     from femfit.identify.calibration.calibrate import calibrate as calibrated

@@ -34,7 +34,7 @@ def compare(
         File for the result as JSON, with the maps.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
     from femfit.identify.comparison.compare import compare as compared
     from femfit.tables.measurement_file import read_measurement
 

@@ -41,7 +41,7 @@ def diagnose(
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.outputs import PAGE, RESULT, require_outputs
+    from femfit.core.files import PAGE, RESULT, require_outputs
     from femfit.identify.decision.diagnose import diagnose as diagnosed
     from femfit.model.json_file import read_model
     from femfit.tables.measurement_file import read_measurement

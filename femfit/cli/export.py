@@ -27,7 +27,7 @@ def export(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.core.outputs import MODEL, RESULT, require_outputs
+    from femfit.core.files import MODEL, RESULT, require_outputs
     from femfit.targets import targets
 
     require_outputs([model], (output / "model.json", MODEL), (json, RESULT))

@@ -63,11 +63,11 @@ def fit(
         File for the result as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.core.outputs import MODEL, RESULT, require_outputs
+    from femfit.core.files import MODEL, RESULT, require_outputs
     from femfit.fit.build import fit_model
     from femfit.fit.inductance import fit_inductance
     from femfit.model.json_file import write_model
-    from femfit.tables.inductance_table import is_inductance_table, read_inductance_table
+    from femfit.tables.impedance_table import is_inductance_table, read_inductance_table
 
     target = output or (table if table.is_dir() else table.parent) / f"model_{model}.json"
     require_outputs([table, actuator], (target, MODEL), (json, RESULT))

@@ -42,7 +42,7 @@ def heat(
         File for the result as JSON, with the thermal network.
     """
     from femfit.cli.output import write_json
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
     from femfit.heat.find_temperatures import find_temperatures
 
     given = [file for file in (actuator, sweep, model) if file is not None]

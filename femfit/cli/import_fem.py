@@ -66,8 +66,7 @@ def import_fem(
         File for the findings as JSON.
     """
     from femfit.cli.output import write_json
-    from femfit.core.atomic import write_text
-    from femfit.core.outputs import DRAWING, RESULT, require_outputs
+    from femfit.core.files import DRAWING, RESULT, require_outputs, write_text
     from femfit.tables.femm.options import FemOptions, axis_option
     from femfit.tables.femm.read import import_fem_file
 

@@ -80,8 +80,8 @@ def import_table(
     """
     from femfit.cli.output import write_json
     from femfit.core.errors import UsageError
-    from femfit.core.outputs import MANIFEST, RESULT, SWEEP, require_outputs
-    from femfit.tables.foreign import read
+    from femfit.core.files import MANIFEST, RESULT, SWEEP, require_outputs
+    from femfit.tables import foreign as read
     from femfit.tables.sweep_table import write_sweep_table
 
     written = (output / name for name in ("sweep.parquet", "sweep.csv", "manifest.json"))

@@ -97,9 +97,8 @@ def integrate(
     json : Path
         File for the result as JSON.
     """
-    from femfit.cli.output import write_json
-    from femfit.cli.progress import progress
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.cli.output import progress, write_json
+    from femfit.core.files import RESULT, require_outputs
     from femfit.integrate.integrate_coil import integrate_coil
 
     require_outputs([record, lab, model, field_model, output], (json, RESULT))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cyclopts import App, CycloptsError
 
 from femfit import __version__
-from femfit.cli.signals import WORDS, EndedError, ending_on_signals
+from femfit.cli.output import WORDS, EndedError, ending_on_signals
 from femfit.core.errors import FemfitError, UsageError
 from femfit.core.interrupts import kept_interrupts
 

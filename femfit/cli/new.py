@@ -24,10 +24,10 @@ def new(
     """
     import re
 
-    from femfit.core.atomic import write_text
     from femfit.core.errors import OutputError
+    from femfit.core.files import write_text
+    from femfit.device.load import starter_text
     from femfit.device.schema import NAME_PATTERN
-    from femfit.device.starters import starter_text
 
     path = output or Path(f"{kind}.toml")
     if path.suffix != ".toml":

@@ -49,13 +49,12 @@ def observe(
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.atomic import write_text
     from femfit.core.errors import TableError, UsageError
-    from femfit.core.outputs import MODEL, PICTURE, REPLAYED, RESULT, require_outputs
+    from femfit.core.files import MODEL, PICTURE, REPLAYED, RESULT, require_outputs, write_text
+    from femfit.estimate.found_noise import with_noise
+    from femfit.estimate.observe import NO_NOISE_FOUND
+    from femfit.estimate.observe import observe as observed
     from femfit.model.json_file import write_model
-    from femfit.replay.found_noise import with_noise
-    from femfit.replay.observe import NO_NOISE_FOUND
-    from femfit.replay.observe import observe as observed
     from femfit.tables.measurement_file import read_measurement
 
     if keep_noise and write_noise is not None:
@@ -78,7 +77,7 @@ def observe(
         write_model(with_noise(seen.model, seen.noise), write_noise)
         written.append(write_noise)
     if picture is not None:
-        from femfit.report.replay_figure import write_replay_picture
+        from femfit.report.motion_figures import write_replay_picture
 
         write_replay_picture(seen, picture)
         written.append(picture)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from femfit.fit.result import FitResult
     from femfit.heat.result import Temperatures
     from femfit.model.actuator_model import ActuatorModel
-    from femfit.open_loop.result import OpenLoop
+    from femfit.simulation.open_result import OpenLoop
     from femfit.simulation.study import ClosedLoopStudy
     from femfit.tables.sweep_table import SweepTable
 
@@ -58,12 +58,11 @@ def run(
     from dataclasses import replace
 
     from femfit.cli.output import write_json
-    from femfit.core.outputs import MODEL, PAGE, RESULT, require_outputs
+    from femfit.core.files import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
     from femfit.report.actuator_report import draw_figures, render_report
-    from femfit.report.content import ReportContent
-    from femfit.report.page import write_page
+    from femfit.report.page import ReportContent, write_page
     from femfit.report.write import hashes, with_field
 
     parts = _single_actuator(actuator)
@@ -125,7 +124,7 @@ def run(
 
 
 def _solved(summary: Mapping[str, Any]) -> str:
-    from femfit.core.amount import amount
+    from femfit.core.text import amount
 
     return (
         f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
@@ -136,7 +135,7 @@ def _solved(summary: Mapping[str, Any]) -> str:
 def _single_actuator(path: Path) -> "Actuator":
     """The file's actuator, refused before the sweep where the fit would refuse it after."""
     from femfit.core.errors import ActuatorFileError
-    from femfit.device.variants import read_variants
+    from femfit.device.rewrite import read_variants
     from femfit.fit.coenergy_choice import check_grid
     from femfit.fit.constants import FEWEST_CURRENTS
 
@@ -180,8 +179,8 @@ class _Steps:
 def _sweep(
     steps: _Steps, actuator: Path, parts: "Actuator", directory: Path, workers: int, signatures: bool
 ) -> "tuple[SweepTable, dict[str, Any]]":
-    from femfit.cli.progress import sweep_progress
-    from femfit.device.variants import only
+    from femfit.cli.output import sweep_progress
+    from femfit.device.rewrite import only
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, failed_points, summarise
 
@@ -203,7 +202,7 @@ def _at_supply(
 ) -> "tuple[OpenLoop | None, Temperatures | None]":
     """What the supply moves and warms."""
     from femfit.heat.find_temperatures import temperatures_at_supply
-    from femfit.open_loop.supply import motion_at_supply
+    from femfit.simulation.supply import motion_at_supply
 
     with steps.timed("open loop"):
         motion = motion_at_supply(model)
@@ -242,7 +241,7 @@ def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":
 def _close_loop(model: "ActuatorModel", seed: int, file: Path) -> "tuple[ClosedLoopStudy | None, str]":
     """The study, or why there is none: an actuator that cannot levitate is no failure of the run."""
     from femfit.core.errors import DomainError, FilterError, MissingPartError
-    from femfit.device.sensors import PositionSensor
+    from femfit.device.electrics import PositionSensor
     from femfit.model.sensors import HALL, sensors_of
     from femfit.simulation.study import closed_loop_study
 

@@ -49,9 +49,8 @@ def sense(
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.atomic import write_text
-    from femfit.core.outputs import PICTURE, REPLAYED, RESULT, require_outputs
-    from femfit.open_loop.sense import sense as sensed
+    from femfit.core.files import PICTURE, REPLAYED, RESULT, require_outputs, write_text
+    from femfit.simulation.sense import sense as sensed
 
     require_outputs([model], (picture, PICTURE), (csv, REPLAYED), (json, RESULT))
     with status("Simulating"):
@@ -67,7 +66,7 @@ def sense(
         )
     written = []
     if picture is not None:
-        from femfit.report.sense_figure import write_sense_picture
+        from femfit.report.motion_figures import write_sense_picture
 
         write_sense_picture(found, picture)
         written.append(picture)

@@ -121,9 +121,8 @@ def simulate(
     json : Path
         File for the result as JSON.
     """
-    from femfit.cli.output import write_json
-    from femfit.cli.progress import loop_progress
-    from femfit.core.outputs import LOOP, PICTURE, RESULT, require_outputs
+    from femfit.cli.output import loop_progress, write_json
+    from femfit.core.files import LOOP, PICTURE, RESULT, require_outputs
     from femfit.model.json_file import read_model
 
     loop = (controller, observer, runs, seconds, plant, gain, bandwidth_rad_s, pole_rad_s, faulty, stuck_after_s)
@@ -194,7 +193,7 @@ def simulate(
         summary.write_csv(csv)
         print(f"written: {csv}")
     if picture is not None:
-        from femfit.report.closed_loop_figure import write_closed_loop_picture
+        from femfit.report.loop_report import write_closed_loop_picture
 
         write_closed_loop_picture(summary, picture)
         print(f"written: {picture}")
@@ -246,8 +245,8 @@ def _open_loop(
     files: tuple[Path | None, Path | None, Path | None],
 ) -> None:
     from femfit.cli.output import write_json
-    from femfit.core.outputs import OPEN_LOOP, PICTURE, RESULT, require_outputs
-    from femfit.open_loop.simulate import simulate as simulate_open_loop
+    from femfit.core.files import OPEN_LOOP, PICTURE, RESULT, require_outputs
+    from femfit.simulation.open_loop import simulate as simulate_open_loop
 
     csv, json, picture = files
     require_outputs([model, command["drive"]], (csv, OPEN_LOOP), (json, RESULT), (picture, PICTURE))
@@ -258,7 +257,7 @@ def _open_loop(
         motion.write_csv(csv)
         print(f"written: {csv}")
     if picture is not None:
-        from femfit.report.open_loop_figure import write_open_loop_picture
+        from femfit.report.motion_figures import write_open_loop_picture
 
         write_open_loop_picture(motion, picture)
         print(f"written: {picture}")

@@ -29,7 +29,7 @@ def suggest(
         File for the result as JSON.
     """
     from femfit.cli.output import status, write_json
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
     from femfit.identify.experiments.plan import PlanReport, examine_plan
     from femfit.identify.experiments.suggest import Advice
     from femfit.identify.experiments.suggest import suggest as advise

@@ -40,14 +40,13 @@ def sweep(
     """
     from time import perf_counter
 
-    from femfit.cli.output import write_json
-    from femfit.cli.progress import sweep_progress
-    from femfit.core.amount import counted
+    from femfit.cli.output import sweep_progress, write_json
     from femfit.core.errors import FieldSolverError
-    from femfit.core.finding import listing
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
+    from femfit.core.results import listing
+    from femfit.core.text import counted
+    from femfit.device.rewrite import read_variants
     from femfit.device.summary import remarks
-    from femfit.device.variants import read_variants
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, failed_points, summarise, variants_without_a_point
     from femfit.tables.impedance_table import NAME as IMPEDANCE
@@ -104,7 +103,7 @@ def sweep(
 def _force(summary: Mapping[str, Any]) -> str:
     if summary["force_min_N"] is None:
         return ""
-    from femfit.core.amount import amount
+    from femfit.core.text import amount
 
     return (
         f"; force {summary['force_min_N']:.4g} to {summary['force_max_N']:.4g} N, its discretisation error estimated "

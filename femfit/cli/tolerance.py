@@ -31,7 +31,7 @@ def tolerance(
     """
     from femfit.audit.tolerance_analysis import analyse_tolerances
     from femfit.cli.output import write_json
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
 
     require_outputs([sweep], (json, RESULT))
     result = analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of)

@@ -36,10 +36,9 @@ def trial(
     json : Path
         File for the results as JSON; results.json in the directory by default.
     """
-    from femfit.cli.output import write_json
-    from femfit.cli.progress import progress
-    from femfit.core.amount import counted
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.cli.output import progress, write_json
+    from femfit.core.files import RESULT, require_outputs
+    from femfit.core.text import counted
     from femfit.trial.campaigns import make_campaigns, prepare_device
     from femfit.trial.counts import trial_data, trial_lines
     from femfit.trial.run import diagnose_campaigns

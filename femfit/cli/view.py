@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from femfit.device.drawn_numbers import NumberFacts
     from femfit.device.parts import Actuator
-    from femfit.field.settings import SolverSettings
+    from femfit.field.tolerance import SolverSettings
 
 What = Literal["geometry", "mesh", "flux-lines", "flux-density", "permeability", "vtu"]
 FORMATS = (".png", ".svg", ".pdf")
@@ -51,11 +51,11 @@ def view(
     """
     from femfit.cli.output import status, write_json
     from femfit.core.errors import UsageError
-    from femfit.core.outputs import RESULT, require_outputs
+    from femfit.core.files import RESULT, require_outputs
     from femfit.device.drawn_numbers import in_picture
     from femfit.device.load import read_actuator
+    from femfit.report.field_cells import solve_point
     from femfit.report.field_figures import point_title, write_views
-    from femfit.report.field_sample import solve_point
     from femfit.tables.signatures import read_signatures
 
     if row is not None and (not source.is_dir() or distance_mm is not None or current_A):
@@ -119,7 +119,7 @@ def _swept(
     from femfit.core.errors import DomainError, RunDirectoryError
     from femfit.core.sweep_columns import VARIANT, current_columns
     from femfit.device.summary import actuator_from_record
-    from femfit.field.settings import SolverSettings
+    from femfit.field.tolerance import SolverSettings
     from femfit.tables.sweep_table import read_sweep_table
 
     table = read_sweep_table(directory)

@@ -1,4 +1,7 @@
-"""Around every public function: a wrong argument is named, and linear algebra has one thread."""
+"""Around every public function: a wrong argument is named, and linear algebra has one thread.
+
+The random generator that a caller asks for: by a seed, by a generator, or none.
+"""
 
 import functools
 import inspect
@@ -8,9 +11,11 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
-from femfit.core.errors import ArgumentError
+from femfit.core.errors import ArgumentError, DomainError
+from femfit.core.text import quoted
 
 
 def public(function: Callable[..., Any], module: str, name: str) -> Callable[..., Any]:
@@ -94,3 +99,25 @@ def _wrong_argument(name: str, signature: inspect.Signature, keywords: dict[str,
 def _without_types(signature: inspect.Signature) -> str:
     bare = [parameter.replace(annotation=inspect.Parameter.empty) for parameter in signature.parameters.values()]
     return str(inspect.Signature(bare))
+
+
+def random_generator(rng: int | np.random.Generator | None, default: int = 0) -> np.random.Generator:
+    """Make a generator from a seed; a generator is returned as it is, and None stands for the default seed.
+
+    Raises
+    ------
+    DomainError
+        If it is neither a generator nor a whole number >= 0.
+
+    Examples
+    --------
+    >>> random_generator(1).integers(10) == random_generator(None, default=1).integers(10)
+    True
+    """
+    try:
+        return np.random.default_rng(default if rng is None else rng)
+    except (TypeError, ValueError) as error:
+        raise DomainError(
+            f"Randomness must be a seed, a whole number >= 0, or a numpy Generator; instead received {quoted(rng)}. "
+            "Give 1, say."
+        ) from error

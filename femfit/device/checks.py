@@ -7,8 +7,8 @@ from itertools import combinations, pairwise
 from shapely import MultiPoint, Point, Polygon, unary_union
 from shapely.affinity import translate
 
+from femfit.device.outlines import MIN_AREA, DrawnOutline
 from femfit.device.parts import Material
-from femfit.device.read_outline import MIN_AREA, DrawnOutline
 from femfit.device.schema import HallPlace
 
 

@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from femfit.device.bh_table import Points, curve_problems, read_bh_csv, without_flat_end
+from femfit.device.bh import Points, curve_problems, read_bh_csv, without_flat_end
 from femfit.device.checks import DrawnPart
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
 from femfit.device.decimals import MEGA_EXPONENT, scaled
 from femfit.device.materials import LIBRARY
+from femfit.device.outlines import outline
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
-from femfit.device.read_outline import outline
 from femfit.device.schema import NAME_PATTERN, OutlineEntry, RegionEntry
-from femfit.device.schema_materials import ConductorEntry, CurveEntry, MaterialEntry, has_curve
+from femfit.device.schema_device import ConductorEntry, CurveEntry, MaterialEntry, has_curve
 from femfit.device.thermal import ThermalMaterial
 
 RESERVED = ("air", "coil")

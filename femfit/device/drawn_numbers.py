@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from femfit.core.errors import ActuatorFileError
-from femfit.core.paths import path_of
+from femfit.core.files import path_of
 from femfit.device.complaints import joined
 from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, decimal_sum, scaled
 from femfit.device.drawing import table_at
@@ -22,8 +22,7 @@ from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import Location, with_value
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region
-from femfit.device.read_tolerances import read_tolerances
-from femfit.device.tolerance_defaults import KINDS, length_tolerance
+from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances
 
 STEP = {"mm": 1e-3}
 """Numerical: by how much a number is changed either way, in its unit; outlines are linear in their coordinates."""
@@ -37,7 +36,7 @@ class NumberFacts:
 
     key: str  # Key path in the file
     also: tuple[str, ...]  # Key paths of what moves with it
-    kind: str  # Of :data:`femfit.device.tolerance_defaults.KINDS`
+    kind: str  # Of :data:`femfit.device.tolerances.KINDS`
     value: float  # As the file has it
     unit: str  # As the file has it: mm, T, or empty
     tolerance: float  # Standard deviation, in the unit or as a share

@@ -22,15 +22,17 @@ from femfit.device.schema_device import (
     AccelerationSensorEntry,
     CircuitEntry,
     CurrentSensorEntry,
+    CurveEntry,
     ForceSensorEntry,
+    MaterialEntry,
     MechanicsEntry,
     PickupCoilEntry,
     PositionSensorEntry,
     SpringEntry,
     StopEntry,
     WindingEntry,
+    has_curve,
 )
-from femfit.device.schema_materials import CurveEntry, MaterialEntry, has_curve
 from femfit.device.thermal import ThermalMaterial
 
 _SECTIONS: dict[str, type[Entry]] = {

@@ -1,12 +1,16 @@
-"""Read an actuator file: every problem at once, or the actuator in SI units."""
+"""Read an actuator file: every problem at once, or the actuator in SI units.
+
+Drawings to start from.
+"""
 
 import tomllib
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from femfit.core.errors import ActuatorFileError
-from femfit.core.paths import path_of
+from femfit.core.files import path_of
 from femfit.device.checks import (
     DrawnPart,
     check_collisions,
@@ -21,22 +25,20 @@ from femfit.device.decimals import scaled
 from femfit.device.drawing import Drawing, fixed_key, read_drawing
 from femfit.device.parameter_table import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, Region
-from femfit.device.read_electrics import check_circuit_names, read_circuits, read_coils, read_supply
-from femfit.device.read_mechanics import check_travel, read_mechanics
-from femfit.device.read_sensors import hall_places, read_sensors
-from femfit.device.read_solver import eddy_bias, frequencies
-from femfit.device.read_sweep import read_axes
-from femfit.device.read_tolerances import read_tolerances
-from femfit.device.schema import (
-    SCHEMA_VERSION,
-    ElectromagnetEntry,
-    FileEntry,
-    MovingEntry,
-    ReferenceEntry,
+from femfit.device.read_device import (
+    check_circuit_names,
+    check_travel,
+    read_circuits,
+    read_coils,
+    read_mechanics,
+    read_supply,
 )
-from femfit.device.schema_solver import SolverEntry
-from femfit.device.schema_thermal import ThermalEntry
+from femfit.device.read_sensors import hall_places, read_sensors
+from femfit.device.read_sweep import eddy_bias, frequencies, read_axes
+from femfit.device.schema import SCHEMA_VERSION, ElectromagnetEntry, FileEntry, MovingEntry, ReferenceEntry
+from femfit.device.schema_device import SolverEntry, ThermalEntry
 from femfit.device.thermal import STILL_AIR, Surroundings
+from femfit.device.tolerances import read_tolerances
 
 
 def read_text(path: Path) -> str:
@@ -221,3 +223,15 @@ def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[f
 def _region(part: DrawnPart) -> Region:
     corners = tuple((scaled(r), scaled(z)) for r, z in part.outline.corners)
     return Region(part.name, corners, part.material or AIR, part.outline.bulges)
+
+
+def starter_names() -> tuple[str, ...]:
+    """Names of the drawings, in alphabetical order."""
+    found = (entry.name for entry in files("femfit.device.examples").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in found if name.endswith(".toml")))
+
+
+def starter_text(name: str, title: str | None = None) -> str:
+    """The actuator file of a drawing, under a name of its own where one is given."""
+    text = files("femfit.device.examples").joinpath(f"{name}.toml").read_text(encoding="utf-8")
+    return text if title is None else text.replace(f'name = "{name}"', f'name = "{title}"', 1)

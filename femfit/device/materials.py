@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from femfit.core.errors import ActuatorFileError
-from femfit.device.bh_table import read_bh_csv
+from femfit.device.bh import read_bh_csv
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
 from femfit.device.thermal import ThermalMaterial
 

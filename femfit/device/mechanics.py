@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.core.constants import GRAVITY
+from femfit.core.numerics import GRAVITY, FloatArray
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,8 @@
 An edge's bulge is tan(angle / 4) of its arc's angle, positive where the arc turns counter-clockwise from its corner to
 the next, and zero for a straight edge.
 
+Outlines as the file draws them: a box, a polygon with arcs or a circle.
+
 References
 ----------
 AutoCAD DXF reference, group code 42 of LWPOLYLINE, for the bulge.
@@ -10,6 +12,13 @@ AutoCAD DXF reference, group code 42 of LWPOLYLINE, for the bulge.
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+from shapely import LineString, Polygon
+from shapely.validation import explain_validity
+
+from femfit.device.complaints import joined
+from femfit.device.schema import OutlineEntry
 
 LARGEST_STEP = math.radians(2.0)
 """Angle of a chord that stands for a piece of an arc in checks: 0.015 % of the radius away from it."""
@@ -67,3 +76,139 @@ def circle(centre: Corner, radius: float) -> tuple[list[Corner], list[float]]:
 
 
 _QUARTER = math.tan(math.pi / 8.0)
+
+
+MIN_AREA = 1e-6
+"""In mm^2: far below any part, far above the rounding of areas."""
+
+LARGEST_ARC = 359.0
+"""In degrees: the ends of a larger arc nearly meet."""
+
+
+@dataclass(frozen=True)
+class DrawnOutline:
+    """An outline in mm, counter-clockwise."""
+
+    corners: tuple[Corner, ...]
+    bulges: tuple[float, ...]  # As in femfit.device.outlines; empty where all edges are straight
+    polygon: Polygon  # With chords for arcs
+
+
+def outline(entry: OutlineEntry, path: str, problems: list[str]) -> DrawnOutline | None:
+    """The outline of a region or winding; None if it is unusable."""
+    read = _drawn(entry, path, problems)
+    if read is None:
+        return None
+    key, corners, bulges = read
+    points = flattened(corners, bulges)
+    inner = min(r for r, _ in points)
+    if inner < -_rounding(points):
+        problems.append(f"{key} must have r >= 0, the axis being r = 0; it goes down to {inner:g}. Draw one half only.")
+        return None
+    polygon = Polygon([(max(r, 0.0), z) for r, z in points])
+    # A figure of eight has no net area but spans one, a line does not.
+    if not polygon.is_valid and polygon.convex_hull.area >= MIN_AREA:
+        problems.append(
+            f"{key} must not cross or touch itself; {explain_validity(polygon)} (r, z in mm). "
+            "List the corners in their order around the outline."
+        )
+        return None
+    if polygon.area < MIN_AREA:
+        problems.append(f"{key} must enclose an area; its corners lie on a line. Give corners that span a surface.")
+        return None
+    if _touches_axis_in_a_point(polygon):
+        problems.append(
+            f"{key} must meet the axis in a whole edge or not at all; it touches r = 0 in a single point. "
+            "Add a second corner at r = 0, or keep away from the axis."
+        )
+        return None
+    if not polygon.exterior.is_ccw:
+        corners, bulges = reversed_outline(corners, bulges)
+        polygon = polygon.reverse()
+    return DrawnOutline(tuple(corners), tuple(bulges), polygon)
+
+
+def _rounding(points: list[Corner]) -> float:
+    return 1e-12 * max(max(abs(r), abs(z)) for r, z in points)
+
+
+Drawn = tuple[str, list[Corner], list[float]]
+"""Key path, corners and bulges."""
+
+
+def _drawn(entry: OutlineEntry, path: str, problems: list[str]) -> Drawn | None:
+    ways = {
+        "polygon_mm": entry.polygon_mm is not None,
+        "circle_mm": entry.circle_mm is not None,
+        "r_mm and z_mm": entry.r_mm is not None or entry.z_mm is not None,
+    }
+    given = [way for way, there in ways.items() if there]
+    if len(given) > 1:
+        problems.append(f"{path} must have either {' or '.join(given)}; it has both. Remove one.")
+        return None
+    if entry.polygon_mm is not None:
+        return _polygon(entry.polygon_mm, joined(path, "polygon_mm"), problems)
+    if entry.circle_mm is not None:
+        return _circle(entry.circle_mm, joined(path, "circle_mm"), problems)
+    if entry.r_mm is not None and entry.z_mm is not None:
+        return _box(entry.r_mm, entry.z_mm, path, problems)
+    needed = " and ".join(key for key in ("r_mm", "z_mm") if getattr(entry, key) is None)
+    problems.append(
+        f"{path} must have an outline; {needed} missing. Give r_mm = [inner, outer] and z_mm = [lower, upper], "
+        "polygon_mm = [[r, z], ...] or circle_mm = [r, z, radius]."
+    )
+    return None
+
+
+def _polygon(polygon: list[list[float]], key: str, problems: list[str]) -> Drawn | None:
+    corners = [(corner[0], corner[1]) for corner in polygon]
+    angles = [corner[2] if len(corner) == 3 else 0.0 for corner in polygon]
+    if corners[0] == corners[-1]:
+        corners.pop()
+        angles.pop()
+    repeated = [n for n in range(1, len(corners)) if corners[n] == corners[n - 1]]
+    if repeated:
+        where = joined(key, repeated[0])
+        problems.append(f"{where} must differ from the corner before it; both are {corners[repeated[0]]}. Remove one.")
+        return None
+    if len(corners) < (2 if any(angles) else 3):
+        problems.append(f"{key} must have at least 3 corners; it has {len(corners)}. Add corners.")
+        return None
+    wide = [n for n, angle in enumerate(angles) if abs(angle) > LARGEST_ARC]
+    if wide:
+        problems.append(
+            f"{joined(key, wide[0])} must have an arc of at most {LARGEST_ARC:g} degrees; it has {angles[wide[0]]:g}. "
+            "Divide it, or give circle_mm."
+        )
+        return None
+    bulges = [math.tan(math.radians(angle) / 4.0) for angle in angles]
+    return key, corners, bulges if any(bulges) else []
+
+
+def _circle(given: list[float], key: str, problems: list[str]) -> Drawn | None:
+    r, z, radius = given
+    if radius <= 0.0:
+        problems.append(f"{key} must have a radius > 0; it is {radius:g}. Give [r, z, radius].")
+        return None
+    if 0.0 < r <= radius:
+        problems.append(
+            f"{key} must have its centre on the axis or keep off it; its centre is at r = {r:g}, its radius "
+            f"{radius:g}. Give r = 0 for a ball, or a smaller radius."
+        )
+        return None
+    return key, *circle((r, z), radius)
+
+
+def _box(r: list[float], z: list[float], path: str, problems: list[str]) -> Drawn | None:
+    descending = [(key, low, high) for key, (low, high) in (("r_mm", r), ("z_mm", z)) if low >= high]
+    problems += [
+        f"{joined(path, key)} must ascend; it is [{low:g}, {high:g}]. Exchange or change the values."
+        for key, low, high in descending
+    ]
+    return None if descending else (joined(path, "r_mm"), [(r[0], z[0]), (r[1], z[0]), (r[1], z[1]), (r[0], z[1])], [])
+
+
+def _touches_axis_in_a_point(polygon: Polygon) -> bool:
+    _, lower, _, upper = polygon.bounds
+    contact = polygon.intersection(LineString([(0.0, lower - 1.0), (0.0, upper + 1.0)]))
+    return any(part.geom_type == "Point" for part in getattr(contact, "geoms", [contact]) if not part.is_empty)

@@ -3,18 +3,23 @@
 Coordinates are cylindrical (r, z). The electromagnet's face, from which distances are counted, lies at
 z = 0; the moving part is drawn with its own nearest face at z = 0 and extends towards positive z. At the
 distance d it stands shifted by +d.
+
+What follows from a winding's wire: its resistance, and whether it fits.
+
+How deep a field enters a part that conducts.
 """
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import isfinite
 
-from femfit.core.amount import amount, amount_range
-from femfit.core.constants import MU_0
 from femfit.core.errors import MissingPartError
-from femfit.core.printed import Printed
-from femfit.device.circuit import Circuit
+from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, MU_0
+from femfit.core.results import Printed
+from femfit.core.text import amount, amount_range
+from femfit.device.electrics import AnySensor, Circuit, HallElement
 from femfit.device.mechanics import Mechanics
-from femfit.device.sensors import AnySensor, HallElement
 from femfit.device.thermal import STILL_AIR, UNKNOWN, Surroundings, ThermalMaterial
 
 REFERENCE_TEMPERATURE = 20.0
@@ -133,7 +138,7 @@ class Actuator(Printed):
     sweep : SweepAxes
         Currents and distances of the sweep.
     sensors : tuple
-        Of :mod:`femfit.device.sensors`.
+        Of :mod:`femfit.device.electrics`.
     circuits : tuple of Circuit
         In the order of the sweep's currents; each coil names its own.
     mechanics : Mechanics
@@ -233,3 +238,49 @@ class Actuator(Printed):
             f"sweep: {currents}, {distances}",
         ]
         return "\n".join(lines)
+
+
+def wire_resistance(turns: float, mean_radius: float, wire_diameter: float, temperature: float = 20.0) -> float:
+    """Resistance of a copper winding, R = rho(T) N 2 pi r_mean / (pi d^2 / 4), all in SI units but T in degC.
+
+    The mean turn length is 2 pi times the radius of the section's centroid (Pappus).
+
+    References
+    ----------
+    IEC 60028 for the resistivity of annealed copper and its temperature coefficient.
+    """
+    resistivity = COPPER_RESISTIVITY_20C * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (temperature - 20.0))
+    return resistivity * turns * 2.0 * math.pi * mean_radius / (math.pi * wire_diameter**2 / 4.0)
+
+
+def smallest_winding_area(turns: float, wire_diameter: float) -> float:
+    """Area that round wires need at least, N d^2 sqrt(3)/2: the densest packing of circles fills 90.7 %.
+
+    References
+    ----------
+    L. Fejes Toth, Regular Figures (1964): no packing of equal circles in a convex domain is denser.
+    """
+    return turns * wire_diameter**2 * math.sqrt(3.0) / 2.0
+
+
+def skin_depth(material: Material, frequency_Hz: float) -> float:
+    """sqrt(2 / (omega mu sigma)) in m."""
+    permeability = MU_0 * material.relative_permeability
+    return math.sqrt(1.0 / (math.pi * frequency_Hz * permeability * material.conductivity_S_per_m))
+
+
+def thick_sheets(actuator: Actuator) -> Iterator[str]:
+    """A remark on each material whose sheets are thicker than the skin depth, of which homogenised ones are not."""
+    if not actuator.frequencies_Hz:
+        return
+    highest = actuator.frequencies_Hz[-1]
+    for material in {one.material.name: one.material for one in (*actuator.fixed, *actuator.moving.regions)}.values():
+        sheet = material.lamination_m
+        if material.conductivity_S_per_m and sheet > skin_depth(material, highest):
+            up_to = highest * (skin_depth(material, highest) / sheet) ** 2
+            yield (
+                f"Material {material.name}: its sheets of {amount(sheet, 'm')} are thicker than the skin depth of "
+                f"{amount(skin_depth(material, highest), 'm')} at {amount(highest, 'Hz')}, which the stated error "
+                f"leaves out. Results hold up to {amount(up_to, 'Hz')}: give lower frequencies, thinner sheets, or, of "
+                "a solid part, no lamination_mm."
+            )

@@ -4,12 +4,20 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from femfit.device.circuit import Circuit
 from femfit.device.complaints import did_you_mean, joined, read_part, read_table
 from femfit.device.decimals import scaled
 from femfit.device.drawing import check_name, table_at, unit_vector
-from femfit.device.outlines import flattened
-from femfit.device.read_outline import outline
+from femfit.device.electrics import (
+    AccelerationSensor,
+    AnySensor,
+    Circuit,
+    CurrentSensor,
+    ForceSensor,
+    HallElement,
+    PickupCoil,
+    PositionSensor,
+)
+from femfit.device.outlines import flattened, outline
 from femfit.device.schema import HallEntry, HallPlace
 from femfit.device.schema_device import (
     AccelerationSensorEntry,
@@ -18,15 +26,6 @@ from femfit.device.schema_device import (
     PickupCoilEntry,
     PositionSensorEntry,
     SensorTiming,
-)
-from femfit.device.sensors import (
-    AccelerationSensor,
-    AnySensor,
-    CurrentSensor,
-    ForceSensor,
-    HallElement,
-    PickupCoil,
-    PositionSensor,
 )
 
 DIRECTIONS = {"z": (0.0, 1.0), "r": (1.0, 0.0)}

@@ -155,7 +155,7 @@ class HallPlace(Entry):
 
 
 class HallEntry(HallPlace):
-    """``[sensors.NAME]`` of kind hall, or ``[hall]`` of schema 1; defaults as in :mod:`femfit.device.sensors`."""
+    """``[sensors.NAME]`` of kind hall, or ``[hall]`` of schema 1; defaults as in :mod:`femfit.device.electrics`."""
 
     kind: Literal["hall"] = Field("hall", description='Give "hall" in a table of [sensors].')
     direction: Annotated[Any, _direction("z", "r")] = Field(

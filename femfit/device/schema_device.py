@@ -1,10 +1,18 @@
-"""The tables of schema 2 that say how an actuator is wired, moves and is read; as in :mod:`femfit.device.schema`."""
+"""The tables of schema 2 that say how an actuator is wired, moves and is read; as in :mod:`femfit.device.schema`.
+
+The tables of materials; as in :mod:`femfit.device.schema`.
+
+The table ``[solver]``; as in :mod:`femfit.device.schema`.
+
+The table ``[thermal]``; as in :mod:`femfit.device.schema`, with the defaults of :mod:`femfit.device.thermal`.
+"""
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
-from femfit.device.schema import CoilEntry, Electrical, Entry, Interval, Length, OutlineEntry
+from femfit.device.schema import AXIS_KINDS, CoilEntry, Electrical, Entry, Interval, Length, OutlineEntry, axis_kind
+from femfit.device.thermal import STILL_AIR as USUAL
 
 Force = Annotated[float, Field(ge=-1e6, le=1e6)]
 Time = Annotated[float, Field(ge=0, le=1e6)]
@@ -154,3 +162,154 @@ class ForceSensorEntry(SensorTiming):
     kind: Literal["force"] = Field(description='Give "force" for a load cell that holds the body.')
     noise_N: float = Field(0.0, ge=0, le=1e6, description="Give the standard deviation of one sample in N.")
     range_N: Pair | None = Field(None, description="Give [lowest, highest] reading in N.")
+
+
+class ConductorEntry(Entry):
+    """How a material of either kind conducts."""
+
+    conductivity_MS_per_m: float = Field(
+        0.0,
+        ge=0,
+        le=1e4,
+        description="Give the electrical conductivity in MS/m (10^6 S/m): copper 58, mild steel 5 to 9, 0 for what "
+        "does not conduct.",
+    )
+    lamination_mm: float = Field(
+        0.0,
+        ge=0,
+        le=100,
+        description="Give the thickness in mm of insulated sheets that stand radially around the axis, so that no "
+        "current flows around it; 0 for a solid part and for discs.",
+    )
+    thermal_conductivity_W_per_m_K: float | None = Field(
+        None, gt=0, le=5e3, description="Give the thermal conductivity, or leave it to what is usual for its kind."
+    )
+    heat_capacity_MJ_per_m3_K: float | None = Field(
+        None,
+        gt=0,
+        le=100,
+        description="Give density times specific heat (steel 3.4, aluminium 2.4), or leave it to what is usual.",
+    )
+
+
+class MaterialEntry(ConductorEntry):
+    """``[materials.NAME]``: a linear material."""
+
+    relative_permeability: float = Field(
+        ge=1e-6, le=1e7, description="Give mu_r, 1 for everything non-magnetic; the recoil permeability of a magnet."
+    )
+    remanence_T: float = Field(
+        0.0, ge=0, le=3, description="Give B_r in tesla (1 T = 10 kG); the direction is the region's magnetization."
+    )
+    remanence_coefficient_per_K: float = Field(
+        0.0, ge=-0.02, le=0.02, description="Give the relative change of B_r per kelvin: -0.0012 for -0.12 %/K."
+    )
+    working_temperature_C: float | None = Field(
+        None, ge=-273, le=1000, description="Give a magnet's largest working temperature in degC, where it is known."
+    )
+
+
+CurveValues = Annotated[list[float], Field(max_length=1000)]
+
+
+class CurveEntry(ConductorEntry):
+    """``[materials.NAME]``: a soft material with a magnetisation curve, from a file or from two lists."""
+
+    bh_curve: str | None = Field(
+        None, min_length=1, description="Give a steel of the library, or a CSV file with the columns B_T,H_A_per_m."
+    )
+    B_T: CurveValues | None = Field(None, description="Give ascending flux densities in tesla as a list, from 0.")
+    H_A_per_m: CurveValues | None = Field(None, description="Give ascending fields in A/m as a list, from 0.")
+
+
+CURVE_KEYS = CurveEntry.model_fields.keys() - ConductorEntry.model_fields.keys()
+
+
+def has_curve(table: object) -> bool:
+    """Whether a table of a material gives a magnetisation curve."""
+    return isinstance(table, dict) and bool(table.keys() & CURVE_KEYS)
+
+
+MAX_FREQUENCIES = 1000
+
+Frequency = Annotated[float, Field(gt=0, le=1e9)]
+
+
+class FrequencyRangeEntry(Entry):
+    """``{ start = ..., stop = ..., per_decade = ... }``, both ends included."""
+
+    start: Frequency = Field(description="Give the lowest frequency in Hz.")
+    stop: Frequency = Field(description="Give the highest frequency in Hz; it belongs to the list.")
+    per_decade: int = Field(ge=1, le=100, description="Give how many frequencies there are in each decade.")
+
+
+FrequencyAxis = Annotated[
+    Annotated[FrequencyRangeEntry, Tag(AXIS_KINDS[0])]
+    | Annotated[list[Frequency], Field(min_length=1, max_length=MAX_FREQUENCIES), Tag(AXIS_KINDS[1])],
+    Discriminator(
+        axis_kind,
+        custom_error_type="axis",
+        custom_error_message="Input should be a list of frequencies or a table { start, stop, per_decade }",
+    ),
+]
+
+
+class SolverEntry(Entry):
+    """``[solver]``: how accurate the field solver has to be, and at which frequencies."""
+
+    tolerance: float | None = Field(
+        None, ge=1e-5, le=0.1, description="Give the relative accuracy of force and flux linkage, as 1e-3 for 0.1 %."
+    )
+    frequency_Hz: FrequencyAxis | None = Field(
+        None,
+        description="Give the frequencies of the impedance as an ascending list or as { start, stop, per_decade }.",
+    )
+    eddy_error: float = Field(
+        0.01,
+        ge=1e-4,
+        le=0.2,
+        description="Give the relative error of impedance, force and Hall field that the reduced model of the eddy "
+        "currents has to meet.",
+    )
+    eddy_bias_A: float | list[float] | None = Field(
+        None,
+        description="Give the current in A about which the eddy currents of saturating parts are linearised, or a list "
+        "with one for each circuit.",
+    )
+
+
+class ThermalEntry(Entry):
+    """``[thermal]``: what temperatures depend on beside the drawing."""
+
+    ambient_C: float = Field(USUAL.ambient_C, ge=-200, le=500, description="Give the temperature around the actuator.")
+    film_W_per_m2_K: float = Field(
+        USUAL.film_W_per_m2_K,
+        gt=0,
+        le=1e5,
+        description="Give what a free face gives off for each kelvin: 5 to 15 in still air with radiation, 20 to 100 "
+        "with a fan.",
+    )
+    joint_mm: float = Field(
+        0.01, ge=1e-4, le=10, description="Give the air that is left where two parts touch; a press fit 0.005."
+    )
+    winding_joint_mm: float = Field(
+        0.1, ge=1e-4, le=10, description="Give the same between a winding and what it is drawn to touch."
+    )
+    insulation_W_per_m_K: float = Field(
+        USUAL.insulation_W_per_m_K,
+        gt=0,
+        le=100,
+        description="Give the thermal conductivity between a winding's strands: 0.1 dry, 0.25 in resin.",
+    )
+    mounting_W_per_K: float = Field(
+        USUAL.mounting_W_per_K,
+        ge=0,
+        le=1e6,
+        description="Give what the heaviest fixed part conducts into what it is fastened to, for each kelvin.",
+    )
+    winding_limit_C: float = Field(
+        USUAL.winding_limit_C,
+        ge=-200,
+        le=1000,
+        description="Give the largest temperature of a winding: 105, 120, 130, 155, 180 for the classes A, E, B, F, H.",
+    )

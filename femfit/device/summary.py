@@ -7,12 +7,11 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from femfit.core.atomic import json_ready
 from femfit.core.errors import ActuatorFileError
-from femfit.device.parts import Actuator, NonlinearMaterial, Region
+from femfit.core.files import json_ready
+from femfit.device.electrics import HallElement
+from femfit.device.parts import Actuator, NonlinearMaterial, Region, thick_sheets
 from femfit.device.schema import NAME_PATTERN
-from femfit.device.sensors import HallElement
-from femfit.device.skin import thick_sheets
 
 IRON_FROM = 1.5
 """Relative permeability from which a material without remanence counts as iron; magnets recoil with 1.05."""

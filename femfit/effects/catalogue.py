@@ -1,35 +1,34 @@
-"""The catalogue of effects: one tuple; third parties add theirs by the entry point ``femfit.effects``."""
+"""The catalogue of effects: one tuple; third parties add theirs by the entry point ``femfit.effects``.
 
-from collections.abc import Iterable, Sequence
+The effects of a device of several circuits: some are of one circuit each, some of the whole device.
+
+What is of a circuit is named after both, as ``current_gain:lower``, and changes that circuit's current, turns or
+resistance alone. What is not listed here is written for one current, and a device of several is not asked for it.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import entry_points
 
 from femfit.core.entry_catalogue import EntryCatalogue
-from femfit.effects.coil_temperature import COIL_TEMPERATURE
-from femfit.effects.core_remanence import CORE_REMANENCE
-from femfit.effects.core_saturation import CORE_SATURATION
-from femfit.effects.drawn_spring import SPRING_IN_FORCE, SPRING_PRELOAD, SPRING_STIFFNESS
-from femfit.effects.driver_dead_zone import DRIVER_DEAD_ZONE
-from femfit.effects.eddy_current_lag import EDDY_CURRENT_LAG
-from femfit.effects.effect import Effect
-from femfit.effects.external_field import EXTERNAL_FIELD
-from femfit.effects.flux_integrator_drift import FLUX_INTEGRATOR_DRIFT
-from femfit.effects.friction import COULOMB_FRICTION, FLUID_DRAG, VISCOUS_FRICTION
-from femfit.effects.hall_coil_pickup import HALL_COIL_PICKUP
-from femfit.effects.hall_element import HALL_DRIFT, HALL_SATURATION, HALL_TEMPERATURE
+from femfit.effects.circuit import COIL_TEMPERATURE, DRIVER_DEAD_ZONE, MOTIONAL_EMF, SUPPLY_SAG
+from femfit.effects.effect import AddedEffect, Calibration, Effect
+from femfit.effects.friction import COULOMB_FRICTION, FLUID_DRAG, SIDE_PULL_FRICTION, STOP_POSITION, VISCOUS_FRICTION
+from femfit.effects.hall import HALL_COIL_PICKUP, HALL_DRIFT, HALL_SATURATION, HALL_TEMPERATURE
 from femfit.effects.hysteresis import HYSTERESIS
+from femfit.effects.iron import CORE_REMANENCE, CORE_SATURATION, POSITION_DEPENDENT_INDUCTANCE
+from femfit.effects.lags import EDDY_CURRENT_LAG, FLUX_INTEGRATOR_DRIFT, SENSOR_DELAY
 from femfit.effects.lateral_misalignment import LATERAL_MISALIGNMENT
-from femfit.effects.magnet import MAGNET_DEMAGNETISATION, MAGNET_TEMPERATURE
-from femfit.effects.mechanical_force import CONSTANT_FORCE, END_STOP_CONTACT
-from femfit.effects.motional_emf import MOTIONAL_EMF
-from femfit.effects.of_circuits import OF_EACH, SEPARATOR, effects_of, of_circuit
-from femfit.effects.position_dependent_inductance import POSITION_DEPENDENT_INDUCTANCE
-from femfit.effects.position_sensor import POSITION_DELAY, POSITION_NONLINEARITY
-from femfit.effects.sensor_delay import SENSOR_DELAY
-from femfit.effects.side_pull_friction import SIDE_PULL_FRICTION
-from femfit.effects.spring import SPRING
-from femfit.effects.stop_position import STOP_POSITION
-from femfit.effects.supply_sag import SUPPLY_SAG
+from femfit.effects.magnet import EXTERNAL_FIELD, MAGNET_DEMAGNETISATION, MAGNET_TEMPERATURE
+from femfit.effects.springs import (
+    CONSTANT_FORCE,
+    END_STOP_CONTACT,
+    SPRING,
+    SPRING_IN_FORCE,
+    SPRING_PRELOAD,
+    SPRING_STIFFNESS,
+)
 from femfit.effects.tolerances import REMANENCE, RESISTANCE, TURNS
 from femfit.effects.zeros_and_scales import (
     CURRENT_GAIN,
@@ -41,7 +40,92 @@ from femfit.effects.zeros_and_scales import (
     FORCE_OFFSET,
     HALL_OFFSET,
     MASS_ERROR,
+    POSITION_DELAY,
+    POSITION_NONLINEARITY,
 )
+
+SEPARATOR = ":"
+
+OF_EACH = ("turns", "resistance", "current_offset", "current_gain")
+
+OF_THE_WHOLE = (
+    "distance_offset",
+    "remanence",
+    "force_offset",
+    "force_gain",
+    "mass_error",
+    "distance_scale",
+    "spring_in_force",
+    "stop_position",
+    "position_delay",
+    "position_nonlinearity",
+)
+
+_QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm")
+
+
+def of_circuit(effect: Effect, circuit: str) -> Effect:
+    """An effect of :data:`OF_EACH` as that of one circuit."""
+    calibrations = tuple(
+        Calibration(
+            one.reads,
+            one.cost,
+            f"{one.instruction} (Circuit {circuit}.)",
+            {_own(k, circuit): v for k, v in one.also.items()},
+        )
+        for one in effect.calibrations
+    )
+    return replace(
+        effect,
+        name=f"{effect.name}{SEPARATOR}{circuit}",
+        of=circuit,
+        symptom=f"{effect.symptom} This in circuit {circuit}.",
+        parameters=tuple(replace(p, words=p.words and f"{p.words} in circuit {circuit}") for p in effect.parameters),
+        needs=tuple(_need(one, circuit) for one in effect.needs),
+        experiment=f"{effect.experiment} (Circuit {circuit}.)",
+        calibrations=calibrations,
+    )
+
+
+def _own(name: str, circuit: str) -> str:
+    return f"{name}{SEPARATOR}{circuit}" if name in OF_EACH else name
+
+
+def _need(need: str, circuit: str) -> str:
+    """A need whose columns are the circuit's own."""
+    for quantity in _QUANTITIES:
+        stem, _, unit = quantity.rpartition("_")
+        need = need.replace(quantity, f"{stem}_{circuit}_{unit}")
+    return need
+
+
+def effects_of(all_effects: Mapping[str, Effect], circuits: Sequence[str]) -> dict[str, Effect]:
+    """The catalogue for a device, in its order: all of it but where there are several circuits."""
+    if len(circuits) < 2:
+        return dict(all_effects)
+    found: dict[str, Effect] = {}
+    for name, effect in all_effects.items():
+        if name in OF_THE_WHOLE:
+            found[name] = effect
+        elif name in OF_EACH:
+            each = (of_circuit(effect, circuit) for circuit in circuits)
+            found |= {one.name: one for one in each}
+    return found
+
+
+def source_scales(effects: Iterable[AddedEffect], circuits: Sequence[str]) -> list[float]:
+    """What multiplies the magnets and each circuit's current where they make the field; 1 + n numbers.
+
+    Turns that are of no circuit by name are the only one's.
+    """
+    scales = dict.fromkeys(("", *circuits), 1.0)
+    for added in effects:
+        if added.effect.name == "remanence":
+            scales[""] *= 1.0 + added.parameters["remanence_error"]
+        elif added.effect.name.partition(SEPARATOR)[0] == "turns":
+            scales[added.effect.of or circuits[0]] *= 1.0 + added.parameters["turns_error"]
+    return list(scales.values())
+
 
 BUILT_IN: tuple[Effect, ...] = (
     DISTANCE_OFFSET,

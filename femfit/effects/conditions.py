@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.core.constants import GRAVITY
+from femfit.core.numerics import GRAVITY, FloatArray
 
 if TYPE_CHECKING:
     from femfit.effects.effect import Effect

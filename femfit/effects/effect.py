@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, SupportsIndex
 
-from femfit.core.arrays import BoolArray, ComplexArray, FloatArray
+from femfit.core.numerics import BoolArray, ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
@@ -187,7 +187,7 @@ class Effect:
     words: Callable[[Parameters, Nominal], Sequence[str]] | None = None
     # What stands with it in the model file, of an effect that no name finds; see :mod:`femfit.model.carried`
     carried: object | None = None
-    of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.of_circuits`
+    of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.catalogue`
     title: str = ""  # What texts call it, where its name is a key path
     stands_for: str = ""  # Name of an effect that is no suspect beside this one
 

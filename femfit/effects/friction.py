@@ -2,13 +2,25 @@
 
 Force towards the electromagnet = level weight sign(v), rounded at small speeds, damping m v of an oil film or of eddy
 currents, or drag m |v| v of a fluid that is displaced; v > 0 is falling away.
+
+Dry friction of a guide that the side pull presses on: it grows with the square of the flux, as the pull does.
+
+A plunger off its bore's axis is pulled sideways with a force that grows with the flux density squared. That force is no
+part of an axisymmetric field; at one distance and below saturation it goes with the current squared.
+
+A stop stands elsewhere than drawn: it is worn, or a shim is missing under it.
+
+Where a body rests on a stop, the recorded distance reads the stop's place. An error of the distance's zero shows there
+as well, but it changes the forces too; a stop's does not.
 """
+
+from collections.abc import Mapping
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
-from femfit.effects.conditions import Conditions, like
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
+from femfit.effects.conditions import Conditions, Nominal, like
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 _PULL = "Pull the body slowly along its guide in both directions with a force sensor, the coil open."
@@ -110,4 +122,86 @@ FLUID_DRAG = Effect(
     words=lambda p, nominal: [
         f"a fluid brakes with {amount(p['drag_per_m'] * nominal.mass_kg, 'N')} at 1 m/s, with the square of the speed"
     ],
+)
+
+
+_CREEP_M_S = 1e-3
+"""Assumed: speed at which the friction has 76 % of its level, the usual one of dry friction."""
+
+_SIDE_PULL_FRICTION_PULL = (
+    "Pull the body slowly along its guide in both directions with a force sensor, without current and at a large one."
+)
+
+
+def _force_of_side_pull_friction(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+    nominal = conditions.nominal
+    pressed = nominal.force_N * (i / nominal.peak_current_A) ** 2
+    return np.asarray(p["share"] * pressed * np.tanh(like(conditions.velocity_m_s, d) / _CREEP_M_S))
+
+
+SIDE_PULL_FRICTION = Effect(
+    name="side_pull_friction",
+    symptom="The body sticks the more, the larger the current; without current it slides as it should.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "share",
+            bounds=(-0.02, 2.0),
+            plausible=(0.0, 0.2),
+            description="Friction at the largest current, as a part of the largest force.",
+            words="the guide brakes with {size} at the largest current",
+            scale="force_N",
+        ),
+    ),
+    needs=("time_s", "distance_m|hall_V", "~current_A", "iron"),
+    experiment=_SIDE_PULL_FRICTION_PULL,
+    reference="H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 9 (side thrust of eccentric plungers)",
+    force=_force_of_side_pull_friction,
+    calibrations=(Calibration({"share": 5e-3}, 40.0, _SIDE_PULL_FRICTION_PULL),),
+)
+
+
+REST = "rest_distance_m"
+"""The channel of a record that reads a stop's place: the distance while the body rests on it."""
+
+_GAUGE = "Press the body against each stop and measure by a depth gauge how far it is from the fixed part's face."
+
+
+def _moved(
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
+) -> Mapping[str, FloatArray]:
+    if REST not in values:
+        return values
+    nominal = conditions.nominal
+    near, far = nominal.stops_m
+    at_near = np.abs(d - near) < np.abs(d - far)
+    return {**values, REST: values[REST] + nominal.travel_m * np.where(at_near, p["near"], p["far"])}
+
+
+def _ends(ends: tuple[float, float], nominal: Nominal, p: Parameters) -> tuple[float, float]:
+    return ends[0] + p["near"] * nominal.travel_m, ends[1] + p["far"] * nominal.travel_m
+
+
+def _stop(name: str) -> EffectParameter:
+    return EffectParameter(
+        name,
+        bounds=(-0.5, 0.5),
+        plausible=(-0.05, 0.05),
+        description=f"True less drawn distance of the {name} stop, as a part of the width of the range of distances.",
+        words=f"the {name} stop stands {{size}} {{further away|nearer}} than drawn",
+        scale="travel_m",
+    )
+
+
+STOP_POSITION = Effect(
+    name="stop_position",
+    symptom="The body comes to rest before or behind the distance at which its stop is drawn.",
+    acts_on=("motion",),
+    parameters=(_stop("near"), _stop("far")),
+    needs=("time_s", "stop", REST),
+    experiment=_GAUGE,
+    reference="Johnson, Contact Mechanics (1985), chapter 1 (what a contact's place is)",
+    readings=_moved,
+    ends=_ends,
+    calibrations=(Calibration({"near": 2e-3, "far": 2e-3}, 10.0, _GAUGE),),
 )

@@ -21,8 +21,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
 from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters, States
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries

@@ -18,8 +18,8 @@ H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 5: permeance betwee
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series

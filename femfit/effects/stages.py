@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries

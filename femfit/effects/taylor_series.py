@@ -17,7 +17,7 @@ from math import factorial
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 
 
 @dataclass(frozen=True, eq=False)

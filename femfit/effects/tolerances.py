@@ -12,7 +12,7 @@ field of the test current in the Hall element's place unchanged; a wire that is 
 resistance. Ammeter and turns differ in the flux linkage alone, so a fluxmeter separates them.
 """
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries

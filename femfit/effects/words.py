@@ -3,8 +3,8 @@
 import re
 from collections.abc import Iterable, Mapping
 
-from femfit.core.amount import amount, amount_in, amount_range
-from femfit.core.ties import first_best
+from femfit.core.numerics import first_best
+from femfit.core.text import amount, amount_in, amount_range
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.constants import BIAS_SHARE
+from femfit.core.numerics import BIAS_SHARE, BoolArray, FloatArray
 from femfit.device.parts import Actuator, SweepAxes
 
 if TYPE_CHECKING:

@@ -17,14 +17,12 @@ from netgen.occ import Face, Glue, MoveTo, OCCGeometry, WorkPlane, gp_Vec2d
 from ngsolve import CF, Integrate, Mesh
 
 from femfit.core.errors import FieldSolverError
+from femfit.device.electrics import HallElement
 from femfit.device.outlines import Corner, flattened, reversed_outline
 from femfit.device.parts import Actuator, Coil, Region
-from femfit.device.sensors import HallElement
-from femfit.field.conductors import LAYER_FACTOR, skin_layers
-from femfit.field.layout import Layout, layer_outlines
-from femfit.field.outline import COINCIDENT, fixed_parts, polygon, singular_corners
-from femfit.field.regions import coil_region
-from femfit.field.settings import SolverSettings
+from femfit.field.harmonic import LAYER_FACTOR, skin_layers
+from femfit.field.layout import COINCIDENT, Layout, coil_region, fixed_parts, layer_outlines, polygon, singular_corners
+from femfit.field.tolerance import SolverSettings
 
 EDGE_LENGTH = 2.0
 """Of elements along a thin layer over its thickness: half the elements of 1, and 1.3 times the error (push solenoid,

@@ -13,22 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import ComplexArray, FloatArray, evenly_spread
 from femfit.core.errors import FieldSolverError, TableError
 from femfit.core.journal import Journal
+from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.eddy_task import EddyMesh, FormsTask, Patterns, ProbeTask
+from femfit.field.eddy_task import EddyMesh, FormsTask, Patterns, ProbeTask, principal
 from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.principal import principal
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep_workers import AGAIN
-from femfit.tables.array_file import read_arrays, write_arrays
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import EddyTable, Transfers
-from femfit.tables.impedance_slopes import ImpedanceSlopes
+from femfit.tables.files import read_arrays, write_arrays
+from femfit.tables.impedance_table import ImpedanceSlopes
 
 ORDER = 4
-"""Numerical: polynomial order; the elements' layers resolve the skin with it (:mod:`femfit.field.conductors`)."""
+"""Numerical: polynomial order; the elements' layers resolve the skin with it (:mod:`femfit.field.harmonic`)."""
 
 PROBES, CHECKS = 5, 2
 """Numerical: distances whose induced currents the patterns are made of, and such between them where these are held

@@ -1,4 +1,7 @@
-"""The tasks of the harmonic part of a sweep, as workers solve them: probes of some distances, and forms of each."""
+"""The tasks of the harmonic part of a sweep, as workers solve them: probes of some distances, and forms of each.
+
+Principal components of induced currents, by their power.
+"""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -6,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.layout import Layout
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 
 if TYPE_CHECKING:
-    from femfit.field.eddy_actuator import EddyActuator, PatternFields
+    from femfit.field.eddy_probe import EddyActuator, PatternFields
     from femfit.field.moving_mesh import MovingMesh
 
 
@@ -33,7 +36,7 @@ class EddyMesh:
 
 @dataclass(frozen=True)
 class Patterns:
-    """Rows (q, points) of :class:`femfit.field.conductor_points.ConductorPoints` of a mesh."""
+    """Rows (q, points) of :class:`femfit.field.harmonic.ConductorPoints` of a mesh."""
 
     mesh: EddyMesh
     rows: FloatArray = field(compare=False)
@@ -76,7 +79,7 @@ class ProbeTask:
             coarser = EddyProbe(actuator, moving, self.distance, order - 1, self.bias)
             result["coarse"] = coarser.transfers(frequencies)[0]
         if self.numbers:
-            from femfit.field.impedance_signatures import ImpedanceSignatures  # noqa: PLC0415
+            from femfit.field.signature_rows import ImpedanceSignatures  # noqa: PLC0415
 
             slopes = ImpedanceSignatures(actuator, self.numbers, moving, probe.points.space)
             result["slopes"] = slopes.at(self.distance, frequencies, fields)
@@ -126,7 +129,7 @@ def _moving(mesh: EddyMesh) -> "MovingMesh":
 def _points(mesh: EddyMesh) -> Any:
     from ngsolve import H1  # noqa: PLC0415
 
-    from femfit.field.conductor_points import ConductorPoints  # noqa: PLC0415
+    from femfit.field.harmonic import ConductorPoints  # noqa: PLC0415
 
     moving = mesh.moving()
     return ConductorPoints(H1(moving.mesh, order=mesh.settings.order), mesh.actuator, moving.reference)
@@ -134,7 +137,7 @@ def _points(mesh: EddyMesh) -> Any:
 
 @lru_cache(maxsize=1)
 def _fields(patterns: Patterns) -> "PatternFields":
-    from femfit.field.eddy_actuator import PatternFields  # noqa: PLC0415
+    from femfit.field.eddy_probe import PatternFields  # noqa: PLC0415
 
     mesh = patterns.mesh
     return PatternFields(mesh.actuator, mesh.moving(), mesh.settings.order, patterns.rows)
@@ -142,6 +145,16 @@ def _fields(patterns: Patterns) -> "PatternFields":
 
 @lru_cache(maxsize=1)
 def _actuator(mesh: EddyMesh, patterns: Patterns) -> "EddyActuator":
-    from femfit.field.eddy_actuator import EddyActuator  # noqa: PLC0415
+    from femfit.field.eddy_probe import EddyActuator  # noqa: PLC0415
 
     return EddyActuator(mesh.actuator, mesh.moving(), _fields(patterns), mesh.settings.order)
+
+
+def principal(products: FloatArray, tolerance: float) -> FloatArray:
+    """Factors (q, k) of principal components of k rows by their products (k, k), the largest power first.
+
+    What is left out of all rows together has less than the tolerance's square of their power.
+    """
+    powers, directions = np.linalg.eigh(products)
+    kept = np.cumsum(np.maximum(powers, 0.0)) > tolerance**2 * powers.sum()
+    return np.asarray(directions[:, kept].T[::-1])

@@ -29,12 +29,12 @@ import numpy as np
 import shapely
 from ngsolve import H1, Grad, GridFunction, InnerProduct, LinearForm, VectorH1, dx, grad, x
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator, Coil, Material
-from femfit.field.field_points import FieldPoints, Law, PlacedPoints, flux_density_of, in_air, law_of
+from femfit.field.layout import coil_region
+from femfit.field.moving_mesh import FieldPoints, Law, PlacedPoints, flux_density_of, in_air, law_of
 from femfit.field.outline_motion import OutlineMotion
-from femfit.field.regions import coil_region
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, materials
 
 BESIDE = 1e-7

@@ -38,9 +38,8 @@ import ngsolve as ng
 import numpy as np
 from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, Mesh, dx, grad
 
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.constants import MU_0
-from femfit.field.regions import FIXED, MOVING
+from femfit.core.numerics import MU_0, BoolArray, FloatArray
+from femfit.field.layout import FIXED, MOVING
 from femfit.field.weak_form import RADIAL_WEIGHT_ORDER, flux_density
 
 

@@ -1,32 +1,103 @@
-r"""The field at a complex frequency s: (K + s M) w = sources, with M of :mod:`femfit.field.conductors`.
+"""The field at a complex frequency s: (K + s M) w = sources, with M of :mod:`femfit.field.harmonic`.
 
 K and M are symmetric, so with w_k of 1 A in circuit k the inductances are L_jk(s) = load_j . w_k = L_kj(s), and the
 windings' impedances R + s L(s). At s = j omega the form is complex symmetric; at real s > 0 it is positive definite.
 The loss checks it: the real part of j omega L is the power of the eddy currents by 1 A, the integral of
 sigma omega^2 r^2 |w|^2 2 pi r.
 
+Eddy currents in the parts that conduct: their form, and where they crowd.
+
+An electric field -r dw/dt along phi drives sigma r^2 dw/dt in a solid part, so that the field's equations are
+K w + M dw/dt = sources with
+
+    M = integral sigma r^2 w v 2 pi r            of solid parts,
+    M = integral (sigma b^2 / 12) B(w) . B(v) 2 pi r   of stacks of sheets of the thickness b along B.
+
+The second is the first term of homogenisation: no current crosses from sheet to sheet, and within a sheet B is taken as
+even, which holds where b is not above the skin depth. Windings are of thin strands, without eddy currents of their own.
+
+Induced currents as values at the quadrature points of the parts that conduct, the same on every mesh.
+
+With the rows c of a field w at the points, sqrt(sigma) r w in solid parts and sqrt(sigma b^2 / 12) B(w) in stacks of
+sheets, M of :mod:`femfit.field.harmonic` is the sum of weight c c: a field's rows tell the induced current that goes
+with it, whatever the mesh that it was solved on. Parts move as rigid bodies, so that a row belongs to a place in its
+part.
+
 References
 ----------
 C. V. Dodd and W. E. Deeds, J. Appl. Phys. 39 (1968) 2829: a coil above a conductor, in closed form.
+R. L. Stoll, The Analysis of Eddy Currents (Clarendon, 1974), chapters 2 (skin depth) and 4 (sheets).
+J. Gyselinck, L. Vandevelde, J. Melkebeek and P. Dular, IEEE Trans. Magn. 38 (2002) 1133: homogenised sheets.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, BilinearForm, Mesh
+import shapely
+from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, dx
+from ngsolve.comp import IntegrationRuleSpace
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
 
-from femfit.core.arrays import FloatArray
-from femfit.core.constants import MU_0
-from femfit.device.parts import Actuator
-from femfit.field.conductors import add_eddy_form, conductors
-from femfit.field.layout import Layout
+from femfit.core.numerics import MU_0, FloatArray
+from femfit.device.parts import Actuator, Material, Region, skin_depth
+from femfit.field.layout import AIR, Layout, polygon
 from femfit.field.linear_system import SummedInverse
-from femfit.field.material_points import MaterialPoints
-from femfit.field.regions import AIR
-from femfit.field.weak_form import linear_materials, materials, reluctivity, stiffness
+from femfit.field.material_points import MaterialPoints, csr
+from femfit.field.weak_form import (
+    RADIAL_WEIGHT_ORDER,
+    flux_density,
+    linear_materials,
+    materials,
+    reluctivity,
+    stiffness,
+)
+
+LAYER_DEPTHS = 2.0
+"""Numerical: of the outermost layer of elements over the skin depth, at most."""
+
+LAYER_FACTOR = 0.25
+"""Numerical: of one layer's thickness over the next one's. At order 4 the impedances beside a plate, a rod and a ball
+of steel are met to 0.08 % at any frequency; with 0.15 to 0.6 %, for a tenth fewer unknowns, since what lies below the
+outermost layer is then one element of up to six skin depths."""
+
+MOST_LAYERS = 6
+
+
+def conductors(actuator: Actuator) -> dict[str, Material]:
+    """Material of each of the mesh's region names that conducts."""
+    return {name: one for name, one in materials(actuator).items() if one.conductivity_S_per_m}
+
+
+def add_eddy_form(form: BilinearForm, named: Mapping[str, Material], factor: Any = 1.0) -> None:
+    """Add M of the named conductors, times a factor, to a form that is not assembled yet."""
+    w, v = form.space.TnT()
+    for name, material in named.items():
+        measure = dx(name, bonus_intorder=RADIAL_WEIGHT_ORDER)
+        form += factor * _density(material, w, v) * 2.0 * math.pi * ng.x * measure
+
+
+def _density(material: Material, w: Any, v: Any) -> Any:
+    conductivity, sheet = material.conductivity_S_per_m, material.lamination_m
+    if sheet:
+        return conductivity * sheet**2 / 12.0 * InnerProduct(flux_density(w), flux_density(v))
+    return conductivity * ng.x**2 * w * v
+
+
+def skin_layers(region: Region, largest_element: float, frequency_Hz: float) -> int:
+    """How often the elements at a part's surface are to be split so that the field's decay is resolved."""
+    material = region.material
+    if not material.conductivity_S_per_m or material.lamination_m or not frequency_Hz:
+        return 0
+    outline = polygon(region)
+    element = min(largest_element, 2.0 * outline.area / shapely.length(outline))
+    ratio = LAYER_DEPTHS * skin_depth(material, frequency_Hz) / element
+    return min(MOST_LAYERS, max(0, math.ceil(math.log(ratio) / math.log(LAYER_FACTOR))))
+
 
 FieldArray = NDArray[Any]
 """Coefficients of fields, real at real s and complex else."""
@@ -76,3 +147,91 @@ class HarmonicSystem:
             form.Assemble()
         self._inverse.renew((self._air, *self._still, *self._renewed))
         return np.array([self._inverse.solve(load) for load in loads]).reshape(len(loads), self.space.ndof)
+
+
+class ConductorPoints:
+    """Points of the conducting parts on one mesh and space, made with the moving part at a distance in m."""
+
+    def __init__(self, space: H1, actuator: Actuator, distance: float) -> None:
+        self.space, self.distance = space, distance
+        self._named = conductors(actuator)
+        region = space.mesh.Materials("|".join(self._named))
+        self._points = IntegrationRuleSpace(space.mesh, order=space.globalorder + 1, definedon=region)
+        self._measure = dx("|".join(self._named), intrules=self._points.GetIntegrationRules())
+        self.moving = self._sampled({"moving:.*": 1.0}) > 0.5
+        self.sheets = self._sampled({n: float(m.lamination_m > 0.0) for n, m in self._named.items()}) > 0.5
+        thickness = {n: m.lamination_m / math.sqrt(12.0) or 1.0 for n, m in self._named.items()}
+        self.factor = self._sampled(
+            {n: thickness[n] * math.sqrt(m.conductivity_S_per_m) for n, m in self._named.items()}
+        )
+        q = self._points.TestFunction()
+        measure = LinearForm(self._points)
+        measure += q * self._measure
+        area = np.array(measure.Assemble().vec.FV().NumPy())
+        self.places = np.column_stack([self._interpolated(ng.x), self._interpolated(ng.y) - distance * self.moving])
+        weight = 2.0 * math.pi * self.places[:, 0] * area
+        self.weight = np.concatenate([weight, weight[self.sheets]])
+        places = {name: float(k) for k, name in enumerate(dict.fromkeys(one.name for one in self._named.values()))}
+        of_material = self._sampled({n: places[m.name] for n, m in self._named.items()}).round().astype(np.int64)
+        self.material_rows = np.concatenate([of_material, of_material[self.sheets]])  # Which of the materials
+        self.moving_rows = np.concatenate([self.moving, self.moving[self.sheets]])
+        self._map = self._rows_map(area)
+        self._to_load = self._map.T.tocsr()
+
+    def rows(self, states: FloatArray) -> FloatArray:
+        """Rows (k, n) of fields (k, unknowns)."""
+        return np.asarray((self._map @ states.T).T)
+
+    def products(self, rows: FloatArray) -> FloatArray:
+        """Power of rows (k, n) with each other, shape (k, k)."""
+        return np.asarray((self.weight * rows) @ rows.T)
+
+    def loads(self, rows: FloatArray, *, moving: bool = False) -> FloatArray:
+        """Right-hand sides (k, unknowns) of the currents that go with rows (k, n), or of those that move."""
+        weight = self.weight * self.moving_rows if moving else self.weight
+        return np.asarray((self._to_load @ (weight * rows).T).T)
+
+    def rows_of(self, states: FloatArray, space: H1, distance: float) -> FloatArray:
+        """Rows (k, n) of fields (k, unknowns) on another mesh, which was made with the moving part at a distance."""
+        at = space.mesh(self.places[:, 0], self.places[:, 1] + distance * self.moving)
+        function, result = GridFunction(space), []
+        for state in states:
+            function.vec.FV().NumPy()[:] = state
+            rows = self.factor * self.places[:, 0] * function(at)[:, 0]
+            if self.sheets.any():
+                b = self.factor[:, None] * flux_density(function)(at)
+                rows = np.concatenate([np.where(self.sheets, b[:, 0], rows), b[self.sheets, 1]])
+            result.append(rows)
+        return np.array(result)
+
+    def fields(self, rows: FloatArray) -> FloatArray:
+        """The fields (k, unknowns) on the conducting parts that have rows (k, n), by least squares."""
+        mass = (self._to_load @ sparse.diags(self.weight) @ self._map).tocsc()
+        inside = np.flatnonzero(mass.diagonal() > 0.0)
+        result = np.zeros((len(rows), self.space.ndof))
+        result[:, inside] = splu(mass[inside][:, inside]).solve(self.loads(rows).T[inside]).T
+        return result
+
+    def _sampled(self, of_regions: dict[str, float]) -> FloatArray:
+        return self._interpolated(self.space.mesh.MaterialCF(of_regions, default=0.0))
+
+    def _interpolated(self, values: Any) -> FloatArray:
+        function = GridFunction(self._points)
+        function.Interpolate(values)
+        return np.array(function.vec.FV().NumPy())
+
+    def _rows_map(self, area: FloatArray) -> Any:
+        w = self.space.TrialFunction()
+        b = flux_density(w)
+        current = self._component(ng.x * w, area)
+        if not self.sheets.any():
+            return current
+        along, across = self._component(b[0], area), self._component(b[1], area)
+        sheets = sparse.diags(self.sheets.astype(np.float64))
+        first = current - sheets @ current + sheets @ along
+        return sparse.vstack([first, across[self.sheets]]).tocsr()
+
+    def _component(self, value: Any, area: FloatArray) -> Any:
+        form = BilinearForm(trialspace=self.space, testspace=self._points)
+        form += value * self._points.TestFunction() * self._measure
+        return sparse.diags(self.factor / area) @ csr(form.Assemble().mat, self.space.ndof)

@@ -1,5 +1,16 @@
-"""Lengths of a drawing over its sweep, and which distances can share one mesh."""
+"""Lengths of a drawing over its sweep, and which distances can share one mesh.
 
+Outlines of parts as polygons, with chords for arcs, and the corners at which their fields are singular.
+
+Names of the mesh's regions, and patterns that select them.
+
+A part with a material is ``fixed:NAME`` or ``moving:NAME``, a coil ``fixed_coil:NAME`` or ``moving_coil:NAME``; around
+the moving part lie ``halo`` and ``layer``, and ``air`` is all the rest.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -8,9 +19,83 @@ import numpy as np
 import shapely
 
 from femfit.core.errors import FieldSolverError
-from femfit.device.parts import Actuator
-from femfit.field.outline import fixed_parts, moving_parts, polygon
-from femfit.field.settings import SolverSettings
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.device.outlines import flattened
+from femfit.device.parts import Actuator, Coil, Material, Region
+from femfit.field.tolerance import SolverSettings
+
+SMOOTH = math.radians(5.0)
+"""A turn of the outline below this is no corner: chords that stand for arcs turn by up to two degrees."""
+
+COINCIDENT = 1e-9
+"""Points closer than this, in m, are one."""
+
+
+def part_corners(part: Region | Coil) -> tuple[tuple[float, float], ...]:
+    """Corners of the part in m, with chords for its arcs."""
+    return tuple(flattened(part.vertices_m, part.bulges if isinstance(part, Region) else ()))
+
+
+def polygon(part: Region | Coil) -> shapely.Polygon:
+    """The part's section, as drawn."""
+    return shapely.Polygon(part_corners(part))
+
+
+def moving_parts(actuator: Actuator) -> list[Region | Coil]:
+    """Regions and coils of the moving part."""
+    return [*actuator.moving.regions, *(coil for coil in actuator.coils if coil.moves)]
+
+
+def fixed_parts(actuator: Actuator) -> list[Region | Coil]:
+    """Regions and coils that stand still."""
+    return [*actuator.fixed, *(coil for coil in actuator.coils if not coil.moves)]
+
+
+def singular_corners(regions: Sequence[Region]) -> list[BoolArray]:
+    """Which corners of each region the field is singular at.
+
+    A corner is one of what the material fills, whichever regions it is drawn in: where two of one material meet nothing
+    happens, nor where an arc goes on smoothly, nor where an edge meets the axis at a right angle. Where there is
+    neither iron nor magnet there is nothing to refine.
+    """
+    corners: dict[Material, FloatArray] = {}
+    for material, of_it in _by_material(regions).items():
+        magnetic = material.relative_permeability != 1.0 or material.remanence_T != 0.0
+        corners[material] = np.array(list(_corners(shapely.union_all(of_it)) if magnetic else [])).reshape(-1, 2)
+    return [
+        np.array([np.any(np.hypot(*(corners[region.material] - place).T) < COINCIDENT) for place in region.vertices_m])
+        for region in regions
+    ]
+
+
+def _by_material(regions: Iterable[Region]) -> dict[Material, list[shapely.Polygon]]:
+    parts: defaultdict[Material, list[shapely.Polygon]] = defaultdict(list)
+    for region in regions:
+        parts[region.material].append(polygon(region))
+    return parts
+
+
+def _corners(filled: Any) -> Iterable[tuple[float, float]]:
+    for one in getattr(filled, "geoms", [filled]):
+        for ring in (one.exterior, *one.interiors):
+            points = np.array(ring.simplify(0.0).coords)[:-1]
+            points = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > COINCIDENT]
+            for before, here, after in zip(
+                np.roll(points, 1, axis=0), points, np.roll(points, -1, axis=0), strict=True
+            ):
+                if _turn(before, here, after) > SMOOTH:
+                    yield tuple(here)
+
+
+def _turn(before: FloatArray, here: FloatArray, after: FloatArray) -> float:
+    """Angle by which an outline turns at a point; on the axis together with its mirror image."""
+    steps = [here - before, after - here]
+    if here[0] < COINCIDENT:  # one of the edges lies on the axis, the other one goes on mirrored
+        (step,) = [one for one in steps if abs(one[0]) > COINCIDENT] or [np.array([1.0, 0.0])]
+        return 2.0 * math.atan2(abs(step[1]), abs(step[0]))
+    one, other = (step / np.hypot(*step) for step in steps)
+    return abs(math.atan2(one[0] * other[1] - one[1] * other[0], one @ other))
+
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
 LARGEST_OFFSET = 1.5  # of the moving part's smaller extent: a far larger layer only costs elements
@@ -171,3 +256,15 @@ def reference_distance(group: tuple[float, ...], layout: Layout) -> float:
     """The distance at which the mesh of a group of ascending distances is made: the geometric mean of its gaps."""
     low, high = (d - layout.outer_offset - layout.fixed_top for d in (group[0], group[-1]))
     return float(np.sqrt(low * high)) + layout.outer_offset + layout.fixed_top if len(group) > 1 else group[0]
+
+
+MOVING = "moving(_coil)?:.*"
+FIXED = "fixed(_coil)?:.*"
+
+AIR = "air|halo|layer|(fixed|moving)_coil:.*"
+"""All regions without a material."""
+
+
+def coil_region(coil: Coil) -> str:
+    """Name of a coil's region."""
+    return f"{'moving' if coil.moves else 'fixed'}_coil:{coil.name}"

@@ -13,14 +13,12 @@ import ngsolve as ng
 import numpy as np
 from ngsolve import H1, BilinearForm, GridFunction, Mesh, dx
 
-from femfit.core.arrays import FloatArray, IntArray
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0, FloatArray, IntArray
+from femfit.device.electrics import HallElement
 from femfit.device.parts import Actuator
-from femfit.device.sensors import HallElement
 from femfit.field.force import LayerForce, quadratic
-from femfit.field.layout import Layout
+from femfit.field.layout import AIR, Layout
 from femfit.field.newton import inner
-from femfit.field.regions import AIR
 from femfit.field.weak_form import hall_field, linear_materials, reluctivity, source_loads, stiffness
 
 PatternLoads = Callable[[H1], tuple[FloatArray, FloatArray]]

@@ -19,9 +19,8 @@ from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, LinearForm, dx
 from ngsolve.comp import IntegrationRuleSpace
 from scipy import sparse
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.core.constants import MU_0
-from femfit.device.bh_curve import BHCurve
+from femfit.core.numerics import MU_0, BoolArray, FloatArray, IntArray
+from femfit.device.bh import BHCurve
 from femfit.device.parts import LinearMaterial, Material
 from femfit.field.newton import inner
 from femfit.field.weak_form import flux_density

@@ -2,7 +2,7 @@ r"""All points of the currents of an actuator with saturating parts, at a distan
 
 **Start of the iteration.** Along the currents a state changes much, along the distances little, so states at the
 group's reference distance are solved once at a low polynomial order, and a point starts from them
-(:mod:`femfit.field.current_path`). Each higher order starts in the same way from the one below. Nothing depends on
+(:mod:`femfit.field.newton`). Each higher order starts in the same way from the one below. Nothing depends on
 which distances were solved before, so that a resumed sweep gives the same digits.
 
 **Force.** In a converged state H = nu_0 B - M holds at every point of the mesh with the magnetisation M = B / mu_0 - H
@@ -23,22 +23,21 @@ from typing import Any
 import numpy as np
 from ngsolve import ConvertOperator
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FieldSolverError
+from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.current_path import States, along_currents
 from femfit.field.currents import CurrentsLike, current_points, swept_currents
 from femfit.field.force import AROUND_FIXED, LayerForce, weight
 from femfit.field.layout import Layout
+from femfit.field.linear_point import PickupCoils
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh, PointField
-from femfit.field.newton import NewtonResult
+from femfit.field.newton import NewtonResult, States, along_currents
 from femfit.field.nonlinear_system import NonlinearSystem
-from femfit.field.pickup import PickupCoils
 from femfit.field.point_rows import NO_CONVERGENCE, NO_INDUCTANCE, NonlinearPoint, PointSolution, table_rows
-from femfit.field.settings import SolverSettings
 from femfit.field.signature_rows import SignatureRows
+from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import hall_field
 
 FIRST_ORDER = 2

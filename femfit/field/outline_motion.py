@@ -23,12 +23,12 @@ import numpy as np
 from ngsolve import H1, BilinearForm, Mesh, dx, grad
 from scipy.sparse.linalg import splu
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.outlines import arc_circle
 from femfit.device.parts import Actuator, Coil, Region
+from femfit.field.layout import coil_region
 from femfit.field.material_points import csr
-from femfit.field.regions import coil_region
 from femfit.field.weak_form import materials
 
 ON_EDGE = 1e-9

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, inductance_columns, pickup_column
 from femfit.field.currents import weakest
 

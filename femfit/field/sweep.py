@@ -8,20 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FieldSolverError, RunDirectoryError, UsageError
+from femfit.core.files import path_of
 from femfit.core.journal import Journal, JournalHeader, holds
-from femfit.core.paths import path_of
 from femfit.device.drawn_numbers import DrawnNumber, read_numbers
 from femfit.device.parts import Actuator
-from femfit.device.tolerance_defaults import KINDS
-from femfit.device.variants import VariantSweep, only, read_variants
+from femfit.device.rewrite import VariantSweep, only, read_variants
+from femfit.device.tolerances import KINDS
 from femfit.field.currents import bias_currents, current_points, swept_currents
 from femfit.field.eddy_sweep import PATTERNS_NAME, eddy_sweep, induces
 from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep_rows import signatures_of, sweep_manifest, sweep_rows
 from femfit.field.sweep_task import DistanceTask, LevelTask, MeshGroup, SweepTask, solve_task
 from femfit.field.sweep_workers import AGAIN, Done, Result, solve_here, solve_in_processes, solve_on_cluster, versions
-from femfit.field.tolerance import shares_checks
+from femfit.field.tolerance import SolverSettings, settings_for, shares_checks
 from femfit.tables.eddy_table import EddyTable
 from femfit.tables.impedance_table import impedance_rows, write_impedance
 from femfit.tables.sweep_table import SweepTable, write_sweep_table

@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.finding import listing
+from femfit.core.results import listing
 from femfit.core.sweep_columns import VARIANT, current_columns, flux_columns, sweep_columns
+from femfit.core.text import counted
 from femfit.device.drawn_numbers import DrawnNumber
-from femfit.device.hall_range import REMEDY, where_clipped
+from femfit.device.electrics import REMEDY, HallElement, PickupCoil, where_clipped
 from femfit.device.parts import SweepAxes
-from femfit.device.sensors import HallElement, PickupCoil
+from femfit.device.rewrite import VariantSweep
 from femfit.device.summary import sweep_manifest_entry
-from femfit.device.variants import VariantSweep
 from femfit.field.currents import swept_currents
 from femfit.field.point_rows import NO_CONVERGENCE, NO_INDUCTANCE
 from femfit.field.tolerance import SMALL

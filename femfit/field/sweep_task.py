@@ -13,9 +13,8 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.currents import swept_currents
 from femfit.field.layout import Layout
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep_workers import AGAIN
-from femfit.field.tolerance import LevelChoice, ToleranceProblem
+from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem
 
 if TYPE_CHECKING:
     from femfit.field.problem import FieldProblem

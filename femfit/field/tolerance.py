@@ -1,4 +1,4 @@
-r"""Accuracy on demand: the coarsest refinement level that gives force and flux linkage to a tolerance.
+"""Accuracy on demand: the coarsest refinement level that gives force and flux linkage to a tolerance.
 
 From level to level the polynomial order grows by one and the elements at the corners shrink to a quarter. At the
 corners of iron, where the solution behaves like distance^(2/3), force and flux err by size^(4/3): a factor of six a
@@ -14,6 +14,8 @@ solved on the level that is chosen is kept.
 On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.force`),
 and a row states the larger of the difference and of their disagreement.
 
+Settings of the field solver, with the defaults that the validation was made with.
+
 References
 ----------
 C. Schwab, p- and hp-Finite Element Methods, Oxford 1998, chapter 4: orders growing on meshes graded towards corners
@@ -23,21 +25,50 @@ converge exponentially.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import is_flux
+from femfit.device.parts import Actuator
 from femfit.field.currents import CurrentsLike, between, current_points, weakest
+from femfit.field.newton import TOLERANCE
 from femfit.field.point_rows import DISAGREEMENT
-from femfit.field.settings import SolverSettings
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """How fine the field is solved."""
+
+    order: int = 5  # Polynomial order of the unknown; the error estimate uses ``order - 1`` on the same mesh
+    # Element size at the corners of iron and magnets, as a fraction of the part's smallest extent. Fields are
+    # singular there, and this sets the accuracy.
+    corner_fraction: float = 0.03
+    region_fraction: float = 0.45  # Largest element size within a part, as a fraction of its smallest extent
+    grading: float = 0.5  # How fast elements grow, Netgen's convention: 0 uniform, 1 fastest
+    # Radius of the domain over the largest distance of any part from the origin. The boundary carries the exact
+    # condition of a dipole field, so what is left falls with the fifth power of this factor.
+    outer_radius_factor: float = 16.0
+    stretch_limit: float = 1.8  # Largest ratio of distances that one mesh is stretched over before a new one is made
+    newton_tolerance: float = TOLERANCE  # Relative size of the last correction of a saturating part's field
+    # Relative accuracy of force and flux linkage; order and element sizes are then chosen to meet it, those above are
+    # not used (:mod:`femfit.field.tolerance`)
+    tolerance: float | None = None
+    # Highest frequency whose skin depth the elements in conducting parts resolve; 0 for static fields alone
+    skin_frequency_Hz: float = 0.0
+
+
+def settings_for(actuator: Actuator) -> SolverSettings:
+    """The defaults, with the actuator's own tolerance."""
+    return SolverSettings(tolerance=actuator.tolerance)
+
 
 if TYPE_CHECKING:
     from femfit.field.linear_point import LinearActuator
     from femfit.field.nonlinear_point import NonlinearActuator
 
-    LevelProblem = LinearActuator | NonlinearActuator
+    LevelProblem: TypeAlias = LinearActuator | NonlinearActuator
 
 FIRST_ORDER = 4
 """Errors of lower orders scatter so much with distance that three checks do not bound them."""

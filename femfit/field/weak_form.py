@@ -22,12 +22,11 @@ import numpy as np
 import shapely
 from ngsolve import CF, H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, ds, dx, grad
 
-from femfit.core.arrays import FloatArray
-from femfit.core.constants import MU_0
 from femfit.core.errors import FieldSolverError
+from femfit.core.numerics import MU_0, FloatArray
+from femfit.device.electrics import HallElement
 from femfit.device.parts import Actuator, Coil, LinearMaterial, Material, NonlinearMaterial
-from femfit.device.sensors import HallElement
-from femfit.field.regions import coil_region
+from femfit.field.layout import coil_region
 
 RADIAL_WEIGHT_ORDER = 3  # r^3 at most multiplies the polynomials; added to the quadrature's order
 

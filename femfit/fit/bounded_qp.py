@@ -28,9 +28,9 @@ import numpy as np
 from scipy.linalg import qr, solve_triangular
 from scipy.optimize import nnls
 
-from femfit.core.amount import counted
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.text import counted
 
 EXCESS_ALLOWED = 1e-6
 """Part of the sum of squares by which another solution could be better."""

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.constants import GRAVITY
 from femfit.core.errors import FitError, UsageError
-from femfit.fit.between import missed_between
+from femfit.core.numerics import GRAVITY
+from femfit.core.text import amount
 from femfit.fit.circuits_build import fit_several
-from femfit.fit.coenergy import CoenergyFit, fit_coenergy
+from femfit.fit.coenergy import CoenergyFit, fit_coenergy, missed_between
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.drawing import drawn_effects
 from femfit.fit.eddy import with_eddy_currents
-from femfit.fit.hall import fit_hall
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
 from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows, sheet_notes
@@ -32,16 +30,15 @@ from femfit.fit.model_parts import (
     within_sweep,
 )
 from femfit.fit.network_fit import better_network, fit_network
-from femfit.fit.pickup import fit_pickups
 from femfit.fit.ranking import rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
+from femfit.fit.sensed_field import fit_hall, fit_pickups
 from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Magnetics
-from femfit.model.misfit import Misfit
 from femfit.model.network_magnetics import NETWORK
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import Misfit, ValidityBox
 from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
 from femfit.tables.variant_choice import choose_variant
 

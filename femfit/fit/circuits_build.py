@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, TableError
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, inductance_columns
-from femfit.device.circuit import Circuit
-from femfit.fit.circuit_rows import CircuitRows, require_currents
+from femfit.device.electrics import Circuit
+from femfit.fit.circuit_system import CircuitRows, require_currents
 from femfit.fit.circuits_fit import CircuitsFit, fit_circuits
 from femfit.fit.constants import NETWORK_IDLE, SAME_SETTING
 from femfit.fit.eddy import with_eddy_currents
@@ -26,16 +26,13 @@ from femfit.fit.model_parts import (
     with_period,
     within_sweep,
 )
-from femfit.fit.pickup import fit_pickups
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, column_numbers, rms
-from femfit.fit.sensed_field import SensedRows, fit_sensed
-from femfit.model.actuator_kind import ActuatorKind
+from femfit.fit.sensed_field import SensedRows, fit_pickups, fit_sensed
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.hall_sensor import HallSensor
-from femfit.model.misfit import Misfit
-from femfit.model.validity import ValidityBox
+from femfit.model.hall import HallSensor
+from femfit.model.several_magnetics import CoenergyMatrix
+from femfit.model.validity import ActuatorKind, Misfit, ValidityBox
 from femfit.tables.sweep_table import SweepTable, current_names
 
 

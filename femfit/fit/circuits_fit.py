@@ -10,17 +10,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import FitError
-from femfit.fit.circuit_rows import CircuitRows
-from femfit.fit.circuit_system import CircuitSolution, best_along_distance, solve_circuits
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.text import amount
+from femfit.fit.circuit_system import CircuitRows, CircuitSolution, best_along_distance, solve_circuits
 from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, SMALL_CIRCUIT_FORCE, U_DEGREE
 from femfit.fit.misfit import middles
 from femfit.fit.rows import rms
 from femfit.fit.saturating_circuits import fit_saturating, points_left_out
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.coenergy_tensor import CoenergyTensor
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.core.ties import ROUNDING, first_best
+from femfit.core.numerics import ROUNDING, FloatArray, first_best
+from femfit.core.text import counted
 from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem
 from femfit.fit.constants import (
     BENT_CELLS,

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.fit.constants import (
     DISTANCE_FOLDS,
     FEWEST_CURRENTS,

@@ -159,7 +159,7 @@ DISTANCE_FOLDS, SCATTERED_FOLDS = 4, 5
 every fourth distance keeps its neighbours."""
 
 MOVED_BREAKS, PARTED = 0.2, (0.5, 0.5, 0.68)
-"""Calibrated, on the grids that :mod:`femfit.fit.between` names: by what part of the narrowest cell the breaks in the
+"""Calibrated, on the grids that :mod:`femfit.fit.coenergy` names: by what part of the narrowest cell the breaks in the
 current are moved, and which part of the other splines' departures is taken for force, flux linkage and inductance."""
 
 JUDGED = 2

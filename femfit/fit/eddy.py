@@ -14,18 +14,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator, make_interp_spline
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError
-from femfit.device.tolerance_defaults import KINDS
+from femfit.core.numerics import FloatArray
+from femfit.device.tolerances import KINDS
 from femfit.fit.constants import EDDY_BETWEEN, EDDY_DEGREE, EDDY_FREQUENCIES, EDDY_LOWEST_HZ
+from femfit.fit.drawing import spline_frequencies, with_impedances
 from femfit.fit.eddy_states import StateChoice
-from femfit.fit.impedance_numbers import spline_frequencies, with_impedances
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyBias, EddyCurrents, EddyError
-from femfit.model.impedance_change import ImpedanceChange, impedance_change
+from femfit.model.impedance import ImpedanceChange, impedance_change
 from femfit.model.magnetics import Magnetics
 from femfit.tables.eddy_table import EddyTable
 from femfit.tables.sweep_table import SweepTable

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from femfit.core.arrays import ComplexArray, FloatArray, evenly_spread
+from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
 from femfit.fit.constants import EDDY_DISTANCES, EDDY_FEWER, EDDY_LOOSER, EDDY_POWERS, EDDY_SINGULAR, EDDY_STEPS
 from femfit.tables.eddy_table import EddyTable
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, UsageError
-from femfit.core.printed import Printed
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Printed
+from femfit.core.text import counted
 from femfit.fit.bounded_qp import non_negative
 from femfit.fit.constants import POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
@@ -32,7 +32,7 @@ from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
-from femfit.tables.inductance_table import InductanceTable
+from femfit.tables.impedance_table import InductanceTable
 
 
 @dataclass(frozen=True, eq=False, repr=False)

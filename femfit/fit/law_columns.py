@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import UsageError
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.fit.bounded_qp import Inequalities, QPSolution
 from femfit.laws.law import ForceLaw
 

@@ -7,10 +7,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from femfit.core.amount import counted
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError, UsageError
-from femfit.core.ties import first_best
+from femfit.core.numerics import BoolArray, FloatArray, first_best
+from femfit.core.text import counted
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
 from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (

@@ -5,17 +5,17 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
-from femfit.device.skin import thick_sheets
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
+from femfit.device.parts import thick_sheets
 from femfit.device.summary import actuator_from_record
-from femfit.fit.between import Between
+from femfit.fit.coenergy import Between
 from femfit.fit.constants import COARSE, POOR_CIRCUIT
 from femfit.fit.rows import FitRows, rms
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import CoenergySpline, Magnetics
-from femfit.model.misfit import Misfit
+from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import SweepTable
 
 

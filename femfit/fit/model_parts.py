@@ -9,24 +9,19 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError, UsageError
-from femfit.device.circuit import Circuit
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
+from femfit.device.electrics import AnySensor, Circuit, HallElement, PickupCoil, Sensor
 from femfit.device.load import read_actuator
 from femfit.device.mechanics import Mechanics
-from femfit.device.sensors import AnySensor, HallElement, PickupCoil, Sensor
 from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
 from femfit.fit.constants import STOP_ROUNDING_M
-from femfit.fit.hall import HallFit
 from femfit.fit.rows import FitRows
-from femfit.fit.sensed_field import SensedFit
-from femfit.model.actuator_kind import ActuatorKind
+from femfit.fit.sensed_field import HallFit, SensedFit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.hall import HallField
-from femfit.model.hall_sensor import HallSensor
-from femfit.model.other_sensor import OtherSensor
-from femfit.model.pickup import PickupSensor
+from femfit.model.hall import HallField, HallSensor, OtherSensor, PickupSensor
+from femfit.model.validity import ActuatorKind
 
 MASS_UNKNOWN = "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g."
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.text import amount
 from femfit.fit.constants import NETWORK_CURRENTS, NETWORK_DISTANCES, NETWORK_IDLE, NETWORK_OFF, NETWORK_STARTS
 from femfit.fit.ranking import Ranking, ranking_folds
 from femfit.fit.rows import FitRows, rms

@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import rounded
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FemfitError, FitError
-from femfit.core.ties import ranked
+from femfit.core.numerics import BoolArray, FloatArray, ranked
+from femfit.core.text import rounded
 from femfit.fit.constants import DISTANCE_BLOCKS, MAY_MISS, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics, refit
@@ -27,8 +26,7 @@ from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.fit.rows import FitRows, rms
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.misfit import Misfit
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import Misfit, ValidityBox
 
 
 @dataclass(frozen=True, eq=False)

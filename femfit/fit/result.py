@@ -7,21 +7,20 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount, counted
-from femfit.core.printed import Printed
-from femfit.fit.between import Between
+from femfit.core.results import Printed
+from femfit.core.text import amount, counted
 from femfit.fit.circuits_fit import CircuitsFit
-from femfit.fit.coenergy import SHAPES, CoenergyFit
-from femfit.fit.hall import HallFit
+from femfit.fit.coenergy import SHAPES, Between, CoenergyFit
 from femfit.fit.law_fit import LawFit
 from femfit.fit.misfit import finer_settings
 from femfit.fit.network_fit import NetworkFit
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows, rms
+from femfit.fit.sensed_field import HallFit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.misfit import Misfit
 from femfit.model.model_text import eddy_line, fit_lines
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
+from femfit.model.validity import Misfit
 
 _FINE = 101
 """Numerical: so many distances and currents are looked at between the sweep's points."""

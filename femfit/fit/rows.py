@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import counted
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import TableError
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.text import counted
 from femfit.fit.constants import FAR_ABOVE_WEIGHT, FEWEST_DISTANCES, FEWEST_ROWS, SMALL_FORCE, STRAIGHT, TRAPEZOID
-from femfit.tables.suspected_units import suspected_by_size
 from femfit.tables.sweep_table import SweepTable
+from femfit.tables.units import suspected_by_size
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,16 @@ from itertools import combinations
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import FitError
-from femfit.fit.circuit_rows import CircuitRows, require_currents
-from femfit.fit.circuit_system import CircuitSolution, best_along_distance, solve_circuits
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.text import amount
+from femfit.fit.circuit_system import (
+    CircuitRows,
+    CircuitSolution,
+    best_along_distance,
+    require_currents,
+    solve_circuits,
+)
 from femfit.fit.constants import (
     ALONE,
     FINER_CURRENTS,
@@ -30,7 +35,7 @@ from femfit.fit.constants import (
 from femfit.fit.rows import rms
 from femfit.fit.splines import clamped_knots, row_products
 from femfit.model.bspline import basis_matrix
-from femfit.model.coenergy_tensor import CoenergyTensor
+from femfit.model.several_magnetics import CoenergyTensor
 
 
 @dataclass(frozen=True, eq=False)

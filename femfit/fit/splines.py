@@ -4,7 +4,7 @@ from functools import reduce
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 
 
 def clamped_knots(breaks: FloatArray, degree: int) -> FloatArray:

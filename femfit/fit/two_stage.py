@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import FitError, InfeasibleFitError
+from femfit.core.numerics import FloatArray
 from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
 from femfit.fit.constants import FEWEST_CURRENTS
 from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, term_bounds

@@ -7,18 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.amount import amount, amount_range
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError, UsageError
-from femfit.core.finding import listing
+from femfit.core.numerics import FloatArray
+from femfit.core.results import listing
+from femfit.core.text import amount, amount_range
 from femfit.device.load import read_actuator
 from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial
 from femfit.device.thermal import Surroundings
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.heat.balance import time_until
-from femfit.heat.feed import Feed, feed_of
-from femfit.heat.limits import hottest, largest_loads
+from femfit.heat.balance import Feed, feed_of, hottest, largest_loads, time_until
 from femfit.heat.network import HeatNetwork, heat_network
 from femfit.heat.result import MagnetWarmth, Temperatures
 from femfit.model.actuator_model import ActuatorModel

@@ -1,7 +1,7 @@
 """The thermal network of a drawing: each part is a node, and what conducts between them and to the surroundings.
 
 Iron and magnets are as warm everywhere as in their middle, to which heat goes through half of their thickness (volume
-over surface). Between a winding's middle and its faces are the stars of :mod:`femfit.heat.winding`.
+over surface). Between a winding's middle and its faces are the stars of :mod:`femfit.heat.walls`.
 """
 
 from dataclasses import dataclass
@@ -11,14 +11,13 @@ from typing import cast
 import numpy as np
 import shapely
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import UsageError
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
 from femfit.device.outlines import flattened
 from femfit.device.parts import Actuator, Coil, Region
 from femfit.device.thermal import AIR_CONDUCTIVITY, Surroundings, thermal_of
-from femfit.heat.walls import NOTHING, OPEN, Faces, faces_of
-from femfit.heat.winding import WindingHeat, stars, winding_heat
+from femfit.heat.walls import NOTHING, OPEN, Faces, WindingHeat, faces_of, stars, winding_heat
 
 SIDES, OWN = 4, 6
 """Faces of a winding, and all nodes beside its mean: these and the centres of its stars."""

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount, amount_range, rounded
-from femfit.core.arrays import FloatArray
-from femfit.core.printed import Printed
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Printed
+from femfit.core.text import amount, amount_range, rounded
 from femfit.device.thermal import Surroundings
 from femfit.heat.network import HeatNetwork
 

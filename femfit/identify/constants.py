@@ -3,7 +3,10 @@
 Those of the decision itself are in :mod:`femfit.identify.decision.constants`. *Derived* follows from something else.
 *Conventional* is a usual level. *Calibrated* was set by trials with known truth. *Assumed* is an engineer's judgement
 with no calibration behind it. *Numerical* bounds rounding or time.
+
+Constants of the calibration of a drawing.
 """
+
 
 # The test of the model, and of what is named
 
@@ -256,3 +259,40 @@ circuits may be hardly linked."""
 OF_THREE = 2.45
 """Derived: misfit of Z_1 - Z_12^2 / Z_2 over that of Z_1 where Z_12^2 is about Z_1 Z_2 and each of the three is off by
 a same share, independently: the root of 1 + 2^2 + 1."""
+
+
+MOST_STEPS = 8
+"""Numerical: numbers that have not settled after so many sweeps in a row follow no Gauss-Newton step."""
+
+MOST_ROUNDS = 3
+"""Numerical: how often what a calibrated drawing leaves is diagnosed again; each round needs a cause of its own."""
+
+CALIBRATION_SETTLED = 0.1
+"""Conventional: a step below this part of the standard deviations, root mean square, changes no conclusion."""
+
+RISE = 1.0
+"""Numerical: a step after which the weighted sum of squares is more than this larger is taken back and halved; less
+changes no conclusion, and meshes differ."""
+
+HALVINGS = 4
+"""Numerical: a step that draws what cannot be built is halved so often."""
+
+OPEN = 0.5
+"""Conventional: a combination of numbers of whose tolerance, a standard deviation, the data leave more than this is not
+said to be determined."""
+
+SHOWN = 3
+"""Conventional: more directions that are not determined are counted, not listed."""
+
+ALIKE = 0.9
+"""Conventional: numbers whose errors are correlated more than this are said not to be told apart."""
+
+IN_COMBINATION = 0.1
+"""Conventional: numbers with less than this part of the largest share of a combination are left out of its words."""
+
+HELD = 0.25
+"""Conventional: a number is said to be held by a tolerance that is assumed where more than this part of what is known
+of it comes from there, or where that moves it by more than its error."""
+
+UNUSUAL = 3.0
+"""Conventional: a number that is more tolerances than this from its drawn value is to be checked otherwise."""

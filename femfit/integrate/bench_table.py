@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
-from femfit.core.atomic import replacing
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding, listing
-from femfit.core.outputs import BENCH, NOTES, require_outputs
-from femfit.core.printed import Printed
+from femfit.core.files import BENCH, NOTES, replacing, require_outputs
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Finding, Printed, listing
+from femfit.core.text import counted
 from femfit.effects.conditions import Conditions
 from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
 from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
@@ -24,7 +22,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 from femfit.tables.columns import BENCH_COLUMNS
 from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table
 

@@ -18,9 +18,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from femfit.core.arrays import FloatArray
-from femfit.core.atomic import write_json
 from femfit.core.errors import ModelFileError
+from femfit.core.files import write_json
+from femfit.core.numerics import FloatArray
 
 _KIND: Literal["field of current"] = "field of current"
 _PLACES = ("zero", "medium", "full")

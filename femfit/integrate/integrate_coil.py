@@ -9,12 +9,11 @@ from typing import Any
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.outputs import FIELD_MODEL, INTEGRATED, RAW_SIDECAR, require_outputs
-from femfit.integrate.coil_integral import CoilIntegral
+from femfit.core.files import FIELD_MODEL, INTEGRATED, RAW_SIDECAR, require_outputs
 from femfit.integrate.constants import OFFSET_SIGMA_V, SETTLING_S, STILL_A
 from femfit.integrate.field_of_current import FieldModel, write_field_model
 from femfit.integrate.identified_field import CurrentField, field_of_ratio, field_of_swept_model, identified_field
-from femfit.integrate.methods import FILTERS, IntegrationOptions, Method
+from femfit.integrate.methods import FILTERS, CoilIntegral, IntegrationOptions, Method
 from femfit.integrate.record_stream import stream_record
 from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
 from femfit.model.actuator_model import ActuatorModel

@@ -10,8 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import TableError
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.integrate.constants import GAP
 from femfit.integrate.uncertainty import white_sigma
 

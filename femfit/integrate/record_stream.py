@@ -11,18 +11,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Finding
 from femfit.integrate.constants import LARGEST_VOLTAGE_V
 from femfit.integrate.identified_field import CurrentField
 from femfit.integrate.methods import FEED_FORWARD, IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.offset_filter import OffsetFilter
+from femfit.integrate.offset_filter import smooth as smoothed
 from femfit.integrate.record_watch import RecordWatch, Reference
-from femfit.integrate.smoother import smooth as smoothed
 from femfit.integrate.uncertainty import FieldBlock, Systematics
-from femfit.tables.coil_block import CoilBlock, joined_record
-from femfit.tables.coil_record import COLUMNS, CoilRecord
+from femfit.tables.coil_record import COLUMNS, CoilBlock, CoilRecord, joined_record
 from femfit.tables.record_writer import RecordWriter
 
 
@@ -38,7 +37,7 @@ class Streamed:
     rows: pd.DataFrame | None
 
     def result(self, systematics: Systematics) -> dict[str, Any]:
-        """The fields of a :class:`~femfit.integrate.coil_integral.CoilIntegral` that the stream decides."""
+        """The fields of a :class:`~femfit.integrate.methods.CoilIntegral` that the stream decides."""
         end = self.last
         parts = {name: float(values[-1]) for name, values in end.responses.parts(systematics).items()}
         return {

@@ -10,9 +10,9 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.finding import Finding
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.results import Finding
+from femfit.core.text import counted
 from femfit.integrate.constants import (
     AGREEMENT,
     CLIPPED_RUN,
@@ -26,9 +26,9 @@ from femfit.integrate.constants import (
     STUCK_SHARE,
     STUCK_TIME_S,
 )
-from femfit.integrate.gain_test import GainTest
+from femfit.integrate.identified_field import GainTest
 from femfit.integrate.uncertainty import FieldBlock
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 
 Reference = Literal["hall_T", "current_A"]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
+from femfit.core.numerics import FloatArray
+from femfit.core.text import counted
 
 # Second differences of white noise have six times its variance; the median of |normal| is 0.6745 sigma.
 _MEDIAN_TO_SIGMA = 1.0 / (0.6745 * math.sqrt(6.0))

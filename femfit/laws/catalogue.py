@@ -3,20 +3,10 @@
 from importlib.metadata import entry_points
 
 from femfit.core.entry_catalogue import EntryCatalogue
-from femfit.laws.dipole_disk import DIPOLE_DISK
-from femfit.laws.dipole_loop import DIPOLE_LOOP
-from femfit.laws.exponential_harmonics import EXPONENTIAL_HARMONICS
-from femfit.laws.f1e import F1E
-from femfit.laws.f2e import F2E
-from femfit.laws.inverse_powers import INVERSE_POWERS
+from femfit.laws.dipoles import DIPOLE_DISK, DIPOLE_LOOP, F1E, F2E, SHIFTED_F1E, TWO_DIPOLES
+from femfit.laws.exponentials import EXPONENTIAL_HARMONICS, MOVING_COIL, TWO_EXPONENTIALS
 from femfit.laws.law import ForceLaw
-from femfit.laws.moving_coil import MOVING_COIL
-from femfit.laws.rational import RATIONAL
-from femfit.laws.shifted_f1e import SHIFTED_F1E
-from femfit.laws.shifted_multipoles import SHIFTED_MULTIPOLES
-from femfit.laws.shifted_powers import SHIFTED_POWERS
-from femfit.laws.two_dipoles import TWO_DIPOLES
-from femfit.laws.two_exponentials import TWO_EXPONENTIALS
+from femfit.laws.powers import INVERSE_POWERS, RATIONAL, SHIFTED_MULTIPOLES, SHIFTED_POWERS
 
 BUILT_IN: tuple[ForceLaw, ...] = (
     F1E,

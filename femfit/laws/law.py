@@ -9,7 +9,7 @@ law therefore gives flux linkage, motional constant and inductance as well, and 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 
 
 @dataclass(frozen=True)

@@ -9,28 +9,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.core.errors import DomainError, MissingPartError
-from femfit.core.printed import Printed
+from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.eddy_hall import EddyHall
+from femfit.model.eddy_currents import EddyCurrents, EddyHall
 from femfit.model.eddy_magnetics import EddyMagnetics
 from femfit.model.effect_dynamics import EffectDynamics
-from femfit.model.hall_sensor import HallSensor
+from femfit.model.hall import HallSensor, OtherSensor
 from femfit.model.impedance import SmallSignal, checked_frequency, following_share
 from femfit.model.magnetics import Magnetics
-from femfit.model.misfit import Misfit
 from femfit.model.model_text import model_lines
-from femfit.model.other_sensor import OtherSensor
-from femfit.model.process_noise import ProcessNoise
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
 from femfit.model.windings import Windings
 
 

@@ -7,6 +7,11 @@ piece would bend on, and a co-energy's inductance, its second derivative, would 
 that are asked for again and again, the polynomials in s before the powers of t are laid out once, so that one gather
 and one Horner scheme in s serve all of them; a second one in t follows.
 
+B-spline basis functions as one polynomial a cell, for those who evaluate them at a few points again and again.
+
+The recursion of de Boor takes a dozen array operations a degree, whatever the number of points; a closed loop asks for
+a handful of points a million times. The polynomials are Taylor's at the lower corner of each cell between two knots.
+
 References
 ----------
 C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
@@ -20,7 +25,7 @@ from math import factorial, perm
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray, IntArray
 
 PARABOLA, LINE = 2, 1
 """Degrees of what continues a co-energy beyond its currents, with the inductance at the last, and a field."""
@@ -242,3 +247,50 @@ def continued_rows(knots: FloatArray, degree: int, beyond: int | None) -> tuple[
     rows = taylor_rows(breaks[[0, *range(len(breaks))]], knots, degree)
     rows[[0, -1], beyond + 1 :] = 0.0
     return breaks[[0, *range(len(breaks)), -1]], rows
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Points on one axis: the cell that each lies in, and the powers of its distance from the cell's lower corner."""
+
+    cell: IntArray  # (n,)
+    powers: FloatArray  # (n, degree + 1), the lowest first
+
+
+@dataclass(frozen=True, eq=False)
+class BasisPolynomials:
+    """All basis functions of one axis; outside of the knots the polynomials at their ends are continued.
+
+    With a degree ``beyond`` below that of the spline, only as far as that.
+    """
+
+    knots: FloatArray  # Clamped
+    degree: int
+    beyond: int | None = None
+
+    @cached_property
+    def _breaks_and_rows(self) -> tuple[FloatArray, FloatArray]:
+        return continued_rows(self.knots, self.degree, self.beyond)
+
+    @cached_property
+    def _tables(self) -> dict[int, FloatArray]:
+        return {}
+
+    def places(self, x: FloatArray) -> Places:
+        """Where points of shape (n,) lie."""
+        breaks, _ = self._breaks_and_rows
+        cell = breaks[1:-1].searchsorted(x, "right")
+        powers = np.ones((len(x), self.degree + 1))
+        powers[:, 1:] = (x - breaks[cell])[:, None]
+        return Places(cell, np.multiply.accumulate(powers, axis=1))
+
+    def values(self, at: Places, derivative: int = 0) -> FloatArray:
+        """Basis functions or their derivatives at places, of shape (n, functions)."""
+        if derivative > self.degree:
+            return np.zeros((len(at.cell), len(self.knots) - self.degree - 1))
+        if derivative not in self._tables:
+            rows = self._breaks_and_rows[1][:, derivative:]
+            factors = [perm(power, derivative) for power in range(derivative, self.degree + 1)]
+            self._tables[derivative] = rows * np.array(factors, dtype=np.float64)[:, None]
+        powers = at.powers[:, None, : self.degree + 1 - derivative]
+        return np.asarray((powers @ self._tables[derivative].take(at.cell, axis=0))[:, 0])

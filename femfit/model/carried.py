@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import Effect, EffectParameter, Parameters
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.bspline import TensorSpline, basis_matrix
-from femfit.model.coenergy_series import taylor
+from femfit.model.coenergy_table import taylor
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.impedance_change import ImpedanceChange
+from femfit.model.impedance import ImpedanceChange
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,8 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.distance_splines import FEW
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.model.coordinate import FEW, DistanceCoordinate
 
 DEGREE, HALVINGS = 5, 7
 """Numerical: half a cell is off by 1/64 of the whole one."""

@@ -6,7 +6,7 @@ from functools import cached_property
 
 from femfit.effects.effect import Calibration, Effect, EffectParameter
 from femfit.model.carried import Carried, Conductivity, FieldChange, FieldTerm, carried_effect
-from femfit.model.impedance_change import ImpedanceChange
+from femfit.model.impedance import ImpedanceChange
 
 PLAUSIBLE, POSSIBLE = 3.0, 10.0
 """Conventional: standard deviations within which a number is expected, and beyond which a slope says nothing of it."""

@@ -14,11 +14,11 @@ from math import pi
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.device.circuit import Circuit
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.device.electrics import Circuit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.decay import decay_of
 from femfit.model.magnetics import MagneticState
+from femfit.model.windings import decay_of
 
 
 def command_limits(circuit: Circuit, *, current: bool | None = None) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 State (d, v, i_1..i_n): d' = v, v' = g + (springs and load - friction - F(d, i)) / m, and from U = R i + L_s i' +
 d(flux linkage)/dt with d(flux linkage)/dt = L i' - k_m v, (L + L_s) i' = U - R i + k_m v, with what is in series
 with each coil in the diagonal L_s. Eddy currents are further windings without a voltage
-(:mod:`femfit.model.windings`). Stops are left to :mod:`femfit.open_loop`.
+(:mod:`femfit.model.windings`). Stops are left to :mod:`femfit.simulation`.
 
 In all functions ``state`` has the shape (..., order): distance in m, velocity in m/s (positive: falling away), the
 currents in A in the order of ``model.circuits``, those of ``model.eddy_names``, and after them ``model.memory_names``.
@@ -23,8 +23,7 @@ from functools import partial
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.core.differences import central_differences
+from femfit.core.numerics import FloatArray, central_differences
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import MagneticSlopes, MagneticState
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
 from femfit.model.magnetics import Magnetics, MagneticSlopes, MagneticState
 from femfit.model.several_magnetics import SeveralMagnetics

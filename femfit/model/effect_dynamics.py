@@ -23,16 +23,16 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Memory
 from femfit.effects.stages import changed_coenergy, circuit_of, hall_point, recorded, with_further_force
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.decay import decay_of, decay_shares
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.eddy_magnetics import with_eddies
 from femfit.model.magnetics import MagneticState
+from femfit.model.windings import decay_of, decay_shares
 
 _PROBE = 1e-3
 """Step of a difference in a state, which is of the order of one."""

@@ -5,7 +5,7 @@ From (d, v, i) with the voltage held over a step h: the magnetics are evaluated 
     a = v'(v, i),  r = (L + L_s)^-1 (U - R i + k_m (v + h a / 2)),
     i+ = i + h f1 r,  v+ = v + h a - h^2 k_m f2 r / m,  d+ = d + h (v + v+) / 2,
 
-with f1 and f2 of :mod:`femfit.model.decay`: the force is that of the step's mean current. The step is exact for a
+with f1 and f2 of :mod:`femfit.model.windings`: the force is that of the step's mean current. The step is exact for a
 current that decays at rest, however fast, and of second order in the motion and in what the motion induces.
 
 References
@@ -18,12 +18,11 @@ extrapolation of a method of first order, eqs. (9.2) and (9.10) with the harmoni
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.decay import decay_of
 from femfit.model.dynamics import acceleration_slopes, by_differences, current_rates, current_slopes
-from femfit.model.step_table import StepTable, step_table
-from femfit.model.tabulated_step import tabulated_kick, tabulated_step
+from femfit.model.tabulated_step import StepTable, step_table, tabulated_kick, tabulated_step
+from femfit.model.windings import decay_of
 
 LONGEST_MOTION = 0.5
 """Chosen: extrapolated step times the rate of the motion; where that is fastest, one such step is off by 3e-4 of the

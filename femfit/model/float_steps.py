@@ -3,23 +3,28 @@
 One filter moves 2n + 1 sigma points a sample. At so few points calls to numpy cost several times the arithmetic; the
 same equations as in :mod:`femfit.model.dynamics`, number by number, take a fifth of the time. States come as columns:
 one list a state, one entry a point. Only for models of splines without effects; the others go by arrays.
+
+Force, motional constants and inductances at one point, as cheaply as one point allows.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import expm1, inf
 from operator import add
 
-from femfit.device.sensors import CurrentSensor, PositionSensor, Sensor
+import numpy as np
+
+from femfit.core.numerics import FloatArray
+from femfit.device.electrics import CurrentSensor, PositionSensor, Sensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import FloatFunction
 from femfit.model.coordinate import FloatPlaces
-from femfit.model.decay import LEAST_DECAY
-from femfit.model.hall import HallSpline
-from femfit.model.hall_sensor import HallSensor
-from femfit.model.magnetics import CoenergySpline
-from femfit.model.recorded import records_as_it_is
+from femfit.model.hall import HallSensor, HallSpline
+from femfit.model.magnetics import CoenergySpline, Magnetics
+from femfit.model.sensed_effects import records_as_it_is
 from femfit.model.sensors import current_index
+from femfit.model.windings import LEAST_DECAY
 
 Columns = list[list[float]]
 
@@ -151,3 +156,31 @@ def float_reading(
         gain = (last - first) / (far - near)
         return FloatLinear(gain, first - gain * near, sensor.delay_s, bias)
     return None
+
+
+PointMagnetics = Callable[[float, FloatArray], tuple[float, FloatArray, FloatArray]]
+"""(distance in m, currents in A, shape (n,)) -> F in N, dF/di in N/A, shape (n,), and L in H, shape (n, n)."""
+
+
+def point_magnetics(magnetics: Magnetics) -> PointMagnetics:
+    """Force, motional constants and inductances of a co-energy; in floats where there is one current, or none."""
+    if type(magnetics) is not CoenergySpline:
+
+        def by_arrays(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+            state = magnetics.state_of_circuits(np.array([distance]), currents[None])
+            return float(state.force[0]), state.motional_constant[0], state.inductance[0]
+
+        return by_arrays
+
+    place = magnetics.coordinate.in_floats()
+    derivatives = magnetics.spline.in_floats(((1, 0), (1, 1), (0, 2)))
+
+    def in_floats(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        u, (per_metre,) = place([distance])
+        if not currents.size:
+            ((slope, _, _),) = derivatives(u, [0.0])
+            return per_metre * slope, currents, np.zeros((0, 0))
+        ((slope, mixed, inductance),) = derivatives(u, [float(currents[0])])
+        return per_metre * slope, np.array([per_metre * mixed]), np.array([[inductance]])
+
+    return in_floats

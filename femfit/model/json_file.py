@@ -9,30 +9,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.atomic import write_text
-from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import ModelFileError
-from femfit.core.finding import listing
-from femfit.core.outputs import MODEL, require_outputs
-from femfit.core.paths import path_of
-from femfit.device.circuit import Circuit, Drive
+from femfit.core.files import MODEL, path_of, require_outputs, write_text
+from femfit.core.numerics import ABSOLUTE_ZERO_C
+from femfit.core.results import listing
+from femfit.device.electrics import Circuit, Drive, Sensor
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
-from femfit.device.sensors import Sensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.carried import Carried
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.hall import HallField, HallSpline
-from femfit.model.hall_sensor import HallSensor
-from femfit.model.json_carried import carried_from, carried_to
-from femfit.model.json_drawn import drawn_from, drawn_to
-from femfit.model.json_eddy import eddy_from, eddy_to
+from femfit.model.hall import HallField, HallSensor, HallSpline, PickupSensor, SensedField
+from femfit.model.json_effects import carried_from, carried_to, drawn_from, drawn_to
 from femfit.model.json_magnetics import (
     NETWORK_KIND,
     magnetics_from,
@@ -40,19 +31,22 @@ from femfit.model.json_magnetics import (
     spline_to,
     tensor_to,
 )
-from femfit.model.json_mechanics import drive_from, mechanics_from, unusual
+from femfit.model.json_parts import (
+    drive_from,
+    eddy_from,
+    eddy_to,
+    hall_field_from,
+    mechanics_from,
+    sensed_to,
+    sensors_from,
+    unusual,
+)
 from femfit.model.json_section import Section
-from femfit.model.json_sensed import hall_field_from, sensed_to
-from femfit.model.json_sensors import sensors_from
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
-from femfit.model.misfit import Misfit
 from femfit.model.network_magnetics import NetworkMagnetics
-from femfit.model.pickup import PickupSensor
-from femfit.model.process_noise import ProcessNoise
 from femfit.model.sensed_effects import pickups_as_fitted
-from femfit.model.sensed_field import SensedField
-from femfit.model.several_magnetics import SeveralMagnetics
-from femfit.model.validity import ValidityBox
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor, SeveralMagnetics
+from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
 from femfit.model.with_effects import with_effects
 
 

@@ -5,16 +5,15 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.model.bspline import PARABOLA, TensorSpline, is_clamped
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.hall import SensedField
 from femfit.model.json_section import Section
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics, Magnetics
 from femfit.model.network_magnetics import NetworkMagnetics
-from femfit.model.sensed_field import SensedField
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 
 INVERSE, PLAIN, TWO_GAPS = "inverse_distance", "distance", "two_gaps"
 """What u may be: d_0 / (d + s), d / d_0, or, of several circuits, sinh((d - d_0) / h)."""

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import ModelFileError, UsageError
+from femfit.core.numerics import FloatArray
+from femfit.core.text import counted
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -21,7 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.bspline import TensorSpline

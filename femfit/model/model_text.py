@@ -4,14 +4,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.core.amount import amount, amount_range, counted
+from femfit.core.text import amount, amount_range, counted
 from femfit.model.magnetics import LawMagnetics
 from femfit.model.network_magnetics import FORMULA, NETWORK, NetworkMagnetics
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
     from femfit.model.eddy_currents import EddyCurrents
-    from femfit.model.misfit import Misfit
+    from femfit.model.validity import Misfit
 
 
 def model_lines(model: "ActuatorModel") -> list[str]:

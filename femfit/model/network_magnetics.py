@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.effects.taylor_series import TaylorSeries, current_series, distance_series
 from femfit.model.magnetics import Magnetics, MagneticState
 

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, resistance_column, voltage_columns
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import CHANNELS, AddedEffect

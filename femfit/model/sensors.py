@@ -3,25 +3,29 @@
 A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
 d'', which is zero at rest, or d'' - g where it reads gravity, as accelerometers of silicon do; a force sensor the
 magnetic force, and a pickup coil the voltage that its flux linkage induces. Distance, current and force are those that
-the effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sampling`.
+the effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sensors`.
+
+What the samples of a sensor are made of: the values of a few states at this sample and at earlier ones.
+
+reading_k = sum over j of c_j g(x_(k-j)). For a sensor that is late by a part of a sample, g is interpolated between two
+samples. A pickup coil's g is its flux linkage, and its reading the mean voltage over the sample.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import floor
 from typing import TypeAlias
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import MissingPartError
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.sweep_columns import circuit_currents
-from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import hall_voltage, state_derivative
-from femfit.model.hall_sensor import HallSensor
-from femfit.model.other_sensor import OtherSensor
-from femfit.model.pickup import PickupSensor
-from femfit.model.recorded import recorded_force, recorded_state
+from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
+from femfit.model.sensed_effects import recorded_force, recorded_state
 
 AnySensor: TypeAlias = HallSensor | OtherSensor
 
@@ -219,3 +223,48 @@ def piece_slope(sensor: PositionSensor, distance: FloatArray) -> FloatArray:
 def _piece(sensor: PositionSensor, distance: FloatArray) -> IntArray:
     at = np.asarray(sensor.distances_m)
     return np.clip(np.searchsorted(at, distance, side="right") - 1, 0, len(at) - 2)
+
+
+WHOLE = 1e-6
+"""Numerical: a delay this near to a whole number of samples is one."""
+
+SAMPLES_OF_A_STROKE = 100.0
+"""Assumed: samples in which a body goes through its stroke, where a speed must be guessed."""
+
+
+def sample_weights(sensor: AnySensor, step_s: float) -> FloatArray:
+    """c_0, c_1, .. of a sensor that is sampled with a step in s; the last is not zero."""
+    delay = sensor.delay_s / step_s
+    whole = floor(delay + WHOLE)
+    part = max(0.0, delay - whole)
+    part = 0.0 if part < WHOLE else part
+    weights = np.zeros(whole + 2)
+    weights[whole], weights[whole + 1] = 1.0 - part, part
+    weights = weights[: whole + 1] if part == 0.0 else weights
+    return np.convolve(weights, [1.0 / step_s, -1.0 / step_s]) if isinstance(sensor, PickupSensor) else weights
+
+
+def sampled_value(
+    model: ActuatorModel, sensor: AnySensor, state: FloatArray, time: FloatArray | float = 0.0
+) -> FloatArray:
+    """The g of the module's head, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
+    if isinstance(sensor, PickupSensor):
+        require_no_eddies(model, f"what pickup coil {sensor.name!r} reads")
+        return sensor.flux.field(state[..., 0], model.currents_of(state))
+    return predict_sensor(model, sensor, state, time)
+
+
+def sampled_readings(model: ActuatorModel, sensor: AnySensor, states: FloatArray) -> FloatArray:
+    """Readings without noise along states of shape (samples, n); before the first it was as at the first."""
+    values, row = sampled_value(model, sensor, states), np.arange(len(states))
+    weights = enumerate(sample_weights(sensor, model.sample_time_s))
+    return np.asarray(np.sum([weight * values[np.maximum(row - k, 0)] for k, weight in weights], axis=0))
+
+
+def readings_span(model: ActuatorModel, sensor: AnySensor) -> float:
+    """Width of the readings over the validity domain, in the sensor's unit; of a body at a usual speed in a coil."""
+    distance, currents = model.validity.grid(9, 3 if len(model.circuits) > 1 else 9)
+    states, n = np.zeros((distance.size, model.order)), len(model.circuits)
+    states[:, 0], states[:, 2 : 2 + n] = distance, currents.reshape(distance.size, -1)[:, :n]
+    span = float(np.ptp(sampled_value(model, sensor, states)))
+    return span / (SAMPLES_OF_A_STROKE * model.sample_time_s) if isinstance(sensor, PickupSensor) else span

@@ -1,11 +1,18 @@
-"""The distances and currents that a model was fitted to, outside of which it is not evaluated."""
+"""The distances and currents that a model was fitted to, outside of which it is not evaluated.
+
+How far a model is from the table that it was fitted to.
+
+What an actuator's drawing is made of, as far as effects and reports depend on it.
+
+What a record told of the noise that moves a device.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError
+from femfit.core.numerics import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -80,3 +87,63 @@ class ValidityBox:
                 f"{ranges}, where the model was fitted; instead received "
                 f"{1e3 * d:g} mm and {', '.join(f'{one:g} A' for one in i)}. Sweep and fit a wider range."
             )
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """How far the model, as it is written, is from the table that it was fitted to.
+
+    Parameters
+    ----------
+    force_rms_N, force_max_N : float
+        Root mean square and maximum of model minus table.
+    force_rms_relative : float
+        Root mean square of (model - table) / table over the rows.
+    force_rms_of_weight : float or None
+        ``force_rms_N`` over the moving part's weight, where it can hang within the sweep.
+    flux_linkage_rms_Wb, inductance_rms_H, hall_rms_T : float or None
+        The same for what else the table has. The inductance is the flux linkage's difference over that of the current,
+        from each current to the next.
+    against : str
+        What it was compared with, for example ``sweep``.
+    force_share, flux_linkage_share, inductance_share : float or None
+        Each rms over the rms of the table's own values; None in files of earlier versions.
+    """
+
+    force_rms_N: float
+    force_max_N: float
+    force_rms_relative: float
+    force_rms_of_weight: float | None
+    flux_linkage_rms_Wb: float | None
+    hall_rms_T: float | None
+    rows: int
+    against: str
+    inductance_rms_H: float | None = None
+    force_share: float | None = None
+    flux_linkage_share: float | None = None
+    inductance_share: float | None = None
+
+
+@dataclass(frozen=True)
+class ActuatorKind:
+    """Which parts of the drawing are magnets, iron and winding."""
+
+    fixed_magnet: bool
+    moving_magnet: bool
+    fixed_iron: bool
+    moving_iron: bool
+    coil: bool
+    saturates: bool  # Whether a part's material has a B-H curve
+
+    @property
+    def has_magnet(self) -> bool:
+        """Whether any part has a remanence."""
+        return self.fixed_magnet or self.moving_magnet
+
+
+@dataclass(frozen=True)
+class ProcessNoise:
+    """What a record told of the noise that moves body and current; None for what it could not tell."""
+
+    acceleration_density: float | None = None  # White acceleration, m^2/s^3
+    voltage_V: float | None = None  # White from sample to sample

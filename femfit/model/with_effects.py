@@ -9,27 +9,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, MissingPartError
-from femfit.device.circuit import Circuit
+from femfit.core.numerics import FloatArray
+from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
+from femfit.effects.catalogue import OF_THE_WHOLE, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.effects.of_circuits import OF_THE_WHOLE, source_scales
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, stops_of
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.coenergy_series import ModelCoenergy
-from femfit.model.coenergy_table import CoenergyTable
-from femfit.model.coenergy_tensor import CoenergyTensor
+from femfit.model.coenergy_table import CoenergyTable, ModelCoenergy
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.effect_dynamics import EffectDynamics
-from femfit.model.hall import HallField
-from femfit.model.hall_sensor import HallSensor
+from femfit.model.hall import HallField, HallSensor
 from femfit.model.magnetics import Magnetics
 from femfit.model.sensed_effects import hall_with_effects, pickups_with_effects
-from femfit.model.several_magnetics import SeveralMagnetics
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor, SeveralMagnetics
 
 
 def nominal_of(model: ActuatorModel) -> Nominal:

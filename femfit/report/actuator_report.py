@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from femfit.audit.carried import COLD_C, WARM_C, carried_range
-from femfit.core.amount import axis_scale
-from femfit.core.arrays import FloatArray
-from femfit.core.constants import GRAVITY
+from femfit.core.numerics import GRAVITY, FloatArray
+from femfit.core.text import axis_scale
 from femfit.device.drawn_numbers import in_picture
-from femfit.device.hall_range import REMEDY, where_clipped
+from femfit.device.electrics import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
 from femfit.fit.constants import TARGET
@@ -23,13 +22,11 @@ from femfit.fit.rows import FitRows
 from femfit.heat.result import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
-from femfit.report.circuits import circuit_table, current_ranges, several_circuits
-from femfit.report.circuits_figure import circuits_figure
-from femfit.report.content import ReportContent
+from femfit.report.circuits import circuit_table, circuits_figure, current_ranges, several_circuits
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
+from femfit.report.field_cells import FieldSample
 from femfit.report.field_figures import field_figure, line_flux
-from femfit.report.field_sample import FieldSample
 from femfit.report.force_figures import (
     changes_sign,
     coil_figure,
@@ -39,13 +36,22 @@ from femfit.report.force_figures import (
 )
 from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
-from femfit.report.numbers import quantity, significant
-from femfit.report.open_loop_figure import open_loop_figure
-from femfit.report.page import render
+from femfit.report.motion_figures import open_loop_figure
+from femfit.report.page import ReportContent, render
 from femfit.report.parts import all_regions, saturates
-from femfit.report.rating import SMALL, USUAL_KNEES, Rating, copper_share, growth, iron_loads, rate
-from femfit.report.style import Drawing, data_uri, svg_uri
-from femfit.report.sweep_grid import SweepGrid, reciprocity, sweep_grid
+from femfit.report.rating import (
+    SMALL,
+    USUAL_KNEES,
+    Rating,
+    SweepGrid,
+    copper_share,
+    growth,
+    iron_loads,
+    rate,
+    reciprocity,
+    sweep_grid,
+)
+from femfit.report.style import Drawing, data_uri, quantity, significant, svg_uri
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
 from femfit.effects.effect import Effect, EffectParameter
 from femfit.effects.words import smallest_visible
@@ -15,12 +15,11 @@ from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.repeats import setting_cells
+from femfit.identify.readings.settings import setting_cells
 from femfit.identify.refit.add_result import AddResult
 from femfit.report.explained_figures import ranking_figure, waterfall_figure
 from femfit.report.misfit_figures import residual_maps_figure
-from femfit.report.numbers import NOTHING, formula_markup, percent, plain, quantity, significant
-from femfit.report.style import Drawing
+from femfit.report.style import NOTHING, Drawing, formula_markup, percent, plain, quantity, significant
 from femfit.tables.measurement import CHANNEL_WORDS
 
 SHOWN = 6

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from femfit import __version__
-from femfit.core.atomic import replacing
+from femfit.core.files import replacing
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.compare import Comparison
-from femfit.identify.comparison.curves import measured_curves
 from femfit.identify.comparison.fall import ErrorFall
+from femfit.identify.comparison.misfit_maps import measured_curves
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
 from femfit.identify.decision.own_misfit import finer_model
@@ -31,6 +31,7 @@ from femfit.report.bench_facts import (
     next_facts,
     rms_before_and_after,
 )
+from femfit.report.explained_figures import remainder_figure
 from femfit.report.misfit_figures import (
     covariate_figure,
     curves_figure,
@@ -39,7 +40,6 @@ from femfit.report.misfit_figures import (
     worst_first,
 )
 from femfit.report.page import render
-from femfit.report.remainder_figure import remainder_figure
 from femfit.report.style import Drawing, style, svg_uri
 from femfit.tables.measurement import Measurement
 

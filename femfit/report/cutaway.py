@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
+from femfit.report.field_cells import FieldSample
 from femfit.report.field_figures import colour_limit, colours_of, flux_levels
-from femfit.report.field_sample import FieldSample
 from femfit.report.parts import COLOURS, HALL_COLOUR, half_sections
 from femfit.report.style import new_figure, style, words
 

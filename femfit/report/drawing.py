@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.parts import Actuator, Coil, LinearMaterial, NonlinearMaterial, Region
-from femfit.field.outline import part_corners
-from femfit.report.numbers import plain, significant
+from femfit.field.layout import part_corners
 from femfit.report.parts import (
     COLOURS,
     HALL_COLOUR,
@@ -20,7 +19,7 @@ from femfit.report.parts import (
     standing_corners,
 )
 from femfit.report.rating import knee_T
-from femfit.report.style import INK, MUTED, new_figure, styled, words
+from femfit.report.style import INK, MUTED, new_figure, plain, significant, styled, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,7 +1,7 @@
 """A solved point as pictures of the full section: mesh, flux lines, |B|, relative permeability.
 
 Colours are drawn on the small triangles of :mod:`femfit.report.field_cells`, sharp at the parts' faces, or, where a
-page needs it quickly, on the regular grid of :mod:`femfit.report.field_sample`; flux lines are contours of 2 pi r A_phi
+page needs it quickly, on the regular grid of :mod:`femfit.report.field_cells`; flux lines are contours of 2 pi r A_phi
 on that grid. |B| is coloured by its square root, so that both the air and iron between 0.5 and 2 T keep their shades.
 """
 
@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.atomic import replacing
+from femfit.core.files import replacing
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.parts import Actuator, NonlinearMaterial, Region
 from femfit.report.drawing import actuator_figure, draw_outlines
-from femfit.report.field_cells import FieldCells, field_cells, write_vtu
-from femfit.report.field_sample import FieldSample, SolvedPoint, sample_of
-from femfit.report.numbers import plain, quantity, significant
+from femfit.report.field_cells import FieldCells, FieldSample, SolvedPoint, field_cells, sample_of, write_vtu
 from femfit.report.parts import COLOURS, all_regions, half_sections, is_iron, mirrored
-from femfit.report.style import BLUE, INK, MUTED, PAPER, new_figure, style, styled, words
+from femfit.report.style import BLUE, INK, MUTED, PAPER, new_figure, plain, quantity, significant, style, styled, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

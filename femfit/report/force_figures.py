@@ -4,10 +4,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.core.amount import axis_scale
+from femfit.core.text import axis_scale
 from femfit.device.mechanics import Mechanics
-from femfit.report.numbers import plain, significant
-from femfit.report.rating import Rating
+from femfit.report.rating import Rating, SweepGrid
 from femfit.report.style import (
     BLUE,
     GREEN,
@@ -18,10 +17,11 @@ from femfit.report.style import (
     label,
     new_figure,
     ordered_colours,
+    plain,
+    significant,
     styled,
     words,
 )
-from femfit.report.sweep_grid import SweepGrid
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis

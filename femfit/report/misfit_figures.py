@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import axis_scale
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.identify.comparison.curves import MeasuredCurves
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.text import axis_scale
+from femfit.identify.comparison.misfit_maps import MeasuredCurves
 from femfit.identify.readings.observations import Observations
-from femfit.report.numbers import quantity
 from femfit.report.style import (
     BLUE,
     CATEGORIES,
@@ -20,6 +19,7 @@ from femfit.report.style import (
     WIDTH,
     new_figure,
     ordered_colours,
+    quantity,
     styled,
     words,
 )

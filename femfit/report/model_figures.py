@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.fit.constants import TARGET
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows

@@ -1,23 +1,42 @@
-"""A page from a template: the words stand in ``templates/``, the numbers come from the rooms below."""
+"""A page from a template: the words stand in ``templates/``, the numbers come from the rooms below.
+
+What a report on an actuator is made of: results that were computed before.
+"""
 
 import math
 from collections.abc import Mapping
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
 
 from femfit import __version__
-from femfit.core.amount import counted
-from femfit.core.atomic import write_text
-from femfit.core.errors import RunDirectoryError
+from femfit.core.errors import DomainError, RunDirectoryError
+from femfit.core.files import write_text
+from femfit.core.numerics import GRAVITY, BoolArray
+from femfit.core.text import counted
+from femfit.device.parts import Actuator
+from femfit.estimate.holding import holding_current
+from femfit.fit.circuit_system import CircuitRows
+from femfit.fit.circuits_build import circuit_rows
+from femfit.fit.result import FitResult
+from femfit.fit.rows import FitRows, rows_of_table
+from femfit.heat.result import Temperatures
+from femfit.model.actuator_model import ActuatorModel
 from femfit.report.circuits import at_currents
-from femfit.report.numbers import NOTHING, formula_markup, p_value, percent, plain, quantity, significant
-from femfit.report.style import words
+from femfit.report.field_cells import FieldSample
+from femfit.report.style import NOTHING, formula_markup, p_value, percent, plain, quantity, significant, words
+from femfit.simulation.open_result import OpenLoop
+from femfit.simulation.study import ClosedLoopStudy
 from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.tables.sweep_table import SweepTable
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
 
 LARGEST_BYTES = 3_000_000
 """A report is one file that can be sent by mail."""
@@ -76,3 +95,96 @@ def write_page(text: str, path: str | Path) -> Path:
         )
     write_text(path, text)
     return Path(path)
+
+
+Place: TypeAlias = tuple[float, float | tuple[float, ...]]
+"""Distance in m and current in A; of several circuits one current each."""
+
+
+@dataclass(frozen=True)
+class ReportContent:
+    """Results on one actuator; every part but the model may be absent, and its chapter is then left out."""
+
+    # The model that the report describes; with a fit to all laws, the co-energy rather than the recommended law
+    model: ActuatorModel
+    actuator: Actuator | None = None
+    sweep: SweepTable | None = None
+    fit: FitResult | None = None
+    study: ClosedLoopStudy | None = None
+    no_study: str = ""  # Why the loop was not closed, as the error said
+    motion: OpenLoop | None = None  # As of :func:`femfit.simulation.supply.motion_at_supply`
+    heat: Temperatures | None = None  # As of :func:`femfit.heat.find_temperatures.temperatures_at_supply`
+    # The field at :func:`picture_point`, and at :func:`strongest_point`, by which the iron is judged
+    field: FieldSample | None = None
+    strongest: FieldSample | None = None
+    # Whether the loop is still to come: ``femfit run`` writes the page again when it is there
+    unfinished: bool = False
+    # Steps of the run and their time; files and their SHA-256
+    timings_s: tuple[tuple[str, float], ...] = ()
+    hashes: tuple[tuple[str, str], ...] = ()
+
+    @cached_property
+    def rows(self) -> FitRows | None:
+        """The sweep's rows; None without a sweep."""
+        if self.fit is not None:
+            return self.fit.rows
+        if self.sweep is None:
+            return None
+        mass = None if self.model.motion is None else self.model.motion.mass_kg
+        return rows_of_table(self.sweep, mass, GRAVITY)
+
+    @property
+    def several(self) -> CircuitRows | None:
+        """The same with all currents, where there are several circuits."""
+        if self.sweep is None or len(self.model.validity.current_limits_A) == 1:
+            return None
+        return circuit_rows(self.sweep, self.model.kind)
+
+    @property
+    def idle(self) -> BoolArray:
+        """Which of the sweep's rows have no current in any circuit."""
+        several = self.several
+        if several is not None:
+            return np.asarray(np.all(several.currents == 0.0, axis=1))
+        return np.zeros(0, dtype=np.bool_) if self.rows is None else self.rows.current == 0.0
+
+    @property
+    def weight(self) -> float | None:
+        """Weight of the moving part in N, where its mass is known."""
+        motion = self.model.motion
+        return None if motion is None else motion.mass_kg * motion.gravity_m_s2
+
+    @property
+    def levitates(self) -> bool:
+        """Whether the moving part is meant to be held by the force against its weight."""
+        return levitates(self.actuator, self.rows)
+
+
+def levitates(actuator: Actuator | None, rows: FitRows | None) -> bool:
+    """Whether a drawing has a sensor or reference for a body that can hang within the sweep."""
+    if actuator is None or rows is None or rows.hanging_weight is None:
+        return False
+    return actuator.hall is not None or bool(actuator.reference_distances_m)
+
+
+def picture_point(actuator: Actuator, model: ActuatorModel, rows: FitRows) -> Place:
+    """Distance in m and current in A, or one a circuit, at which the field is drawn.
+
+    A body that is meant to hang is drawn at its first reference distance and its holding current, every other actuator
+    at :func:`strongest_point`.
+    """
+    if levitates(actuator, rows) and model.motion is not None:
+        distances = actuator.reference_distances_m or (float(np.median(rows.distances)),)
+        try:
+            return distances[0], holding_current(model, distances[0])
+        except DomainError:
+            pass
+    return strongest_point(actuator)
+
+
+def strongest_point(actuator: Actuator) -> Place:
+    """Shortest distance that the body can have in m and largest currents in A: where iron carries the most flux."""
+    axes = actuator.sweep
+    largest = [max(each, key=lambda i: (abs(i), i)) for each in (axes.currents_A, *axes.further_A)]
+    nearest = max(min(axes.distances_m), actuator.mechanics.ends[0])
+    return nearest, tuple(largest) if axes.further_A else largest[0]

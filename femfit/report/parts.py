@@ -3,9 +3,9 @@
 import numpy as np
 import shapely
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator, Material, NonlinearMaterial, Region
-from femfit.field.outline import fixed_parts, moving_parts, part_corners
+from femfit.field.layout import fixed_parts, moving_parts, part_corners
 
 Outline = tuple[tuple[float, float], ...]
 

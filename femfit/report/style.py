@@ -1,7 +1,12 @@
-"""One look for all pictures: sizes, fonts, words, a palette that colour-blind readers can tell apart."""
+"""One look for all pictures: sizes, fonts, words, a palette that colour-blind readers can tell apart.
+
+Numbers with their unit and formulas, as text.
+"""
 
 import base64
 import io
+import math
+import re
 import tomllib
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -9,9 +14,14 @@ from functools import cache, wraps
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
+from markupsafe import Markup, escape
+
+from femfit.core.text import amount, probability, rounded
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 Drawing = Callable[[], "Figure"]
 Arguments = ParamSpec("Arguments")
@@ -125,3 +135,50 @@ def svg_uri(draw: Drawing, name: str) -> str:
 def data_uri(kind: str, content: bytes) -> str:
     """A file's content as data URI, so that a page needs nothing beside it."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+NO_BREAK = "\u00a0"
+
+NOTHING = "–"
+"""In place of a number that there is none of."""
+
+_EXPONENT = re.compile(r"\^(?:\((-?[\d/]+)\)|(-?\d+))")
+
+_POWER = re.compile(r"e([+-]?\d+)")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def quantity(value: float | None, unit: str, digits: int = 3) -> str:
+    """An amount as it is set on a page."""
+    number, _, unit = amount(value, unit.replace("Ω", "ohm"), digits).partition(" ")
+    return f"{_set(number)}{NO_BREAK}{unit}".rstrip().replace("ohm", "Ω")
+
+
+def percent(fraction: float | None, digits: int = 2) -> str:
+    """A fraction in per cent."""
+    return quantity(fraction, "", digits)
+
+
+def significant(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, in powers of ten where it is very large or small."""
+    return _set(rounded(value, digits)) if math.isfinite(value) else NOTHING
+
+
+def p_value(value: float) -> str:
+    """A probability as it is set on a page."""
+    return _set(probability(value))
+
+
+def _set(number: str) -> str:
+    return _POWER.sub(lambda m: f"·10{str(int(m[1])).translate(_RAISED)}", number).replace("-", "−")
+
+
+def plain(value: float, digits: int = 6) -> str:
+    """A number that was typed in, with no digit more than it had."""
+    return f"{value:.{digits}g}".replace("-", "−") if math.isfinite(value) else NOTHING
+
+
+def formula_markup(formula: str) -> Markup:
+    """A formula for the page, from plain text with exponents as ``^-4`` or ``^(-3/2)``."""
+    raised = _EXPONENT.sub(lambda m: f"<sup>{m[1] or m[2]}</sup>".replace("-", "−"), str(escape(formula)))
+    return Markup(raised)  # noqa: S704 - escaped before

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError
-from femfit.core.outputs import PAGE, require_outputs
-from femfit.core.paths import path_of
+from femfit.core.files import PAGE, path_of, require_outputs
 from femfit.device.summary import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
@@ -19,16 +18,15 @@ from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.refit.add_result import AddResult
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
-from femfit.open_loop.supply import motion_at_supply
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.bench_report import render_added, render_comparison, render_diagnosis
-from femfit.report.content import Place, ReportContent, picture_point, strongest_point
-from femfit.report.page import write_page
+from femfit.report.page import Place, ReportContent, picture_point, strongest_point, write_page
+from femfit.simulation.supply import motion_at_supply
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
 
 if TYPE_CHECKING:
     from femfit.device.parts import Actuator
-    from femfit.report.field_sample import FieldSample
+    from femfit.report.field_cells import FieldSample
 
 MODEL_FILE = "model.json"
 
@@ -125,7 +123,7 @@ def _table_content(
 
 def with_field(content: ReportContent, actuator: "Actuator") -> ReportContent:
     """The content with the field solved at the points that a report shows."""
-    from femfit.report.field_sample import sample_field
+    from femfit.report.field_cells import sample_field
 
     rows = content.rows
     assert rows is not None  # noqa: S101 - a drawing comes with its sweep

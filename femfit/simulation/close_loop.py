@@ -8,19 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
-from femfit.core.quoted import quoted
-from femfit.core.random_numbers import random_generator
+from femfit.core.numerics import FloatArray
+from femfit.core.public import random_generator
+from femfit.core.text import counted, quoted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.simulation.adjust import adjusted
-from femfit.simulation.choose import Choice, choose
+from femfit.simulation.adjust import Choice, adjusted, choose
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.loop_progress import LoopProgress, stage
+from femfit.simulation.loop import LoopProgress, stage
 from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.summary import LoopSummary, Spread
 from femfit.simulation.why_lost import why_lost

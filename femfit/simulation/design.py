@@ -7,25 +7,22 @@ from typing import Literal, cast, get_args
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, FilterError
-from femfit.filters.constants import FIRST_DEVIATION_M
-from femfit.filters.kalman_filter import FilterKind, kalman_filter
-from femfit.filters.levitation import chosen_sensors
-from femfit.filters.noise import FilterNoise, default_noise
+from femfit.core.numerics import FloatArray
+from femfit.estimate.constants import FIRST_DEVIATION_M
+from femfit.estimate.kalman_filter import FilterKind, kalman_filter
+from femfit.estimate.levitation import chosen_sensors
+from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
+from femfit.simulation.blind import why_none
 from femfit.simulation.constants import COMMAND_ERRORS, DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S, NEARLY
-from femfit.simulation.controllers import Backstepping, Controller
-from femfit.simulation.distance_inverse import distance_inverse
+from femfit.simulation.controllers import Backstepping, Controller, Pid
 from femfit.simulation.margins import Margins
-from femfit.simulation.no_controller import why_none
-from femfit.simulation.observers import DirectObserver, Observer, SplitObserver
+from femfit.simulation.observers import DirectObserver, Observer, SplitObserver, distance_inverse
 from femfit.simulation.operating_point import OperatingPoint, operating_point
-from femfit.simulation.pid import Pid
-from femfit.simulation.reference import reference_rate
 from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
-from femfit.simulation.targets import covered, derived_targets, require_sensed
+from femfit.simulation.targets import covered, derived_targets, reference_rate, require_sensed
 from femfit.simulation.tune import (
     Bench,
     make_bench,

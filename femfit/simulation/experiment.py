@@ -6,20 +6,19 @@ from typing import Literal, cast
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import DomainError
-from femfit.filters.constants import FIRST_DEVIATION_M
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.estimate.constants import FIRST_DEVIATION_M
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
-from femfit.simulation.distance_inverse import distance_inverse
 from femfit.simulation.loop import ClosedLoop, LoopResult, Show, TimeSeries, run_loop
-from femfit.simulation.observers import SplitObserver
+from femfit.simulation.observers import SplitObserver, distance_inverse
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
-from femfit.simulation.reference import Reference, reference_steps, stack_references
 from femfit.simulation.sensor import SensorErrors
+from femfit.simulation.targets import Reference, reference_steps, stack_references
 
 
 @dataclass(frozen=True)

@@ -18,18 +18,17 @@ from functools import partial
 
 import numpy as np
 
-from femfit.core.arrays import ComplexArray, FloatArray
-from femfit.filters.filter import Filter
+from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import state_scale
-from femfit.model.sampling import sample_weights, sampled_value
+from femfit.model.sensors import sample_weights, sampled_value
 from femfit.simulation.controllers import Controller
 from femfit.simulation.observers import DirectObserver
-from femfit.simulation.operating_point import OperatingPoint
+from femfit.simulation.operating_point import OperatingPoint, solve_riccati
 from femfit.simulation.plant import Plant
-from femfit.simulation.reference import Reference
-from femfit.simulation.riccati import solve_riccati
 from femfit.simulation.sensor import LoopSensor
+from femfit.simulation.targets import Reference
 
 _PROBE = 1e-5
 """Part of a state's range over which differences are taken."""

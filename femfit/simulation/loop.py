@@ -3,6 +3,8 @@
 At sample k: the sensors read the plant as it was their delay ago, the observer makes an estimate of the readings and
 the command held since sample k - 1, the controller answers with a command that acts for a sample, at once or after the
 latency. A run that is lost stops there; its series are NaN from then on and it never enters a mean.
+
+How far a simulation of several parts is: a callable that is told the part, the samples done and all of them.
 """
 
 from collections import deque
@@ -13,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.allocation import limits_of
+from femfit.simulation.blind import WindowStatistics, window_statistics
 from femfit.simulation.controllers import Controller
-from femfit.simulation.limits import limits_of
 from femfit.simulation.observers import Observer, innovation_quality
 from femfit.simulation.operating_point import resting_command
 from femfit.simulation.plant import Plant
-from femfit.simulation.reference import Reference
 from femfit.simulation.sensor import History, LoopSensor, SensorErrors, read_sensors, true_readings
-from femfit.simulation.window import WindowStatistics, window_statistics
+from femfit.simulation.targets import Reference
 
 Show = Callable[[int, int], None]
 """Takes how many samples are done, and of how many."""
@@ -286,3 +288,14 @@ class _Watch:
         lies = (self._outcome == _HELD) & (self._side != 0)
         outcome = np.where(lies, self._side, self._outcome)
         return outcome, np.where(lies, np.minimum(self._touched, time), self._when)
+
+
+LoopProgress = Callable[[str, int, int], None]
+"""Takes what is simulated, how many samples are done, and of how many."""
+
+
+def stage(progress: LoopProgress | None, name: str) -> Show | None:
+    """What one part of the work is told, as it is said of that part alone."""
+    if progress is None:
+        return None
+    return lambda done, total: progress(name, done, total)

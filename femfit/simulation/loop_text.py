@@ -7,21 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount, counted
-from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError, FilterError
-from femfit.core.quoted import quoted
+from femfit.core.files import json_ready
+from femfit.core.text import amount, counted, quoted
 from femfit.model.sensors import HALL
 from femfit.simulation.adjust import gains_of
 from femfit.simulation.blind import blind_bound
 from femfit.simulation.constants import LESS_NOISE, NEARLY, WANTED_MODULUS, WANTED_PHASE_DEG
-from femfit.simulation.controllers import Backstepping, Controller
+from femfit.simulation.controllers import Backstepping, Controller, Pid
 from femfit.simulation.design import ControllerName, LoopDesign, keeping_margins
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.operating_point import OperatingPoint
-from femfit.simulation.pid import Pid
 from femfit.simulation.state_feedback import StateFeedback
 from femfit.simulation.study_rows import HoldRow
 

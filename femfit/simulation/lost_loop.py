@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray
 from femfit.core.errors import DomainError, FilterError
+from femfit.core.numerics import BoolArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.loop_progress import LoopProgress, stage
+from femfit.simulation.loop import LoopProgress, stage
 
 CERTAIN = 30.0
 """Derived: growth times duration from which a deviation of one rounding, 1e-13 of the range, has grown to the range."""

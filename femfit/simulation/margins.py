@@ -21,14 +21,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.arrays import ComplexArray, FloatArray
-from femfit.simulation.constants import (
-    NOISE_ROOM,
-    THIN_MODULUS,
-    THIN_PHASE_DEG,
-    WANTED_MODULUS,
-    WANTED_PHASE_DEG,
-)
+from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.simulation.constants import NOISE_ROOM, THIN_MODULUS, THIN_PHASE_DEG, WANTED_MODULUS, WANTED_PHASE_DEG
 from femfit.simulation.linear_loop import LinearController, LinearPlant, closed_loop_matrix
 
 FREQUENCIES, LOWEST = 600, 1e-4

@@ -1,7 +1,9 @@
 """Where the controller's state comes from: a Kalman filter, or the direct measurement.
 
-An observer steps as :class:`femfit.filters.filter.Filter` does, and its state has the same three readings: ``mean``
+An observer steps as :class:`femfit.estimate.filter.Filter` does, and its state has the same three readings: ``mean``
 (runs, 2 + n or more: distance, velocity, currents), ``diverged`` and ``normalised_innovation_squared`` (runs,).
+
+The distance straight from the first sensor's reading, where it tells one.
 """
 
 from dataclasses import dataclass
@@ -9,13 +11,59 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.filters.direct import HallInverse
-from femfit.filters.filter import Filter
+from femfit.core.errors import FilterError
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.device.electrics import PositionSensor
+from femfit.estimate.direct import HallInverse, hall_inverse
+from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, current_targets, is_plain, voltage_limits, winding_voltage
-from femfit.simulation.distance_inverse import PositionInverse
+from femfit.model.hall import HallSensor
+from femfit.model.sensors import characteristic, sensor_named
 from femfit.simulation.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True, eq=False)
+class PositionInverse:
+    """Distance from a position sensor's reading, by interpolation; the current does not matter."""
+
+    model: ActuatorModel
+    sensor: PositionSensor
+
+    def distance(self, reading: FloatArray, current: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Distances in m, and which readings lie beyond the characteristic within the validity domain."""
+        box = self.model.validity
+        ends = np.array([box.distance_min_m, box.distance_max_m])
+        places = np.unique(np.concatenate([np.asarray(self.sensor.distances_m).clip(*ends), ends]))
+        read = characteristic(self.sensor, places)
+        order = np.argsort(read)
+        several = len(self.model.circuits) > 1
+        reading = np.broadcast_to(reading, np.shape(current)[:-1] if several else np.shape(current))
+        outside = ~((reading >= read.min()) & (reading <= read.max()))
+        return np.interp(reading, read[order], places[order]), outside
+
+    def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:  # noqa: ARG002  as of a Hall element
+        """What it reads at a distance in m."""
+        return characteristic(self.sensor, distance)
+
+
+def distance_inverse(model: ActuatorModel, name: str) -> HallInverse | PositionInverse:
+    """The inversion of a sensor of this name.
+
+    Raises
+    ------
+    FilterError
+        If it reads something that many distances give.
+    """
+    sensor = sensor_named(model, name)
+    if isinstance(sensor, HallSensor):
+        return hall_inverse(model)
+    if isinstance(sensor, PositionSensor):
+        return PositionInverse(model, sensor)
+    raise FilterError(
+        f"A distance must follow from the reading of one sensor for a loop without a filter; {name} reads "
+        f"{sensor.kind}. Use a filter, which needs no inversion, or name a position or Hall sensor first."
+    )
 
 
 @dataclass(frozen=True, eq=False)

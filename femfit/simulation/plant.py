@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.filters.levitation import fastest_time_constant, kept_between_stops
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.estimate.levitation import fastest_time_constant, kept_between_stops
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import basis_matrix
-from femfit.model.coenergy_series import ModelCoenergy
+from femfit.model.coenergy_table import ModelCoenergy
 from femfit.model.drive import (
     blocked_by_diodes,
     commands_currents,

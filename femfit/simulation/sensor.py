@@ -5,6 +5,8 @@
 A sensor with a sample time of its own is read at every so many samples, and not at all (NaN) between them. The state
 within a delay that is no whole number of samples is interpolated from its neighbours and their velocities.
 
+Amplitudes of noise over its frequency.
+
 References
 ----------
 B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008): error variance LSB^2/12.
@@ -17,13 +19,12 @@ from math import floor
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.pickup import PickupSensor
-from femfit.model.sampling import WHOLE, readings_span, sampled_value
-from femfit.model.sensors import AnySensor, Reading, reading_of, sensor_named
+from femfit.model.hall import PickupSensor
+from femfit.model.sensors import WHOLE, AnySensor, Reading, reading_of, readings_span, sampled_value, sensor_named
 from femfit.simulation.constants import UNKNOWN_NOISE_PART
 
 
@@ -227,3 +228,13 @@ def convert(sensor: LoopSensor, values: FloatArray) -> FloatArray:
         return np.asarray(clipped)
     codes = np.minimum(np.round((clipped - reading.low) / reading.step), 2.0**reading.bits - 1.0)
     return np.asarray(reading.low + reading.step * codes)
+
+
+def amplitude_spectrum(distance: FloatArray) -> FloatArray:
+    """One-sided amplitudes |X_k| 2 / sum(window) of Hann-windowed records of shape (samples, runs) without their means.
+
+    Root mean square over the runs (F. J. Harris, Proc. IEEE 66 (1978) 51: windows).
+    """
+    window = np.hanning(len(distance))[:, None]
+    transform = np.abs(np.fft.rfft(window * (distance - distance.mean(axis=0)), axis=0)) * 2.0 / window.sum()
+    return np.asarray(np.sqrt(np.mean(transform**2, axis=1)))

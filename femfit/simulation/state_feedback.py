@@ -6,27 +6,30 @@ K is designed on the sampled linear model with the commands that are still on th
 the distance and its integral against the commands; for a wanted bandwidth w the weights are those that put the poles of
 the ideal chain from command to distance on a circle of that radius (Butterworth's pattern).
 
+The search by patterns for gains.
+
 References
 ----------
 K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), sections 4.3 (poles), 4.5
 (integral) and 11.1 (linear-quadratic regulator).
+R. Hooke and T. A. Jeeves, J. ACM 8 (1961) 212.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
+from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import commands_currents
+from femfit.simulation.allocation import limited, limits_of
+from femfit.simulation.constants import FIRST_FACTOR, LAST_FACTOR
 from femfit.simulation.controllers import Controller, reference_currents
-from femfit.simulation.limits import limited, limits_of
 from femfit.simulation.linear_loop import LinearPlant
-from femfit.simulation.operating_point import OperatingPoint, resting_command
-from femfit.simulation.reference import Reference
-from femfit.simulation.riccati import feedback_gain
+from femfit.simulation.operating_point import OperatingPoint, feedback_gain, resting_command
+from femfit.simulation.targets import Reference
 
 INTEGRAL_PART = 0.25
 """Conventional: rate at which the integral acts over the bandwidth; at a quarter it costs some 15 degrees of phase."""
@@ -154,3 +157,26 @@ def _of_gain(model: ActuatorModel, point: OperatingPoint, gain: FloatArray, late
     n = len(point.commands)
     order = 2 + n
     return StateFeedback(model, gain[:, :order], gain[:, -1], gain[:, order : order + n * latency])
+
+
+def pattern_search(
+    score: Callable[[FloatArray], float], start: FloatArray, highest: FloatArray, enough: float
+) -> FloatArray:
+    """Climb by one coordinate after the other, and along what the last round changed, with steps that shrink."""
+    values, best, step = start, score(start), np.log(FIRST_FACTOR)
+    while step > np.log(LAST_FACTOR) and best < enough:
+        before = values
+        for k in range(len(values)):
+            for sign in (1.0, -1.0):
+                tried = values.copy()
+                tried[k] = min(tried[k] + sign * step, highest[k])
+                if (reached := score(tried)) > best + 1e-9:
+                    values, best = tried, reached
+                    break
+        if np.array_equal(values, before):
+            step *= 0.5
+            continue
+        tried = np.minimum(2.0 * values - before, highest)
+        if (reached := score(tried)) > best:
+            values, best = tried, reached
+    return values

@@ -19,21 +19,19 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.core.atomic import json_ready
 from femfit.core.errors import DomainError
-from femfit.core.printed import Printed
-from femfit.filters.theory import noise_ratio_bound
+from femfit.core.files import json_ready
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Printed
+from femfit.estimate.noise import noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import reading_of, sensor_named
 from femfit.simulation.constants import SETTLING_PART, SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.loop import LoopResult, Show
-from femfit.simulation.loop_progress import LoopProgress, stage
+from femfit.simulation.loop import LoopProgress, LoopResult, Show, stage
 from femfit.simulation.loop_text import design_data
-from femfit.simulation.sensor import span_of
-from femfit.simulation.spectrum import amplitude_spectrum
+from femfit.simulation.sensor import amplitude_spectrum, span_of
 from femfit.simulation.study_rows import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
 from femfit.simulation.study_text import study_lines
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from femfit.core.arrays import FloatArray
-from femfit.filters.theory import ConsistencyBand
+from femfit.core.numerics import FloatArray
+from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.experiment import Experiment
 
 

@@ -3,7 +3,7 @@
 import math
 from typing import TYPE_CHECKING
 
-from femfit.core.amount import amount, counted
+from femfit.core.text import amount, counted
 from femfit.simulation.design import CONTROLLERS, LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop_text import consistency_line, design_lines, losses, sensor_word, verdict
@@ -11,6 +11,7 @@ from femfit.simulation.study_rows import FaultRow
 
 if TYPE_CHECKING:
     from femfit.simulation.study import ClosedLoopStudy
+
 
 SEEN = 2.0
 """Derived: standard errors beyond which a mean is more than chance, 95 %."""

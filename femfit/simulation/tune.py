@@ -18,11 +18,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError
-from femfit.filters.constants import OBSERVED_SHARE
-from femfit.filters.filter import Filter
+from femfit.core.numerics import FloatArray
+from femfit.estimate.constants import OBSERVED_SHARE
+from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
+from femfit.simulation.allocation import limits_of
 from femfit.simulation.constants import (
     BANDWIDTHS,
     DERIVATIVE_FILTER_RATIO,
@@ -40,8 +41,7 @@ from femfit.simulation.constants import (
     USABLE_PART,
     WANTED_COIL,
 )
-from femfit.simulation.controllers import Backstepping, Controller, design_backstepping
-from femfit.simulation.limits import limits_of
+from femfit.simulation.controllers import Backstepping, Controller, Pid, design_backstepping, pid_of_parts
 from femfit.simulation.linear_loop import (
     LinearPlant,
     exact_readings,
@@ -52,12 +52,9 @@ from femfit.simulation.linear_loop import (
 )
 from femfit.simulation.margins import FREQUENCIES, Margins, margins, worst_of
 from femfit.simulation.observers import DirectObserver
-from femfit.simulation.operating_point import OperatingPoint, usable_coil_pole, zero_order_hold
-from femfit.simulation.pattern_search import pattern_search
-from femfit.simulation.pid import Pid, pid_of_parts
-from femfit.simulation.riccati import solve_riccati
+from femfit.simulation.operating_point import OperatingPoint, solve_riccati, usable_coil_pole, zero_order_hold
 from femfit.simulation.sensor import LoopSensor
-from femfit.simulation.state_feedback import StateFeedback, regulator
+from femfit.simulation.state_feedback import StateFeedback, pattern_search, regulator
 
 SEARCH_FREQUENCIES = 120
 """Conventional: points of the frequency response while gains are sought; what is told has five times as many."""

@@ -13,17 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
 from femfit.core.errors import DomainError, FilterError
-from femfit.device.sensors import PositionSensor
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.text import amount
+from femfit.device.electrics import PositionSensor
 from femfit.model.drive import circuit_terms
-from femfit.model.hall_sensor import HallSensor
-from femfit.simulation.allocation import current_ranges, currents_for_force
+from femfit.model.hall import HallSensor
+from femfit.simulation.allocation import current_ranges, currents_for_force, limits_of
 from femfit.simulation.constants import NOISE_FILLS
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.limits import limits_of
 from femfit.simulation.loop import LoopResult
 from femfit.simulation.loop_text import command_unit, sensor_word
 from femfit.simulation.lost_loop import LostLoop

@@ -7,8 +7,8 @@ the linear loop tells goes first: no driver holds a body in a loop that is unsta
 from collections.abc import Callable
 from dataclasses import replace
 
-from femfit.core.amount import amount
 from femfit.core.errors import DomainError, FilterError
+from femfit.core.text import amount
 from femfit.simulation.controllers import Controller
 from femfit.simulation.loop_text import gains_text
 from femfit.simulation.lost_loop import LostLoop

@@ -8,8 +8,7 @@ alone, or carry the names of two: ``inductance_bias_control_H``.
 import re
 from collections.abc import Iterable
 
-from femfit.tables.column_names import COLUMN_NAMES
-from femfit.tables.header import parse_header
+from femfit.tables.header import COLUMN_NAMES, parse_header
 from femfit.tables.units import unit_factor
 
 _OF_IMPEDANCE = {

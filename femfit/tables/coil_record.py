@@ -3,9 +3,11 @@
 A raw record holds interleaved little-endian float32 columns without header, a row each sample time; missing samples are
 NaN. Its sidecar, ``NAME.toml`` or ``NAME.json`` beside it, says ``sample_rate_Hz``, ``columns`` and, where it is not 0,
 ``start_s``.
+
+A stretch of a coil record: what a search coil, a Hall probe and a current sensor read. numpy only.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,21 +16,54 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.core.finding import listing
-from femfit.core.paths import path_of
-from femfit.core.quoted import quoted
-from femfit.tables.coil_block import CoilBlock
+from femfit.core.files import path_of
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.results import listing
+from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, recognise
-from femfit.tables.decoding import decoding
+from femfit.tables.files import finite_number, read_settings
 from femfit.tables.measured_columns import has_columns, read_raw_table
 from femfit.tables.number_text import EMPTY, find_decimal, looks_numeric
-from femfit.tables.raw_table import RawTable, check_width, decode, typed_numbers
-from femfit.tables.settings_file import finite_number, read_settings
+from femfit.tables.raw_table import RawTable, check_width, decode, decoding, typed_numbers
 from femfit.tables.table_file import is_container
 from femfit.tables.text_table import find_layout, split, text_lines
+
+
+@dataclass(frozen=True, eq=False)
+class CoilBlock:
+    """Consecutive samples of a coil record; one sample is a block too."""
+
+    time: FloatArray  # In s, rising; shape (n,)
+    voltage: FloatArray  # Of the coil in V; positive for a rising field; shape (n,)
+    hall: FloatArray | None = None  # Hall probe's reading in T; NaN where there is none; shape (n,)
+    current: FloatArray | None = None  # Excitation current in A; shape (n,)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice | IntArray | BoolArray) -> "CoilBlock":
+        def part(column: FloatArray | None) -> FloatArray | None:
+            return None if column is None else column[rows]
+
+        return CoilBlock(self.time[rows], self.voltage[rows], part(self.hall), part(self.current))
+
+
+def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
+    """Consecutive coil blocks as one."""
+    stretches = list(blocks)
+
+    def column(parts: list[FloatArray | None]) -> FloatArray | None:
+        present = [values for values in parts if values is not None]
+        return np.concatenate(present) if present else None
+
+    return CoilBlock(
+        np.concatenate([block.time for block in stretches]),
+        np.concatenate([block.voltage for block in stretches]),
+        column([block.hall for block in stretches]),
+        column([block.current for block in stretches]),
+    )
+
 
 BLOCK_ROWS = 2**18
 """Samples of a block: small enough for the memory, large enough for numpy."""

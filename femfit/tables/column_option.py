@@ -3,10 +3,9 @@
 import shlex
 from collections.abc import Sequence
 
-from femfit.core.finding import listing
-from femfit.core.quoted import quoted
-from femfit.tables.column_names import COLUMN_NAMES
-from femfit.tables.header import match_score, parse_header
+from femfit.core.results import listing
+from femfit.core.text import quoted
+from femfit.tables.header import COLUMN_NAMES, match_score, parse_header
 from femfit.tables.units import column_unit, unit_factor
 
 _READ_BY_SHELLS = frozenset('"$`\\!%')

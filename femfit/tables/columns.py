@@ -11,12 +11,10 @@ from difflib import get_close_matches
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
-from femfit.core.constants import ABSOLUTE_ZERO_C, GRAVITY
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding, listing
-from femfit.core.quoted import quoted
+from femfit.core.numerics import ABSOLUTE_ZERO_C, GRAVITY, FloatArray
+from femfit.core.results import Finding, listing
+from femfit.core.text import counted, quoted
 from femfit.tables.column_option import column_option, likely_columns
 from femfit.tables.header import SURELY, find_header, match_score, parse_header, same_header
 from femfit.tables.measurement import CHANNELS, SETTINGS

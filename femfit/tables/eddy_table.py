@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import amount, counted
-from femfit.core.arrays import ComplexArray, FloatArray, IntArray
-from femfit.tables.array_file import read_arrays, write_arrays
+from femfit.core.numerics import ComplexArray, FloatArray, IntArray
+from femfit.core.text import amount, counted
+from femfit.tables.files import read_arrays, write_arrays
 
 NAME = "eddy.npz"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Finding
+from femfit.core.text import counted
 from femfit.tables.header import parse_header
 from femfit.tables.measured_columns import read_columns, read_raw_table
 

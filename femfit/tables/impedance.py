@@ -11,17 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount, counted
-from femfit.core.arrays import ComplexArray, FloatArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding, listing
-from femfit.core.quoted import quoted
+from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
+from femfit.core.text import amount, counted, quoted
 from femfit.tables.circuit_columns import circuit_columns, column_of, parts_of
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_columns
 from femfit.tables.header import parse_header
 from femfit.tables.raw_table import RawTable
-from femfit.tables.suspected_units import suspicion
+from femfit.tables.units import suspicion
 
 SERIES = ("resistance_ohm", "inductance_H")
 """Channels of an impedance."""

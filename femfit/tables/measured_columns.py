@@ -1,15 +1,21 @@
-"""The known columns of a measured file: whether it has them, its cells, and their numbers in SI."""
+"""The known columns of a measured file: whether it has them, its cells, and their numbers in SI.
+
+Settings that were the same throughout, and have no column: a distance of a gauge block, a bias current.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from femfit.core.amount import counted
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding, listing
+from femfit.core.results import Finding, listing
+from femfit.core.sweep_columns import is_current
+from femfit.core.text import amount, counted, quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
-from femfit.tables.columns import UsedColumn, column_values, match_columns, recognise
+from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, recognise
+from femfit.tables.files import finite_number
+from femfit.tables.measurement import SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.table_file import Wanted, parse_table
 
@@ -67,3 +73,37 @@ def read_columns(
     values, remarks = column_values(raw, used)
     notes = [Finding("reading", "info", f"{note[0].upper()}{note[1:]}.") for note in raw.notes]
     return values, used, notes + findings + remarks
+
+
+def constant_settings(settings: object, where: str) -> dict[str, float]:
+    """Column to value in SI of what a sidecar or an option says: ``distance_mm = 2.0``."""
+    if not isinstance(settings, Mapping):
+        raise TableError(
+            f"[settings] of {where} must hold lines like distance_mm = 2.0; instead received {quoted(settings)}."
+        )
+    result, of_circuits = {}, filter(is_current, circuit_columns(map(str, settings), fewest=1))
+    names = (*SETTINGS, *of_circuits)
+    for key, value in settings.items():
+        column, number = match_column(str(key), names), finite_number(value)
+        if column is None or column.assumed or number is None:
+            raise TableError(
+                f"A setting in {where} must be like distance_mm = 2.0, one of {', '.join(SETTINGS)} in any unit, and a "
+                f"number; instead received {quoted(f'{key} = {value}')}."
+            )
+        result[column.name] = column.factor * number
+    return result
+
+
+def with_settings(rows: pd.DataFrame, settings: Mapping[str, float], source: str) -> tuple[pd.DataFrame, list[Finding]]:
+    """The rows with columns for constant settings, and what was added."""
+    findings = []
+    for name, value in settings.items():
+        if name in rows and rows[name].notna().any():
+            raise TableError(
+                f"{source} has a column {name}, so that it is no constant setting. Leave out the setting of "
+                f"{amount(value, name, 4)}."
+            )
+        rows = rows.assign(**{name: value})
+        text = f"{name} was set to {amount(value, name, 4)} in every row, as declared."
+        findings.append(Finding("constant-setting", "info", text, column=name))
+    return rows, findings

@@ -7,15 +7,14 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from femfit.core.amount import counted
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.core.distance_scale import even_scale
-from femfit.core.finding import Finding
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, even_scale
+from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
+from femfit.core.text import counted
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import CHANNELS, BenchTable
 from femfit.tables.outliers import isolated_outliers
-from femfit.tables.suspected_units import suspected_by_size
+from femfit.tables.units import suspected_by_size
 
 _LEAST_COPIES = 5
 """Assumed: rows on end that equal earlier ones and are copies, where no order tells: single readings may be equal

@@ -8,18 +8,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import counted
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
-from femfit.core.quoted import quoted
+from femfit.core.results import Finding
+from femfit.core.text import counted, quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
-from femfit.tables.coarse_stamps import spread_stamps
 from femfit.tables.column_option import column_option, remedy_for_columns
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_column
-from femfit.tables.constant_settings import with_settings
 from femfit.tables.header import parse_header
 from femfit.tables.impedance import impedance_columns, in_series, is_impedance
-from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table
+from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table, with_settings
 from femfit.tables.measurement import (
     CHANNELS,
     IMPEDANCE_SHARE,
@@ -35,9 +32,8 @@ from femfit.tables.measurement_checks import branch_from_order, checked, in_meas
 from femfit.tables.measurement_sidecar import Reading, read_sidecar, reading_of
 from femfit.tables.number_text import clock_seconds
 from femfit.tables.raw_table import RawTable
-from femfit.tables.suspected_units import suspected_by_size
-from femfit.tables.time_series_checks import check_clock, check_readings
-from femfit.tables.units import unit_factor
+from femfit.tables.time_series_checks import check_clock, check_readings, spread_stamps
+from femfit.tables.units import suspected_by_size, unit_factor
 
 BENCH_NEEDS = tuple(frozenset(("distance_m", channel)) for channel in CHANNELS)
 SERIES_NEEDS = tuple(frozenset(("time_s", channel)) for channel in SERIES_CHANNELS)

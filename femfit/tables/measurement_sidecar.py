@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
-from femfit.core.quoted import quoted
+from femfit.core.results import Finding
+from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_column
-from femfit.tables.constant_settings import constant_settings
+from femfit.tables.files import finite_number, read_settings
 from femfit.tables.header import same_header
+from femfit.tables.measured_columns import constant_settings
 from femfit.tables.measurement import OF_RUNS
-from femfit.tables.settings_file import finite_number, read_settings
 
 _EXAMPLE = "force_N = 2e-4"
 _EXAMPLES: Mapping[str, tuple[tuple[type, ...], str]] = {

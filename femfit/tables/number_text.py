@@ -8,9 +8,9 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.core.quoted import quoted
+from femfit.core.numerics import FloatArray
+from femfit.core.text import quoted
 
 _NUMBER_LIKE = re.compile(r"[-+]?(?:\d[\d.,'\s]*|[.,]\d+)(?:[eEdD][-+]?\d{1,3})?$")
 _PARSED = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,3})?$")

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 
 _NEIGHBOURS, _LEAST = 12, 8
 """Assumed: neighbours that a reading is judged by, and the fewest."""

@@ -1,8 +1,12 @@
-"""A table as it stands in its file, text or typed columns: headers, cells, and where each row came from."""
+"""A table as it stands in its file, text or typed columns: headers, cells, and where each row came from.
+
+The net under every library that decodes a foreign file: a damaged one is said to be damaged, whatever was raised.
+"""
 
 import codecs
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,10 +14,33 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
-from femfit.core.arrays import FloatArray
-from femfit.core.errors import TableError
-from femfit.tables.decoding import decoding
+from femfit.core.errors import FemfitError, TableError
+from femfit.core.numerics import FloatArray
+from femfit.core.text import quoted
 from femfit.tables.number_text import LARGEST
+
+
+@contextmanager
+def decoding(source: object, kind: str) -> Iterator[None]:
+    """Turn any exception into a TableError, but for femfit's own and for too little memory.
+
+    Libraries raise over damaged files what their authors never thought of: no list of exceptions is complete.
+    """
+    try:
+        yield
+    except (FemfitError, MemoryError):
+        raise
+    except Exception as error:
+        raise TableError(damaged(source, kind, f"{type(error).__name__}: {error}")) from error
+
+
+def damaged(source: object, kind: str, reason: object) -> str:
+    """Say that a file cannot be decoded."""
+    return (
+        f"{source} cannot be read as {kind}; it seems to be damaged ({quoted(reason, 300)}). Write it again, or export "
+        "it as CSV."
+    )
+
 
 PARQUET_MAGIC = b"PAR1"
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))

@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from femfit.core.arrays import FloatArray
-from femfit.core.atomic import replacing
 from femfit.core.errors import OutputError, TableError
+from femfit.core.files import replacing
+from femfit.core.numerics import FloatArray
 from femfit.tables.coil_record import RAW, RAW_SUFFIXES
 
 _LONGEST_GAP = 2**24

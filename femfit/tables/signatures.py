@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from femfit.core.amount import amount
-from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
-from femfit.core.printed import Printed
-from femfit.core.quoted import quoted
+from femfit.core.files import replacing, write_json
+from femfit.core.results import Printed
 from femfit.core.sweep_columns import is_flux
+from femfit.core.text import amount, quoted
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.tables.settings_file import read_settings
+from femfit.tables.files import read_settings
 
 if TYPE_CHECKING:
     import pandas as pd

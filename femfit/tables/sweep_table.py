@@ -10,18 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.atomic import replacing, write_json
 from femfit.core.errors import TableError
-from femfit.core.finding import listing
-from femfit.core.paths import path_of
-from femfit.core.printed import Printed
-from femfit.core.quoted import quoted
+from femfit.core.files import path_of, replacing, write_json
+from femfit.core.results import Printed, listing
 from femfit.core.sweep_columns import is_current
+from femfit.core.text import counted, quoted
 from femfit.tables.eddy_table import NAME as EDDY_NAME
 from femfit.tables.eddy_table import EddyTable, read_eddy, write_eddy
-from femfit.tables.impedance_slopes import ImpedanceSlopes, read_slopes, write_slopes
-from femfit.tables.settings_file import read_settings
+from femfit.tables.files import read_settings
+from femfit.tables.impedance_table import ImpedanceSlopes, read_slopes, write_slopes
 from femfit.tables.signatures import Signatures, read_signatures, write_signatures
 
 if TYPE_CHECKING:
@@ -150,10 +147,9 @@ def read_sweep_table(path: str | Path) -> SweepTable:
     """
     import pandas as pd  # noqa: PLC0415  loads while a sweep's workers solve
 
-    from femfit.tables.decoding import decoding  # noqa: PLC0415
-    from femfit.tables.raw_table import check_width  # noqa: PLC0415
-    from femfit.tables.suspected_units import suspected_by_size  # noqa: PLC0415
+    from femfit.tables.raw_table import check_width, decoding  # noqa: PLC0415
     from femfit.tables.table_file import is_container, parse_table  # noqa: PLC0415
+    from femfit.tables.units import suspected_by_size  # noqa: PLC0415
 
     file = _table_file(path_of(path, "A sweep table"))
     with decoding(file, "a sweep table"):

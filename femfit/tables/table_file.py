@@ -7,11 +7,10 @@ from functools import partial
 from pathlib import Path
 
 from femfit.core.errors import TableError
-from femfit.core.finding import listing
-from femfit.core.quoted import quoted
-from femfit.tables.containers.named_table import NamedTable
-from femfit.tables.decoding import decoding
-from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, parse_parquet
+from femfit.core.results import listing
+from femfit.core.text import quoted
+from femfit.tables.mat_hdf5 import NamedTable
+from femfit.tables.raw_table import PARQUET_MAGIC, RawTable, decoding, parse_parquet
 from femfit.tables.text_table import parse_text
 
 SUFFIXES = (
@@ -93,18 +92,18 @@ def is_container(path: Path) -> bool:
 def _reader(kind: str) -> Reader:
     """The reader of a kind of file; its libraries load when it is used."""
     if kind == "XLSX":
-        from femfit.tables.containers.xlsx_file import read_xlsx  # noqa: PLC0415
+        from femfit.tables.containers import read_xlsx  # noqa: PLC0415
 
         return read_xlsx
     if kind == "TDMS":
-        from femfit.tables.containers.tdms_file import read_tdms  # noqa: PLC0415
+        from femfit.tables.containers import read_tdms  # noqa: PLC0415
 
         return read_tdms
     if kind == "WAV":
-        from femfit.tables.containers.wav_file import read_wav  # noqa: PLC0415
+        from femfit.tables.containers import read_wav  # noqa: PLC0415
 
         return read_wav
-    from femfit.tables.containers.apart import read_apart  # noqa: PLC0415
+    from femfit.tables.containers import read_apart  # noqa: PLC0415
 
     return partial(read_apart, kind)
 

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.finding import listing
-from femfit.core.quoted import quoted
-from femfit.tables.column_names import COLUMN_NAMES
-from femfit.tables.header import match_score, parse_header
+from femfit.core.results import listing
+from femfit.core.text import quoted
+from femfit.tables.header import COLUMN_NAMES, match_score, parse_header
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
 from femfit.tables.raw_table import RawTable, check_width, decode
 from femfit.tables.units import is_unit

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
-from femfit.core.arrays import BoolArray
 from femfit.core.errors import TableError
+from femfit.core.numerics import BoolArray
 from femfit.core.sweep_columns import VARIANT
 from femfit.tables.sweep_table import SweepTable
 

@@ -9,8 +9,8 @@ from femfit.model.json_file import read_model
 from femfit.simulation.design import design_loop
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.plant import Plant
-from femfit.simulation.reference import reference_steps
 from femfit.simulation.sensor import SensorErrors
+from femfit.simulation.targets import reference_steps
 
 
 def main() -> None:

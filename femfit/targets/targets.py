@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from femfit.core.amount import counted
 from femfit.core.errors import UsageError
-from femfit.core.paths import path_of
-from femfit.core.printed import Printed
+from femfit.core.files import path_of
+from femfit.core.results import Printed
+from femfit.core.text import counted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.targets.estimator import export_estimator

@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.amount import counted
-from femfit.core.atomic import write_json
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.files import write_json
+from femfit.core.text import counted
 from femfit.device.load import read_actuator
 from femfit.device.parts import Actuator
-from femfit.device.variants import only, read_variants
+from femfit.device.rewrite import only, read_variants
 from femfit.field.sweep import Progress, run_sweep
 from femfit.fit.build import fit_model
 from femfit.model.json_file import write_model

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.device.parts import Actuator
 from femfit.trial.field_table import Fields, FieldTable
 

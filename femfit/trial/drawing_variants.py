@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.core.constants import MU_0
 from femfit.core.errors import MissingPartError
+from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region
 
 _IRON_PERMEABILITY = 600.0

@@ -17,12 +17,12 @@ import pandas as pd
 from numpy.polynomial.chebyshev import chebvander
 from scipy.interpolate import CubicSpline
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, FieldSolverError
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
-from femfit.device.variants import Variant, VariantSweep
-from femfit.field.settings import SolverSettings
+from femfit.device.rewrite import Variant, VariantSweep
 from femfit.field.sweep import Progress, run_sweep
+from femfit.field.tolerance import SolverSettings
 
 LINEAR_DISTANCES, SATURATING_DISTANCES, CURRENTS = 16, 12, 8
 

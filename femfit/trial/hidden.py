@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.sweep import Progress
 from femfit.trial.device import Conditions, Device, Family, HiddenError, Readings

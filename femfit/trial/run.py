@@ -10,8 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from femfit.core.atomic import write_json
 from femfit.core.errors import FemfitError
+from femfit.core.files import write_json
 from femfit.core.processes import process_pool
 from femfit.effects.catalogue import all_effects
 from femfit.identify.decision.diagnose import diagnose

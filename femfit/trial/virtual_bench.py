@@ -9,8 +9,8 @@ import pandas as pd
 from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import DomainError
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.trial.device import Conditions, Device, HiddenError, true_readings
 from femfit.trial.field_table import dialled_currents
 

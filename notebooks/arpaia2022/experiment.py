@@ -15,10 +15,10 @@ import numpy as np
 
 from arpaia2022.parallel_prefix import Folding, affine_recursion
 from arpaia2022.sensors import PAPER_COIL
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.integrate.field_of_current import play_paths
 from femfit.integrate.uncertainty import SensingCoil
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 
 PAPER_RAMP_RATES = (3.2, 32.0, 100.0)
 """A/s."""

@@ -7,7 +7,7 @@ P. Arpaia et al., Sensors 22 (2022) 182, (17) and (18).
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.errors import TableError
 
 AVERAGE = 1.0

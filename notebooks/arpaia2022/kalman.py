@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from arpaia2022.parallel_prefix import Folding, affine_recursion, riccati_recursion
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.errors import TableError
-from femfit.integrate.increments import Increments, LastSample, increments
+from femfit.integrate.feed_forward import Increments, LastSample, increments
 from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 
 OFFSET_AVERAGE = 1.0
 """Seconds over which corrections are averaged (exponentially) to an offset voltage."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 
 CHUNK_LENGTH = 128
 """Samples of a chunk; blocks of half a million give chunks enough to hide the cost of a numpy call."""

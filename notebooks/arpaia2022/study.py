@@ -20,7 +20,7 @@ from arpaia2022.indicators import AVERAGE, global_drift, total_uncertainty
 from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.printed import PAPER
 from arpaia2022.sensors import PAPER_COIL, PAPER_CURRENT_TO_FIELD, paper_noise
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.field_of_current import FieldModel
 from femfit.integrate.methods import IntegrationOptions, make_integrator

@@ -7,7 +7,7 @@ import pytest
 
 from femfit.audit.audit_model import audit_model
 from femfit.audit.carried import carried_range
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.fit.build import fit_model
 from femfit.model.json_file import write_model

@@ -11,8 +11,8 @@ from femfit.core.errors import MissingPartError, UsageError
 from femfit.device.load import actuator_from_tables, parse
 from femfit.field.layout import layout_of
 from femfit.field.problem import prepare
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
+from femfit.field.tolerance import SolverSettings
 from support.small_drawing import SMALL
 
 HEIGHT, RADIUS = "moving.regions.magnet.z_mm[1]", "fixed.regions.core.r_mm[1]"

@@ -21,15 +21,14 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from femfit.cli.progress import progress
-from femfit.core.arrays import FloatArray
+from femfit.cli.output import progress
+from femfit.core.numerics import FloatArray
 from femfit.effects.effect import AddedEffect, Calibration
 from femfit.identify.decision.constants import IN_CLASS
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.experiments.direct import direct_reading, standard_errors
-from femfit.identify.experiments.noise import assumed_noise
-from femfit.identify.experiments.possible import Experiment
+from femfit.identify.experiments.plan import Experiment
+from femfit.identify.experiments.separation import assumed_noise, direct_reading, standard_errors
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.actuator_model import ActuatorModel

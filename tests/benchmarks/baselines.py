@@ -35,11 +35,10 @@ import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from femfit.cli.progress import progress
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.atomic import write_json
-from femfit.core.distance_scale import even_scale
+from femfit.cli.output import progress
 from femfit.core.errors import FemfitError
+from femfit.core.files import write_json
+from femfit.core.numerics import BoolArray, FloatArray, even_scale
 from femfit.effects.conditions import Conditions
 from femfit.identify.comparison.patterns import scaled_to_one
 from femfit.identify.decision.campaign import considered_effects
@@ -50,8 +49,8 @@ from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import add_effects
-from femfit.identify.refit.unseen import beside_random
-from femfit.identify.signatures.columns import effect_columns, why_untestable
+from femfit.identify.refit.checked_refit import beside_random
+from femfit.identify.signatures import effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.model.readings import predict_readings

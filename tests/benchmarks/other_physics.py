@@ -11,8 +11,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from femfit.cli.progress import progress
-from femfit.core.atomic import write_json
+from femfit.cli.output import progress
+from femfit.core.files import write_json
 from femfit.trial.campaigns import prepare_device
 from femfit.trial.counts import trial_data
 from femfit.trial.run import diagnose_campaigns

@@ -13,7 +13,7 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests"))
 
-from femfit.core.atomic import write_json
+from femfit.core.files import write_json
 from femfit.device.load import read_actuator
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model

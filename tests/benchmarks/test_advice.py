@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from benchmarks.advice import Followed, _Bench, _measured_on, advice_lines
 
-from femfit.identify.experiments.possible import possible_experiments
+from femfit.identify.experiments.plan import possible_experiments
 from femfit.identify.readings.place import placed
 from femfit.tables.measurement_file import read_bench_table
 from femfit.trial.device import Conditions, true_readings

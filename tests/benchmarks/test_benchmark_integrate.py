@@ -16,7 +16,7 @@ import pytest
 from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.sensors import PAPER_COIL, PAPER_SAMPLE_RATE, paper_noise
 
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 from femfit.tables.record_writer import RecordWriter
 
 pytestmark = pytest.mark.benchmark

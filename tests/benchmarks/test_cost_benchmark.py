@@ -15,8 +15,8 @@ import pytest
 from femfit.device.load import read_actuator
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
+from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
 from support.timed_sweep import processor_seconds, timed_sweep
 

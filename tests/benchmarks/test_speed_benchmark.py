@@ -24,19 +24,17 @@ from femfit.device.drawn_numbers import read_numbers
 from femfit.device.load import read_actuator
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
+from femfit.estimate.holding import holding_current
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
 from femfit.field.currents import swept_currents
-from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep import plan_sweep
 from femfit.field.sweep_task import MeshCache
-from femfit.filters.extended import ExtendedFilter
-from femfit.filters.holding import holding_current
-from femfit.filters.levitation import levitation_process
-from femfit.filters.unscented import UnscentedFilter
+from femfit.field.tolerance import SolverSettings, settings_for
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.diagnose import diagnose, diagnose_observations
 from femfit.identify.decision.naming import decide
-from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.simulate import simulated_noise
+from femfit.identify.noise.components import estimate_noise, simulated_noise
 from femfit.identify.readings.place import placed
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate

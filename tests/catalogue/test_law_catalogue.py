@@ -9,7 +9,7 @@ import pytest
 
 from femfit.core.errors import ModelFileError, UsageError
 from femfit.laws import catalogue
-from femfit.laws.f1e import F1E
+from femfit.laws.dipoles import F1E
 
 THEIRS = replace(F1E, name="theirs")
 IMPOSTOR = replace(F1E, formula="an impostor's")

@@ -18,7 +18,8 @@ from scipy.io import savemat, wavfile
 
 import femfit as ff
 from femfit.model.json_file import model_to_dict, write_model
-from femfit.tables.containers import apart, xlsx_file
+from femfit.tables import containers as apart
+from femfit.tables import containers as xlsx_file
 from support.command import FEMFIT, femfit
 from support.eddies import with_eddies
 

@@ -15,11 +15,11 @@ import femfit as ff
 from femfit.cli.new import Kind
 from femfit.cli.run import _close_loop
 from femfit.cli.sweep import _force
-from femfit.device.load import actuator_from_toml, read_actuator
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.device.starters import starter_names
-from femfit.field import current_path, sweep_task
-from femfit.field.current_path import along_currents
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.device.load import actuator_from_toml, read_actuator, starter_names
+from femfit.field import newton as current_path
+from femfit.field import sweep_task
+from femfit.field.newton import along_currents
 from femfit.field.nonlinear_point import NonlinearActuator
 from femfit.field.sweep import run_sweep
 from femfit.tables.sweep_table import read_sweep_table

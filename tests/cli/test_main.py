@@ -16,12 +16,10 @@ import pytest
 
 import femfit as ff
 from femfit.cli import output
-from femfit.cli import progress as progress_module
+from femfit.cli import output as progress_module
 from femfit.cli.main import COMMANDS
-from femfit.cli.output import status
-from femfit.cli.progress import duration, loop_progress, progress
+from femfit.cli.output import PATIENCE, duration, loop_progress, progress, status
 from femfit.cli.run import _Steps
-from femfit.cli.signals import PATIENCE
 from femfit.field import sweep_task
 from femfit.model.json_file import write_model
 from support.command import FEMFIT, femfit, separate_femfit

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from femfit.cli.main import COMMANDS
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.integrate.field_of_current import FieldModel, FieldTerms, write_field_model
 from femfit.model.json_file import write_model
 from support.actuators import GEOMETRY

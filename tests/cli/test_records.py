@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 from arpaia2022.experiment import ExperimentInputs, synthesise
 
-from femfit.device.circuit import Drive
-from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
 from femfit.integrate.field_of_current import FieldModel, FieldTerms, write_field_model
 from femfit.integrate.integrate_coil import integrate_coil
 from femfit.model.json_file import write_model

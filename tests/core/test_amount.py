@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.core.amount import amount, amount_in, amount_range, counted, probability, rounded
+from femfit.core.text import amount, amount_in, amount_range, counted, probability, rounded
 
 
 @pytest.mark.parametrize(

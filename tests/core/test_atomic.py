@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from femfit.core.atomic import replacing, write_json, write_text
+from femfit.core.files import replacing, write_json, write_text
 
 
 def fail_half_way(path, error):
@@ -89,7 +89,7 @@ def test_the_names_that_files_begin_with_differ_and_are_new(tmp_path):
 
 
 def test_what_is_written_to_a_pipe_arrives(tmp_path):
-    code = "from femfit.core.atomic import write_text; write_text('/dev/stdout', 'whole')"
+    code = "from femfit.core.files import write_text; write_text('/dev/stdout', 'whole')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "whole"
 

@@ -6,7 +6,7 @@ import struct
 import pytest
 
 from femfit.core.errors import OutputError
-from femfit.core.outputs import (
+from femfit.core.files import (
     DRAWING,
     FEMM,
     FIELD_MODEL,

@@ -6,7 +6,7 @@ from weakref import ref
 import numpy as np
 import pytest
 
-from femfit.core.remembered import remembered
+from femfit.core.results import remembered
 
 
 class Coil:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from femfit.core.errors import ActuatorFileError
 from femfit.device.load import actuator_from_toml
-from femfit.device.variants import variants_from_toml
+from femfit.device.rewrite import variants_from_toml
 
 PATHS = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 FILES = [path.read_text(encoding="utf-8") for path in PATHS]

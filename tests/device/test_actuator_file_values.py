@@ -10,14 +10,13 @@ import pytest
 
 from femfit.device.checks import swept
 from femfit.device.decimals import scaled
-from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.device.electrics import HallElement
+from femfit.device.load import actuator_from_toml, read_actuator, starter_text
 from femfit.device.materials import LIBRARY
+from femfit.device.parts import smallest_winding_area, wire_resistance
 from femfit.device.read_sensors import DIRECTIONS
 from femfit.device.schema import HallEntry
-from femfit.device.sensors import HallElement
-from femfit.device.starters import starter_text
 from femfit.device.summary import remarks, sweep_manifest_entry
-from femfit.device.winding import smallest_winding_area, wire_resistance
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 PLUNGER = (GEOMETRY / "plunger-solenoid.toml").read_text(encoding="utf-8")

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from femfit.core.constants import MU_0
-from femfit.device.bh_curve import BHCurve
-from femfit.device.bh_table import curve_problems, without_flat_end
+from femfit.core.numerics import MU_0
+from femfit.device.bh import BHCurve, curve_problems, without_flat_end
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import NonlinearMaterial
 from support.expected import unmentioned

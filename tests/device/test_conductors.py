@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from femfit.device.drawn_numbers import numbers_from_toml
-from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.device.load import actuator_from_toml, read_actuator, starter_text
 from femfit.device.materials import LIBRARY
-from femfit.device.rewrite import rewritten
-from femfit.device.starters import starter_text
+from femfit.device.rewrite import rewritten, variants_from_toml
 from femfit.device.summary import actuator_from_record
-from femfit.device.variants import variants_from_toml
 from support.actuators import GEOMETRY
 
 POT = starter_text("pot-magnet")

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femfit.core.atomic import json_ready
 from femfit.core.errors import ActuatorFileError, FemfitError
+from femfit.core.files import json_ready
 from femfit.device.load import actuator_from_toml, read_actuator
-from femfit.device.read_electrics import check_circuit_names
+from femfit.device.read_device import check_circuit_names
+from femfit.device.rewrite import variants_from_toml
 from femfit.device.summary import actuator_from_record, sweep_manifest_entry
-from femfit.device.variants import variants_from_toml
 from femfit.model.impedance import impedances_by_column
 from support.actuators import GEOMETRY
 

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from femfit.core.errors import FemfitError
-from femfit.device.load import read_actuator
-from femfit.device.starters import starter_text
+from femfit.device.load import read_actuator, starter_text
+from femfit.device.rewrite import read_variants
 from femfit.device.summary import remarks
-from femfit.device.variants import read_variants
 from support.actuators import GEOMETRY
 from support.expected import cases, rounded, unmentioned
 

@@ -8,7 +8,7 @@ from femfit.core.errors import UsageError
 from femfit.device.drawn_faces import drawn_faces
 from femfit.device.drawn_numbers import in_picture, numbers_from_toml, read_numbers
 from femfit.device.load import parse, read_text
-from femfit.identify.calibration.drawing import Drawing
+from femfit.identify.calibration.numbers import Drawing
 from support.actuators import GEOMETRY
 from support.conical import CONICAL
 

@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.device.hall_range import where_clipped
-from femfit.device.sensors import HallElement
-from femfit.device.variants import only, read_variants
+from femfit.device.electrics import HallElement, where_clipped
+from femfit.device.rewrite import only, read_variants
 from femfit.field.sweep_rows import clipped_hall
 from femfit.tables.sweep_table import SweepTable
 from support.actuators import GEOMETRY

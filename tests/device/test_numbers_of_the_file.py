@@ -1,7 +1,10 @@
 """Every number that the file may hold can be swept and be off, or the reason why not is said."""
 
-from femfit.device import schema, schema_device, schema_materials, schema_solver, schema_thermal
-from femfit.device.read_tolerances import read_tolerances
+from femfit.device import schema, schema_device
+from femfit.device import schema_device as schema_materials
+from femfit.device import schema_device as schema_solver
+from femfit.device import schema_device as schema_thermal
+from femfit.device.tolerances import read_tolerances
 
 PLACES = {
     "materials.linear": schema_materials.MaterialEntry,

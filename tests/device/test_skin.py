@@ -3,7 +3,7 @@
 import pytest
 
 from femfit.device.load import actuator_from_toml
-from femfit.device.skin import skin_depth
+from femfit.device.parts import skin_depth
 from femfit.device.summary import remarks
 from support.eddy_pot import POT
 from support.expected import unmentioned

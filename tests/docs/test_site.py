@@ -13,7 +13,7 @@ from cyclopts import CycloptsError
 import femfit
 from femfit.cli.main import build_app
 from femfit.device import schema, schema_device
-from femfit.device.variants import read_variants
+from femfit.device.rewrite import read_variants
 from femfit.effects.catalogue import BUILT_IN
 
 ROOT = Path(__file__).parents[2]

@@ -14,7 +14,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.taylor_series import TaylorSeries
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from support.saturating import LIBRARY, rig_with_core

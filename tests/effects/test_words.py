@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from effect_signature import typical_parameters
-from femfit.core.amount import amount
+from femfit.core.text import amount
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, range_of, size_of, smallest_visible, titled

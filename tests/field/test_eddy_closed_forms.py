@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from femfit.device.parts import Region
 from support import eddy_cases as cases
 from support import eddy_exact as exact

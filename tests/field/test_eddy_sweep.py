@@ -13,8 +13,8 @@ from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import NAME, read_eddy, write_eddy
 from femfit.tables.impedance_table import NAME as IMPEDANCE
 from femfit.tables.sweep_table import read_sweep_table

@@ -21,7 +21,7 @@ from femfit.field.layout import (
     without_spikes,
 )
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.settings import SolverSettings, settings_for
+from femfit.field.tolerance import SolverSettings, settings_for
 from support.actuators import assembly, rectangle
 from support.eddy_pot import POT
 from support.field import prepared

@@ -12,14 +12,14 @@ from femfit.device.load import actuator_from_toml
 from femfit.effects.effect import AddedEffect
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
-from femfit.field.impedance_signatures import ImpedanceSignatures
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.settings import SolverSettings
+from femfit.field.signature_rows import ImpedanceSignatures
 from femfit.field.sweep import run_sweep
+from femfit.field.tolerance import SolverSettings
 from femfit.fit.build import fit_model
 from femfit.model.with_effects import with_effects
-from femfit.tables.impedance_slopes import NAME
+from femfit.tables.impedance_table import SLOPES_NAME as NAME
 from femfit.tables.sweep_table import read_sweep_table
 from support.eddy_pot import POT
 

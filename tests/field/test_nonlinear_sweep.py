@@ -8,11 +8,12 @@ import pandas as pd
 import pytest
 
 from femfit.core.sweep_columns import COLUMNS
-from femfit.field import current_path, nonlinear_system, sweep_task
+from femfit.field import newton as current_path
+from femfit.field import nonlinear_system, sweep_task
 from femfit.field import sweep as sweep_module
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import failed_points, summarise
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import magnet
 from support.saturating import bobbin, rows_at

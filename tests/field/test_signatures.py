@@ -8,8 +8,8 @@ from femfit.device.drawn_numbers import numbers_from_toml, read_numbers
 from femfit.device.load import read_actuator
 from femfit.field.layout import layout_of
 from femfit.field.problem import prepare
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
 from support.small_drawing import SMALL

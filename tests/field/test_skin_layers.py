@@ -13,7 +13,7 @@ from femfit.device.outlines import circle
 from femfit.device.parts import LinearMaterial, NonlinearMaterial, Region
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from support import eddy_cases as cases
 from support.actuators import GEOMETRY
 from support.devices import millimetres

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.device.load import read_actuator
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
+from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
 from support.field import finer_settings
 from support.reference import REFERENCE, needs_reference

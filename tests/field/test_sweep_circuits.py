@@ -7,9 +7,9 @@ import pytest
 from femfit.device.parts import Coil
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import magnet, rectangle
 from support.devices import STEEL, device, linear

@@ -13,9 +13,9 @@ from femfit.core.errors import ClusterError
 from femfit.device.load import read_actuator
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_workers
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_workers import solve_if_same, versions
+from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
 from support.cluster import cluster
 from support.dying_worker import die_at_20_mm

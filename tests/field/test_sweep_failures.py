@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import FieldSolverError
-from femfit.device.variants import variants_from_toml
+from femfit.device.rewrite import variants_from_toml
 from femfit.field import moving_mesh, sweep_task
 from femfit.field import sweep as sweep_module
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
+from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
 from support.dying_worker import die_at_20_mm, starve_at_20_mm
 
@@ -106,7 +106,7 @@ FULL = """
 import resource, sys
 from pathlib import Path
 from femfit.core.errors import RunDirectoryError
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.field.sweep import run_sweep
 sys.path.insert(0, sys.argv[1])
 from field.test_sweep_failures import sweep_of

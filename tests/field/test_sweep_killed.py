@@ -10,7 +10,7 @@ import pandas as pd
 import psutil
 import pytest
 
-from femfit.device.variants import read_variants
+from femfit.device.rewrite import read_variants
 from femfit.field import sweep_task
 from femfit.field.sweep import run_sweep
 from support.actuators import GEOMETRY

@@ -12,11 +12,11 @@ from femfit.device.load import read_actuator
 from femfit.field import moving_mesh, sweep_task
 from femfit.field import sweep as sweep_module
 from femfit.field import tolerance as tolerance_module
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
 from femfit.field.sweep_task import LevelTask
 from femfit.field.sweep_workers import DIED
+from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
 
 SETTINGS = SolverSettings(tolerance=1e-2)

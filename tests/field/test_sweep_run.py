@@ -14,9 +14,9 @@ from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import plan_sweep, run_sweep
 from femfit.field.sweep_rows import summarise
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
 

@@ -4,9 +4,9 @@ import pandas as pd
 import pytest
 
 from femfit.device.parts import NonlinearMaterial
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import SweepTable
 from support.saturating import bobbin
 

@@ -11,12 +11,12 @@ import pytest
 from femfit.core.errors import FieldSolverError
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import actuator_from_tables, actuator_from_toml, parse
-from femfit.device.variants import read_variants, variants_from_toml
+from femfit.device.rewrite import read_variants, variants_from_toml
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
+from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
 from support.saturating import STEEL

@@ -6,15 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from femfit.device.load import read_actuator
+from femfit.device.load import read_actuator, starter_text
 from femfit.device.parts import LinearMaterial
-from femfit.device.starters import starter_text
 from femfit.field.currents import current_points
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
-from femfit.field.settings import SolverSettings, settings_for
 from femfit.field.sweep import run_sweep
-from femfit.field.tolerance import check_currents, refinement_levels, scale
+from femfit.field.tolerance import SolverSettings, check_currents, refinement_levels, scale, settings_for
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.devices import loudspeaker
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
-from femfit.filters.holding import holding_current
+from femfit.core.numerics import central_differences
+from femfit.estimate.holding import holding_current
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import runge_kutta_step
 

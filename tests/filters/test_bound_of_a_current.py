@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from femfit.device.sensors import CurrentSensor
-from femfit.filters.error_bound import bound_along, error_bound
-from femfit.filters.kalman_filter import kalman_filter
-from femfit.filters.noise import FilterNoise
+from femfit.device.electrics import CurrentSensor
+from femfit.estimate.error_bound import bound_along, error_bound
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.noise import FilterNoise
 from femfit.model.magnetics import Magnetics
 from tests.support.solenoids import LEAKAGE_H, REACH_H_M, SHIFT_M, inductance, solenoid
 

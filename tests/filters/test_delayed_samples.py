@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.core.differences import central_differences
 from femfit.core.errors import FilterError
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.filters.error_bound import bound_along
-from femfit.filters.fine_steps import in_fine_steps
-from femfit.model.sampling import sampled_readings
-from femfit.model.sensors import sensor_named
+from femfit.core.numerics import central_differences
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.estimate.error_bound import bound_along
+from femfit.estimate.run_filter import in_fine_steps
+from femfit.model.sensors import sampled_readings, sensor_named
 from tests.support.pickups import STEP_S, searched
 
 SHUNT = CurrentSensor(name="shunt", circuit="coil", noise=4e-3)

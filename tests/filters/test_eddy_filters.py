@@ -5,17 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
-from femfit.device.circuit import Drive
-from femfit.device.sensors import CurrentSensor
+from femfit.core.numerics import central_differences
+from femfit.device.electrics import CurrentSensor, Drive
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.filters import fine_steps
-from femfit.filters.fine_steps import advance, in_fine_steps, substeps, unmoved
-from femfit.filters.holding import holding_currents
-from femfit.filters.kalman_filter import kalman_filter
-from femfit.filters.levitation import fastest_time_constant, levitation_process
-from femfit.filters.unscented import UnscentedFilter
+from femfit.estimate import run_filter as fine_steps
+from femfit.estimate.holding import holding_currents
+from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
+from femfit.estimate.levitation import fastest_time_constant, levitation_process
+from femfit.estimate.run_filter import advance, in_fine_steps, substeps, unmoved
 from femfit.model.dynamics import runge_kutta_step, state_scale
 from femfit.model.sensors import predict_sensor, sensor_named
 from femfit.model.with_effects import with_effects

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FilterError
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.filters.error_bound import bound_along, error_bound
-from femfit.filters.kalman_filter import kalman_filter
-from femfit.filters.noise import FilterNoise
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.estimate.error_bound import bound_along, error_bound
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.noise import FilterNoise
 from femfit.model.exponential_step import exponential_step
 from tests.support.readings import predict_sensors
 from tests.support.solenoids import solenoid

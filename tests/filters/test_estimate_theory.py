@@ -5,17 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
 from femfit.core.errors import DomainError, FilterError
-from femfit.filters.cholesky import cholesky
-from femfit.filters.direct import hall_inverse
-from femfit.filters.extended import ExtendedFilter
-from femfit.filters.holding import holding_current
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import default_noise, initial_covariance, process_covariance
-from femfit.filters.process import FilterProcess, Output
-from femfit.filters.theory import noise_ratio_bound, unstable_pole
-from femfit.filters.unscented import UnscentedFilter
+from femfit.core.numerics import central_differences
+from femfit.estimate.cholesky import cholesky
+from femfit.estimate.direct import hall_inverse
+from femfit.estimate.holding import holding_current
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import (
+    default_noise,
+    initial_covariance,
+    noise_ratio_bound,
+    process_covariance,
+    unstable_pole,
+)
+from femfit.estimate.process import FilterProcess, Output
 from femfit.model.bspline import TensorSpline
 from femfit.model.sensors import reading_of
 

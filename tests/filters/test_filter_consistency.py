@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from femfit.filters.direct import hall_inverse
-from femfit.filters.extended import ExtendedFilter
-from femfit.filters.holding import holding_current
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import FilterNoise, initial_covariance, process_covariance
-from femfit.filters.process import FilterProcess, Output
-from femfit.filters.theory import consistency_band
-from femfit.filters.unscented import UnscentedFilter
+from femfit.estimate.direct import hall_inverse
+from femfit.estimate.holding import holding_current
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import FilterNoise, consistency_band, initial_covariance, process_covariance
+from femfit.estimate.process import FilterProcess, Output
 from femfit.model.dynamics import runge_kutta_step
 
 FILTERS = [

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FilterError, MissingPartError
-from femfit.filters.extended import ExtendedFilter
-from femfit.filters.filter_state import FilterOutcome
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import initial_covariance
-from femfit.filters.process import FilterProcess, Output
-from femfit.filters.unscented import UnscentedFilter
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import initial_covariance
+from femfit.estimate.process import FilterOutcome, FilterProcess, Output
 
 ALL = [UnscentedFilter, ExtendedFilter]
 START = np.array([0.022, 0.0, 0.32])

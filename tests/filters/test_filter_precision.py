@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from femfit.filters.extended import ExtendedFilter
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import initial_covariance
-from femfit.filters.unscented import UnscentedFilter
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import initial_covariance
 
 START = np.array([0.0225, 0.01, 0.3])
 

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from femfit.filters.extended import ExtendedFilter
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import initial_covariance
-from femfit.filters.unscented import UnscentedFilter
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import initial_covariance
 
 # In units of the standard deviation. Different orders of summation give up to 5e-12 over this record; an approximation
 # of any kind, or the other choice of sigma points, shows above 1e-4.

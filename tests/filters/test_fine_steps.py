@@ -7,10 +7,10 @@ import pytest
 from scipy.linalg import expm
 
 import femfit as ff
+from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.filters.error_bound import without_stops
-from femfit.filters.fine_steps import in_fine_steps
+from femfit.estimate.error_bound import without_stops
+from femfit.estimate.run_filter import in_fine_steps
 from femfit.model.dynamics import state_jacobian
 from tests.support.halves import cut_in_two
 from tests.support.solenoids import inductance, solenoid

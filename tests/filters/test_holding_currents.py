@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from femfit.core.errors import DomainError
-from femfit.filters.holding import bias_currents, holding_currents
+from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.fit.build import fit_model
 from femfit.simulation.allocation import current_ranges, currents_for_force
 from support.bearing import table_of

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError, FilterError
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.filters.direct import hall_inverse
-from femfit.filters.error_bound import error_bound
-from femfit.filters.holding import bias_currents, holding_current, holding_currents
-from femfit.filters.kalman_filter import kalman_filter
-from femfit.filters.levitation import fastest_time_constant
-from femfit.filters.theory import unstable_pole
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.estimate.direct import hall_inverse
+from femfit.estimate.error_bound import error_bound
+from femfit.estimate.holding import bias_currents, holding_current, holding_currents
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.levitation import fastest_time_constant
+from femfit.estimate.noise import unstable_pole
 from femfit.fit.build import fit_model
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.exponential_step import exponential_step
+from femfit.model.validity import ActuatorKind
 from support.bearing import hall_field, table_with_hall
 from support.halves import cut_in_two
 from support.readings import predict_sensors

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FilterError, MissingPartError
-from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
-from femfit.filters.kalman_filter import kalman_filter
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.exponential_step import exponential_step
 from tests.support.readings import predict_sensors
 from tests.support.solenoids import solenoid

@@ -8,12 +8,11 @@ import pytest
 from femfit.core.errors import FilterError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.filters.filter import Filter
-from femfit.filters.filter_state import FilterOutcome
-from femfit.filters.kalman_filter import kalman_filter
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import initial_covariance
-from femfit.filters.unscented import UnscentedFilter
+from femfit.estimate.filter import Filter
+from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import initial_covariance
+from femfit.estimate.process import FilterOutcome
 from femfit.model.bspline import CellPolynomials
 from femfit.model.json_file import write_model
 from femfit.model.with_effects import with_effects

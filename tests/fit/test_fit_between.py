@@ -6,9 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.fit.between import halfway
 from femfit.fit.build import fit_model
-from femfit.fit.coenergy import fit_coenergy
+from femfit.fit.coenergy import fit_coenergy, halfway
 from femfit.fit.constants import COARSE, COARSE_INDUCTANCE
 from femfit.fit.rows import rms, rows_of_table
 from femfit.tables.sweep_table import SweepTable

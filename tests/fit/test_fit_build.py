@@ -9,15 +9,15 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import FitError, TableError, UsageError
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import CoenergySpline, LawMagnetics
-from femfit.model.misfit import Misfit
 from femfit.model.model_text import misfit_lines
+from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import SweepTable
 from support.sweeps import ACTUATOR, MASS, ClosedForm, force_table, full_table, grid
 

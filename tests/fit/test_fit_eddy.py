@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from femfit.core.atomic import json_ready
 from femfit.core.errors import FitError
+from femfit.core.files import json_ready
 from femfit.device.load import actuator_from_toml
 from femfit.fit.build import fit_model
 from femfit.fit.eddy import _splines, as_table, conductivities, fit_eddy

@@ -5,7 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 import femfit as ff
-from femfit.core.atomic import json_ready
+from femfit.core.files import json_ready
 from femfit.device.load import actuator_from_toml
 from femfit.fit.misfit import sheet_notes
 from support.eddy_pot import TWO_WINDINGS

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError
-from femfit.fit.hall import fit_hall
 from femfit.fit.rows import rows_of_table
+from femfit.fit.sensed_field import fit_hall
 from support.sweeps import MASS, ClosedForm, full_table
 
 TRUTH = ClosedForm()

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FitError, TableError, UsageError
-from femfit.core.finding import Finding
+from femfit.core.results import Finding
 from femfit.device.load import read_actuator
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model
-from femfit.tables.inductance_table import InductanceTable, is_inductance_table, read_inductance_table
+from femfit.tables.impedance_table import InductanceTable, is_inductance_table, read_inductance_table
 from support.actuators import GEOMETRY
 from support.command import femfit
 

@@ -13,9 +13,7 @@ from femfit.fit.law_fit import fit_law, law_sigma
 from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN, law_by_name
-from femfit.laws.dipole_disk import DIPOLE_DISK
-from femfit.laws.f1e import F1E
-from femfit.laws.f2e import F2E
+from femfit.laws.dipoles import DIPOLE_DISK, F1E, F2E
 from support.sweeps import MASS, ClosedForm, force_table, full_table
 
 G = 9.80665

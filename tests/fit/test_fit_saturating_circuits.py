@@ -11,12 +11,12 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
-from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
+from femfit.model.several_magnetics import CoenergyTensor
 from femfit.model.with_effects import nominal_of, with_effects
-from femfit.open_loop.simulate import simulate
+from femfit.simulation.open_loop import simulate
 from support.bearing import NAMES, grid, table_of
 
 ENERGY, REACH, LEAK = 0.02, 0.6e-3, 0.15

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from femfit.fit import coenergy_choice, hall, law_fit, ranking
+from femfit.fit import coenergy_choice, law_fit, ranking
+from femfit.fit import sensed_field as hall
 from femfit.laws.catalogue import all_laws
-from femfit.laws.dipole_loop import DIPOLE_LOOP
+from femfit.laws.dipoles import DIPOLE_LOOP
 from femfit.model.coordinate import DistanceCoordinate
 
 LITTLE_LESS = 1.0 - 1e-9

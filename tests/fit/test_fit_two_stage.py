@@ -10,8 +10,7 @@ from femfit.core.errors import FitError
 from femfit.fit.law_columns import CoefficientBounds, term_bounds
 from femfit.fit.rows import rows_of_table
 from femfit.fit.two_stage import fit_coefficient_function, fit_each_current, fit_functions
-from femfit.laws.f1e import F1E
-from femfit.laws.f2e import F2E
+from femfit.laws.dipoles import F1E, F2E
 from support.sweeps import CURRENTS, DISTANCES, force_table
 
 TABLE_3 = pd.read_csv(Path(__file__).parents[2] / "data" / "paper_table3.csv", comment="#")

@@ -14,8 +14,7 @@ import femfit as ff
 from femfit.audit.audit_model import audit_model
 from femfit.model.drive import command_limits
 from femfit.model.dynamics import state_derivative, state_jacobian
-from femfit.model.sampling import sampled_readings
-from femfit.model.sensors import sensors_of
+from femfit.model.sensors import sampled_readings, sensors_of
 from femfit.simulation.plant import Plant
 from femfit.tables.femm.read import import_fem_file
 
@@ -300,7 +299,7 @@ def drawn(name):
 
 EXPORTED = """
 import json, sys, numpy as np
-from femfit_runtime.filters.kalman_filter import kalman_filter
+from femfit_runtime.estimate.kalman_filter import kalman_filter
 from femfit_runtime.model.json_file import read_model
 from femfit_runtime.simulation.plant import Plant
 model = read_model("model.json")

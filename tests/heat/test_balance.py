@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
+from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
 from femfit.heat.balance import Loads, largest_factor, settled, slowest_s, time_until
 from femfit.heat.network import HeatNetwork
 

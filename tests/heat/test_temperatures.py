@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
 from femfit.core.errors import MissingPartError, UsageError
+from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
 from femfit.device.load import actuator_from_toml, read_actuator
 from femfit.heat.find_temperatures import find_temperatures
 from support.actuators import GEOMETRY

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from femfit.device.parts import Coil
-from femfit.heat.winding import DENSEST, stars, winding_heat
+from femfit.heat.walls import DENSEST, stars, winding_heat
 
 INNER, OUTER, HEIGHT, K = 0.006, 0.011, 0.03, 0.3
 

@@ -14,7 +14,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.filter_fall import _less_likely, _lost_more_often, _unread, filter_fall
 from femfit.model.with_effects import nominal_of
-from femfit.report.replay_figure import write_before_after
+from femfit.report.motion_figures import write_before_after
 from support.closed_loop import closed_loop, recorded
 from support.solenoids import solenoid
 from support.switching import logged, switched

@@ -7,9 +7,8 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
-from femfit.identify.series.commands import between_samples, held_from
 from femfit.identify.series.observations import series_observations
-from femfit.identify.series.samples import take_samples
+from femfit.identify.series.samples import between_samples, held_from, take_samples
 from support.closed_loop import recorded
 
 FINER = 20  # steps of the winding within a sample

@@ -12,16 +12,14 @@ from femfit.device.load import actuator_from_toml
 from femfit.field.sweep import run_sweep
 from femfit.identify.calibration import calibrate as calibration
 from femfit.identify.calibration.calibrate import _moved, calibrate
-from femfit.identify.calibration.choose import Choice
-from femfit.identify.calibration.drawing import Drawing
 from femfit.identify.calibration.fit import Redrawn, estimate
-from femfit.identify.calibration.remarks import remarks, verdict
-from femfit.identify.calibration.result import CalibratedNumber
+from femfit.identify.calibration.numbers import Choice, Drawing
+from femfit.identify.calibration.result import CalibratedNumber, remarks, verdict
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.effect_space import EffectSpace
-from femfit.identify.noise.simulate import simulated_noise
-from femfit.identify.noise.within import beyond_noise
+from femfit.identify.noise.components import simulated_noise
+from femfit.identify.noise.scatter import beyond_noise
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import whitening_beside
 from femfit.tables.measurement_file import read_bench_table

@@ -9,8 +9,7 @@ from femfit.core.errors import TableError, UsageError
 from femfit.effects.catalogue import effect_by_name
 from femfit.identify.calibration import calibrate
 from femfit.identify.calibration.calibrate import _diagnosed
-from femfit.identify.calibration.choose import Choice, with_named
-from femfit.identify.calibration.drawing import Drawing
+from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from support.small_drawing import SMALL
 
 DRAWING = Drawing(SMALL, "small.toml", Path())

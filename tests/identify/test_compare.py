@@ -18,7 +18,7 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.model.misfit import Misfit
+from femfit.model.validity import Misfit
 from support.campaign import NOISE, campaign
 
 HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.place import placed
-from femfit.identify.signatures.columns import why_untestable
-from femfit.model.actuator_kind import ActuatorKind
+from femfit.identify.signatures import why_untestable
 from femfit.model.dynamics import runge_kutta_step
+from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import with_effects
 from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded

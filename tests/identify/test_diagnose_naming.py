@@ -15,8 +15,7 @@ from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit.refit import refit
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.model.misfit import Misfit
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import Misfit, ValidityBox
 from support.campaign import NOISE, campaign
 
 QUICK = {"bootstrap": 0}

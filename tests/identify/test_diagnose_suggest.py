@@ -14,11 +14,11 @@ from femfit.identify.decision.diagnosis_text import certainty_sentence
 from femfit.identify.experiments.plan import examine_plan
 from femfit.identify.experiments.suggest import Advice, Suggestion, joined, suggest, suggest_measurements
 from femfit.identify.readings.bench import bench_observations, conditions_of
-from femfit.identify.signatures.columns import why_untestable
-from femfit.model.actuator_kind import ActuatorKind
+from femfit.identify.signatures import why_untestable
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
+from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of
 from support.campaign import NOISE, campaign
 from support.splines import REFERENCE_DISTANCE, fitted_spline

@@ -7,7 +7,7 @@ import pytest
 
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.eddy_bias import away_from_bias
+from femfit.identify.readings.impedance import away_from_bias
 from femfit.identify.readings.place import placed
 from femfit.model.eddy_currents import EddyBias
 from support.conductivities import KEY, with_conductivity, with_drawn_conductivity

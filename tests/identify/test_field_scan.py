@@ -9,7 +9,7 @@ import pytest
 
 from femfit.core.errors import DomainError, TableError
 from femfit.device.load import read_actuator
-from femfit.field.probe import axial_field
+from femfit.field.problem import axial_field
 from femfit.identify.comparison.field_scan import compare_field_scan
 from femfit.tables.field_scan import FieldScan, read_field_scan
 from support.command import femfit

@@ -8,10 +8,10 @@ from femfit.core.errors import MissingPartError, TableError
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.experiments.possible import possible_experiments
+from femfit.identify.experiments.plan import possible_experiments
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.place import placed
-from femfit.identify.signatures.columns import why_untestable
+from femfit.identify.signatures import why_untestable
 from femfit.model.readings import predict_readings
 from femfit.tables.measurement import CHANNELS
 from support.magnet_pair import bench_csv, force, magnet_pair

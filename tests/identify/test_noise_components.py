@@ -8,8 +8,7 @@ import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.contrasts import Chain, ChannelDesign, rho_of
-from femfit.identify.noise.restricted import Contrasts, restricted_estimate
+from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.whitening import Whitening, chains_of, stops
 from femfit.identify.readings.bench import bench_observations
 from support.campaign import NOISE, campaign

@@ -5,22 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.amount import amount
+from femfit.core.text import amount
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.constants import LEVEL
-from femfit.identify.decision.campaign import gather
+from femfit.identify.decision.campaign import detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
-from femfit.identify.decision.magnitude import detectable_magnitudes
 from femfit.identify.decision.naming import decide
 from femfit.identify.decision.own_misfit import also_allowed
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.model.misfit import Misfit
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import Misfit, ValidityBox
 from support.campaign import campaign
 
 POT = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2.2e-6, "N m^2 / A^2"),), {}, 0.03)

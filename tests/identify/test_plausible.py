@@ -7,11 +7,11 @@ import pytest
 
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
-from femfit.identify.experiments.possible import possible_experiments
+from femfit.identify.experiments.plan import possible_experiments
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.plausible import plausible_table, suspect_units
-from femfit.identify.signatures.columns import why_untestable
-from femfit.model.actuator_kind import ActuatorKind
+from femfit.identify.signatures import why_untestable
+from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import with_effects
 from support.campaign import NOISE, campaign
 

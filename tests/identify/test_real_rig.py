@@ -12,10 +12,10 @@ import pandas as pd
 import pytest
 
 import femfit as ff
+from femfit.estimate.found_noise import with_noise
 from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model, write_model
-from femfit.replay.found_noise import with_noise
-from femfit.tables.inductance_table import read_inductance_table
+from femfit.tables.impedance_table import read_inductance_table
 from support.command import femfit
 from support.real_rig import MASS_G, POLIMI, RESISTANCE_OHM, read, write_raw, write_tables
 

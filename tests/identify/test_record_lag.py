@@ -9,7 +9,7 @@ import pytest
 
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.refit.add_effects import add_effects
-from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
+from femfit.identify.series.noise import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.observations import series_observations
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_magnetics import EddyMagnetics

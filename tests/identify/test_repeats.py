@@ -7,7 +7,7 @@ import pytest
 
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.repeats import quantisation_step, repeat_cells
+from femfit.identify.readings.settings import quantisation_step, repeat_cells
 from support.campaign import NOISE, campaign
 
 

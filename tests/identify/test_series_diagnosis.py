@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.device.sensors import PositionSensor
+from femfit.device.electrics import PositionSensor
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.lack_of_fit import pattern_space

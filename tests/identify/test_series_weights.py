@@ -7,12 +7,12 @@ from scipy import sparse
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.estimate.record import converter_step, white_noise
 from femfit.identify.series.balances import states_along
 from femfit.identify.series.noise import SensorNoise, propagated
 from femfit.identify.series.views import local_polynomials
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.with_effects import nominal_of
-from femfit.records.noise import converter_step, white_noise
 
 EVEN = np.linspace(0.0, 1.0, 201)
 UNEVEN = np.sort(np.random.default_rng(0).random(201))

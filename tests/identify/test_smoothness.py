@@ -8,7 +8,7 @@ import pytest
 from femfit.identify.comparison.compare import compare
 from femfit.identify.constants import GUESS_WIDER
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.smoothness import guessed_noise
+from femfit.identify.noise.scatter import guessed_noise
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import CoenergySpline

@@ -14,7 +14,7 @@ from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.signatures.columns import why_untestable
+from femfit.identify.signatures import why_untestable
 from femfit.model.with_effects import nominal_of
 from support.campaign import campaign
 from support.reference import REFERENCE

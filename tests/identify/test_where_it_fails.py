@@ -11,8 +11,8 @@ from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
+from femfit.identify.comparison.lack_of_fit import where_it_fails
 from femfit.identify.comparison.region import describe_region
-from femfit.identify.comparison.where import where_it_fails
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations

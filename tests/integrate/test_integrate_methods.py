@@ -10,7 +10,7 @@ from arpaia2022.sensors import PAPER_COIL, paper_noise
 from femfit.core.errors import TableError
 from femfit.integrate.feed_forward import FeedForwardIntegrator
 from femfit.integrate.uncertainty import LinearSigma, Noise, SensingCoil
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 from support.field_blocks import run
 
 DT = 1e-3

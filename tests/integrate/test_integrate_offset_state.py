@@ -11,7 +11,7 @@ from femfit.core.errors import TableError
 from femfit.integrate.identified_field import LabRun, identify_field
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.uncertainty import LinearSigma, Noise
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 from support.field_blocks import run
 
 DT = 1e-3

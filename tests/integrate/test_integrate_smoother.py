@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from arpaia2022.sensors import PAPER_COIL
 
-from femfit.integrate.increments import LastSample, increments
-from femfit.integrate.offset_filter import OffsetFilter
-from femfit.integrate.smoother import smooth
+from femfit.integrate.feed_forward import LastSample, increments
+from femfit.integrate.offset_filter import OffsetFilter, smooth
 from femfit.integrate.uncertainty import LinearSigma, Noise
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 
 DT = 1e-3
 NOISE = Noise(LinearSigma(2e-6), LinearSigma(1e-5), 1e-3)

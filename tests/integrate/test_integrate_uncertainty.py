@@ -5,10 +5,10 @@ import pytest
 from arpaia2022.sensors import PAPER_COIL, paper_noise
 
 from femfit.core.errors import TableError
-from femfit.integrate.increments import LastSample, increments
+from femfit.integrate.feed_forward import LastSample, increments
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator, record_noise, sample_time
 from femfit.integrate.uncertainty import FieldBlock, LinearSigma, Noise, Responses, Systematics, white_sigma
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 
 DT = 1e-3
 

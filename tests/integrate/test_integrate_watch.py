@@ -8,7 +8,7 @@ from femfit.integrate.identified_field import field_of_ratio
 from femfit.integrate.methods import IntegrationOptions, integrate_blocks, make_integrator
 from femfit.integrate.record_watch import RecordWatch
 from femfit.integrate.uncertainty import LinearSigma, SensingCoil
-from femfit.tables.coil_block import CoilBlock
+from femfit.tables.coil_record import CoilBlock
 
 DT = 1e-3
 

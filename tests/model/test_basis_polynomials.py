@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.model.basis_polynomials import BasisPolynomials
-from femfit.model.bspline import basis_matrix
+from femfit.model.bspline import BasisPolynomials, basis_matrix
 
 KNOTS = np.array([-2.0, -2.0, -2.0, -2.0, -1.2, -0.5, 0.1, 0.9, 1.5, 1.5, 1.5, 1.5])
 

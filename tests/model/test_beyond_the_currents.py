@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.fit.build import fit_model
 from femfit.model.bspline import LINE, TensorSpline
 from femfit.model.dynamics import state_derivative, state_jacobian
 from femfit.model.json_file import model_from_dict, model_to_dict
-from femfit.open_loop.simulate import simulate
+from femfit.simulation.open_loop import simulate
 from support.saturating_circuit import SaturatingCircuit
 
 DISTANCES = 1e-3 * np.array([0.2, 0.3, 0.4, 0.55, 0.75, 1.0, 1.4, 1.9, 2.6, 3.5, 4.6, 6.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.model.coenergy_series import KEPT, RepeatedCoenergy
+from femfit.model.coenergy_table import KEPT, RepeatedCoenergy
 from femfit.model.with_effects import base_coenergy
 
 POINTS = np.linspace(0.016, 0.04, 5), np.linspace(0.1, 1.2, 5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from femfit.core.differences import central_differences
+from femfit.core.numerics import central_differences
 from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect

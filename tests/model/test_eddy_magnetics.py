@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
+from femfit.core.numerics import central_differences
 from femfit.model.bspline import TensorSpline, basis_matrix
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.coenergy_tensor import CoenergyTensor
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.eddy_magnetics import EddyMagnetics
 from femfit.model.magnetics import CoenergySpline
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 from support.eddies import REFERENCE_M, couplings, eddies, flux_linkages, inductances, knots_over, spline_of
 
 TIMES = (10e-3, 3e-3, 0.5e-3)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
+from femfit.core.numerics import central_differences
 from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from femfit.core.differences import central_differences
-from femfit.device.circuit import Drive
+from femfit.core.numerics import central_differences
+from femfit.device.electrics import Drive, PositionSensor
 from femfit.device.mechanics import Mechanics
-from femfit.device.sensors import PositionSensor
-from femfit.filters.levitation import levitation_process
-from femfit.filters.noise import FilterNoise
-from femfit.model.decay import decay_of, decay_shares
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import FilterNoise
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.exponential_step import exponential_jacobian, exponential_step, extrapolated_step
+from femfit.model.windings import decay_of, decay_shares
 from support.eddies import with_eddies
 from support.halves import cut_in_two
 from support.solenoids import solenoid

@@ -8,7 +8,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.impedance_change import impedance_change
+from femfit.model.impedance import impedance_change
 from femfit.model.json_file import read_model, write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.coordinate import DistanceCoordinate

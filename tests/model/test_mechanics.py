@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
+from femfit.core.numerics import central_differences
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.filters.holding import holding_current
-from femfit.filters.noise import default_noise
+from femfit.estimate.holding import holding_current
+from femfit.estimate.noise import default_noise
 from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.exponential_step import exponential_step
 from femfit.model.float_steps import float_step
@@ -18,7 +18,7 @@ from femfit.model.with_effects import with_effects
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.operating_point import operating_point
-from femfit.simulation.reference import Reference
+from femfit.simulation.targets import Reference
 
 SPRUNG = Mechanics(
     4.35e-3,

@@ -10,17 +10,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from femfit.core.errors import DomainError, MissingPartError, ModelFileError, OutputError
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive, ForceSensor
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
-from femfit.device.sensors import ForceSensor
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
-from femfit.model.process_noise import ProcessNoise
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import ProcessNoise, ValidityBox
 from support.eddies import with_eddies
 
 

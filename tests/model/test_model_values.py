@@ -10,9 +10,9 @@ from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import Coefficient, LawMagnetics
+from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of, with_effects
 from support.actuators import GEOMETRY
 

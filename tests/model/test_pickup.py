@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from femfit.device.sensors import PositionSensor
+from femfit.device.electrics import PositionSensor
 from femfit.model.dynamics import state_derivative
 from femfit.model.json_file import model_to_dict, read_model, write_model
-from femfit.model.sampling import sample_weights, sampled_readings
-from femfit.model.sensors import predict_sensor, reading_of
+from femfit.model.sensors import predict_sensor, reading_of, sample_weights, sampled_readings
 from tests.support.pickups import SHARE, STEP_S, flux_linkage, searched
 from tests.support.solenoids import inductance
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.sensors import CurrentSensor, ForceSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import recorded_setting, true_setting
-from femfit.filters.kalman_filter import kalman_filter
-from femfit.model.recorded import true_setting_of
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.model.sensed_effects import true_setting_of
 from femfit.model.sensors import predict_sensor
 from femfit.model.with_effects import nominal_of, with_effects
 from support.halves import cut_in_two

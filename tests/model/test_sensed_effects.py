@@ -6,10 +6,10 @@ import pytest
 from femfit.core.errors import MissingPartError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.filters.kalman_filter import kalman_filter
+from femfit.estimate.kalman_filter import kalman_filter
 from femfit.fit.build import fit_model
 from femfit.model.json_file import model_from_dict, model_to_dict
-from femfit.model.sampling import sampled_value
+from femfit.model.sensors import sampled_value
 from femfit.model.with_effects import with_effects
 from support.bearing import hall_field, table_with_hall
 from support.pickups import SHARE, searched

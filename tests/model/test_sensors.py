@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import MissingPartError, ModelFileError
-from femfit.device.sensors import AccelerationSensor, CurrentSensor, ForceSensor, PickupCoil, PositionSensor
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PickupCoil, PositionSensor
 from femfit.fit.model_parts import other_sensors_of
 from femfit.model.dynamics import state_derivative
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model

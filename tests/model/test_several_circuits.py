@@ -6,19 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
 from femfit.core.errors import MissingPartError
+from femfit.core.numerics import central_differences
+from femfit.device.electrics import CurrentSensor
 from femfit.device.mechanics import Mechanics
-from femfit.device.sensors import CurrentSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.dynamics import runge_kutta_step, state_derivative, state_jacobian
 from femfit.model.exponential_step import exponential_step
 from femfit.model.float_steps import float_step
 from femfit.model.json_file import model_to_dict
 from femfit.model.sensors import reading_of
-from femfit.model.validity import ValidityBox
+from femfit.model.validity import ActuatorKind, ValidityBox
 from femfit.model.with_effects import with_effects
 from support.command import femfit
 from support.halves import NAMES, cut_in_two

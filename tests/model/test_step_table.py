@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.differences import central_differences
+from femfit.core.numerics import central_differences
 from femfit.device.mechanics import Mechanics
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.distance_table import ERROR, distance_table
 from femfit.model.dynamics import hall_voltage, state_scale
-from femfit.model.eddy_hall import EddyHall
+from femfit.model.eddy_currents import EddyHall
 from femfit.model.exponential_step import exponential_jacobian, exponential_step
-from femfit.model.sensed_field import SensedField
-from femfit.model.step_table import step_table
+from femfit.model.hall import SensedField
+from femfit.model.tabulated_step import step_table
 from femfit.simulation.plant import with_force_scale
 from support.eddies import with_eddies
 from support.halves import cut_in_two

@@ -5,8 +5,8 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.effects.core_saturation import CORE_SATURATION
 from femfit.effects.effect import AddedEffect
+from femfit.effects.iron import CORE_SATURATION
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects

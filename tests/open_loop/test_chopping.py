@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from femfit.open_loop.chopping import command_before
-from femfit.open_loop.profile import Profile
-from femfit.open_loop.simulate import simulate
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.profile import Profile
+from femfit.simulation.switching import command_before
 from support.solenoids import solenoid
 
 

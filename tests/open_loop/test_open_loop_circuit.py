@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError, TableError, UsageError
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.validity import ValidityBox
-from femfit.open_loop.profile import Profile, read_profiles
-from femfit.open_loop.simulate import simulate
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.profile import Profile, read_profiles
 from support.solenoids import NoField, solenoid
 
 HELD = Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))

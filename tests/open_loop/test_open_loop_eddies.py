@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.with_effects import with_effects
-from femfit.open_loop.profile import Profile
-from femfit.open_loop.simulate import simulate
+from femfit.simulation.open_loop import simulate
 from femfit.simulation.plant import Plant
+from femfit.simulation.profile import Profile
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.solenoids import solenoid

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.circuit import Circuit, Drive
+from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.with_effects import with_effects
-from femfit.open_loop.profile import Profile
-from femfit.open_loop.simulate import simulate
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.profile import Profile
 from support.solenoids import LinearInductance, NoField, inductance, solenoid
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import TableError, UsageError
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
-from femfit.model.actuator_kind import ActuatorKind
-from femfit.open_loop.profile import Profile, read_profiles
-from femfit.open_loop.simulate import simulate
-from femfit.report.open_loop_figure import open_loop_figure
+from femfit.model.validity import ActuatorKind
+from femfit.report.motion_figures import open_loop_figure
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.profile import Profile, read_profiles
 from support.bearing import table_of
 from support.halves import NAMES, cut_in_two
 from support.solenoids import solenoid

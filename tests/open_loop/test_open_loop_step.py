@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.open_loop.simulate import simulate
-from femfit.open_loop.step_response import step_response
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.switching import step_response
 from support.solenoids import NoField, solenoid
 
 STOPS = {"near_stop": Stop(1e-3), "far_stop": Stop(5e-3)}

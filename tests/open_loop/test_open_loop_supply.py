@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.open_loop.simulate import simulate
-from femfit.open_loop.supply import motion_at_supply
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.supply import motion_at_supply
 from support.solenoids import solenoid
 
 SPRING = Spring(20.0, 0.05, 5e-3)

@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 import femfit as ff
 from femfit.core.errors import FilterError, UsageError
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.open_loop.sense import MOVES
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.simulation.sense import MOVES
 from tests.support.command import femfit
 from tests.support.solenoids import solenoid
 

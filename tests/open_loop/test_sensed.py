@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from femfit.device.sensors import AccelerationSensor, CurrentSensor, PositionSensor
-from femfit.open_loop.simulate import simulate
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, PositionSensor
+from femfit.simulation.open_loop import simulate
 from support.pickups import SHARE, search_coil
 from support.solenoids import solenoid
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from femfit.open_loop.profile import Profile
-from femfit.open_loop.run import Event
-from femfit.open_loop.switching import switchings
+from femfit.simulation.events import Event
+from femfit.simulation.profile import Profile
+from femfit.simulation.switching import switchings
 
 STEP = (Profile("voltage", np.array([0.0]), np.array([12.0])),)
 

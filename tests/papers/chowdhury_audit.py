@@ -21,8 +21,8 @@ import numpy as np
 from scipy import stats
 
 from femfit.audit.audit_model import Audit, AuditFinding
-from femfit.core.constants import GRAVITY
-from femfit.device.winding import smallest_winding_area, wire_resistance
+from femfit.core.numerics import GRAVITY
+from femfit.device.parts import smallest_winding_area, wire_resistance
 
 MM = 1e-3
 ROUNDING = 2e-3

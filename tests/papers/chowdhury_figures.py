@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from femfit.core.amount import axis_scale
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
+from femfit.core.text import axis_scale
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.rows import FitRows
@@ -29,8 +29,8 @@ from femfit.laws.catalogue import law_by_name
 from femfit.model.magnetics import Magnetics
 from femfit.report.force_figures import force_curves_figure, force_map_figure
 from femfit.report.model_figures import hall_figure
+from femfit.report.rating import sweep_grid
 from femfit.report.style import BLUE, CATEGORIES, INK, MUTED, VERMILION, new_figure, style, styled
-from femfit.report.sweep_grid import sweep_grid
 from femfit.tables.sweep_table import read_sweep_table
 
 MM = 1e3

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.stats import f as fisher
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.fit.bounded_qp import active_set_least_squares
 from femfit.fit.law_columns import CoefficientBounds
 from femfit.fit.law_fit import LawFit, fit_law

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from femfit.filters.theory import noise_ratio_bound
+from femfit.estimate.noise import noise_ratio_bound
 from femfit.model.json_file import read_model
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.spectrum import amplitude_spectrum
+from femfit.simulation.sensor import amplitude_spectrum
 
 HALL_NOISE_V = 3.2e-3
 PAPER_RMS_M = {

@@ -15,7 +15,7 @@ from papers.chowdhury_figures import (
 from femfit.fit.law_fit import fit_law
 from femfit.fit.rows import FitRows
 from femfit.laws.catalogue import law_by_name
-from femfit.laws.f2e import F2E
+from femfit.laws.dipoles import F2E
 from femfit.model.magnetics import Coefficient, LawMagnetics
 
 

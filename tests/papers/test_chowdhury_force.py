@@ -21,7 +21,7 @@ from femfit.fit.law_columns import CoefficientBounds
 from femfit.fit.law_fit import fit_law
 from femfit.fit.rows import rows_of_table
 from femfit.fit.two_stage import fit_coefficient_function
-from femfit.laws.f1e import F1E
+from femfit.laws.dipoles import F1E
 from femfit.tables.sweep_table import write_sweep_table
 from support.snapshot import check_snapshot
 from support.sweeps import CURRENTS, DISTANCES, force_table

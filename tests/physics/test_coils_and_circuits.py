@@ -7,13 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from femfit.core.constants import MU_0
-from femfit.device.circuit import Circuit
+from femfit.core.numerics import MU_0
+from femfit.device.electrics import Circuit, HallElement
 from femfit.device.parts import Coil
-from femfit.device.sensors import HallElement
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density
 from support.actuators import magnet, rectangle
 from support.devices import device, linear, loudspeaker

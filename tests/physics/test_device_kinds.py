@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy import special
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
+from femfit.device.electrics import HallElement
 from femfit.device.outlines import circle
 from femfit.device.parts import Coil, LinearMaterial, Region
-from femfit.device.sensors import HallElement
 from femfit.field.drawing import build_mesh
 from femfit.field.layout import layout_of
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from support.actuators import magnet, rectangle
 from support.devices import ball, bearing, device, linear, millimetres, push_solenoid
 from support.field import prepared

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from femfit.device.load import actuator_from_toml
-from femfit.field.eddy_actuator import EddyActuator, PatternFields
-from femfit.field.eddy_probe import EddyProbe
+from femfit.field.eddy_probe import EddyActuator, EddyProbe, PatternFields
 from femfit.field.eddy_sweep import ORDER
 from support import falling_magnet as fall
 from support.eddy_pot import POT

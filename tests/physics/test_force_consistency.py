@@ -11,7 +11,7 @@ from femfit.device.load import read_actuator
 from femfit.device.parts import Coil, LinearMaterial, Region
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import in_current, prepared, solved
 

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.device.sensors import HallElement, PickupCoil
+from femfit.device.electrics import HallElement, PickupCoil
 from femfit.device.summary import sweep_manifest_entry
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.fit.build import fit_model
 from femfit.tables.sweep_table import SweepTable
 from support.devices import bearing, linear, millimetres

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy import special
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from femfit.device.parts import LinearMaterial, Region
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density
 from support.actuators import assembly, magnet, rectangle
 from support.exact import axis_field_of_cylinder

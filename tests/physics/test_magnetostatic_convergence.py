@@ -8,7 +8,7 @@ import pytest
 from netgen.occ import OCCGeometry, WorkPlane
 from ngsolve import H1, Integrate, LinearForm, Mesh, dx
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from femfit.field.linear_system import SummedInverse
 from femfit.field.weak_form import flux_density, stiffness
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from femfit.core.constants import MU_0
-from femfit.device.bh_curve import BHCurve
+from femfit.core.numerics import MU_0
+from femfit.device.bh import BHCurve
 from femfit.device.parts import LinearMaterial, Region
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.newton import TOLERANCE, minimise
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from support.actuators import assembly, magnet, rectangle
 from support.field import finer_settings
 from support.reference import REFERENCE, needs_reference

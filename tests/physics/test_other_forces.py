@@ -10,12 +10,10 @@ from numpy.polynomial import Chebyshev
 from femfit.device.load import read_actuator
 from femfit.field.currents import sources
 from femfit.field.force import AROUND_FIXED, LayerForce, quadratic
-from femfit.field.layout import layout_of
+from femfit.field.layout import FIXED, MOVING, layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.point_rows import DISAGREEMENT, DistanceSolution, superpose
-from femfit.field.regions import FIXED, MOVING
-from femfit.field.settings import SolverSettings
-from femfit.field.tolerance import LevelChoice, ToleranceProblem
+from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import coefficients, finer_settings, in_current, prepared
 from support.saturating import bobbin, problem_at

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FieldSolverError
+from femfit.device.electrics import PickupCoil
 from femfit.device.parts import Coil
-from femfit.device.sensors import PickupCoil
 from femfit.field.layout import layout_of
-from femfit.field.linear_point import LinearActuator
+from femfit.field.linear_point import LinearActuator, section_nodes
 from femfit.field.nonlinear_point import NonlinearActuator
-from femfit.field.pickup import section_nodes
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from support.actuators import magnet, rectangle
 from support.devices import device, push_solenoid
 from support.field import prepared

@@ -5,8 +5,8 @@ import pytest
 
 import femfit as ff
 from femfit.device.load import actuator_from_toml
-from femfit.field.biased_system import BiasedSystem
 from femfit.field.force import weight
+from femfit.field.nonlinear_system import BiasedSystem
 from support.pull_in import FAR, FLAT, PullIn, arrival, switched_field, switched_model
 
 STEP = 2e-4

@@ -7,8 +7,7 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import TableError
-from femfit.records.grid import on_grid
-from femfit.records.readings import repeated
+from femfit.estimate.record import on_grid, repeated
 from tests.support.replays import STEP_S, damped, logs, series
 
 

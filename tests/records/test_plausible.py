@@ -7,7 +7,7 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import TableError
-from femfit.records.plausible import require_possible_step, suspect_record
+from femfit.estimate.record_checks import require_possible_step, suspect_record
 from tests.support.replays import STEP_S, damped, logs
 
 

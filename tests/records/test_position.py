@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 import femfit as ff
-from femfit.device.sensors import AccelerationSensor, PositionSensor
+from femfit.device.electrics import AccelerationSensor, PositionSensor
+from femfit.estimate.record import distance_of, with_distance
 from femfit.model.sensors import characteristic, predict_sensor, reading_of
-from femfit.records.position import distance_of, with_distance
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.measurement_file import read_measurement
 from tests.support.replays import TRUE, damped, logs

@@ -7,7 +7,7 @@ import pytest
 
 import femfit as ff
 from femfit.device.mechanics import Mechanics, Stop
-from femfit.records.rests import find_rests
+from femfit.estimate.rests import find_rests
 from tests.support.closed_loop import closed_loop, recorded
 from tests.support.solenoids import solenoid
 from tests.support.switching import CURRENT_A, DISTANCE_M, logged, switched

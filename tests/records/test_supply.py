@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.records.supply import given_voltage
+from femfit.estimate.record_checks import given_voltage
 from tests.support.solenoids import solenoid
 from tests.support.switching import logged, switched
 

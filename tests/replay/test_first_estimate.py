@@ -7,10 +7,9 @@ import pandas as pd
 import pytest
 
 import femfit as ff
-from femfit.device.circuit import Drive
+from femfit.device.electrics import CurrentSensor, Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.device.sensors import CurrentSensor
-from femfit.filters.filter_state import FilterOutcome
+from femfit.estimate.process import FilterOutcome
 from tests.support.solenoids import solenoid
 
 NOISE_A, NOISE_M = 4e-3, 1e-6

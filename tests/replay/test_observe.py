@@ -7,15 +7,15 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import FilterError, MissingPartError, TableError
-from femfit.core.finding import Finding
-from femfit.device.sensors import PositionSensor
+from femfit.core.results import Finding
+from femfit.device.electrics import PositionSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.filters.filter_state import FilterOutcome
-from femfit.model.process_noise import ProcessNoise
+from femfit.estimate.found_noise import FoundNoise, NoiseEstimate, with_noise
+from femfit.estimate.process import FilterOutcome
 from femfit.model.sensors import reading_of
+from femfit.model.validity import ProcessNoise
 from femfit.model.with_effects import with_effects
-from femfit.replay.found_noise import FoundNoise, NoiseEstimate, with_noise
 from tests.support.readings import predict_sensors
 from tests.support.replays import STEP_S, TRUE, damped, logs, series
 from tests.support.solenoids import solenoid

@@ -7,15 +7,14 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.device.circuit import Drive
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.filters.holding import holding_currents
+from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
+from femfit.estimate.found_noise import with_noise
+from femfit.estimate.holding import holding_currents
+from femfit.estimate.observe import observe
 from femfit.fit.build import fit_model
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.dynamics import runge_kutta_step
-from femfit.replay.found_noise import with_noise
-from femfit.replay.observe import observe
-from femfit.report.replay_figure import replay_figure
+from femfit.model.validity import ActuatorKind
+from femfit.report.motion_figures import replay_figure
 from support.bearing import ENTRY, table_of
 from support.halves import NAMES, cut_in_two
 

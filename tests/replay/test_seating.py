@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 import femfit as ff
+from femfit.device.electrics import CurrentSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.device.sensors import CurrentSensor
-from femfit.model.process_noise import ProcessNoise
-from femfit.model.validity import ValidityBox
-from femfit.replay.build_filter import filter_of, noise_of
-from femfit.replay.prepare import prepare
-from femfit.replay.run_filter import replay
-from femfit.replay.seating import fastest, run_rivals
+from femfit.estimate.build_filter import filter_of, noise_of
+from femfit.estimate.prepare import prepare
+from femfit.estimate.run_filter import replay
+from femfit.estimate.seating import fastest, run_rivals
+from femfit.model.validity import ProcessNoise, ValidityBox
 from tests.support.replays import damped, logs
 from tests.support.solenoids import solenoid
 from tests.support.switching import CURRENT_A, STEP_S, logged, switched

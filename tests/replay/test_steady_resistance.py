@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.device.sensors import CurrentSensor
-from femfit.filters.filter_state import FilterOutcome
+from femfit.device.electrics import CurrentSensor
+from femfit.estimate.process import FilterOutcome
 from femfit.model.json_file import write_model
 from support.command import femfit
 from tests.support.solenoids import solenoid

@@ -8,11 +8,11 @@ import pytest
 
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
-from femfit.filters.theory import ConsistencyBand
+from femfit.estimate.noise import ConsistencyBand
 from femfit.fit.build import fit_model
 from femfit.heat.find_temperatures import temperatures_at_supply
-from femfit.report.content import ReportContent
-from femfit.report.field_sample import FieldSample
+from femfit.report.field_cells import FieldSample
+from femfit.report.page import ReportContent
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.study import ClosedLoopStudy

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from femfit.device.load import actuator_from_toml
-from femfit.device.starters import starter_names, starter_text
+from femfit.device.load import actuator_from_toml, starter_names, starter_text
 from femfit.report.drawing import actuator_figure
 from femfit.report.parts import half_sections, moving_corners
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from femfit.device.load import read_actuator
-from femfit.field.settings import SolverSettings
 from femfit.field.sweep import plan_sweep, solve_task
-from femfit.report.field_sample import sample_field
+from femfit.field.tolerance import SolverSettings
+from femfit.report.field_cells import sample_field
 from support.actuators import GEOMETRY
 
 DISTANCE, CURRENT = 0.0225, 0.8  # on the sweep's grid, away from where a mesh is made

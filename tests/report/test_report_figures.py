@@ -20,9 +20,8 @@ from femfit.report.force_figures import (
 )
 from femfit.report.loop_report import spectrum_figure, steps_figure
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
-from femfit.report.rating import rate
+from femfit.report.rating import rate, reciprocity, sweep_grid
 from femfit.report.style import svg_uri
-from femfit.report.sweep_grid import reciprocity, sweep_grid
 
 WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|H|%|s|Hz|µm)[^()]*\)|operations")
 

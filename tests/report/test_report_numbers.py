@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from femfit.core.amount import axis_scale
-from femfit.report.numbers import (
+from femfit.core.text import axis_scale
+from femfit.report.style import (
     formula_markup,
     percent,
     quantity,

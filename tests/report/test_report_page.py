@@ -10,10 +10,9 @@ import pytest
 import femfit
 from femfit.audit.audit_model import audit_model
 from femfit.core.errors import FemfitError, RunDirectoryError
-from femfit.device.load import read_actuator
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, PositionSensor
+from femfit.device.load import read_actuator, starter_text
 from femfit.device.mechanics import Stop
-from femfit.device.sensors import AccelerationSensor, CurrentSensor, PositionSensor
-from femfit.device.starters import starter_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
@@ -22,8 +21,7 @@ from femfit.identify.experiments.suggest import Suggestion, suggest
 from femfit.identify.refit.add_effects import add_effects
 from femfit.report.actuator_report import draw_figures, render_report
 from femfit.report.bench_report import render_diagnosis
-from femfit.report.content import ReportContent
-from femfit.report.page import write_page
+from femfit.report.page import ReportContent, write_page
 from femfit.tables.measurement import CHANNELS
 from support.bearing import ENTRY, Symmetric, table_with_hall
 from support.campaign import NOISE, campaign

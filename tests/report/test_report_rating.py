@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from femfit.audit.carried import carried_range
-from femfit.core.constants import COPPER_TEMPERATURE_COEFFICIENT
-from femfit.device.bh_curve import BHCurve
+from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT
+from femfit.device.bh import BHCurve
 from femfit.device.load import read_actuator
 from femfit.device.mechanics import Stop
 from femfit.device.parts import LinearMaterial, NonlinearMaterial
-from femfit.report.content import levitates, picture_point, strongest_point
-from femfit.report.rating import copper_share, growth, iron_loads, knee_T, rate
-from femfit.report.sweep_grid import sweep_grid
+from femfit.report.page import levitates, picture_point, strongest_point
+from femfit.report.rating import copper_share, growth, iron_loads, knee_T, rate, sweep_grid
 from support.actuators import GEOMETRY
 
 

@@ -19,7 +19,7 @@ from femfit.model.carried import (
     carried_effect,
 )
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.report.remainder_figure import remainder_figure
+from femfit.report.explained_figures import remainder_figure
 from support.campaign import campaign
 
 

@@ -6,13 +6,12 @@ import magpylib
 import numpy as np
 import pytest
 
-from femfit.core.constants import MU_0
 from femfit.core.errors import ActuatorFileError
+from femfit.core.numerics import MU_0
 from femfit.device.load import read_actuator
 from femfit.device.summary import actuator_from_record
-from femfit.report.field_cells import field_cells
+from femfit.report.field_cells import field_cells, solve_point
 from femfit.report.field_figures import PICTURES, write_views
-from femfit.report.field_sample import solve_point
 from support.actuators import GEOMETRY, assembly, magnet
 from support.exact import axis_field_of_cylinder
 from support.saturating import bobbin

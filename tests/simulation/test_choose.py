@@ -8,8 +8,8 @@ import pytest
 import femfit.simulation.design
 import femfit.simulation.lost_loop
 from femfit.core.errors import DomainError
-from femfit.device.sensors import PositionSensor
-from femfit.simulation.choose import choose
+from femfit.device.electrics import PositionSensor
+from femfit.simulation.adjust import choose
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 import femfit as ff
-from femfit.filters.noise import default_noise
-from femfit.model.process_noise import ProcessNoise
+from femfit.estimate.noise import default_noise
+from femfit.model.validity import ProcessNoise
 
 ONE = {"estimator": "ukf", "runs": 6, "seconds": 0.25, "targets_m": (0.022,), "rng": 1}
 

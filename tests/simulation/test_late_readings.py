@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.model.sampling import sampled_readings
-from femfit.model.sensors import sensor_named
+from femfit.model.sensors import sampled_readings, sensor_named
 from femfit.simulation.sensor import History, loop_sensors, true_readings
 from tests.support.pickups import STEP_S, searched
 

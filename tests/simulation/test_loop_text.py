@@ -2,7 +2,7 @@
 
 import pytest
 
-from femfit.filters.theory import ConsistencyBand
+from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.design import design_loop
 from femfit.simulation.loop_text import TOO_CAUTIOUS, consistency_line, observed_lines
 from femfit.simulation.study_rows import HoldRow

@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from femfit.core.errors import DomainError
-from femfit.simulation.riccati import feedback_gain, solve_riccati
+from femfit.simulation.operating_point import feedback_gain, solve_riccati
 
 
 @pytest.mark.parametrize("seed", range(6))

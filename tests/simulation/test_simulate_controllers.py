@@ -12,7 +12,7 @@ from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.loop_text import gains_text
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
-from femfit.simulation.reference import Reference
+from femfit.simulation.targets import Reference
 from femfit.simulation.tune import design_pid
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.device.circuit import Drive
+from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
 from femfit.device.mechanics import Spring, Stop
-from femfit.device.sensors import CurrentSensor, PositionSensor
 from femfit.fit.build import fit_model
 from femfit.model.drive import current_targets, winding_voltage
 from femfit.model.magnetics import Coefficient, LawMagnetics

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.circuit import Drive
+from femfit.device.electrics import Drive
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.exponential_step import extrapolated_step
 from femfit.simulation.linear_loop import linear_plant

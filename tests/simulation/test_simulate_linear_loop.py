@@ -7,16 +7,14 @@ import pytest
 import scipy.linalg
 
 from femfit.core.errors import DomainError
-from femfit.device.sensors import PositionSensor
+from femfit.device.electrics import PositionSensor
 from femfit.simulation.adjust import adjusted
-from femfit.simulation.controllers import Backstepping
+from femfit.simulation.controllers import Backstepping, pid_of_parts
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.linear_loop import closed_loop_matrix, joined, linear_observer, linear_plant
 from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin
-from femfit.simulation.operating_point import operating_point
-from femfit.simulation.pid import pid_of_parts
-from femfit.simulation.riccati import feedback_gain, solve_riccati
+from femfit.simulation.operating_point import feedback_gain, operating_point, solve_riccati
 from femfit.simulation.sensor import loop_sensors
 from femfit.simulation.state_feedback import augmented, placed
 from femfit.simulation.tune import make_bench

@@ -15,7 +15,7 @@ from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.plant import with_force_scale
-from femfit.simulation.series_table import series_columns
+from femfit.simulation.summary import series_columns
 
 SUPPORT = 300
 

@@ -7,17 +7,16 @@ import pytest
 import scipy.linalg
 
 from femfit.core.errors import DomainError, MissingPartError
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit
 from femfit.model.dynamics import state_derivative
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ValidityBox
-from femfit.simulation.allocation import current_for_force
+from femfit.simulation.allocation import current_for_force, limited
 from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.limits import limited
 from femfit.simulation.operating_point import operating_point, zero_order_hold
-from femfit.simulation.reference import reference_rate, reference_steps
+from femfit.simulation.targets import reference_rate, reference_steps
 
 
 def test_the_linear_model_is_the_derivative_of_the_equations_of_motion(levitation_model):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.simulation.sensor import (
     History,
     SensorErrors,

@@ -8,10 +8,10 @@ import pytest
 
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline
+from femfit.simulation.controllers import pid_of_parts
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
-from femfit.simulation.pattern_search import pattern_search
-from femfit.simulation.pid import pid_of_parts
-from femfit.simulation.spectrum import amplitude_spectrum
+from femfit.simulation.sensor import amplitude_spectrum
+from femfit.simulation.state_feedback import pattern_search
 from femfit.simulation.study import closed_loop_study
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 

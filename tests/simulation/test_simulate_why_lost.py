@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.sensors import PositionSensor
+from femfit.device.electrics import PositionSensor
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from femfit.core.errors import DomainError
-from femfit.device.sensors import PositionSensor
+from femfit.device.electrics import PositionSensor
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments

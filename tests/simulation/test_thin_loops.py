@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import ss2tf
 
 import femfit as ff
-from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.model.json_file import write_model
 from femfit.simulation.blind import blind_bound, zeros_of
 from femfit.simulation.design import CONTROLLERS, design_loop

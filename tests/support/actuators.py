@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit, HallElement
 from femfit.device.mechanics import Mechanics
 from femfit.device.parts import Actuator, Coil, LinearMaterial, MovingPart, Region, SweepAxes
-from femfit.device.sensors import HallElement
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 

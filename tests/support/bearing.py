@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from femfit.device.sensors import HallElement
+from femfit.device.electrics import HallElement
 from femfit.tables.sweep_table import SweepTable
 
 DISTANCES = np.linspace(0.2e-3, 0.8e-3, 9)

@@ -10,8 +10,8 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.loop import ClosedLoop, run_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
-from femfit.simulation.reference import reference_steps, stack_references
 from femfit.simulation.sensor import SensorErrors
+from femfit.simulation.targets import reference_steps, stack_references
 from femfit.tables.measurement import SERIES_COLUMNS, TimeSeries
 from femfit.tables.time_series_checks import check_clock
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.impedance_change import impedance_change
+from femfit.model.impedance import impedance_change
 from support.eddies import with_eddies
 
 KEY = "materials.core.conductivity_MS_per_m"

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from femfit.device.circuit import Circuit
+from femfit.device.electrics import Circuit
 from femfit.device.materials import LIBRARY
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import circle

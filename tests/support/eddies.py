@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from femfit.model.actuator_kind import ActuatorKind
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.eddy_currents import EddyCurrents, EddyError
+from femfit.model.validity import ActuatorKind
 
 REFERENCE_M = 0.03
 """Of the coordinate d / d_0, in which everything below is a polynomial."""

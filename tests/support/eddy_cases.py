@@ -7,14 +7,13 @@ from functools import cache, partial
 
 import ngsolve as ng
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from femfit.device.outlines import circle
 from femfit.device.parts import AIR, Coil, LinearMaterial, Region
-from femfit.field.conductors import conductors
-from femfit.field.harmonic import HarmonicSystem
+from femfit.field.harmonic import HarmonicSystem, conductors
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density, source_loads
 from support import eddy_exact
 from support.actuators import rectangle

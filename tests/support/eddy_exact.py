@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import special
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 
 
 def _gauss(low, high, count):

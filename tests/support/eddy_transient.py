@@ -9,13 +9,12 @@ from ngsolve import BilinearForm
 
 import femfit as ff
 from femfit.device.load import actuator_from_toml
-from femfit.field.conductors import add_eddy_form, conductors
 from femfit.field.eddy_sweep import ORDER
-from femfit.field.harmonic import HarmonicSystem
+from femfit.field.harmonic import HarmonicSystem, add_eddy_form, conductors
 from femfit.field.layout import layout_of
 from femfit.field.material_points import csr
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import source_loads
 from support.eddy_pot import POT
 

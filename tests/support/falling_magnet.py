@@ -14,13 +14,13 @@ import magpylib
 import numpy as np
 
 import femfit as ff
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from femfit.device.load import actuator_from_toml
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 
 REMANENCE, CONDUCTIVITY, WALL = 1.3, 58e6, (0.008, 0.010)
 RADIUS = 0.004

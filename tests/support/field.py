@@ -6,7 +6,7 @@ import numpy as np
 
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.linear_point import LinearActuator
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 
 
 def prepared(actuator, distance, settings=None):

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_matrix import CoenergyMatrix
+from femfit.model.several_magnetics import CoenergyMatrix
 
 NAMES = ("inner", "outer")
 STRAY_H = 1e-3

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from scipy.sparse.linalg import splu
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from femfit.field.weak_form import materials
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from femfit.fit.sensed_field import SensedRows, fit_sensed
-from femfit.model.pickup import PickupSensor
+from femfit.model.hall import PickupSensor
 from tests.support.solenoids import inductance, solenoid
 
 SHARE = 0.1

@@ -14,7 +14,7 @@ from femfit.device.load import read_actuator
 from femfit.field.currents import swept_currents
 from femfit.field.layout import layout_of
 from femfit.field.problem import prepare
-from femfit.field.settings import settings_for
+from femfit.field.tolerance import settings_for
 
 DRAWINGS = Path(__file__).with_name("published")
 

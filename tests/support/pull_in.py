@@ -9,15 +9,14 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from femfit.device.load import actuator_from_toml
-from femfit.field.conductor_points import ConductorPoints
-from femfit.field.conductors import add_eddy_form, conductors
 from femfit.field.force import LayerForce, weight
+from femfit.field.harmonic import ConductorPoints, add_eddy_form, conductors
 from femfit.field.layout import layout_of
 from femfit.field.linear_system import SummedInverse
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.nonlinear_system import NonlinearSystem
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.model.dynamics import state_derivative
 from support.eddy_transient import GAMMA
 

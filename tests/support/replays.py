@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from femfit.device.sensors import CurrentSensor, PositionSensor
-from femfit.filters.noise import FilterNoise, process_covariance
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.estimate.noise import FilterNoise, process_covariance
 from femfit.model.dynamics import runge_kutta_step
-from femfit.model.process_noise import ProcessNoise
+from femfit.model.validity import ProcessNoise
 from femfit.tables.measurement import TimeSeries
 from tests.support.readings import predict_sensors
 from tests.support.solenoids import solenoid

@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from femfit.device.load import read_actuator
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import NonlinearMaterial, Region
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY, assembly, rectangle
 
 STEEL = LIBRARY["steel_1010"].material

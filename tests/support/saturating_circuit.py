@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 from support.sweeps import force_table
 
 

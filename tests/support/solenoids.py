@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from femfit.device.circuit import Circuit, Drive
+from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline, basis_matrix

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 import femfit as ff
-from femfit.open_loop.profile import Profile
+from femfit.simulation.profile import Profile
 from femfit.tables.measurement import TimeSeries
 from tests.support.solenoids import solenoid
 

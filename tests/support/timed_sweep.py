@@ -4,7 +4,7 @@ import resource
 import subprocess
 import time
 
-from femfit.device.starters import starter_names, starter_text
+from femfit.device.load import starter_names, starter_text
 from support.actuators import GEOMETRY
 from support.command import FEMFIT
 

@@ -14,11 +14,11 @@ from netgen.occ import Glue, OCCGeometry, WorkPlane
 from ngsolve import H1, LinearForm, Mesh, dx
 from scipy import special
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
+from femfit.device.electrics import HallElement
 from femfit.device.load import read_actuator
 from femfit.device.parts import Coil, LinearMaterial, Region
-from femfit.device.sensors import HallElement
-from femfit.field.settings import SolverSettings
+from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density, stiffness
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.devices import device

@@ -10,7 +10,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat, wavfile
 
 from femfit.core.errors import TableError
-from femfit.tables.foreign.read import import_table
+from femfit.tables.foreign import import_table
 from femfit.tables.measurement import BenchTable, TimeSeries
 from femfit.tables.measurement_file import read_measurement
 from support.expected import unmentioned
@@ -32,7 +32,7 @@ RECORD = {
 def _decoded_here(request, monkeypatch):
     """A process for each MAT and HDF5 file takes 0.3 s: the tests of damaged files and of the choice have theirs."""
     if not {"damaged", "taken"} & set(request.node.originalname.split("_")):
-        monkeypatch.setattr("femfit.tables.containers.apart.in_child", lambda decode, content, **_: decode(content))
+        monkeypatch.setattr("femfit.tables.containers.in_child", lambda decode, content, **_: decode(content))
 
 
 def write_mat(path, tables):

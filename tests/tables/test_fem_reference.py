@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from femfit.device.sensors import HallElement
+from femfit.device.electrics import HallElement
 from femfit.field.sweep import run_sweep
 from femfit.tables.femm.read import import_fem_file
 from support.reference import REFERENCE, needs_reference

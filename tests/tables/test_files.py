@@ -15,7 +15,7 @@ import pytest
 
 from femfit.core.errors import FemfitError
 from femfit.tables.coil_record import open_coil_record
-from femfit.tables.foreign.read import import_table
+from femfit.tables.foreign import import_table
 from femfit.tables.measurement_file import read_measurement
 from femfit.tables.sweep_table import read_sweep_table
 from support.expected import cases, rounded, unmentioned

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from femfit.core.errors import TableError
-from femfit.tables.joined import joined_measurements
+from femfit.tables.measurement import joined_measurements
 from femfit.tables.measurement_file import read_measurement
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from femfit.tables.foreign.grid import settle_force_sign
-from femfit.tables.foreign.reciprocity import check_reciprocity, flux_from_inductance
+from femfit.tables.foreign_grid import settle_force_sign
+from femfit.tables.foreign_reciprocity import check_reciprocity, flux_from_inductance
 
 GRIDS = {
     "fine": np.linspace(5e-3, 25e-3, 41),

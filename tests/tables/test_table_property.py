@@ -13,10 +13,9 @@ from scipy.io import savemat
 
 from femfit.core.errors import TableError
 from femfit.tables.coil_record import open_coil_record
-from femfit.tables.column_names import COLUMN_NAMES
-from femfit.tables.foreign.options import QUANTITIES, ImportOptions, si_unit
-from femfit.tables.foreign.read import import_table, read_foreign_table
-from femfit.tables.header import parse_header
+from femfit.tables.foreign import import_table, read_foreign_table
+from femfit.tables.foreign_forms import QUANTITIES, ImportOptions, si_unit
+from femfit.tables.header import COLUMN_NAMES, parse_header
 from femfit.tables.measurement_file import read_measurement
 from femfit.tables.number_text import parse_number
 from femfit.tables.sweep_table import read_sweep_table, write_sweep_table

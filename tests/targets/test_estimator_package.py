@@ -12,8 +12,7 @@ import pytest
 
 import femfit
 from femfit.core.errors import MissingPartError, RunDirectoryError, UsageError
-from femfit.device.circuit import Drive
-from femfit.device.sensors import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
@@ -21,8 +20,7 @@ from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.with_effects import with_effects
 from femfit.targets import estimator
-from femfit.targets.estimator import NEW, OLD, RUNTIME, export_estimator
-from femfit.targets.import_graph import imported_modules, renamed_imports
+from femfit.targets.estimator import NEW, OLD, RUNTIME, export_estimator, imported_modules, renamed_imports
 from femfit.targets.targets import TARGETS, export
 from support.bearing import ENTRY, table_of
 from support.eddies import with_eddies
@@ -203,7 +201,7 @@ def test_the_package_holds_the_laws_and_effects_of_its_model_and_nothing_of_the_
     assert "zeros_and_scales" in effects
     assert effects.isdisjoint({"hysteresis", "hall_element", "core_saturation"})
     rooms = {file.name for file in (exported / RUNTIME).iterdir() if file.name != "__pycache__"}
-    assert rooms == {"__init__.py", "core", "laws", "effects", "device", "model", "filters", "simulation"}
+    assert rooms == {"__init__.py", "core", "laws", "effects", "device", "model", "estimate", "simulation"}
     device = {file.stem for file in (exported / RUNTIME / "device").glob("*.py")}
     assert device == {"__init__", "circuit", "mechanics", "sensors"}
     names = {file.stem for file in exported.rglob("*.py")}

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.constants import MU_0
 from femfit.core.errors import DomainError
+from femfit.core.numerics import MU_0
 from femfit.device.parts import LinearMaterial, NonlinearMaterial, Region
 from femfit.model.json_file import write_model
 from femfit.tables.measurement_file import read_bench_table

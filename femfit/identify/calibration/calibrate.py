@@ -16,32 +16,30 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import ActuatorFileError, TableError
-from femfit.core.paths import path_of
+from femfit.core.files import path_of
+from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
-from femfit.identify.calibration.choose import Choice, with_named
-from femfit.identify.calibration.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE, SETTLED
-from femfit.identify.calibration.drawing import Drawing
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
-from femfit.identify.calibration.remarks import open_combinations, remarks, verdict
-from femfit.identify.calibration.result import CalibratedNumber, CalibrationResult
+from femfit.identify.calibration.numbers import Choice, Drawing, with_named
+from femfit.identify.calibration.result import CalibratedNumber, CalibrationResult, open_combinations, remarks, verdict
 from femfit.identify.comparison.fall import ErrorFall, error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
+from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import verdict_sentence
-from femfit.identify.noise.within import beyond_noise
+from femfit.identify.noise.scatter import beyond_noise
 from femfit.identify.readings.place import measurement_of
-from femfit.identify.refit.unseen import channel_rms, unseen_error
+from femfit.identify.refit.checked_refit import channel_rms, unseen_error
 from femfit.model.with_effects import with_effects
-from femfit.tables.joined import joined_measurements
-from femfit.tables.measurement import BenchTable, Measurement, TimeSeries
+from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
 
 Data = Measurement | str | Path
 

@@ -14,27 +14,25 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Finding
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.load import actuator_from_toml
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.field.sweep import run_sweep
 from femfit.fit.build import fit_model
-from femfit.identify.calibration.choose import Choice
-from femfit.identify.calibration.constants import HELD
-from femfit.identify.calibration.drawing import Drawing
+from femfit.identify.calibration.numbers import Choice, Drawing
 from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.constants import HELD
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import in_their_runs, whitening_beside
-from femfit.identify.refit.refit import Refit, refit
-from femfit.identify.refit.start import Start, starting_point
-from femfit.identify.signatures.columns import columns_at, effect_columns, why_untestable
+from femfit.identify.refit.refit import Refit, Start, refit, starting_point
+from femfit.identify.signatures import columns_at, effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drawn_effect import POSSIBLE
 from femfit.model.with_effects import with_effects

@@ -8,27 +8,37 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from femfit.core.amount import amount, counted, probability, rounded, weighed_amount
-from femfit.core.finding import Finding
-from femfit.core.printed import Printed
-from femfit.identify.comparison.lack_of_fit import LackOfFit, pure_error_test
-from femfit.identify.comparison.law_shape import ShapeMisfit, shape_misfit
+from femfit.core.results import Finding, Printed
+from femfit.core.text import amount, counted, probability, rounded, weighed_amount
+from femfit.estimate.observation import OneFilter
+from femfit.estimate.observe import filtered
+from femfit.identify.comparison.lack_of_fit import (
+    LackOfFit,
+    ShapeMisfit,
+    Where,
+    pure_error_test,
+    shape_misfit,
+    where_it_fails,
+)
 from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
-from femfit.identify.comparison.where import Where, where_it_fails
 from femfit.identify.constants import LEVEL, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide, fails_surely, lack_of_fit, times_own
 from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.scatter import scatter_as_noise
+from femfit.identify.noise.scatter import (
+    allowed_for,
+    beyond_noise,
+    if_mounts_are_assumed,
+    in_words,
+    not_judged,
+    scatter_as_noise,
+)
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.noise.within import allowed_for, beyond_noise, if_mounts_are_assumed, in_words, not_judged
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.replay.observe import filtered
-from femfit.replay.result import OneFilter
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]

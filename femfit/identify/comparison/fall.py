@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.amount import counted, weighed_amount
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
+from femfit.core.text import counted, weighed_amount
 from femfit.identify.readings.observations import Observations
 from femfit.tables.measurement import CHANNEL_WORDS
 

@@ -15,12 +15,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from femfit.core.amount import amount, counted
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import DomainError, TableError
-from femfit.core.printed import Printed
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Printed
+from femfit.core.text import amount, counted
 from femfit.device.parts import Actuator
-from femfit.field.probe import AxialField, axial_field
+from femfit.field.problem import AxialField, axial_field
 from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
 from femfit.identify.readings.place import notes
 from femfit.tables.field_scan import FieldScan

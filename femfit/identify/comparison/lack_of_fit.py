@@ -3,6 +3,10 @@
 In whitened units a residual without structure has squared length chi-square distributed in any k directions; noise
 known from nu repeats turns chi-square / k into F(k, nu).
 
+Where a model fails: the channel, what the misfit changes with, and one plain sentence.
+
+The exported law has the wrong shape: a law against the table it was fitted to, before any measurement.
+
 References
 ----------
 N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: lack of fit against pure error.
@@ -14,13 +18,16 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.ties import first_best
+from femfit.core.numerics import BoolArray, FloatArray, first_best
+from femfit.core.text import amount
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
-from femfit.identify.constants import COARSE, SPANNED
+from femfit.identify.comparison.region import describe_region
+from femfit.identify.constants import BEYOND_NOISE, COARSE, COVARIATE_SHARE, SPANNED, WRONG_SHAPE
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.repeats import repeat_cells
+from femfit.identify.readings.settings import repeat_cells
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.magnetics import LawMagnetics
 
 
 @dataclass(frozen=True)
@@ -153,3 +160,136 @@ def pure_error_test(observations: Observations, noise: NoiseModel, channel: str)
     square = float(along @ along)
     degrees = float(noise.degrees_of_freedom[observations.channels.index(channel)])
     return LackOfFit(square / count, count, tail_probability(square, count, degrees))
+
+
+_ALIASES = {"elapsed": "order"}
+"""Clocks that mean the same to a reader."""
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where the model fails."""
+
+    channel: str  # The measured channel with the largest misfit over its noise; empty where nothing fails
+    covariates: tuple[str, ...]  # Columns along which the misfit changes, the strongest first
+    sentence: str
+
+
+def where_it_fails(observations: Observations, whitening: Whitening) -> Where:
+    """Find the channel with the largest misfit over its noise, its covariates, and a sentence.
+
+    Where mounts and noise could be what makes that channel the worst, it is the one with the most structure instead.
+
+    The structure is the generalised least-squares fit of smooth patterns beside the scatter of mounts and runs. The
+    covariates stand in the order in which they explain it; there are none where the misfit is the same everywhere.
+    """
+    patterns = smooth_patterns(observations)
+    columns, residual = whitening.full(patterns.columns), whitening.full(observations.residual)
+    smooth = structured_misfit(patterns, columns, residual)
+    counts = np.array([max(int(observations.of(name).sum()), 1) for name in observations.channels])
+    excess = np.array([_excess(columns[:, patterns.channel == c], residual) for c in range(len(counts))])
+    clear = _clearly_worst(observations, whitening.noise)
+    worst = first_best((excess / counts).tolist()) if clear is None else clear
+    channel = observations.channels[worst]
+    clocked = {"order", "time_s"} & set(observations.given)
+    without = set[str]() if clocked else {"order", "elapsed"}  # The order of a file's rows is no time
+    covariates = _covariates(columns, patterns, worst, residual, smooth, without)
+    here, read = observations.of(channel), observations.residual
+    if 2.0 * smooth[here] @ read[here] < smooth[here] @ smooth[here]:
+        # Where patterns cannot follow a large misfit, they err towards what a mount's error may be
+        smooth = structured_misfit(patterns, whitening.serial(patterns.columns), whitening.serial(read))
+    return Where(channel, covariates, describe_region(observations, channel, covariates, smooth))
+
+
+def _clearly_worst(observations: Observations, noise: NoiseModel) -> int | None:
+    """The channel whose readings are farthest off, over their noise; None where noise and mounts may be why."""
+    residual = observations.residual / noise.sigma[observations.channel]
+    put_back = observations.distance_slope * noise.mount_m / noise.sigma[observations.channel]
+    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
+    square, mounts = (np.bincount(observations.channel, x**2, len(noise.sigma)) / count for x in (residual, put_back))
+    worst = first_best(square.tolist())
+    scatter = np.sqrt(2.0 * (1.0 + noise.rho[worst]) / (1.0 - noise.rho[worst]) / count[worst])
+    return worst if square[worst] > 1.0 + mounts[worst] + BEYOND_NOISE * scatter else None
+
+
+def structured_misfit(patterns: Patterns, columns: FloatArray, residual: FloatArray) -> FloatArray:
+    """The smooth part, in the readings' units, of recorded minus predicted; columns and residual are whitened."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    amplitude = np.linalg.lstsq(columns / size, residual, rcond=1e-8)[0] / size
+    return np.asarray(patterns.columns @ amplitude)
+
+
+def _covariates(
+    columns: FloatArray,
+    patterns: Patterns,
+    channel: int,
+    residual: FloatArray,
+    smooth: FloatArray,
+    without: set[str],
+) -> tuple[str, ...]:
+    """Covariates in the order in which each adds most to what the ones before explain with their products.
+
+    The gain of a covariate is the geometric mean of two shares: of the structure, and of its excess over noise, mounts
+    and runs. The first alone follows the noise, the second alone is blind to what re-mounts look like as well.
+    """
+    here = np.flatnonzero(patterns.channel == channel)
+    rows = np.any(patterns.columns[:, here] != 0.0, axis=1)
+    names = sorted(set().union(*(patterns.along[k] for k in here)) - without)
+    chosen: list[str] = []
+
+    def explained(among: list[str]) -> FloatArray:
+        inside = [k for k in here if patterns.along[k] <= frozenset(among)]
+        seen = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
+        return np.array([seen @ seen, max(_excess(columns[:, inside], residual), 0.0)])
+
+    total, reached = explained(names), explained([])
+    while len(chosen) < len(names):
+        shares = {name: _share(explained([*chosen, name]) - reached, total) for name in names if name not in chosen}
+        best = list(shares)[first_best(list(shares.values()))]
+        if shares[best] < COVARIATE_SHARE:
+            break
+        chosen.append(best)
+        reached = explained(chosen)
+    return tuple(dict.fromkeys(_ALIASES.get(name, name) for name in chosen))
+
+
+def _share(gain: FloatArray, total: FloatArray) -> float:
+    return float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
+
+
+def _excess(columns: FloatArray, residual: FloatArray) -> float:
+    """Squared length of the whitened residual along whitened columns, less what noise gives."""
+    if not columns.shape[1]:
+        return 0.0
+    basis = orthonormal_basis(columns)
+    along = basis.T @ residual
+    return float(along @ along - basis.shape[1])
+
+
+@dataclass(frozen=True)
+class ShapeMisfit:
+    """How far a law is from what it was fitted to."""
+
+    law: str
+    against: str  # What the law's file says that it was fitted to: ``sweep``
+    force_rms_N: float
+    force_max_N: float
+    over_noise: float | None  # The rms over the bench's noise floor of the force
+    wrong: bool | None  # Whether that is more than one standard deviation of a reading; None without a noise floor
+    sentence: str
+
+
+def shape_misfit(model: ActuatorModel, noise_N: float | None) -> ShapeMisfit | None:
+    """Compare a law with its table; None for a co-energy, and for a law whose file does not say its misfit."""
+    base = model.without_effects
+    misfit = base.misfit
+    if not isinstance(base.magnetics, LawMagnetics) or misfit is None:
+        return None
+    name, rms, largest = base.magnetics.law_name, misfit.force_rms_N, misfit.force_max_N
+    ratio = None if noise_N is None else rms / noise_N
+    text = f"{name} misses its {misfit.against} by {amount(rms, 'force_N')} rms, at most {amount(largest, 'force_N')}"
+    text += "" if ratio is None else f": {ratio:.2g} times the noise of a force reading"
+    wrong = None if ratio is None else ratio > WRONG_SHAPE
+    if wrong:
+        text += ". The law has the wrong shape before any measurement; compare the co-energy reference instead"
+    return ShapeMisfit(name, misfit.against, rms, largest, ratio, wrong, f"{text}.")

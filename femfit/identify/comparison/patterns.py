@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from femfit.core.arrays import FloatArray, IntArray
-from femfit.core.distance_scale import even_scale
+from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.identify.constants import BRANCH_DEGREE, DEGREE, FINE_DEGREE, FINER, LEAST_READINGS, LEAST_SPREAD_C
 from femfit.identify.readings.observations import Observations, once_for_settings
 

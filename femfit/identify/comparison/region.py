@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.ties import first_best
+from femfit.core.numerics import BoolArray, FloatArray, first_best
+from femfit.core.text import amount
 from femfit.identify.constants import (
     LEAST_SCORE,
     LEFT_BY_SHARE,

@@ -14,16 +14,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
-from femfit.core.ties import ROUNDING, ranked
+from femfit.core.numerics import ROUNDING, FloatArray, ranked
 from femfit.identify.decision.constants import NOTICED, UNKNOWN_SIZES
 from femfit.identify.decision.effect_space import EffectSpace, half_ranges
 from femfit.identify.decision.evidence import Linear, density_of
 from femfit.identify.decision.naming import Decision
-from femfit.identify.decision.proposals import Explanation
-from femfit.identify.refit.refit import Refit
-from femfit.identify.refit.start import Start
-from femfit.identify.signatures.columns import columns_at
+from femfit.identify.decision.search import Explanation
+from femfit.identify.refit.refit import Refit, Start
+from femfit.identify.signatures import columns_at
 from femfit.tables.measurement import CHANNEL_WORDS
 
 

@@ -7,23 +7,29 @@ from pathlib import Path
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
-from femfit.core.quoted import quoted
-from femfit.core.random_numbers import random_generator
+from femfit.core.public import random_generator
+from femfit.core.results import Finding
+from femfit.core.text import quoted
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.comparison.fall import error_fall
-from femfit.identify.comparison.where import Where, where_it_fails
+from femfit.identify.comparison.lack_of_fit import Where, where_it_fails
 from femfit.identify.constants import CLEAN_CAMPAIGNS, LEVEL
-from femfit.identify.decision.campaign import Campaign, campaign_remarks, considered_effects, gather
+from femfit.identify.decision.campaign import (
+    Campaign,
+    campaign_remarks,
+    considered_effects,
+    detectable_magnitudes,
+    explained_share,
+    gather,
+)
 from femfit.identify.decision.confidence import look_alikes
 from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
-from femfit.identify.decision.magnitude import detectable_magnitudes, explained_share
+from femfit.identify.decision.evidence import score_effects
 from femfit.identify.decision.naming import Decision, decide, dominant
-from femfit.identify.decision.proposals import Explanation
-from femfit.identify.decision.scoring import score_effects
-from femfit.identify.noise.simulate import simulated_noise
+from femfit.identify.decision.search import Explanation
+from femfit.identify.noise.components import simulated_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.refit import Refit, is_plausible

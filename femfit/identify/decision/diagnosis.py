@@ -6,12 +6,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from scipy import stats
 
-from femfit.core.finding import Finding
-from femfit.core.printed import Printed
+from femfit.core.results import Finding, Printed
 from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.fall import ErrorFall
-from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.comparison.where import Where
+from femfit.identify.comparison.lack_of_fit import LackOfFit, Where
 from femfit.identify.decision.constants import FALSE_NAMES
 from femfit.identify.decision.diagnosis_text import diagnosis_lines
 from femfit.identify.readings.observations import Observations

@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from femfit.core.arrays import FloatArray, IntArray
-from femfit.core.distance_scale import even_scale
+from femfit.core.numerics import FloatArray, IntArray, even_scale
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.patterns import scaled_to_one
 from femfit.identify.constants import FINER
@@ -23,8 +22,8 @@ from femfit.identify.decision.constants import (
     SHARE_DEGREE,
 )
 from femfit.identify.readings.observations import Observations, once_for_settings
-from femfit.identify.refit.start import Start
-from femfit.identify.signatures.columns import EffectColumns
+from femfit.identify.refit.refit import Start
+from femfit.identify.signatures import EffectColumns
 
 
 @dataclass(frozen=True, eq=False)

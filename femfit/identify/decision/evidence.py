@@ -4,6 +4,8 @@ Whitened readings y in R^M are y ~ N(0, s^2 C), C = I + A diag(size^2) A', with 
 each direction of a form's error. Where the noise's variance s^2 is known from nu repeats, log p(y) is
 -(nu + M)/2 log(1 + y' C^-1 y / nu) - log det C / 2, which for a declared noise is the normal density.
 
+How much each effect alone explains to first order: the ranking beside the verdict.
+
 References
 ----------
 D. J. C. MacKay, Neural Computation 4 (1992) 415: evidence, Occam factors, and sizes that the data choose.
@@ -18,10 +20,14 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from femfit.core.arrays import FloatArray, IntArray
+from femfit.core.numerics import FloatArray, IntArray, ranked
+from femfit.identify.comparison.lack_of_fit import tail_probability
+from femfit.identify.constants import ROUNDING
 from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
+from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.decision.effect_space import EffectSpace
+from femfit.identify.refit.refit import bounded_amplitudes
 
 
 @dataclass(frozen=True)
@@ -178,3 +184,23 @@ def of_sizes(
         scales.append(scale)
     scale = scales[int(np.argmax(averaged))]
     return Linear(target, columns * scale, density, mean_of_logs(averaged))
+
+
+def score_effects(campaign: Campaign) -> tuple[ScoredEffect, ...]:
+    """Every effect alone, at its best nonlinear parameters, the least probable by chance first.
+
+    The p-value counts times the number of combinations of nonlinear parameters that were tried (Bonferroni).
+    """
+    residual, degrees = campaign.whitened_residual, campaign.patterns.degrees_of_freedom
+    best: dict[str, tuple[float, int]] = {}
+    tries: dict[str, int] = {}
+    for one in campaign.effects:
+        _, fall = bounded_amplitudes(residual, one.whitened, one.columns.bounds)
+        tries[one.name] = tries.get(one.name, 0) + 1
+        best[one.name] = max(best.get(one.name, (0.0, one.count)), (fall, one.count))
+    scores = [
+        ScoredEffect(name, min(1.0, tries[name] * tail_probability(fall, count, degrees)), fall, count)
+        for name, (fall, count) in best.items()
+    ]
+    absent = (ScoredEffect(name, 1.0, 0.0, 0, note=why) for name, why in campaign.untestable.items())
+    return (*ranked(scores, lambda one: one.chi2_fall - one.degrees_of_freedom, ROUNDING), *absent)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.ties import Item, ranked
+from femfit.core.numerics import Item, ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
-from femfit.identify.decision.campaign import Campaign
+from femfit.identify.decision.campaign import Campaign, explained_share
 from femfit.identify.decision.constants import (
     DOMINANT,
     EXPLAINED,
@@ -20,12 +20,9 @@ from femfit.identify.decision.constants import (
     TIED,
 )
 from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
-from femfit.identify.decision.magnitude import explained_share
-from femfit.identify.decision.proposals import Explanation
-from femfit.identify.decision.search import Posterior, explain, most_of_nothing
-from femfit.identify.refit.refit import Refit, is_plausible, refit
+from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
+from femfit.identify.refit.refit import Refit, is_plausible, refit, starting_point
 from femfit.identify.refit.sizes import at_bounds
-from femfit.identify.refit.start import starting_point
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
     "nothing_missing": (False, False),

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from femfit.core.amount import rounded
+from femfit.core.text import rounded
 from femfit.fit.misfit import to_be_added
 from femfit.identify.decision.constants import OWN_MISFIT
-from femfit.identify.noise.within import in_words
+from femfit.identify.noise.scatter import in_words
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics

@@ -4,25 +4,39 @@ What effects leave of readings is what their best refit leaves, within their bou
 free, in standard deviations of the noise. Readings of one explanation without noise, refitted by the other, give the
 distance between the two: the T-criterion of a discriminating design.
 
+How far apart two explanations are by a direct reading of an effect's parameters: a shunt, a weight, a micrometer.
+
+The noise that a measurement will have which nobody has made yet: as estimated or declared, or as assumed.
+
 References
 ----------
 A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from scipy import stats
 
-from femfit.core.arrays import FloatArray
-from femfit.core.ties import ROUNDING
-from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.experiments.constants import ALMOST_SURELY, LARGEST_BENDING, NONLINEAR_PRICE, TIE, VARIANTS
-from femfit.identify.noise.whitening import Whitening
+from femfit.core.numerics import ROUNDING, FloatArray
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import AddedEffect, Calibration, Effect
+from femfit.identify.constants import PRIOR_MOUNT_M, PRIOR_RUN
+from femfit.identify.decision.constants import (
+    ALMOST_SURELY,
+    GUESSED_NOISE,
+    LARGEST_BENDING,
+    NONLINEAR_PRICE,
+    TIE,
+    VARIANTS,
+)
+from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.refit import refit
-from femfit.identify.refit.start import Start, fitted_together
-from femfit.identify.signatures.columns import columns_at, effect_columns
+from femfit.identify.refit.refit import Refit, Start, fitted_together, refit
+from femfit.identify.signatures import columns_at, effect_columns
+from femfit.tables.circuit_columns import parts_of
 
 
 def needed_distance(tie: float = TIE) -> float:
@@ -111,3 +125,92 @@ def pairs_in_words(pairs: Sequence[tuple[str, ...]]) -> list[str]:
 def listed(names: Sequence[str], word: str) -> str:
     """Names as ``a, b and c``."""
     return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+Distance = Callable[[Refit, Refit], float | None]
+"""How far apart two explanations are with an experiment; None where that is less than needed."""
+
+
+def by_direct_reading(effect: str, calibration: Calibration) -> Distance:
+    """By a direct reading of an effect's parameters."""
+
+    def distance(a: Refit, b: Refit) -> float | None:
+        apart = apart_by_direct_reading(effect, calibration, a, b)
+        return apart if apart >= needed_distance() else None
+
+    return distance
+
+
+def apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float:
+    """What two explanations say of a direct reading, over its uncertainty and theirs."""
+    uncertainty = np.array(list(calibration.reads.values()))
+    difference = direct_reading(effect, calibration, a.effects) - direct_reading(effect, calibration, b.effects)
+    of_a, of_b = (standard_errors(effect, calibration, fit.effects) for fit in (a, b))
+    return float(np.linalg.norm(difference / np.sqrt(uncertainty**2 + of_a**2 + of_b**2)))
+
+
+def direct_reading(effect: str, calibration: Calibration, effects: Iterable[AddedEffect]) -> FloatArray:
+    """What a direct reading of an effect's parameters shows where some effects act, in the parameters' units."""
+    values = np.zeros(len(calibration.reads))
+    for added in effects:
+        if added.effect.name == effect:
+            values += [added.parameters[name] for name in calibration.reads]
+        for name, change in calibration.also.get(added.effect.name, {}).items():
+            values[0] += change * added.parameters[name]
+    return values
+
+
+def standard_errors(effect: str, calibration: Calibration, effects: Iterable[AddedEffect]) -> FloatArray:
+    """How well the fit of some effects knows the parameters that a direct reading reads; 0 where none has them."""
+    for added in effects:
+        if added.effect.name == effect:
+            limits = [added.ci95.get(name, (0.0, 0.0)) for name in calibration.reads]
+            return np.asarray(np.ptp(limits, axis=1) / (2.0 * stats.norm.isf(0.025)))
+    return np.zeros(len(calibration.reads))
+
+
+def planned_noise(observations: Observations) -> NoiseModel:
+    """The noise model of a plan: declared noise, and the priors of mounts and runs that estimates start from."""
+    channels, declared = observations.channels, observations.declared_noise
+    sigma = np.array([declared.get(name, assumed_noise(name, observations.nominal)) for name in channels])
+    zeros, many = np.zeros(len(channels)), np.full(len(channels), np.inf)
+    source = {name: "declared" if name in declared else "assumed" for name in channels}
+    run = PRIOR_RUN * sigma
+    return NoiseModel(channels, sigma, zeros, PRIOR_MOUNT_M, run, many, many, source, PRIOR_MOUNT_M, run)
+
+
+def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
+    """An estimated noise model, with what is assumed for channels that were never measured."""
+    known = {name: k for k, name in enumerate(noise.channels)}
+    picked = [known.get(name) for name in observations.channels]
+    guessed = np.array([assumed_noise(name, observations.nominal) for name in observations.channels])
+
+    def pick(values: FloatArray, missing: FloatArray) -> FloatArray:
+        return np.array([m if k is None else values[k] for k, m in zip(picked, missing, strict=True)])
+
+    zeros, run = np.zeros(len(picked)), PRIOR_RUN * guessed
+    return replace(
+        noise,
+        channels=observations.channels,
+        sigma=pick(noise.sigma, guessed),
+        rho=pick(noise.rho, zeros),
+        run=pick(noise.run, run),
+        repeats=pick(noise.repeats, zeros),
+        degrees_of_freedom=pick(noise.degrees_of_freedom, zeros),
+        mount_m=noise.mount_m or PRIOR_MOUNT_M,
+        test_mount_m=noise.test_mount_m or PRIOR_MOUNT_M,
+        test_run=pick(np.where(noise.test_run > 0.0, noise.test_run, PRIOR_RUN * noise.sigma), run),
+    )
+
+
+def assumed_noise(channel: str, nominal: Nominal) -> float:
+    """The noise of a channel that was never measured, by its largest reading in the validity domain."""
+    largest = {
+        "force_N": nominal.force_N,
+        "flux_linkage_Wb": nominal.flux_linkage_Wb,
+        "hall_V": nominal.hall_swing_V,
+        "voltage_V": nominal.resistance_ohm * nominal.peak_current_A,
+        "inductance_H": nominal.inductance_H,
+        "resistance_ohm": nominal.resistance_ohm,
+    }
+    return GUESSED_NOISE * largest[parts_of(channel)[0]]

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import counted
 from femfit.core.errors import TableError
-from femfit.core.printed import Printed
+from femfit.core.results import Printed
+from femfit.core.text import counted
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.patterns import own_misfit_columns
+from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN, SHOWN_CLAUSES, TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import (
@@ -28,12 +29,13 @@ from femfit.identify.decision.diagnosis_text import (
     verdict_sentence,
 )
 from femfit.identify.decision.own_misfit import finer_model
-from femfit.identify.experiments.constants import COMPARED, HINTS, SHOWN, SHOWN_CLAUSES, TIE
-from femfit.identify.experiments.direct import Distance, apart_by_direct_reading, by_direct_reading
-from femfit.identify.experiments.noise import noise_for
-from femfit.identify.experiments.possible import Experiment, possible_experiments
+from femfit.identify.experiments.plan import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
+    Distance,
+    apart_by_direct_reading,
+    by_direct_reading,
     listed,
+    noise_for,
     pairs_in_words,
     parameters_of,
     separation,
@@ -41,9 +43,9 @@ from femfit.identify.experiments.separation import (
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.currents import currents_in, with_currents
 from femfit.identify.readings.place import measurement_of
 from femfit.identify.readings.plausible import plausible_table
+from femfit.identify.readings.settings import currents_in, with_currents
 from femfit.identify.refit.refit import Refit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of

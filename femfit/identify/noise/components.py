@@ -3,6 +3,8 @@
 The scatter of a reading comes from repeats of one setting and from what was declared, weighted by their degrees of
 freedom; from a guess where there is neither. Nothing here looks at an effect, and a hidden one does not widen the
 noise: it is the same in every repeat.
+
+Noise drawn from a campaign's noise model.
 """
 
 from collections.abc import Sequence
@@ -10,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import (
     EXACT,
     LEAST_REPEATS,
@@ -22,13 +24,12 @@ from femfit.identify.constants import (
     TEST_LEVEL,
     UNKNOWN_CHANNEL,
 )
-from femfit.identify.noise.contrasts import ChannelDesign, rho_of
+from femfit.identify.noise.contrasts import ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.designs import random_effects, repeated_readings
-from femfit.identify.noise.restricted import Contrasts, restricted_estimate
 from femfit.identify.noise.scatter import Scatter, contradicts, guessed_scatter, known_scatter
-from femfit.identify.noise.whitening import NoiseModel
+from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns, sequence, setting_errors
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.repeats import quantisation_step
+from femfit.identify.readings.settings import quantisation_step
 
 
 def estimate_noise(observations: Observations) -> NoiseModel | None:
@@ -205,3 +206,24 @@ def _degrees_of_freedom(observations: Observations, scatter: Sequence[Scatter], 
     slow = np.where(rho > 0.0, 2.0 / ((1.0 - rho**2) * np.maximum(count, 1)), 0.0)
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / (slow + 1.0 / np.maximum(independent, 1e-300)))
+
+
+def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> FloatArray:
+    """Draw everything in the readings that is neither model nor effect, shape (M,), in their units.
+
+    It is AR(1) noise along each run, re-mounts, run offsets, and what errors of the settings make.
+    """
+    observations, noise, chains = whitening.observations, whitening.noise, whitening.chains
+    rho = noise.rho[observations.channel] ** chains.gap
+    fresh = generator.standard_normal(len(rho))
+    value = np.empty_like(fresh)
+    for k in np.lexsort((sequence(observations), observations.column("run"), observations.channel)):
+        value[k] = (
+            fresh[k] if chains.first[k] else rho[k] * value[chains.before[k]] + np.sqrt(1 - rho[k] ** 2) * fresh[k]
+        )
+    columns, deviations = random_columns(observations, noise.mount_m, noise.run)
+    random = columns @ (deviations * generator.standard_normal(len(deviations)))
+    value = value * noise.sigma[observations.channel] + random
+    for number, size in setting_errors(observations, noise.stop_m):
+        value += size * generator.standard_normal(number.max() + 1)[number]
+    return np.asarray(value)

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
 from femfit.identify.constants import LEAST_REPEATS
 from femfit.identify.noise.contrasts import Chain, ChannelDesign
 from femfit.identify.noise.whitening import chains_of, orthonormal_basis, sequence, stops
 from femfit.identify.readings.observations import Observations, once_for_settings
-from femfit.identify.readings.repeats import repeat_cells
+from femfit.identify.readings.settings import repeat_cells
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import SAME_SETTING
 from femfit.identify.readings.observations import Observations, once_for_settings
-from femfit.identify.readings.repeats import levels, setting_cells
+from femfit.identify.readings.settings import levels, setting_cells
 
 
 @dataclass(frozen=True, eq=False)

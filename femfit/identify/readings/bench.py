@@ -6,28 +6,26 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount, counted
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
-from femfit.core.remembered import remembered
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.results import Finding, remembered
+from femfit.core.text import amount, counted
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER
-from femfit.identify.readings.currents import (
+from femfit.identify.readings.impedance import away_from_bias, weighed_by_magnitude, with_bias
+from femfit.identify.readings.observations import InTheirRuns, Observations
+from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
+from femfit.identify.readings.settings import (
     current_directions,
     current_names,
     currents_in,
     hall_not_compared,
     with_currents,
 )
-from femfit.identify.readings.eddy_bias import away_from_bias, with_bias
-from femfit.identify.readings.impedance import weighed_by_magnitude
-from femfit.identify.readings.observations import InTheirRuns, Observations
-from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_series import RepeatedCoenergy
+from femfit.model.coenergy_table import RepeatedCoenergy
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.circuit_columns import parts_of

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import weighed_amount
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
-from femfit.core.finding import Finding
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
+from femfit.core.text import weighed_amount
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 

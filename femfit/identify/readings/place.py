@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
+from femfit.core.results import Finding
 from femfit.identify.constants import MOST_ROWS
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.currents import inductive, without_bias
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.plausible import plausible_table
+from femfit.identify.readings.settings import inductive, without_bias
 from femfit.identify.series.observations import series_observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import rounded
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.finding import Finding
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.results import Finding
+from femfit.core.text import rounded
 from femfit.effects.conditions import Conditions
+from femfit.estimate.record_checks import suspect_settings
 from femfit.identify.constants import CLEARLY, DOMAIN_SLACK, WELL
-from femfit.identify.readings.currents import current_names, currents_in, with_leading_current
+from femfit.identify.readings.settings import current_names, currents_in, with_leading_current
 from femfit.identify.readings.suspected_scales import (
     Predict,
     ratio,
@@ -20,16 +21,15 @@ from femfit.identify.readings.suspected_scales import (
     suspected_zero,
 )
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_matrix import CoenergyMatrix
-from femfit.model.hall_sensor import HallSensor
+from femfit.model.hall import HallSensor
 from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
+from femfit.model.several_magnetics import CoenergyMatrix
 from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
-from femfit.records.plausible import suspect_settings
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import without_outliers
-from femfit.tables.suspected_units import (
+from femfit.tables.units import (
     LEAST_READINGS,
     OTHER_SIGN,
     common_factors,

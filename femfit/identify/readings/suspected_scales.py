@@ -5,9 +5,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy import optimize
 
-from femfit.core.amount import amount, rounded
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.finding import Finding
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.results import Finding
+from femfit.core.text import amount, rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.identify.constants import (
     BEYOND_MOUNTING,
@@ -22,7 +22,7 @@ from femfit.identify.constants import (
     WRONG_FACTOR,
 )
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.suspected_units import LEAST_READINGS
+from femfit.tables.units import LEAST_READINGS
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.constants import ABSOLUTE_ZERO_C
 from femfit.core.errors import TableError, UsageError
-from femfit.core.finding import Finding
+from femfit.core.numerics import ABSOLUTE_ZERO_C
+from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.comparison.fall import error_fall
@@ -22,21 +22,26 @@ from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.scatter import beyond_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
-from femfit.identify.noise.within import beyond_noise
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import measurement_of, placed
 from femfit.identify.refit.add_result import AddResult, Step
-from femfit.identify.refit.checked_refit import Base, CheckedRefit, better_alone, checked_refit, with_tolerances
+from femfit.identify.refit.checked_refit import (
+    Base,
+    CheckedRefit,
+    better_alone,
+    channel_rms,
+    checked_refit,
+    with_tolerances,
+)
 from femfit.identify.refit.filter_fall import filter_fall
-from femfit.identify.refit.refit import refit
+from femfit.identify.refit.refit import Start, refit, starting_point
 from femfit.identify.refit.sizes import effect_sizes, suspicious_values
-from femfit.identify.refit.start import Start, starting_point
-from femfit.identify.refit.unseen import channel_rms
 from femfit.identify.remainder.add import add_remainder, without_remainder
 from femfit.identify.remainder.parts import NAME as UNEXPLAINED
 from femfit.identify.remainder.result import RemainderResult
-from femfit.identify.signatures.columns import why_untestable
+from femfit.identify.signatures import why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects

@@ -4,15 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from femfit.core.amount import probability
-from femfit.core.finding import Finding
-from femfit.core.printed import Printed
+from femfit.core.results import Finding, Printed
+from femfit.core.text import probability
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe, titled, titles_of
 from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.constants import HARMS, LEVEL_AFTER
-from femfit.identify.noise.within import in_words
+from femfit.identify.noise.scatter import in_words
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import notes, suspicions
 from femfit.identify.refit.filter_fall import FilterFall

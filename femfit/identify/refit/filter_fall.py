@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from femfit.core.amount import amount, counted, rounded
-from femfit.core.arrays import BoolArray, FloatArray
-from femfit.core.printed import Printed
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.results import Printed
+from femfit.core.text import amount, counted, rounded
 from femfit.effects.effect import AddedEffect
-from femfit.filters.noise import FilterNoise, default_noise
+from femfit.estimate.consistency import FilterScore, can_be_filtered, filter_score
+from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.identify.constants import (
     FILTER_BLOCK,
     FILTER_CHANCE,
@@ -30,10 +31,9 @@ from femfit.identify.constants import (
     FILTER_WORSE,
 )
 from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.unseen import left_out_groups
+from femfit.identify.refit.checked_refit import left_out_groups
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
-from femfit.replay.score import FilterScore, can_be_filtered, filter_score
 from femfit.tables.measurement import TimeSeries
 
 _Pair = tuple[FilterScore, FilterScore]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from femfit.core.amount import amount, amount_in, amount_range, rounded
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount, amount_in, amount_range, rounded
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import describe, range_of, size_of

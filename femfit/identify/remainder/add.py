@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy import stats
 
-from femfit.core.arrays import FloatArray
 from femfit.core.errors import MissingPartError
+from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.fall import error_fall
@@ -18,18 +18,16 @@ from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_result import AddResult, Step
+from femfit.identify.refit.checked_refit import channel_rms
 from femfit.identify.refit.filter_fall import filter_fall
-from femfit.identify.refit.refit import refit
+from femfit.identify.refit.refit import Start, fitted_together, refit
 from femfit.identify.refit.sizes import EffectSize
-from femfit.identify.refit.start import Start, fitted_together
-from femfit.identify.refit.unseen import channel_rms
 from femfit.identify.remainder.constants import REFITTED, WORTH_A_REFIT
 from femfit.identify.remainder.law import laws_of
 from femfit.identify.remainder.learn import Checked, Learnt, learn_checked
 from femfit.identify.remainder.parts import NAME, added, effect_of
-from femfit.identify.remainder.refutation import refutation
-from femfit.identify.remainder.result import RemainderResult, words_of
-from femfit.identify.signatures.columns import effect_columns, why_untestable
+from femfit.identify.remainder.result import RemainderResult, refutation, words_of
+from femfit.identify.signatures import effect_columns, why_untestable
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import Measurement, TimeSeries

@@ -20,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import linalg, optimize
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.identify.remainder.constants import BEGUN, LEAST_SHARE, PRICE, SIZES
 
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.remainder.constants import PER_FACTOR, SAID
 from femfit.identify.remainder.learn import Learnt

@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.unseen import UnseenError, beside_random, channel_rms, left_out_groups
+from femfit.identify.refit.checked_refit import UnseenError, beside_random, channel_rms, left_out_groups
 from femfit.identify.remainder.constants import HALVINGS, POSSIBLE, PRICE, ROUNDS
 from femfit.identify.remainder.evidence import Gram, complexity, posterior, sets_that_pay
 from femfit.identify.remainder.parts import BRAKE, Part, added, effect_of, parts_of

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.identify.readings.observations import Observations
 from femfit.identify.remainder.constants import (

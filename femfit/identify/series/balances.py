@@ -10,7 +10,7 @@ over time, so that an unstable plant in a closed loop is no harder than a stable
 
 Every state of an effect (lag, hysteresis) has a rate that is affine in that state alone, z' = a - b z with a and b
 given by the motion, so that over a step of constant a and b it moves exactly to z exp(-b h) + a (1 - exp(-b h)) / b.
-Eddy currents of the drawing (:mod:`femfit.identify.series.eddies`) act beside the recorded current.
+Eddy currents of the drawing (:mod:`femfit.identify.series.noise`) act beside the recorded current.
 
 References
 ----------
@@ -23,11 +23,12 @@ from functools import cached_property
 
 import numpy as np
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.sweep_columns import voltage_columns
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
+from femfit.effects.friction import REST
 from femfit.effects.stages import (
     changed_coenergy,
     circuit_of,
@@ -37,10 +38,9 @@ from femfit.effects.stages import (
     true_setting,
     with_further_force,
 )
-from femfit.effects.stop_position import REST
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.identify.series.constants import SLOWEST
-from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
+from femfit.identify.series.noise import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.eddy_currents import EddyCurrents

@@ -7,19 +7,17 @@ from typing import Literal
 import numpy as np
 from scipy import sparse
 
-from femfit.core.arrays import BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Nominal
-from femfit.effects.stop_position import REST
+from femfit.effects.friction import REST
+from femfit.estimate.record import converter_step, white_noise
 from femfit.identify.series.balances import FORCE_BALANCE, voltage_balances
-from femfit.identify.series.commands import between_samples, held_from
 from femfit.identify.series.constants import METHOD_ACCURACY
-from femfit.identify.series.eddies import EddiesAlong, induced_along, pull_of
-from femfit.identify.series.noise import SensorNoise, carried, propagated
-from femfit.identify.series.samples import Samples
+from femfit.identify.series.noise import EddiesAlong, SensorNoise, carried, induced_along, propagated, pull_of
+from femfit.identify.series.samples import Samples, between_samples, held_from
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel
-from femfit.records.noise import converter_step, white_noise
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,15 @@
 """Noise of a recorded series: of each sensor's sample, and what it becomes in the balances of short windows.
 
+Eddy currents of the drawing along a recorded motion.
+
+At given distances and currents the patterns' flux linkages beside a current of their own are b = C^T phi + lambda, and
+with A = C^T L C + Q
+
+    d(b + A e)/dt = -R e.
+
+Between two times b is taken as linear and A as constant, so that a step is exact however fast a pattern decays. A
+stretch begins at rest.
+
 References
 ----------
 B. Widrow and I. Kollar, Quantization Noise (Cambridge University Press, 2008), section 6 (dither).
@@ -9,16 +19,16 @@ do not move.
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Self
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import lapack
 
-from femfit.core.arrays import FloatArray, IntArray
-from femfit.identify.series.constants import (
-    LEAST_FOLLOWING,
-    LEAST_VARIANCE,
-)
-from femfit.records.constants import NORMAL_MEDIAN
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.estimate.constants import NORMAL_MEDIAN
+from femfit.identify.series.constants import LEAST_FOLLOWING, LEAST_VARIANCE, SLOWEST
+from femfit.model.eddy_currents import EddyCurrents, EddyForms
 
 
 def carried(weights: sparse.csr_array, factor: FloatArray | float) -> sparse.csr_array:
@@ -78,3 +88,77 @@ def successive_scatter(misfit: FloatArray, follows: IntArray, removed: FloatArra
     free = variance > LEAST_VARIANCE
     scaled = (misfit[follows] - misfit[follows - 1])[free] / np.sqrt(variance[free])
     return float(np.median(np.abs(scaled)) / NORMAL_MEDIAN) if len(scaled) >= LEAST_FOLLOWING else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class EddiesAlong:
+    """The patterns' forms at N distances and their derivatives.
+
+    Currents (N, n) without a circuit are a column of zeros, which no pattern acts like.
+    """
+
+    eddy: EddyCurrents
+    distance: FloatArray
+    forms: EddyForms
+    rising: EddyForms
+
+    @classmethod
+    def at(cls, eddy: EddyCurrents, distance: FloatArray) -> Self:
+        """At distances (N,) in m."""
+        forms, rising = eddy.forms(distance, 0, 1)
+        return cls(eddy, distance, forms, rising)
+
+    def acting(self, current: FloatArray, induced: FloatArray) -> FloatArray:
+        """Currents (N, n) that act on the static field like these and induced ones (N, r) together."""
+        result = current.copy()
+        result[:, : len(self.eddy.circuits)] += (self.forms.coupling @ induced[..., None])[..., 0]
+        return result
+
+
+def induced_along(
+    along: EddiesAlong, time: FloatArray, first: BoolArray, flux_linkage: FloatArray, inductance: FloatArray
+) -> FloatArray:
+    """Currents (N, r) of the patterns at N times, where stretches begin ``first``.
+
+    Parameters
+    ----------
+    flux_linkage, inductance : array, shapes (N, n) and (N, n, n)
+        Of the circuits, without eddy currents.
+    """
+    at, root, n = along.forms, 1.0 / np.sqrt(along.eddy.resistances_ohm), len(along.eddy.circuits)
+    turned = np.swapaxes(at.coupling, -1, -2)
+    beside = root * ((turned @ flux_linkage[:, :n, None])[..., 0] + at.flux_linkage)
+    own = root[:, None] * (turned @ inductance[:, :n, :n] @ at.coupling + at.inductance) * root
+    kept, gained = _steps(np.diff(time), 0.5 * (own[1:] + own[:-1]), -np.diff(beside, axis=0))
+    kept[first[1:]], gained[first[1:]] = 0.0, 0.0
+    linked = _recurrence(kept, gained)
+    return np.asarray(root * np.linalg.solve(own, linked[..., None])[..., 0])
+
+
+def pull_of(along: EddiesAlong, flux_linkage: FloatArray, induced: FloatArray) -> FloatArray:
+    """What induced currents (N, r) add to the force beside the static one, at the currents that act together."""
+    rising, n = along.rising, len(along.eddy.circuits)
+    acting = (rising.coupling @ induced[..., None])[..., 0]
+    own = rising.flux_linkage + 0.5 * (rising.inductance @ induced[..., None])[..., 0]
+    return -np.asarray((flux_linkage[:, :n] * acting).sum(axis=-1) + (own * induced).sum(axis=-1))
+
+
+def _recurrence(kept: FloatArray, gained: FloatArray) -> FloatArray:
+    """x_k = K_k x_(k-1) + g_k from x_0 = 0: a triangular system of bandwidth 2 r, which LAPACK solves in one pass."""
+    steps, r = gained.shape
+    below = np.zeros((2 * r, steps + 1, r))  # Entry (d, j) stands d rows below the diagonal in column j
+    row, column = np.indices((r, r)).reshape(2, -1)
+    below[r + row - column, :-1, column] = -kept[:, row, column].T
+    right = np.concatenate([np.zeros(r), gained.ravel()])
+    found, _ = lapack.dtbtrs(below.reshape(2 * r, -1), right[:, None], uplo="L", diag="U")
+    return np.asarray(found).reshape(steps + 1, r)
+
+
+def _steps(step: FloatArray, own: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What is left of A e after each step in s, and of a flux linkage that grows evenly within it."""
+    delay, modes = np.linalg.eigh(own)
+    decay = np.maximum(np.maximum(step, 0.0)[:, None] / delay, SLOWEST)
+    turned = np.swapaxes(modes, -1, -2)
+    mean = -np.expm1(-decay) / decay
+    kept = (modes * np.exp(-decay)[:, None]) @ turned
+    return kept, (modes @ (mean[..., None] * (turned @ gained[..., None])))[..., 0]

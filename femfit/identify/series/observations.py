@@ -17,19 +17,20 @@ from math import prod
 import numpy as np
 import pandas as pd
 
-from femfit.core.amount import amount
-from femfit.core.arrays import FloatArray, IntArray
 from femfit.core.errors import TableError
-from femfit.core.finding import Finding
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.results import Finding
 from femfit.core.sweep_columns import flux_columns
+from femfit.core.text import amount
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
-from femfit.effects.stop_position import REST
+from femfit.effects.friction import REST
+from femfit.estimate.record import with_distance
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.bench import model_tolerance
-from femfit.identify.readings.currents import hall_not_compared
 from femfit.identify.readings.observations import InTheirRuns, Observations
+from femfit.identify.readings.settings import hall_not_compared
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedCoenergy,
@@ -52,7 +53,6 @@ from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
-from femfit.records.position import with_distance
 from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
 
 

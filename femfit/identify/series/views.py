@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy import sparse
 
-from femfit.core.arrays import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.identify.series.balances import Motion
 from femfit.identify.series.constants import BEHIND, MIDDLE, NODES, PLAY, SLOPE_SPAN, SPAN

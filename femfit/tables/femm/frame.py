@@ -4,23 +4,28 @@ Mirroring z leaves A_phi, the current and B_z as they are and turns B_r and F_z 
 part hangs below is mirrored without a change of the axial magnets or the current. Reversing every magnet and current
 reverses B and leaves the force; it is done where the moving magnet points along -z, so that a positive current
 attracts.
+
+A winding that touches what moves against it gives way by a clearance that hardly changes its field.
+
+Everything that was found in a FEMM model, and what the user said beside it.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import shapely
-from shapely import box
+from shapely import Polygon, box
 
-from femfit.tables.femm.faces import GRID, MIN_AREA
+from femfit.tables.femm.faces import GRID, MIN_AREA, ArcFinder, Edge, without_holes
 from femfit.tables.femm.limits import Direction
-from femfit.tables.femm.movers import FemBodies, outline_of
-from femfit.tables.femm.notes import Notes
-from femfit.tables.femm.options import FemOptions
-from femfit.tables.femm.outlines import Edge
+from femfit.tables.femm.model import FemModel
+from femfit.tables.femm.movers import Body, FemBodies, outline_of
+from femfit.tables.femm.options import FemOptions, Notes
 from femfit.tables.femm.parse import DIGITS
 from femfit.tables.femm.parts import FemPart, volume_mm3
-from femfit.tables.femm.winding import FemWinding
+from femfit.tables.femm.winding import FemCoil, FemWinding, FemWire
 
 MOST_LISTED = 6
 """Heights that a message names; a drawing with arcs has hundreds of corners."""
@@ -164,3 +169,99 @@ def _say(frame: FemFrame, windings: Sequence[FemWinding], heights: Sequence[floa
         )
     if frame.field_sign < 0:
         notes.info("field-sign", "Every field has the opposite sign of the file's: the magnets are reversed.")
+
+
+CLEARANCE = 0.02
+"""Of the winding's smaller side: the field changes less than by the tolerance of a winding's mean radius."""
+
+
+def trim_windings(
+    windings: Sequence[FemWinding], bodies: FemBodies, notes: Notes
+) -> tuple[tuple[FemWinding, ...], FemBodies]:
+    """Windings that touch the other body keep clear of it, in the windings and in the bodies alike."""
+    trimmed = {id(coil): _trimmed(coil, bodies.mover, notes) for coil in bodies.fixed_coils}
+    standing: Body = [*bodies.fixed, *(trimmed[id(coil)] for coil in bodies.fixed_coils)]
+    trimmed |= {id(coil): _trimmed(coil, standing, notes) for coil in bodies.moving_coils}
+    return (
+        tuple(replace(winding, coils=tuple(trimmed[id(coil)] for coil in winding.coils)) for winding in windings),
+        replace(
+            bodies,
+            fixed_coils=tuple(trimmed[id(coil)] for coil in bodies.fixed_coils),
+            moving_coils=tuple(trimmed[id(coil)] for coil in bodies.moving_coils),
+        ),
+    )
+
+
+def _trimmed(coil: FemCoil, obstacles: Body, notes: Notes) -> FemCoil:
+    """The winding with all its turns on a section that keeps clear of the others, if it touches one of them."""
+    contacts = [obstacle.polygon.intersection(coil.polygon) for obstacle in obstacles]
+    touching = shapely.union_all([contact for contact in contacts if not contact.is_empty])
+    if touching.is_empty:
+        return coil
+    r0, z0, r1, z1 = coil.polygon.bounds
+    clearance = round(CLEARANCE * min(r1 - r0, z1 - z0), DIGITS)
+    section = coil.polygon.difference(_around(touching, coil.polygon, clearance), grid_size=GRID)
+    if not isinstance(section, Polygon) or section.interiors or section.is_empty:
+        notes.problem(f"{coil.labels[0].place} touches what moves against it on all sides. Draw a gap around it.")
+        return coil
+    notes.warn(
+        "trimmed-winding",
+        f"{coil.labels[0].place} touches what moves against it; its section keeps {clearance:g} mm clear, with all "
+        "its turns.",
+        "Draw the clearance that the winding has.",
+    )
+    return replace(coil, polygon=section)
+
+
+def _around(touching: shapely.Geometry, winding: Polygon, clearance: float) -> shapely.Geometry:
+    """What a winding gives up: along straight sides its whole length, for the other body slides along them."""
+    r0, z0, r1, z1 = winding.bounds
+    strips = []
+    for line in shapely.get_parts(shapely.get_parts(touching)):
+        ends = shapely.get_coordinates(line)
+        for (r, z), (r_next, z_next) in pairwise(ends.tolist()):
+            if abs(r_next - r) <= GRID:
+                strips.append(box(r - clearance, z0, r + clearance, z1))
+            elif abs(z_next - z) <= GRID:
+                strips.append(box(r0, z - clearance, r1, z + clearance))
+        strips.append(line.buffer(clearance))
+    return shapely.union_all(strips)
+
+
+@dataclass(frozen=True)
+class FemDevice:
+    """A model's parts and windings, placed; wires are by the id of their coil."""
+
+    name: str
+    model: FemModel
+    bodies: FemBodies
+    windings: tuple[FemWinding, ...]
+    wires: Mapping[int, FemWire]
+    frame: FemFrame
+    options: FemOptions
+
+    @property
+    def distances_mm(self) -> list[float]:
+        """Of the sweep."""
+        return own_point_added(self.options.distances_mm, self.frame.distance_mm)
+
+    def currents(self, winding: FemWinding) -> list[float]:
+        """Of the sweep in A, in one circuit."""
+        return own_point_added(self.options.currents_A, self.frame.current(winding))
+
+    def outlines(self) -> dict[int, list[list[Edge]]]:
+        """Outlines in the actuator file of each part and coil, by its id."""
+        fixed, moving = self.bodies.standing, self.bodies.mover
+        simple = {id(piece): without_holes(piece.polygon) for piece in [*fixed, *moving]}
+        every = [polygon for pieces in simple.values() for polygon in pieces]
+        finder = ArcFinder(self.model.lines, every, self.options.arc_degrees)
+        return {
+            id(piece): [self.frame.placed(finder.outline(polygon), moving=moves) for polygon in simple[id(piece)]]
+            for moves, pieces in ((False, fixed), (True, moving))
+            for piece in pieces
+        }
+
+
+def own_point_added(values: Sequence[float], drawn: float) -> list[float]:
+    """An axis with the file's own value in its place."""
+    return sorted([*(value for value in values if not math.isclose(value, drawn, rel_tol=1e-9, abs_tol=1e-9)), drawn])

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from femfit.core.constants import MU_0
+from femfit.core.numerics import MU_0
 
 TOLERANCE = 0.01
 """dB/dH below mu_0 by more than this is no rounding; actuator files have the same limit."""

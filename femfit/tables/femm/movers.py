@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import shapely
 
 from femfit.tables.femm.faces import GRID, FemFace
-from femfit.tables.femm.notes import Notes
-from femfit.tables.femm.options import FemOptions
+from femfit.tables.femm.options import FemOptions, Notes
 from femfit.tables.femm.parts import FemPart, volume_mm3
 from femfit.tables.femm.winding import FemCoil
 

@@ -1,10 +1,14 @@
-"""What a user can say about a FEMM model where the file does not say it."""
+"""What a user can say about a FEMM model where the file does not say it.
+
+What is said while a FEMM model is imported: problems, which refuse it, and findings, which come with the result.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from femfit.core.errors import FemFileError
+from femfit.core.results import Finding
 from femfit.device.decimals import axis_values
 from femfit.device.schema import MAX_AXIS_POINTS, RangeEntry
 
@@ -83,3 +87,23 @@ def axis_option(text: str | None, option: str) -> tuple[float, ...]:
     if problems:
         raise FemFileError(f"a model with {option} {text[:40]!r}", problems)
     return values
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Filled by the steps of an import, each in its turn."""
+
+    problems: list[str] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+    def problem(self, text: str) -> None:
+        """Refuse the model, when everything was looked at."""
+        self.problems.append(text)
+
+    def info(self, code: str, text: str, remedy: str = "") -> None:
+        """Say what was done."""
+        self.findings.append(Finding(code, "info", text, remedy))
+
+    def warn(self, code: str, text: str, remedy: str = "", size: float | None = None) -> None:
+        """Say what the user should look at."""
+        self.findings.append(Finding(code, "warning", text, remedy, size))

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from femfit.core.amount import counted
 from femfit.core.errors import FemFileError
+from femfit.core.text import counted
 from femfit.tables.femm.model import (
     FemBoundary,
     FemCircuit,

@@ -1,33 +1,65 @@
-"""A FEMM model as an actuator file: read, divide into parts, place, write, and read back."""
+"""A FEMM model as an actuator file: read, divide into parts, place, write, and read back.
+
+Axes for a sweep of an imported model that its drawing leaves room for.
+"""
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from femfit.core.amount import counted
+from shapely import unary_union
+
 from femfit.core.errors import ActuatorFileError, FemFileError
-from femfit.core.finding import Finding
+from femfit.core.results import Finding
+from femfit.core.text import counted
+from femfit.device.checks import CONTACT, swept
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml
 from femfit.device.parts import Actuator
 from femfit.tables.femm.faces import find_faces
-from femfit.tables.femm.found import FemDevice
-from femfit.tables.femm.frame import FemFrame, find_frame
-from femfit.tables.femm.limits import check_limits
+from femfit.tables.femm.frame import FemDevice, FemFrame, find_frame, trim_windings
+from femfit.tables.femm.limits import check_limits, in_terms_of_femfit
 from femfit.tables.femm.model import FemModel
-from femfit.tables.femm.movers import FemBodies, divide
-from femfit.tables.femm.notes import Notes
-from femfit.tables.femm.options import FemOptions
+from femfit.tables.femm.movers import FemBodies, divide, outline_of
+from femfit.tables.femm.options import FemOptions, Notes
 from femfit.tables.femm.parse import parse_fem
-from femfit.tables.femm.parts import merge_parts
-from femfit.tables.femm.ranges import offered_axes
-from femfit.tables.femm.surroundings import drop_surroundings
-from femfit.tables.femm.taken import in_terms_of_femfit
+from femfit.tables.femm.parts import drop_surroundings, merge_parts
 from femfit.tables.femm.toml import actuator_toml
-from femfit.tables.femm.trim import trim_windings
-from femfit.tables.femm.winding import FemWinding, find_windings
-from femfit.tables.femm.wire import find_wire
+from femfit.tables.femm.winding import FemWinding, find_windings, find_wire
+
+STEPS_MM = (20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01)
+"""Ways that are tried from the file's own distance, the longest first; none beyond the moving part's own size."""
+
+POINTS = 10
+"""Steps of the distances that are offered."""
+
+
+def offered_axes(device: FemDevice) -> str:
+    """Options for a sweep around the file's own point in which nothing collides."""
+    axes = []
+    nearer, farther = (_free_way(device, sign) for sign in (-1.0, 1.0))
+    drawn = device.frame.distance_mm
+    if nearer + farther > 0:
+        start, stop = round(drawn - nearer, 6), round(drawn + farther, 6)
+        axes.append(f"--distance-mm={start:.9g}:{stop:.9g}:{round((stop - start) / POINTS, 7):.9g}")
+    if device.windings:
+        current = max(abs(device.frame.current(winding)) for winding in device.windings) or 1.0
+        axes.append(f"--current-A={','.join(f'{share * current:.6g}' for share in (0.0, 0.25, 0.5, 0.75, 1.0))}")
+    return " ".join(axes)
+
+
+def _free_way(device: FemDevice, sign: float) -> float:
+    """How far the moving part can go from where it stands, nearer (-1) or farther (+1); 0 for less than 0.01 mm."""
+    fixed = outline_of(device.bodies.standing)
+    moving = [piece.polygon for piece in device.bodies.mover]
+    _, low, radius, high = outline_of(device.bodies.mover).bounds
+    for way in (way for way in STEPS_MM if way <= max(high - low, 2.0 * radius)):
+        shift = sign * device.frame.up * way
+        track = unary_union([swept(polygon, min(0.0, shift), max(0.0, shift)) for polygon in moving])
+        if track.distance(fixed) > 2 * CONTACT:
+            return way
+    return 0.0
 
 
 @dataclass(frozen=True)

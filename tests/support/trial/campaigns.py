@@ -12,8 +12,8 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 
-from femfit.core.atomic import write_json
 from femfit.core.errors import DomainError
+from femfit.core.files import write_json
 from femfit.trial.campaigns import write_campaign
 from femfit.trial.counts import Count, Share, is_shown, trial_lines
 from femfit.trial.device import Device, HiddenError

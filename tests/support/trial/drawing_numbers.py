@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from femfit.core.constants import MU_0
 from femfit.core.errors import ActuatorFileError
+from femfit.core.numerics import MU_0
 from femfit.device.complaints import joined
 from femfit.device.drawing import table_at
 from femfit.device.drawn_faces import drawn_faces

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator, LinearMaterial, Region
 from femfit.trial.device import HiddenError
 from femfit.trial.drawing_variants import has_magnet, is_linear_iron, is_magnet, is_soft, scaled_magnets, with_curve

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import norm
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.trial.device import Conditions, Device, HiddenError
 from femfit.trial.drawing_variants import is_linear_iron, is_soft

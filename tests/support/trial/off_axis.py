@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 import shapely
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator, Region
 from femfit.trial.device import Conditions, Device, HiddenError
 from femfit.trial.drawing_variants import is_magnet, is_soft

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import REFERENCE_TEMPERATURE
 from femfit.trial.device import Conditions, HiddenError
 from femfit.trial.drawing_variants import has_magnet

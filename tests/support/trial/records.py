@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.interpolate import RectBivariateSpline
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import spring_force
 from femfit.device.parts import Actuator
 from femfit.model.actuator_model import ActuatorModel

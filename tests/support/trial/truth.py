@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from femfit.core.arrays import FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.parts import Actuator
 from femfit.trial.device import Conditions, Device, HiddenError
 

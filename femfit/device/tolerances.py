@@ -1,0 +1,95 @@
+"""Standard deviations of a drawing's numbers where the drawing gives none, by kind of number.
+
+Limits that a standard or a maker guarantees are read as two standard deviations. They are conventional: a drawing's own
+``[tolerances]`` replace them.
+
+[tolerances]: how far numbers of the file may be off, by their key paths.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from femfit.device.complaints import joined, read_table
+from femfit.device.drawing import fixed_key, table_at
+from femfit.device.drawn_faces import CONTOUR, drawn_faces
+from femfit.device.file_numbers import nearest_numbers, numbers_of, why_no_number
+from femfit.device.schema import ToleranceEntry
+
+_ISO_2768_M = ((3.0, 0.1), (6.0, 0.1), (30.0, 0.2), (120.0, 0.3), (400.0, 0.5), (1000.0, 0.8), (2000.0, 1.2))
+"""Limits in mm of lengths in mm up to so much, ISO 2768-1 (1989), table 1, class m."""
+
+_LONGER = 2.0
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of number."""
+
+    tolerance: float  # Standard deviation: a share of the number; of lengths :func:`length_tolerance`
+    words: str  # What it is, with ``{name}`` for the material's or the coil's name
+    reciprocal: bool = False  # Whether the field's equations have its reciprocal, as the reluctivity of a permeability
+    at_rest: bool = True  # Whether a field at rest depends on it
+
+
+KINDS: dict[str, Kind] = {
+    "length": Kind(0.0, "{key}"),
+    "hall_place": Kind(0.0, "{key}"),
+    # Ferrites are sold to +-20 to 25 % (Ferroxcube, Soft Ferrites and Accessories); annealed steel scatters as much
+    "permeability": Kind(0.12, "the permeability of {name}", reciprocal=True),
+    # 1.03 to 1.07 within the grades of NdFeB
+    "recoil_permeability": Kind(0.01, "the recoil permeability of {name}", reciprocal=True),
+    "remanence": Kind(0.015, "the remanence of {name}"),  # +-3 % within a grade, IEC 60404-8-1
+    "curve_flux_density": Kind(0.02, "the flux density of {name} at every field"),  # polarisation by composition
+    "curve_field": Kind(0.15, "the field that {name} needs for every flux density"),  # annealing and machining
+    # 143 to 171 nOhm m from steel 1010 to 1018 at 20 degC, and 0.4 to 0.6 %/K
+    "conductivity": Kind(0.1, "the conductivity of {name}", at_rest=False),
+    "lamination": Kind(0.04, "the thickness of a sheet of {name}", at_rest=False),  # +-8 % of 0.35 and 0.5 mm, EN 10106
+    "turns": Kind(0.005, "the number of turns of {name}"),
+    "resistance": Kind(0.02, "the resistance of {name}"),  # round wire, IEC 60317-0-1
+}
+
+
+def length_tolerance(length: float) -> float:
+    """Of a length in mm, in mm: half of the general tolerance's limit."""
+    return 0.5 * next((limit for longest, limit in _ISO_2768_M if abs(length) <= longest), _LONGER)
+
+
+LARGEST = 1e5
+"""No number of a drawing has a larger standard deviation."""
+
+
+def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[str, float], float | None]:
+    """Standard deviations by key path, each in its number's unit, and that of all other lengths in mm."""
+    table = data.get("tolerances")
+    if not isinstance(table, dict):
+        return {}, None
+    own = {key: value for key, value in table.items() if key in ToleranceEntry.model_fields}
+    general = read_table(ToleranceEntry, own, "tolerances", problems)
+    known, given = {*numbers_of(data), *_curve_keys(data)}, {}
+    for key, value in table.items():
+        if key in own:
+            continue
+        if CONTOUR in key and any(face.key == key for face in drawn_faces(data)):
+            known.add(key)
+        if key not in known and (why := why_no_number(key)):
+            problems.append(f"tolerances.{key!r} cannot be given: {why}. Leave it out.")
+        elif key not in known:
+            near = ", ".join(nearest_numbers(key, data))
+            problems.append(f"tolerances.{key!r} must be a key path of this file in quotes. Near it: {near}.")
+        elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < LARGEST:
+            problems.append(
+                f"tolerances.{key!r} must be a number > 0; it is {str(value)[:60]!r}. Give the number's standard "
+                "deviation."
+            )
+        else:
+            given[key] = float(value)
+    return given, None if general is None else general.length_mm
+
+
+def _curve_keys(data: Mapping[str, Any]) -> Iterator[str]:
+    """The lists of magnetisation curves, each of which is scaled as a whole: their tolerances are shares."""
+    bodies = (fixed_key(data), "moving")
+    for material in {str(one.get("material")) for body in bodies for one in table_at(data, body, "regions").values()}:
+        for key in ("B_T", "H_A_per_m"):
+            yield joined("materials", material, key)

@@ -1,0 +1,189 @@
+"""The winding's resistance grows with its temperature: R -> (1 + coefficient (T - 20 °C)) R.
+
+The driver loses a constant voltage: below a threshold it gives nothing, or its switches' drop opposes the current.
+
+Applied voltage = commanded voltage less a dead zone, less a drop against the current.
+
+Supply and driver have an inner resistance: applied voltage = commanded voltage - R_s i.
+
+A bench reads across the winding and does not see it; a record of commanded voltages sees the sum of both resistances.
+
+The motion induces more or less voltage than the model's own: further voltage = share k_m v.
+
+The model's force and back-EMF come from one co-energy; what differs in the circuit alone links the winding or its leads
+without a force on the body: flux through the leads' loop, a pick-up winding in series.
+"""
+
+import numpy as np
+
+from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+
+
+def _circuit(
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
+) -> tuple[FloatArray, FloatArray]:
+    recorded = like(conditions.coil_temperature_C, current) - REFERENCE_TEMPERATURE_C
+    warming = 1.0 if conditions.running else -np.expm1(-like(conditions.time_s, current) / p["warming_time"])
+    unrecorded = COPPER_TEMPERATURE_COEFFICIENT * (p["warmer_K"] + p["warming_K"] * warming)
+    growth = p["coefficient_per_K"] * np.nan_to_num(recorded) + np.where(
+        np.isnan(recorded) | conditions.running, unrecorded, 0.0
+    )
+    return resistance * (1.0 + growth), voltage
+
+
+COIL_TEMPERATURE = Effect(
+    name="coil_temperature",
+    symptom="The voltage at a given current grows as the coil gets warm; force, flux linkage and Hall voltage do not.",
+    acts_on=("circuit",),
+    parameters=(
+        EffectParameter(
+            "coefficient_per_K",
+            unit="1/K",
+            bounds=(-0.01, 0.02),
+            plausible=(2e-3, 6e-3),
+            description="Relative change of the resistance per kelvin of the recorded temperature over 20 °C.",
+            words="the resistance {grows|falls} by {size} of the recorded temperature",
+        ),
+        EffectParameter(
+            "warmer_K",
+            unit="K",
+            bounds=(-60.0, 250.0),
+            plausible=(-10.0, 100.0),
+            description="Where its temperature was not recorded: the coil's over 20 °C, by 0.393 % a kelvin.",
+            words="the winding is {size} {warmer|colder} than 20 °C",
+        ),
+        EffectParameter(
+            "warming_K",
+            unit="K",
+            bounds=(-60.0, 250.0),
+            plausible=(-10.0, 100.0),
+            description="Where its temperature was not recorded: final warming since the start of the run.",
+            words="the winding {warms|cools} by {size} in a run",
+        ),
+        EffectParameter(
+            "warming_time",
+            unit="readings or s",
+            bounds=(1.0, 1e4),
+            plausible=(20.0, 500.0),
+            description="Time constant of the warming, in readings where the data have no clock.",
+            null=100.0,
+            nonlinear=True,
+        ),
+    ),
+    needs=("~current_A|resistance_ohm", "voltage_V|resistance_ohm"),
+    experiment="Read voltage and current of the coil cold, and again after ten minutes at its largest current.",
+    reference="IEC 60028 (1925): copper, 0.00393 per kelvin at 20 °C",
+    circuit=_circuit,
+    calibrations=(
+        Calibration(
+            {"coefficient_per_K": 1e-4},
+            40.0,
+            "Measure the winding's resistance by four wires, cold and warm, with a thermometer on the winding.",
+        ),
+        Calibration(
+            {"warmer_K": 1.0, "warming_K": 2.0},
+            15.0,
+            "Put a thermometer on the winding and read it at the start and at the end of a run.",
+        ),
+    ),
+)
+
+
+_ROUNDING = 1e-2
+"""Current, over the largest, within which the drop turns its sign."""
+
+
+def _circuit_of_driver_dead_zone(
+    resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
+) -> tuple[FloatArray, FloatArray]:
+    nominal = conditions.nominal
+    zone, drop = p["dead_zone"] * nominal.voltage_V, p["drop"] * nominal.voltage_V
+    applied = voltage - np.clip(voltage, -zone, zone)
+    return resistance, applied - drop * np.tanh(current / (_ROUNDING * nominal.peak_current_A))
+
+
+DRIVER_DEAD_ZONE = Effect(
+    name="driver_dead_zone",
+    symptom="The current is too small by the same amount at any commanded voltage, and none at a small one.",
+    acts_on=("circuit",),
+    parameters=(
+        EffectParameter(
+            "dead_zone",
+            bounds=(0.0, 1.0),
+            plausible=(0.0, 0.2),
+            description="Commanded voltage up to which nothing comes, as a part of the largest.",
+            words="the driver gives nothing up to {size}",
+            scale="voltage_V",
+        ),
+        EffectParameter(
+            "drop",
+            bounds=(0.0, 1.0),
+            plausible=(0.0, 0.3),
+            description="Voltage lost in the switches against the current, as a part of the largest.",
+            words="the driver's switches lose {size}",
+            scale="voltage_V",
+        ),
+    ),
+    needs=("time_s", "voltage_V", "current_A", "voltage driver"),
+    experiment="Raise the commanded voltage slowly from zero, in both directions, and read the current.",
+    reference="Mohan, Undeland and Robbins, Power Electronics (2003), section 8.5 (blanking time)",
+    circuit=_circuit_of_driver_dead_zone,
+    calibrations=(
+        Calibration(
+            {"dead_zone": 2e-3, "drop": 2e-3},
+            30.0,
+            "Raise the commanded voltage slowly from zero, in both directions, and read the voltage across the "
+            "winding.",
+        ),
+    ),
+)
+
+
+_READ = (
+    "Command a constant voltage and read that across the winding, with the body held, at a small and a large current."
+)
+
+SUPPLY_SAG = Effect(
+    name="supply_sag",
+    symptom="The current falls short of the commanded voltage the more, the larger it is; at rest as after a step.",
+    acts_on=("circuit",),
+    parameters=(
+        EffectParameter(
+            "inner_resistance",
+            bounds=(0.0, 10.0),
+            plausible=(0.0, 0.3),
+            description="Inner resistance of supply, driver and leads before the terminals, over the winding's.",
+            words="supply and driver have an inner resistance of {size} of the winding's",
+        ),
+    ),
+    needs=("time_s", "voltage_V", "~current_A", "voltage driver"),
+    experiment=_READ,
+    reference="Horowitz and Hill, The Art of Electronics (2015), section 1.2 (Thevenin's equivalent of a source)",
+    circuit=lambda resistance, voltage, i, conditions, p: (
+        resistance,
+        voltage - p["inner_resistance"] * conditions.nominal.resistance_ohm * i,
+    ),
+    calibrations=(Calibration({"inner_resistance": 5e-3}, 10.0, _READ),),
+)
+
+
+MOTIONAL_EMF = Effect(
+    name="motional_emf",
+    symptom="The current departs from the model while the body moves, in step with its velocity.",
+    acts_on=("circuit",),
+    parameters=(
+        EffectParameter(
+            "share",
+            bounds=(-2.0, 5.0),
+            plausible=(-1.0, 1.0),
+            description="Further induced voltage over the model's own.",
+            words="the motion induces {size} {more|less} voltage than in the model",
+        ),
+    ),
+    needs=("time_s", "voltage_V", "current_A", "distance_m|hall_V"),
+    experiment="Move the body by hand with the winding open and record distance and voltage.",
+    reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 2.2",
+    circuit=lambda resistance, voltage, i, conditions, p: (resistance, voltage + p["share"] * conditions.motional_V),
+)

@@ -1,0 +1,270 @@
+"""What changes a Hall element's output: temperature, time, and a large field.
+
+Offset and sensitivity grow linearly with its temperature, which is rarely recorded: it lies between that of the coil,
+on whose face the element sits, and that of the magnet's surroundings. It drifts by a ramp, or by a warm-up that
+settles, over the campaign or anew each run. In large fields it falls behind, by a cubic onset or a limit with a knee.
+
+The coil's leads and their supply disturb the Hall reading: in step with the current, and with its rate.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femfit.core.numerics import FloatArray
+from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, known_or, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States, in_channel
+
+
+def _warmed(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+    coil, magnet = (
+        known_or(temperature, volts, REFERENCE_TEMPERATURE_C) - REFERENCE_TEMPERATURE_C
+        for temperature in (conditions.coil_temperature_C, conditions.magnet_temperature_C)
+    )
+    warmer = p["coil_share"] * coil + (1.0 - p["coil_share"]) * magnet
+    swing = volts - conditions.nominal.hall_quiescent_V
+    return volts + warmer * (p["offset_V_per_K"] + p["sensitivity_per_K"] * swing)
+
+
+HALL_TEMPERATURE = Effect(
+    name="hall_temperature",
+    symptom="The Hall voltage goes with the temperature; force and flux linkage do not.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            "offset_V_per_K",
+            unit="V/K",
+            bounds=(-0.1, 0.1),
+            plausible=(-5e-3, 5e-3),
+            description="Change of the quiescent voltage per kelvin.",
+            words="the Hall voltage at no field changes by {signed}",
+        ),
+        EffectParameter(
+            "sensitivity_per_K",
+            unit="1/K",
+            bounds=(-0.02, 0.02),
+            plausible=(-3e-3, 3e-3),
+            description="Relative change of the sensitivity per kelvin.",
+            words="the Hall element's sensitivity changes by {signed}",
+        ),
+        EffectParameter(
+            "coil_share",
+            bounds=(0.0, 1.0),
+            plausible=(0.0, 1.0),
+            description="How far the element's temperature follows the coil's instead of the magnet's.",
+            words="its temperature follows the winding's by {size}",
+            null=1.0,
+            nonlinear=True,
+        ),
+    ),
+    needs=("hall_V", "~coil_temperature_C|~magnet_temperature_C"),
+    experiment="Warm the coil by a steady current, switch it off and read the Hall voltage while it cools.",
+    reference="Popovic, Hall Effect Devices (2004), sections 4.8 and 5.6; Allegro A1321 data sheet",
+    readings=in_channel("hall_V", _warmed),
+    calibrations=(
+        Calibration(
+            {"offset_V_per_K": 5e-5, "sensitivity_per_K": 5e-5},
+            60.0,
+            "Warm the Hall element by 30 K, in a zero-gauss chamber and then over a fixed magnet, and read its "
+            "voltage.",
+        ),
+    ),
+)
+
+
+_UNIT_OF_TIME = 1000.0
+"""Ramps count in thousands of readings, or of seconds where the data have a clock."""
+
+
+def _drifted(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+    elapsed, run_time = like(conditions.elapsed, volts), like(conditions.time_s, volts)
+    ramps = (p["ramp_V"] * elapsed + p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
+    settled = [-np.expm1(-time / p["settling_time"]) for time in (elapsed, run_time)]
+    return np.asarray(volts + ramps + p["settling_V"] * settled[0] + p["run_settling_V"] * settled[1])
+
+
+def _amplitude(name: str, largest: float, description: str, words: str) -> EffectParameter:
+    return EffectParameter(
+        name,
+        unit="V",
+        bounds=(-100.0 * largest, 100.0 * largest),
+        plausible=(-largest, largest),
+        description=description,
+        words=words,
+    )
+
+
+HALL_DRIFT = Effect(
+    name="hall_drift",
+    symptom="The Hall voltage wanders with time, whatever the distance and current.",
+    acts_on=("sensor",),
+    parameters=(
+        _amplitude(
+            "ramp_V",
+            0.2,
+            "Drift over 1000 readings (or seconds) of the campaign.",
+            "the Hall voltage drifts by {signed} in 1000 readings or seconds of the campaign",
+        ),
+        _amplitude(
+            "run_ramp_V",
+            0.2,
+            "Drift over 1000 readings (or seconds) of a run, zero at its start.",
+            "the Hall voltage drifts by {signed} in 1000 readings or seconds of each run",
+        ),
+        _amplitude(
+            "settling_V",
+            0.1,
+            "Final drift of a warm-up that begins with the campaign.",
+            "the Hall voltage settles by {signed} from the start of the campaign",
+        ),
+        _amplitude(
+            "run_settling_V",
+            0.1,
+            "Final drift of a warm-up that begins with each run.",
+            "the Hall voltage settles by {signed} from the start of each run",
+        ),
+        EffectParameter(
+            "settling_time",
+            unit="readings or s",
+            bounds=(1.0, 1e4),
+            plausible=(20.0, 500.0),
+            description="Time constant of a warm-up, in readings where the data have no clock.",
+            null=100.0,
+            nonlinear=True,
+        ),
+    ),
+    needs=("hall_V", "~elapsed"),
+    experiment="Come back to one distance and current every few minutes and read the Hall voltage.",
+    reference="Popovic, Hall Effect Devices (2004), section 5.6 (offset drift)",
+    readings=in_channel("hall_V", _drifted),
+    calibrations=(
+        Calibration(
+            {"ramp_V": 5e-3, "run_ramp_V": 5e-3, "settling_V": 2e-3, "run_settling_V": 2e-3},
+            60.0,
+            "Read the Hall voltage at one distance and current, switched on anew, for as long as the campaign took.",
+        ),
+    ),
+)
+
+
+_ROUNDING = 0.03
+"""Half width of the knee's corner over the largest swing: amplifiers do not clip at once."""
+
+
+def _beyond(excess: FloatArray) -> FloatArray:
+    """max(0, excess) with a rounded corner."""
+    return np.asarray(0.5 * (excess + np.sqrt(excess**2 + _ROUNDING**2)))
+
+
+def _limited(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+    swing, knee = conditions.nominal.hall_swing_V, p["knee"]
+    x = (volts - conditions.nominal.hall_quiescent_V) / swing
+    # Odd in x and zero at zero
+    limited = _beyond(x - knee) - _beyond(-x - knee)
+    return np.asarray(volts - swing * (p["cubic_loss"] * x**3 + p["limited_loss"] * limited))
+
+
+HALL_SATURATION = Effect(
+    name="hall_saturation",
+    symptom="The Hall voltage falls behind the model where it is far from its quiescent value.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            "cubic_loss",
+            bounds=(-0.05, 0.33),
+            plausible=(0.0, 0.2),
+            description="Lost part of the largest swing, growing with the cube of the field.",
+            words="the Hall voltage {loses|gains} {size} at its largest swing",
+        ),
+        EffectParameter(
+            "limited_loss",
+            bounds=(0.0, 1.0),
+            plausible=(0.0, 1.0),
+            description="Lost part of the sensitivity beyond the knee; 1 is a hard limit.",
+            words="the Hall element loses {size} of its sensitivity beyond a knee",
+        ),
+        EffectParameter(
+            "knee",
+            bounds=(0.1, 1.2),
+            plausible=(0.4, 1.0),
+            description="Where the limit begins, as a part of the model's largest swing.",
+            null=0.8,
+            nonlinear=True,
+        ),
+    ),
+    needs=("hall_V",),
+    experiment="Go as near as possible at the largest current of each sign, and compare the Hall voltage with that of "
+    "a second element of a lower sensitivity.",
+    reference="Popovic, Hall Effect Devices (2004), section 4.5 (nonlinearity)",
+    readings=in_channel("hall_V", _limited),
+)
+
+
+def _readings(
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
+) -> Mapping[str, FloatArray]:
+    if "hall_V" not in values:
+        return values
+    nominal = conditions.nominal
+    if "pickup_lag" in conditions.memory:
+        rate = conditions.memory["pickup_lag"] / nominal.sample_time_s
+    else:
+        rate = like(conditions.current_rate_A_s, i) / nominal.peak_current_A
+    return {
+        **values,
+        "hall_V": values["hall_V"] + p["pickup_V"] * i / nominal.peak_current_A + p["induced_V_s"] * rate,
+    }
+
+
+def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
+    """The current less its mean over about one sample: the current's rate, for what knows no voltage."""
+    nominal = conditions.nominal
+    return {
+        "pickup_lag": conditions.current_rate_A_s / nominal.peak_current_A
+        - states["pickup_lag"] / nominal.sample_time_s
+    }
+
+
+HALL_COIL_PICKUP = Effect(
+    name="hall_coil_pickup",
+    symptom="The Hall voltage has a further part in step with the current; force and flux linkage are right.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            "pickup_V",
+            unit="V",
+            bounds=(-5.0, 5.0),
+            plausible=(-0.3, 0.3),
+            description="Further voltage at the largest current.",
+            words="the Hall voltage changes by {signed} at the largest current",
+        ),
+        EffectParameter(
+            "induced_V_s",
+            unit="V s",
+            bounds=(-0.1, 0.1),
+            plausible=(-1e-3, 1e-3),
+            description="Further voltage while the current changes by its largest value in a second.",
+            words="the leads induce {signed} in the Hall reading when the largest current is switched",
+        ),
+    ),
+    needs=("~current_A", "hall_V"),
+    experiment="Take the moving part away and read the Hall voltage at both signs of the current, with its leads laid "
+    "in two ways.",
+    reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 (coupling) and 3 (common ground)",
+    readings=_readings,
+    memory=Memory(
+        names=("pickup_lag",),
+        amplitudes=("induced_V_s",),
+        spread=0.01,
+        steady_state=lambda d, i, conditions, p: {"pickup_lag": np.zeros_like(i)},
+        rate=_rate,
+    ),
+    calibrations=(
+        Calibration(
+            {"pickup_V": 2e-3},
+            20.0,
+            "Put the Hall element with its leads into a zero-gauss chamber and read it at the largest current of "
+            "each sign.",
+        ),
+    ),
+)

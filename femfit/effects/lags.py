@@ -1,0 +1,218 @@
+"""Eddy currents in the core and around it: the field follows the current late, and the motion is braked.
+
+A closed path around the flux carries the current that its flux induces, so the core sees i - sum_k s_k x_k with
+x_k' = i' - k_m v / L - x_k / tau_k: the induced current answers any change of flux, by current or by motion, and decays
+with the path's own time constant. One path is a shorted ring; diffusion into a solid core is a series of them with
+tau_k = tau / (2 k - 1)^2, of which the first two are kept. No effect on a static bench; an impedance shows
+L (1 - sum_k s_k j w tau_k / (1 + j w tau_k)) in place of L.
+
+The Hall reading is late: a filter before the converter, the conversion itself, a bus.
+
+To first order the reading belongs to the distance d - tau v and the current i - tau i'. What knows no voltage knows no
+i'; there the current less its own lag stands for it, a state with the time constant tau, or one sample where tau is
+shorter.
+
+The fluxmeter's integrator drifts from the start of each run, when it was reset.
+
+References
+----------
+R. L. Stoll, The Analysis of Eddy Currents (Clarendon, 1974), chapter 2 (diffusion into a slab: tanh series).
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 2.2 (coupled windings).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.effects.conditions import Conditions, like
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States, in_channel
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+
+_MODES = {"ring": 1.0, "diffusion": 9.0}
+"""Mode -> tau over its time constant."""
+
+
+def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
+    """Rates of the induced currents, over the largest current."""
+    nominal = conditions.nominal
+    change = (conditions.current_rate_A_s - conditions.motional_V / nominal.inductance_H) / nominal.peak_current_A
+    return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
+
+
+def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
+    return {f"eddy_{mode}": (conditions.nominal.peak_current_A * p[f"{mode}_share"], 0.0) for mode in _MODES}
+
+
+def _response(frequency: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, ComplexArray]:
+    """States per ampere of a small current: s / (s + 1 / tau_k), over the largest current."""
+    s = np.asarray(2j * np.pi * frequency, dtype=np.complex128)
+    return {
+        f"eddy_{mode}": s / (s + faster / p["time_s"]) / conditions.nominal.peak_current_A
+        for mode, faster in _MODES.items()
+    }
+
+
+def _coenergy(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    induced = np.zeros_like(i)
+    for mode in _MODES:
+        if p[f"{mode}_share"] and f"eddy_{mode}" in conditions.memory:
+            induced = induced + p[f"{mode}_share"] * like(conditions.memory[f"eddy_{mode}"], i)
+    return base(d, i - conditions.nominal.peak_current_A * induced, n_d, n_i)
+
+
+def slow_lag(p: Parameters) -> float:
+    """By how much the field follows a slow current late, in s."""
+    return sum(p[f"{mode}_share"] * p["time_s"] / faster for mode, faster in _MODES.items())
+
+
+def _share(mode: str, description: str, words: str) -> EffectParameter:
+    # The winding's own leakage, here at least a twentieth, keeps the current from jumping
+    return EffectParameter(
+        f"{mode}_share", bounds=(0.0, 0.95), plausible=(0.0, 0.5), description=description, words=words
+    )
+
+
+EDDY_CURRENT_LAG = Effect(
+    name="eddy_current_lag",
+    symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
+    acts_on=("magnetics",),
+    parameters=(
+        _share(
+            "ring",
+            "Part of the flux that one closed path around it delays.",
+            "one closed path delays {size} of the flux",
+        ),
+        _share(
+            "diffusion",
+            "Part that the next mode of diffusion delays, nine times as fast.",
+            "{size} of it follow nine times as fast",
+        ),
+        EffectParameter(
+            name="time_s",
+            unit="s",
+            bounds=(1e-4, 1.0),
+            plausible=(5e-4, 0.02),
+            description="Time constant of the slowest path.",
+            words="the time constant is {size}",
+            null=3e-3,
+            nonlinear=True,
+        ),
+    ),
+    needs=("time_s|frequency_Hz", "current_A|voltage_V", "force_N|hall_V|distance_m"),
+    experiment="Hold the body and step the voltage; record current and Hall voltage faster than ten times a time "
+    "constant. Or read its impedance from 10 Hz to 10 kHz.",
+    reference="Stoll, The Analysis of Eddy Currents (1974), chapter 2",
+    coenergy=_coenergy,
+    memory=Memory(
+        names=tuple(f"eddy_{mode}" for mode in _MODES),
+        amplitudes=tuple(f"{mode}_share" for mode in _MODES),
+        spread=0.02,
+        steady_state=lambda d, i, conditions, p: {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES},
+        rate=_rate,
+        lag=_lag,
+        response=_response,
+    ),
+)
+
+
+def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> tuple[FloatArray, FloatArray]:
+    delay = p["delay_s"]
+    if "delay_lag" in conditions.memory:
+        lag = conditions.nominal.peak_current_A * like(conditions.memory["delay_lag"], i)
+        late = delay / _lag_time(conditions, p) * lag
+    else:
+        late = delay * like(conditions.current_rate_A_s, i)
+    return d - delay * like(conditions.velocity_m_s, d), i - late
+
+
+def _lag_time(conditions: Conditions, p: Parameters) -> float:
+    return max(p["delay_s"], conditions.nominal.sample_time_s)
+
+
+def _rate_of_sensor_delay(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
+    change = conditions.current_rate_A_s / conditions.nominal.peak_current_A
+    return {"delay_lag": change - states["delay_lag"] / _lag_time(conditions, p)}
+
+
+SENSOR_DELAY = Effect(
+    name="sensor_delay",
+    symptom="The Hall voltage follows distance and current late; at rest it is right.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            "delay_s",
+            unit="s",
+            bounds=(0.0, 0.05),
+            plausible=(0.0, 5e-3),
+            description="Age of what a reading shows.",
+            words="the Hall reading is {size} late",
+        ),
+    ),
+    needs=("time_s", "hall_V", "current_A|voltage_V|distance_m"),
+    experiment="Hold the body, step the current and record both on one clock; or move it and record a second, fast "
+    "distance sensor.",
+    reference="Astrom and Wittenmark, Computer-Controlled Systems (1997), section 2.3 (delays)",
+    hall_point=_hall_point,
+    memory=Memory(
+        names=("delay_lag",),
+        amplitudes=("delay_s",),
+        spread=0.02,
+        steady_state=lambda d, i, conditions, p: {"delay_lag": np.zeros_like(i)},
+        rate=_rate_of_sensor_delay,
+    ),
+    calibrations=(
+        Calibration(
+            {"delay_s": 5e-5},
+            40.0,
+            "Feed a step from a signal generator in the Hall element's place and record step and reading on one clock.",
+        ),
+    ),
+)
+
+
+_STILL = "Leave everything still and read the fluxmeter for as long as a run takes."
+
+
+def _drifted(flux: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+    """With what an integrated offset, and one that drifts itself over the campaign, have become since the run's start.
+
+    Of the offset o + o' T at the time T of the campaign, the integral from a run's start T_0 to T_0 + t is
+    o t + o' (t^2 + 2 T_0 t) / 2.
+    """
+    time = conditions.time_s / 1000.0
+    start = conditions.elapsed / 1000.0 - time
+    drift = p["ramp"] * time + p["bend"] * time * (time + 2.0 * start)
+    return flux + conditions.nominal.flux_linkage_Wb * drift
+
+
+FLUX_INTEGRATOR_DRIFT = Effect(
+    name="flux_integrator_drift",
+    symptom="The flux linkage wanders off from the start of each run; force and Hall voltage do not.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            "ramp",
+            bounds=(-100.0, 100.0),
+            plausible=(-0.5, 0.5),
+            description="Drift over the first 1000 readings (or seconds), as a part of the largest flux linkage.",
+            words="the fluxmeter drifts by {signed} in 1000 readings or seconds",
+            scale="flux_linkage_Wb",
+        ),
+        EffectParameter(
+            "bend",
+            bounds=(-100.0, 100.0),
+            plausible=(-0.5, 0.5),
+            description="What it grows by in that time, as the offset itself drifts from run to run.",
+            words="its drift grows by {signed} in the first 1000",
+            scale="flux_linkage_Wb",
+        ),
+    ),
+    needs=("flux_linkage_Wb", "~order|~time_s"),
+    experiment=_STILL,
+    reference="Fiorillo, Characterization and Measurement of Magnetic Materials (2004), section 5.1",
+    readings=in_channel("flux_linkage_Wb", _drifted),
+    calibrations=(Calibration({"ramp": 1e-3, "bend": 1e-3}, 60.0, _STILL),),
+)

@@ -1,0 +1,266 @@
+"""A spring that the drawing lacks: force away from the electromagnet = preload + stiffness (d_max - d).
+
+The preload is the force at the largest distance of the model; a negative one is that of a spring that pulls there. Its
+potential joins the co-energy, W' -> W' + preload d - stiffness (d_max - d)^2 / 2, so that a load cell on the body, a
+motion and the equilibrium see the same spring. A preload alone, without a stiffness, is a constant force and not this.
+
+The spring of the drawing is another one, or the force sensor carries it.
+
+Stiffer by a part e, as of thicker wire, a spring has no force at the same free length and 1 + e times the drawn force
+anywhere else: its further energy is e U(d), also of several springs and of a force table. Another preload is a further
+constant. A model's force is the magnetic one; a load cell between spring and frame reads that, one that holds the body
+reads the spring as well.
+
+Forces beside the magnetic one: a constant pull (a cable, a tilted guide, a fan), and the stops at the travel's ends.
+
+Their potential joins the co-energy, whose slope is the force: a pull is W' -> W' - pull d. A bench sees it as an offset
+of the force sensor, a motion as a lighter or heavier body. A flat stop is a spring; a rounded one stiffens with the
+square root of its compression (Hertz).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from femfit.core.numerics import FloatArray
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
+
+_BALANCE = "Switch the current off and push the body through its travel with a spring balance."
+
+
+def spring_coenergy(
+    base: TaylorSeries, d: FloatArray, conditions: Conditions, stiffness: float, preload: float
+) -> TaylorSeries:
+    """The co-energy with that of a spring of a stiffness in N/m and a preload in N at the largest distance."""
+    room = distance_series(d - conditions.nominal.distance_max_m, *base.orders)
+    return base + preload * room - (0.5 * stiffness) * (room * room)
+
+
+def _coenergy(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    nominal = conditions.nominal
+    stiffness, preload = p["stiffness"] * nominal.stiffness_N_per_m, p["preload"] * nominal.force_N
+    return spring_coenergy(base(d, i, n_d, n_i), d, conditions, stiffness, preload)
+
+
+SPRING = Effect(
+    name="spring",
+    symptom="The force has a further part that is a straight line over the distance, the same at any current.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "stiffness",
+            bounds=(0.0, 100.0),
+            plausible=(0.0, 1.0),
+            description="Stiffness, as a part of the largest force over the width of the range of distances.",
+            words="a spring of {size} that the drawing lacks acts on the body",
+            scale="stiffness_N_per_m",
+        ),
+        EffectParameter(
+            "preload",
+            bounds=(-100.0, 100.0),
+            plausible=(-0.5, 1.0),
+            description="Push of the spring at the largest distance, as a part of the largest force.",
+            words="the spring {pushes the body away|pulls the body back} with {size} at the largest distance",
+            scale="force_N",
+            beside="stiffness",
+        ),
+    ),
+    needs=("~distance_m", "force_N|time_s", "no spring"),
+    experiment=_BALANCE,
+    reference="Hooke's law; Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10",
+    coenergy=_coenergy,
+    calibrations=(Calibration({"stiffness": 2e-3, "preload": 2e-3}, 30.0, _BALANCE),),
+)
+
+
+_DRAWN_SPRING_BALANCE = "Take the spring out and read its force at two lengths with a spring balance."
+_REFERENCE = "Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10"
+
+
+def _stiffer(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    energy = distance_series(d, n_d, n_i).compose([conditions.nominal.spring_energy(d, order) for order in range(3)])
+    return base(d, i, n_d, n_i) - p["stiffness_error"] * energy
+
+
+SPRING_STIFFNESS = Effect(
+    name="spring_stiffness",
+    symptom="The force has a further part in proportion to that of the drawn spring, at any current.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "stiffness_error",
+            bounds=(-1.0, 9.0),
+            plausible=(-0.3, 0.3),
+            description="True over drawn stiffness of all springs, less one; their free lengths are the drawn ones.",
+            words="the spring is {size} {stiffer|softer} than drawn",
+        ),
+    ),
+    needs=("time_s", "~distance_m", "spring"),
+    experiment=_DRAWN_SPRING_BALANCE,
+    reference=_REFERENCE,
+    coenergy=_stiffer,
+    calibrations=(Calibration({"stiffness_error": 0.01}, 20.0, _DRAWN_SPRING_BALANCE),),
+)
+
+
+SPRING_PRELOAD = Effect(
+    name="spring_preload",
+    symptom="The body is pushed by the same further force wherever it is, and lifts off at another current.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "preload",
+            bounds=(-10.0, 10.0),
+            plausible=(-0.1, 0.1),
+            description="True minus drawn push of the springs away from the electromagnet, as a part of the largest "
+            "force.",
+            words="the spring's preload is {size} {larger|smaller} than drawn",
+            scale="force_N",
+        ),
+    ),
+    needs=("time_s", "spring"),
+    experiment=_DRAWN_SPRING_BALANCE,
+    reference=_REFERENCE,
+    coenergy=lambda base, d, i, n_d, n_i, conditions, p: spring_coenergy(
+        base(d, i, n_d, n_i), d, conditions, 0.0, p["preload"] * conditions.nominal.force_N
+    ),
+    calibrations=(Calibration({"preload": 1e-3}, 20.0, _DRAWN_SPRING_BALANCE),),
+)
+
+
+def _carried(
+    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
+) -> Mapping[str, FloatArray]:
+    if "force_N" not in values:
+        return values
+    return {**values, "force_N": values["force_N"] - p["share"] * conditions.nominal.spring_push(d)}
+
+
+SPRING_IN_FORCE = Effect(
+    name="spring_in_force",
+    symptom="Every force differs from the magnetic one by the force of the drawn spring.",
+    acts_on=("sensor",),
+    parameters=(
+        EffectParameter(
+            "share",
+            bounds=(-2.0, 2.0),
+            plausible=(0.0, 1.2),
+            description="Part of the drawn spring's force that the force sensor carries.",
+            words="the force sensor carries {signed} of the drawn spring's force as well",
+        ),
+    ),
+    needs=("force_N", "~distance_m", "spring"),
+    experiment="Take the spring out and read the force again, the current off.",
+    reference=f"{_REFERENCE}; how the sensor is mounted",
+    readings=_carried,
+)
+
+
+CONSTANT_FORCE = Effect(
+    name="constant_force",
+    symptom="The body is pulled by the same further force wherever it is and whatever the current.",
+    acts_on=("force",),
+    parameters=(
+        EffectParameter(
+            "pull",
+            bounds=(-1.0, 1.0),
+            plausible=(-0.05, 0.05),
+            description="Further force towards the electromagnet, as a part of the largest force.",
+            words="a further force of {size} {pulls the body towards|pushes the body away from} the electromagnet",
+            scale="force_N",
+        ),
+    ),
+    needs=("force_N|time_s",),
+    experiment="Turn the bench by 180 degrees, or couple the body to a spring balance with everything switched off, "
+    "and read the force again.",
+    reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
+    coenergy=lambda base, d, i, n_d, n_i, conditions, p: (
+        base(d, i, n_d, n_i) - (p["pull"] * conditions.nominal.force_N) * distance_series(d, n_d, n_i)
+    ),
+    calibrations=(
+        Calibration(
+            {"pull": 1e-3},
+            30.0,
+            "Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
+            "balance.",
+        ),
+    ),
+)
+
+
+def _coenergy_of_mechanical_force(
+    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
+) -> TaylorSeries:
+    near, far = conditions.nominal.distance_min_m, conditions.nominal.distance_max_m
+    reach = p["reach"] * (far - near)
+    result = base(d, i, n_d, n_i)
+    for name, power, start, sign in (
+        ("near_flat", 1.0, near + reach, -1.0),
+        ("near_round", 1.5, near + reach, -1.0),
+        ("far_flat", 1.0, far - reach, 1.0),
+    ):
+        # Compression over reach; its force A c^power has the potential A reach c^(power + 1) / (power + 1)
+        compression = np.maximum(0.0, sign * (d - start)) / reach
+        touching = np.where(compression > 0.0, compression, 1.0)
+        slopes = [
+            np.prod(power + 1.0 - np.arange(k)) * np.where(compression > 0.0, touching ** (power + 1.0 - k), 0.0)
+            for k in range(n_d + 1)
+        ]
+        depth = distance_series(compression, n_d, n_i).scaled(distance=sign / reach)
+        result = result - (p[name] * conditions.nominal.force_N * reach / (power + 1.0)) * depth.compose(slopes)
+    return result
+
+
+def _stop(name: str, description: str, words: str) -> EffectParameter:
+    return EffectParameter(
+        name,
+        bounds=(0.0, 100.0),
+        plausible=(0.0, 1.0),
+        description=description,
+        words=words,
+        scale="force_N",
+    )
+
+
+END_STOP_CONTACT = Effect(
+    name="end_stop_contact",
+    symptom="The force breaks away from the model within a small distance from one end of the travel, at any current.",
+    acts_on=("force",),
+    parameters=(
+        _stop(
+            "near_flat",
+            "Push of a flat stop at the smallest distance, as a part of the largest force.",
+            "a stop pushes the body away with {size} at the smallest distance",
+        ),
+        _stop(
+            "near_round",
+            "The same for a rounded stop.",
+            "a rounded stop pushes the body away with {size} at the smallest distance",
+        ),
+        _stop(
+            "far_flat",
+            "Push of a flat stop at the largest distance, as a part of the largest force.",
+            "a stop pushes the body back with {size} at the largest distance",
+        ),
+        EffectParameter(
+            name="reach",
+            bounds=(0.005, 0.9),
+            plausible=(0.02, 0.3),
+            description="Part of the travel over which the stop is touched.",
+            words="it is touched over {size} of the travel",
+            null=0.1,
+            nonlinear=True,
+            scale="travel_m",
+        ),
+    ),
+    needs=("~distance_m", "force_N|time_s"),
+    experiment="Measure the force every few hundredths of a millimetre near the stop, the current off.",
+    reference="Johnson, Contact Mechanics (1985), section 4.2",
+    coenergy=_coenergy_of_mechanical_force,
+)

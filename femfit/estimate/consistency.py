@@ -1,0 +1,274 @@
+"""Whether innovations are as large as the filter says, and white; and whether a channel is late.
+
+What a filter makes of a record, in few numbers, by which two models are compared.
+
+Both models' filters are given the same noises, so that the likelihood of the innovations tells the models apart and not
+their noises. A channel that the filter does not read checks it.
+
+What an estimate says of every recorded channel, read by the filter or not.
+
+Dry friction that a model does not know, from what a filter has to correct of the velocity.
+
+A force that the model lacks makes the filter correct the velocity by the same amount at every sample in the mean:
+m <v - v predicted> / h. Of dry friction that is F_c where the body approaches and -F_c where it goes away, so that the
+mean of -m (v - v predicted) sign(v) / h over samples of a velocity clear of its deviation is F_c.
+
+References
+----------
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 5.4 (normalised innovations squared, whiteness).
+R. K. Mehra, On the identification of variances and adaptive Kalman filtering, IEEE Trans. Automatic Control 15 (1970)
+175 (correlation of the innovations of a gain that is too high or too low).
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 5.4 (likelihood of the innovations).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from femfit.core.errors import FilterError, MissingPartError, TableError
+from femfit.core.numerics import FloatArray
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.core.text import amount
+from femfit.estimate.build_filter import filter_of, noise_of, resting_filter
+from femfit.estimate.constants import (
+    COVARIANCE_BLOCK,
+    DELAY_GAIN,
+    FOLLOWS,
+    FORGOTTEN,
+    LAGS,
+    LEAST_JUDGED,
+    MOVING,
+    OBSERVED_SHARE,
+    SHOWN,
+)
+from femfit.estimate.constants import (
+    LEAST_BLOCKS_OF_RECORD as LEAST_BLOCKS,
+)
+from femfit.estimate.noise import ConsistencyBand, FilterNoise, consistency_band
+from femfit.estimate.prepare import Prepared, prepare, recorded_sensors, with_recorded_sensors
+from femfit.estimate.process import FilterOutcome
+from femfit.estimate.run_filter import Replayed, replay
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sensors import reading_of, sampled_readings, sensors_of
+from femfit.tables.measurement import TimeSeries
+
+
+@dataclass(frozen=True, eq=False)
+class Innovations:
+    """Of one sensor: mean square of the normalised innovations, which should be 1, and their autocorrelation."""
+
+    sensor: str
+    unit: str
+    count: int
+    mean_square: float
+    band: ConsistencyBand
+    autocorrelation: FloatArray  # At lags 1, 2, ...; of white innovations within +- the band's half-width in 95 %
+    correlation_band: float
+    rms: float  # Of the innovations themselves, in the sensor's unit
+
+    @property
+    def consistent(self) -> bool:
+        """Whether the mean square lies in its 95 % band."""
+        return self.band.contains(self.mean_square)
+
+    @property
+    def white(self) -> bool:
+        """Whether the autocorrelation leaves its band no oftener than one lag in five, and nowhere by twice its width.
+
+        At 20 lags a white sequence leaves the 95 % band at more than four lags in 0.3 % of cases.
+        """
+        return self._within(np.abs(self.autocorrelation))
+
+    @property
+    def bold(self) -> bool:
+        """Whether they are larger than the filter says, or a reading's error comes back in the next ones.
+
+        A filter that allows for more than there is follows each reading too far and takes it back in the next: its
+        innovations are smaller than it says, or correlated with a negative sign, and its error is less than it claims.
+        """
+        return self.mean_square > self.band.upper or not self._within(self.autocorrelation)
+
+    def _within(self, correlation: FloatArray) -> bool:
+        outside = int((correlation > self.correlation_band).sum())
+        return outside <= len(correlation) // 5 and not (correlation > 2.0 * self.correlation_band).any()
+
+
+def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: FloatArray) -> Innovations | None:
+    """Judge the innovations of one sensor; None where it has fewer than :data:`LEAST_JUDGED`."""
+    read = np.isfinite(innovation) & np.isfinite(variance)
+    count = int(read.sum())
+    if count < LEAST_JUDGED:
+        return None
+    normalised = np.where(read, innovation / np.sqrt(np.where(read, variance, 1.0)), 0.0)
+    power = float((normalised**2).sum())
+    lags = np.array([float((normalised[:-k] * normalised[k:]).sum()) for k in range(1, LAGS + 1)]) / power
+    return Innovations(
+        sensor=sensor,
+        unit=unit,
+        count=count,
+        mean_square=power / count,
+        band=consistency_band(count),
+        autocorrelation=lags,
+        correlation_band=1.96 / count**0.5,
+        rms=float(np.sqrt(np.mean(innovation[read] ** 2))),
+    )
+
+
+@dataclass(frozen=True)
+class Beside:
+    """A recorded channel beside what the estimate says of it."""
+
+    column: str
+    used: bool  # Whether the filter read it
+    rms: float
+    mean: float  # Recorded less estimated
+    delay_s: float | None  # By which the record is late against the estimate; None where a shift explains little
+
+
+def beside(column: str, used: bool, recorded: FloatArray, estimated: FloatArray, step_s: float) -> Beside | None:
+    """Compare a channel with its estimate; None where it has fewer than :data:`LEAST_JUDGED` samples."""
+    difference = recorded - estimated
+    read = np.isfinite(difference)
+    if int(read.sum()) < LEAST_JUDGED:
+        return None
+    residual = difference[read]
+    delay = None if used else _delay(recorded, estimated, step_s)
+    return Beside(column, used, float(np.sqrt(np.mean(residual**2))), float(residual.mean()), delay)
+
+
+def _delay(recorded: FloatArray, estimated: FloatArray, step_s: float) -> float | None:
+    """Shift in s that brings the channel nearest to its estimate, their means taken off; by a parabola of the rms."""
+    size = len(recorded) - 2 * LAGS
+    if size < 100:
+        return None
+    middle = slice(LAGS, LAGS + size)
+    variances = np.array(
+        [np.nanvar(recorded[LAGS + k : LAGS + k + size] - estimated[middle]) for k in range(-LAGS, LAGS + 1)]
+    )
+    best = int(np.argmin(variances))
+    if not 0 < best < 2 * LAGS or not variances[best] < DELAY_GAIN**2 * variances[LAGS]:
+        return None
+    before, here, after = variances[best - 1 : best + 2]
+    shift = 0.5 * (before - after) / (before - 2.0 * here + after)
+    return float((best - LAGS + shift) * step_s)
+
+
+def estimates_beside(prepared: Prepared, replayed: Replayed) -> dict[str, FloatArray]:
+    """By column, the reading of a sensor of the model in each estimated state, shape (samples,)."""
+    model, estimates = prepared.model, {}
+    for name, sensor in sensors_of(model).items():
+        column = reading_of(model, name).column
+        if column in prepared.recorded and column not in estimates:
+            stretches = np.split(replayed.mean[:, : model.order], prepared.log.begins[1:])
+            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
+    return estimates
+
+
+@dataclass(frozen=True, eq=False)
+class FilterScore:
+    """A record as the filter of one model saw it."""
+
+    sensors: tuple[str, ...]  # That the filter read
+    likelihood: FloatArray  # Logarithm, of each sample that has a reading; NaN elsewhere; (samples,)
+    mean_square: float  # Of the normalised innovations, which should be 1
+    # Recorded less estimated, of each channel that it did not read; NaN where it claims to be blind; (samples,)
+    unread: Mapping[str, FloatArray]
+    lost_at_s: float | None
+
+
+def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
+    """Whether a record has what a filter of this model needs: a command, and a current, distance or Hall voltage."""
+    names = model.circuit_names
+    complete = model.motion is not None and set(voltage_columns(names)) <= set(series.given)
+    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & set(series.given)
+    return complete and (bool(names) or not model.has_winding) and bool(read)
+
+
+def filter_score(
+    model: ActuatorModel,
+    series: TimeSeries,
+    without: Sequence[str] = (),
+    noise: FilterNoise | None = None,
+) -> FilterScore | None:
+    """Run the unscented filter of a model over a record; None where the model has no filter for it.
+
+    Parameters
+    ----------
+    without : sequence of str
+        Columns that it does not read.
+    noise : FilterNoise or None
+        Of the model where None; that of the sensors is the record's.
+    """
+    if not can_be_filtered(model, series):
+        return None
+    try:
+        sensors = recorded_sensors(with_recorded_sensors(model, series), series, without)
+        prepared = prepare(model, series, sensors)
+        built = filter_of(prepared, "ukf", None, noise_of(prepared, noise))
+    except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
+        return None
+    replayed = replay(built, prepared.log, resting_filter(prepared, built))
+    ratio = replayed.innovation**2 / replayed.variance
+    read = np.isfinite(ratio)
+    each = np.where(read, -0.5 * (ratio + np.log(np.where(read, replayed.variance, 1.0))), 0.0).sum(axis=1)
+    lost = np.flatnonzero(~np.isin(replayed.outcome, (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND)))
+    used = {reading.column for reading in prepared.readings}
+    beside = estimates_beside(prepared, replayed)
+    first = float(np.sqrt(built.process.require_start_covariance()[0, 0]))
+    sees = replayed.deviation[:, 0] < OBSERVED_SHARE * first
+    return FilterScore(
+        sensors=prepared.sensors,
+        likelihood=np.where(read.any(axis=1), each, np.nan),
+        mean_square=float(ratio[read].mean()) if read.any() else float("nan"),
+        unread={
+            name: np.where(sees, prepared.recorded[name] - values, np.nan)
+            for name, values in beside.items()
+            if name not in used
+        },
+        lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
+    )
+
+
+@dataclass(frozen=True)
+class DryFriction:
+    """A force against the velocity, and its standard deviation."""
+
+    force_N: float
+    deviation_N: float
+
+    def __str__(self) -> str:
+        return f"{amount(self.force_N, 'N')} against the velocity, +-{amount(1.96 * self.deviation_N, 'N')} (95 %)"
+
+
+def dry_friction(prepared: Prepared, replayed: Replayed) -> DryFriction | None:
+    """The friction where it is clear of its scatter and acts both ways; None elsewhere.
+
+    Nothing is said of a filter whose innovations are far larger than it says: it lags behind the motion, and a model
+    that is wrong along the distance would look like friction.
+    """
+    square = np.nanmean(replayed.innovation**2 / replayed.variance)
+    if not square < FOLLOWS:
+        return None
+    velocity, deviation = replayed.mean[:, 1], replayed.deviation[:, 1]
+    mass, step = prepared.model.require_motion().mass_kg, prepared.model.sample_time_s
+    force = mass * (velocity - replayed.predicted[:, 1]) / step
+    with np.errstate(invalid="ignore"):
+        moves = (np.abs(velocity) > MOVING * deviation) & np.isfinite(force) & ~prepared.log.held
+    for begin in prepared.log.begins:  # where the first estimate is still being corrected
+        moves[begin : begin + FORGOTTEN] = False
+    near, far = prepared.model.require_motion().ends
+    moves &= (replayed.mean[:, 0] > near) & (replayed.mean[:, 0] < far)
+    each = []
+    for sign in (-1.0, 1.0):
+        here = moves & (np.sign(velocity) == sign)
+        blocks = int(here.sum()) // COVARIANCE_BLOCK
+        if blocks < LEAST_BLOCKS:
+            return None
+        means = np.array([block.mean() for block in np.array_split(force[here], blocks)])
+        each.append((float(means.mean()), float(means.var(ddof=1) / blocks)))
+    (approaching, first), (leaving, second) = each
+    friction, spread = 0.5 * (approaching - leaving), 0.5 * float(np.sqrt(first + second))
+    return DryFriction(friction, spread) if friction > SHOWN * spread else None

@@ -1,0 +1,209 @@
+"""The filter's view of an actuator's moving part, built from its model.
+
+States are distance (m), velocity (m/s) and current (A), those that the model's effects add (lag, hysteresis), and, for
+sensors that drift, their biases as random walks. A step is one of :mod:`femfit.model.exponential_step` in place of
+Euler's in (33): a coil may be as fast as it likes. At a stop the body comes to rest. The measurement is the vector of
+the readings: a Hall voltage through the fitted field, which lets the filter itself tell the coil's part from the
+magnet's, a current, a distance, an acceleration, a force.
+
+References
+----------
+A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (32) and (33), as corrected in femfit.model.dynamics.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from femfit.core.errors import FilterError
+from femfit.core.numerics import FloatArray
+from femfit.estimate.constants import FARTHEST, NEAREST
+from femfit.estimate.delayed import delayed_samples
+from femfit.estimate.noise import (
+    FilterNoise,
+    default_noise,
+    first_deviation,
+    initial_covariance,
+    operating_distance,
+    process_covariance,
+    with_memory,
+)
+from femfit.estimate.outputs import bias_deviations, bias_names, outputs_of
+from femfit.estimate.process import FilterProcess, with_delayed_samples
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import blocked_by_diodes, is_plain, winding_voltage
+from femfit.model.exponential_step import exponential_jacobian, exponential_step, half_way
+from femfit.model.float_steps import float_step
+from femfit.model.sensors import HALL, sensor_named, sensors_of
+
+
+def levitation_process(
+    model: ActuatorModel,
+    *,
+    hall_bias: bool = False,
+    noise: FilterNoise | None = None,
+    distance: float | None = None,
+    sensors: Sequence[str] | None = None,
+    biases: Sequence[str] | None = None,
+    commanded: bool = False,
+) -> FilterProcess:
+    """Process and measurement of a moving part with any circuits and sensors.
+
+    The Jacobians are analytic, and central differences where effects have states and of accelerations and forces.
+
+    Parameters
+    ----------
+    hall_bias : bool
+        Add the Hall bias in V as the last state; short for ``biases=("hall",)``.
+    noise : FilterNoise or None
+        Derived by :func:`default_noise` where None.
+    distance : float or None
+        Operating point in m where noise and inductance are taken; from the model's reference where None.
+    sensors : sequence of str or None
+        Names of the sensors, in the order of a measurement's entries; the Hall element, or all where there is none.
+    biases : sequence of str or None
+        Which of them have a bias that is estimated.
+    commanded : bool
+        Whether the inputs are what the drivers are told, in V or A, instead of the voltages across the circuits: a
+        freewheel diode and a current amplifier then have their say.
+    """
+    model.require_dynamics()
+    driven = commanded and not is_plain(model.circuits)
+    sensors = chosen_sensors(model, sensors)
+    biases = chosen_biases(sensors, biases, hall_bias)
+    distance = operating_distance(model) if distance is None else distance
+    noise = default_noise(model, distance) if noise is None else noise
+    names = (*model.state_names, *bias_names(model, biases))
+    lower, upper = _plausible_range(model, len(names))
+    start, process_noise = _covariances(model, noise, distance, biases)
+    named = {name: sensor_named(model, name) for name in sensors}
+    delayed = delayed_samples(model, named, np.sqrt(np.diag(start)))
+    process = FilterProcess(
+        names=names,
+        step_s=model.sample_time_s,
+        transition=partial(_driven_transition if driven else _transition, model),
+        outputs=outputs_of(model, sensors, biases, noise, delayed),
+        process_covariance=process_noise,
+        transition_jacobian=None if driven else partial(_transition_jacobian, model),
+        transition_columns=None if driven else float_step(model),
+        lower=lower,
+        upper=upper,
+        start_covariance=start,
+        inputs=len(model.circuits),
+        eddies=0 if model.eddy is None else model.eddy.count,
+    )
+    return with_delayed_samples(process, delayed)
+
+
+def _covariances(
+    model: ActuatorModel, noise: FilterNoise, distance: float, biases: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Of the first estimate and of a step's process noise, (n, n) each; delayed samples are not among the states."""
+    first, walks = bias_deviations(model, biases)
+    walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
+    start = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
+    return with_memory(model, start), process_covariance(model, noise, distance, walks)
+
+
+def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:
+    """Names as given, or the Hall element's, or those of all sensors where there is none."""
+    if sensors is None:
+        names = (HALL,) if model.sensor is not None else tuple(sensors_of(model))
+        if not names:
+            model.require_sensor()
+        return names
+    if isinstance(sensors, str) or not sensors or len(set(sensors)) < len(sensors):
+        raise FilterError(
+            f"sensors must be a sequence of one or more different names; instead received {sensors!r}. "
+            f"The model has {', '.join(sensors_of(model)) or 'none'}."
+        )
+    return tuple(sensors)
+
+
+def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bias: bool) -> tuple[str, ...]:
+    """Names as given, each of them a sensor that is read."""
+    if biases is None:
+        return (HALL,) if hall_bias and HALL in sensors else ()
+    unread = [name for name in biases if name not in sensors]
+    if isinstance(biases, str) or unread or len(set(biases)) < len(biases):
+        raise FilterError(
+            f"biases must be different names out of the sensors that the filter reads ({', '.join(sensors)}); instead "
+            f"received {biases!r}. A bias of a sensor that is not read cannot be estimated."
+        )
+    return tuple(biases)
+
+
+def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
+    """Smallest L/R over the currents of the validity domain in s: the least eigenvalue of R^-1 L of several windings.
+
+    Parameters
+    ----------
+    distance : float
+        In m.
+    """
+    windings = model.windings
+    _, currents = model.validity.grid(1, 3 if len(model.circuits) > 1 else 5)
+    all_currents = np.zeros((len(currents), windings.count))
+    all_currents[:, : windings.circuits] = currents.reshape(len(currents), -1)[:, : windings.circuits]
+    magnetic = windings.magnetics.state_of_circuits(np.full(len(currents), distance), all_currents)
+    inductance = magnetic.inductance + windings.series_H
+    if windings.count == 1:
+        return float(inductance.min() / windings.resistances_ohm[0])
+    root = np.sqrt(windings.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric
+    return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
+
+
+def _driven_transition(model: ActuatorModel, states: FloatArray, command: FloatArray) -> FloatArray:
+    """The same for commands of drivers that are no bridges; no diode lets a current turn round."""
+    command = command[:, None] if command.ndim == 1 else command
+    volts = winding_voltage(model, half_way(states, model.sample_time_s), command, model.sample_time_s)
+    result = _transition(model, states, volts[:, 0] if volts.shape[1] == 1 else volts)
+    return blocked_by_diodes(model, result)
+
+
+def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
+    order = model.order
+    result = exponential_step(model, states[:, :order], voltage, model.sample_time_s)
+    if order < states.shape[1]:
+        result = np.concatenate([result.T, states[:, order:].T]).T  # a component's values together
+    return kept_between_stops(model, result)
+
+
+def kept_between_stops(model: ActuatorModel, states: FloatArray) -> FloatArray:
+    """States (N, n) of which those beyond a stop lie on it, at rest if they went towards it; changes its argument."""
+    near, far = model.require_motion().ends
+    if (near, far) != (-np.inf, np.inf):
+        at_near, at_far = states[:, 0] <= near, states[:, 0] >= far
+        states[:, 0] = np.clip(states[:, 0], near, far)
+        states[at_near, 1] = np.maximum(states[at_near, 1], 0.0)
+        states[at_far, 1] = np.minimum(states[at_far, 1], 0.0)
+    return states
+
+
+def _transition_jacobian(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
+    order, moving = states.shape[1], model.order
+    result = np.zeros((len(states), order, order))
+    result[:, :moving, :moving] = exponential_jacobian(model, states[:, :moving], voltage, model.sample_time_s)
+    biases = range(moving, order)
+    result[:, biases, biases] = 1.0
+    ends = model.require_motion().ends
+    if ends != (-np.inf, np.inf):  # where a stop holds the body, nothing of its motion goes on
+        moved = _transition(model, states, voltage)
+        stopped = (moved[:, 0] <= ends[0]) | (moved[:, 0] >= ends[1])
+        result[stopped, 0] = 0.0
+        result[stopped & (moved[:, 1] == 0.0), 1] = 0.0
+    return result
+
+
+def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:
+    """Distances around the validity domain, and currents up to one width of their range beyond it."""
+    domain = model.validity
+    lower, upper = np.full(order, -np.inf), np.full(order, np.inf)
+    stroke = domain.distance_max_m - domain.distance_min_m
+    # Beyond a face that the body passes there are distances of both signs
+    lower[0] = NEAREST * domain.distance_min_m if domain.distance_min_m > 0.0 else domain.distance_min_m - stroke
+    upper[0] = FARTHEST * domain.distance_max_m if domain.distance_min_m > 0.0 else domain.distance_max_m + stroke
+    for k, (low, high) in enumerate(domain.current_limits_A[: len(model.circuits)], start=2):
+        lower[k], upper[k] = low - (high - low), high + (high - low)
+    return lower, upper

@@ -1,0 +1,262 @@
+"""How uncertain model and sensor are, with units, and the covariances Q and R that follow.
+
+Sensor: white noise of one sample plus the converter's quantisation, LSB^2 / 12. Current: the driver's voltage error,
+white from sample to sample, moves the current by sigma_U t_s / L in a step. Motion: a force error F_e that varies along
+the path is seen as white acceleration of density q = 2 (F_e / m)^2 / lambda, that is, as noise with the variance
+(F_e / m)^2 and the correlation time 1 / lambda in which the body moves on. Over a step, white acceleration gives the
+covariance q [[t^3 / 3, t^2 / 2], [t^2 / 2, t]] of distance and velocity.
+
+What any filter can reach at an operating point, and whether its innovations are as large as it says.
+
+At constant current the body obeys d'' = lambda^2 d with lambda^2 = (dF_0/dd - dF/dd) / m about the point where the
+force F balances weight, springs and load, F_0. Without process noise a steady Kalman filter mirrors the unstable pole
+to -lambda, and its error variance is 2 lambda times the measurement's spectral density R t_s. Hence standard deviation
+of the measurement over that of the estimate is at most 1 / sqrt(2 lambda t_s).
+
+References
+----------
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 6.2.2 (white acceleration) and 8.2.1 (correlation time).
+B. Widrow and I. Kollar, Quantization Noise (Cambridge, 2008), section 3.5 (LSB^2 / 12).
+B. D. O. Anderson and J. B. Moore, Optimal Filtering (Prentice-Hall, 1979), section 4.4 (steady state of a filter for an
+unstable process), applied here to d'' = lambda^2 d.
+Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
+section 5.4 (consistency).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import NormalDist
+
+import numpy as np
+
+from femfit.core.errors import DomainError
+from femfit.core.numerics import FloatArray
+from femfit.device.electrics import Circuit
+from femfit.estimate.constants import (
+    BIAS_DENSITY,
+    DRIVER_ERROR,
+    FIRST_CURRENT_A,
+    FIRST_DEVIATION_M,
+    FIRST_VELOCITY_M_S,
+    LEAST_EDDY_SHARE,
+    OWN_SHARE,
+    OWN_VARIANCE,
+    UNKNOWN_EDDY_ERROR,
+    UNKNOWN_FORCE_ERROR,
+)
+from femfit.estimate.holding import holding_currents
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import currents_by_voltages
+from femfit.model.dynamics import eddy_currents_of, state_derivative
+from femfit.model.sensors import HALL, reading_of
+
+
+def unstable_pole(model: ActuatorModel, distance: float) -> float:
+    """Unstable pole lambda = sqrt((dF_0/dd - dF/dd) / m) where the body is held."""
+    currents = holding_currents(model, distance)
+    place = np.asarray(distance)
+    gradient = float(model.magnetics.slopes_of_circuits(place, currents).force_gradient)
+    gradient -= float(model.require_motion().static_gradient(place))
+    if gradient >= 0.0:
+        held = " and ".join(f"{current:g} A" for current in currents)
+        raise DomainError(
+            "Force and springs together must fall with the distance for the levitation to be unstable; at "
+            f"{1e3 * distance:g} mm{f' and {held}' if held else ''} its slope is {gradient:g} N/m, and no bound on the "
+            "noise ratio follows."
+        )
+    return float(np.sqrt(-gradient / model.require_motion().mass_kg))
+
+
+def noise_ratio_bound(model: ActuatorModel, distance: float) -> float:
+    """Best ratio of direct to filtered distance noise, 1 / sqrt(2 lambda t_s)."""
+    return float(1.0 / np.sqrt(2.0 * unstable_pole(model, distance) * model.sample_time_s))
+
+
+@dataclass(frozen=True)
+class ConsistencyBand:
+    """Interval for a mean of normalised innovations squared; 1 is expected."""
+
+    lower: float
+    upper: float
+
+    def contains(self, value: float) -> bool:
+        """Whether a mean lies in the band; NaN does not."""
+        return self.lower <= value <= self.upper
+
+
+def consistency_band(samples: int, confidence: float = 0.95) -> ConsistencyBand:
+    """Two-sided band of the mean of so many normalised innovations squared.
+
+    Those of a true filter are chi-square with one degree of freedom and white, so that their sum is chi-square with
+    ``samples``. Quantiles by E. B. Wilson and M. M. Hilferty's cube-root transformation (Proc. Natl. Acad. Sci. 17
+    (1931) 684), within 0.1 % for 60 samples and more (numpy has none).
+    """
+    width = 2.0 / (9.0 * samples)
+    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence) * width**0.5
+    return ConsistencyBand((1.0 - width - z) ** 3, (1.0 - width + z) ** 3)
+
+
+@dataclass(frozen=True)
+class FilterNoise:
+    """Standard deviations and densities of everything white."""
+
+    acceleration_density: float  # q in m^2/s^3
+    voltage_V: float | tuple[float, ...]  # One for all circuits, or one each
+    hall_V: float
+    bias_density: float = BIAS_DENSITY  # Random walk of the Hall bias, V / sqrt(s)
+    # White noise of one sample by the name of a sensor, in its own unit; the model's own for one that is not here
+    sensors: Mapping[str, float] = field(default_factory=dict)
+
+
+def default_noise(model: ActuatorModel, distance: float | None = None) -> FilterNoise:
+    """Noise of a model at a distance in m, derived as the module says; what a record told of it counts before."""
+    circuits, motion = model.require_circuits(), model.require_motion()
+    distance = operating_distance(model) if distance is None else distance
+    rate = motion_rate(model, distance)
+    weight = motion.mass_kg * abs(motion.gravity_m_s2)
+    if model.misfit is None:
+        error = UNKNOWN_FORCE_ERROR * max(weight, abs(float(motion.static_force(np.asarray(distance)))))
+    else:  # a share of the weight is not stated where the forces are far above it
+        share = model.misfit.force_rms_of_weight
+        error = model.misfit.force_rms_N if share is None or not weight else share * weight
+    recorded = model.process_noise
+    density, volts = (recorded.acceleration_density, recorded.voltage_V) if recorded is not None else (None, None)
+    return FilterNoise(
+        acceleration_density=2.0 * (error / motion.mass_kg) ** 2 / rate if density is None else density,
+        voltage_V=_driver_errors(circuits) if volts is None else volts,
+        hall_V=reading_of(model, HALL).white if model.sensor is not None else float("nan"),
+    )
+
+
+def _driver_errors(circuits: Sequence[Circuit]) -> float | tuple[float, ...]:
+    errors = tuple(DRIVER_ERROR * max(abs(circuit.voltage_min_V), abs(circuit.voltage_max_V)) for circuit in circuits)
+    return errors[0] if len(errors) == 1 else errors
+
+
+def motion_rate(model: ActuatorModel, distance: float) -> float:
+    """How fast the body moves on from an error of its force, in 1/s.
+
+    The unstable pole where the body can be held; elsewhere, as on a stop or where springs make its rest stable,
+    sqrt(F / (m s)) with the largest net force F at this distance and the stroke s of the validity domain.
+    """
+    box, motion = model.validity, model.require_motion()
+    _, currents = box.grid(1, 5 if box.further_A else 21)
+    distances = np.full(len(currents), distance)
+    box.require(distances, currents)
+    try:
+        return unstable_pole(model, distance)
+    except DomainError:
+        force = model.magnetics.force(distances, currents) - motion.static_force(np.asarray(distance))
+        stroke = box.distance_max_m - box.distance_min_m
+        return float(np.sqrt(np.abs(force).max() / (motion.mass_kg * stroke)))
+
+
+def operating_distance(model: ActuatorModel) -> float:
+    """Where a filter is tuned by default, in m: the reference's first step, or the middle of the validity box."""
+    if model.reference_distances_m:
+        return model.reference_distances_m[0]
+    return 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)
+
+
+def first_deviation(model: ActuatorModel) -> float:
+    """First standard deviation of the distance in m: no more than that of a body somewhere between its ends."""
+    box = model.validity
+    near, far = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
+    return min(FIRST_DEVIATION_M, float(far - near) / float(np.sqrt(12.0)))
+
+
+def process_covariance(
+    model: ActuatorModel, noise: FilterNoise, distance: float, bias_densities: Sequence[float] = ()
+) -> FloatArray:
+    """Q of one sample in m, m/s, A, pure numbers for the states of effects, and the units of biases, L at a distance.
+
+    The errors of several drivers are independent, and each moves all currents: cov i = L^-1 diag(sigma_U t)^2 L^-1.
+
+    Parameters
+    ----------
+    bias_densities : sequence of float
+        Random walks of the biases, in their units over sqrt(s).
+    """
+    t, q = model.sample_time_s, noise.acceleration_density
+    circuits, windings = len(model.circuits), model.windings
+    middle = np.zeros(windings.count)
+    middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
+    magnetic = windings.magnetics.state_of_circuits(np.asarray(distance), middle)
+    moving = model.order
+    result = np.zeros((moving + len(bias_densities),) * 2)
+    result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
+    if model.eddy is None:
+        steps = np.linalg.inv(magnetic.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
+    else:
+        steps = currents_by_voltages(model, magnetic, t)[:, :circuits] * np.asarray(noise.voltage_V)
+    result[2 : windings.end, 2 : windings.end] = steps @ steps.T
+    if model.eddy is not None:
+        each = range(2 + circuits, windings.end)
+        result[each, each] += _eddy_variances(model, magnetic.inductance, distance)
+    if model.memory_names:
+        _add_memory(result, model, distance, float(middle[0]))
+    biases = range(moving, len(result))
+    result[biases, biases] = np.square(bias_densities) * t
+    return result
+
+
+def _eddy_variances(model: ActuatorModel, inductance: FloatArray, distance: float) -> FloatArray:
+    """What a step adds to each pattern's current: it is off by the patterns' error, and forgets in its time constant.
+
+    A wandering error of the variance s^2 and the time constant T gains s^2 (1 - exp(-2 t / T)) in a step t.
+    """
+    eddy, box = model.eddy, model.validity
+    assert eddy is not None  # noqa: S101  its caller asks
+    share = min(eddy.error.largest, 1.0) if eddy.error is not None else UNKNOWN_EDDY_ERROR
+    jumps = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
+    carried = eddy_currents_of(model, jumps, FIRST_VELOCITY_M_S, distance)
+    times = np.diag(inductance)[len(model.circuits) :] / eddy.resistances_ohm
+    least = LEAST_EDDY_SHARE * max(float(carried.max()), FIRST_CURRENT_A)
+    return np.maximum(share * carried, least) ** 2 * -np.expm1(-2.0 * model.sample_time_s / times)
+
+
+def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, current: float) -> None:
+    """What moves the current moves the states of effects along; a part of it on their own keeps Q definite."""
+    state, first = np.zeros((2, model.order)), model.windings.end
+    state[:, 0], state[:, 2] = distance, current
+    holding = model.require_circuit().resistance_ohm * current
+    rates = state_derivative(model, state, np.array([holding, holding + 1.0]))
+    along = (rates[1, first:] - rates[0, first:]) / (rates[1, 2] - rates[0, 2])
+    variance, end = result[2, 2], first + len(along)
+    result[first:end, 2:first] = np.outer(along, result[2, 2:first])
+    result[2:first, first:end] = result[first:end, 2:first].T
+    result[first:end, first:end] = variance * np.outer(along, along) + np.diag(
+        OWN_SHARE * variance * along**2 + OWN_VARIANCE
+    )
+
+
+def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
+    """A covariance from :func:`initial_covariance` with eddy currents and states of effects, independent, put in."""
+    spreads = np.zeros(0) if model.dynamics is None else model.dynamics.spreads
+    if model.eddy is not None:
+        first_currents = np.full(len(model.circuits), FIRST_CURRENT_A)
+        carried = eddy_currents_of(model, first_currents, FIRST_VELOCITY_M_S)
+        least = LEAST_EDDY_SHARE * max(float(carried.max()), FIRST_CURRENT_A)
+        spreads = np.concatenate([np.maximum(carried, least), spreads])
+    if not len(spreads):
+        return covariance
+    added = len(spreads)
+    first = 2 + len(model.circuits)
+    places = np.r_[0:first, first + added : len(covariance) + added]
+    result = np.zeros((len(covariance) + added,) * 2)
+    result[np.ix_(places, places)] = covariance
+    result[range(first, first + added), range(first, first + added)] = spreads**2
+    return result
+
+
+def initial_covariance(
+    distance_m: float = FIRST_DEVIATION_M,
+    velocity_m_s: float = FIRST_VELOCITY_M_S,
+    current_A: float = FIRST_CURRENT_A,
+    biases: Sequence[float] = (),
+    circuits: int = 1,
+) -> FloatArray:
+    """Covariance of a first estimate from its standard deviations; those of biases after them."""
+    deviations = [distance_m, velocity_m_s, *(current_A,) * circuits, *biases]
+    return np.diag(np.square(np.asarray(deviations, dtype=np.float64)))

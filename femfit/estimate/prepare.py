@@ -1,0 +1,273 @@
+"""From a record to what a filter is fed with: sensors and their noise, inputs, readings, and what is said first."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femfit.core.errors import TableError
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.results import Finding
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.core.text import amount, amount_range, counted
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.estimate.constants import BLOCK, STANDS_STILL, STILL
+from femfit.estimate.noise import operating_distance
+from femfit.estimate.record import (
+    at_ends,
+    bridged,
+    converter_step,
+    on_grid,
+    stretches_and_step,
+    white_noise,
+    with_distance,
+    without_repeats,
+)
+from femfit.estimate.record_checks import given_voltage, require_possible_step
+from femfit.estimate.record_resistance import SteadyResistance, steady_resistance
+from femfit.estimate.rests import Rests, find_rests
+from femfit.estimate.run_filter import Log
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.hall import OtherSensor
+from femfit.model.sensed_effects import true_setting_of
+from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
+from femfit.tables.measurement import TimeSeries
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A record as a filter takes it."""
+
+    model: ActuatorModel  # With the record's step as its sample time, and the record's sensors
+    sensors: tuple[str, ...]
+    readings: tuple[Reading, ...]
+    time_s: FloatArray
+    log: Log
+    recorded: dict[str, FloatArray]  # Every channel of the record, one entry a sample
+    findings: tuple[Finding, ...]
+    noise: dict[str, float]  # White noise of each sensor
+    # To what distance in m and velocity in m/s a body counts as still; None where it nowhere is
+    resting: tuple[float, float] | None
+    resistances: tuple[SteadyResistance, ...] = ()  # That the record shows by itself
+
+
+def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
+    """Choose sensors, take the record's step, and set aside what no filter should believe."""
+    commands = voltage_columns(model.circuit_names)
+    model.require_circuits()
+    lacking = [name for name in commands if name not in series.given]
+    if lacking:
+        left_out = _left_out(series)
+        remedy = "" if "--column" in left_out else f", or say which column it is with --column HEADER={lacking[0]}"
+        raise TableError(
+            f"A record must hold the commanded voltage for a filter to follow it; {series.source} holds "
+            f"{', '.join(series.given)}. Record {' and '.join(lacking)}{remedy}. {left_out}".rstrip()
+        )
+    series, added = on_grid(series)
+    rows = series.rows
+    drawn, findings = tuple(sensors_of(model)), list(series.findings)
+    model = with_recorded_sensors(model, series)
+    names = _chosen(model, series, sensors, drawn)
+    readings = tuple(reading_of(model, name) for name in names)
+    time, recorded = rows["time_s"].to_numpy(), {}
+    for name in series.given:
+        if name not in {"run", "time_s"}:
+            recorded[name] = rows[name].to_numpy(copy=True)
+    segment, unknown = rows["segment"].to_numpy(), np.full(len(time), np.nan)
+    begins, step = stretches_and_step(time, segment, model.sample_time_s)
+    require_possible_step(model, step, series.source)
+    placed = with_distance(model, series)
+    distance = placed.rows["distance_m"].to_numpy() if "distance_m" in placed.given else unknown
+    columns = circuit_currents(model.circuit_names)
+    each = np.stack([recorded.get(name, unknown) for name in columns], axis=1) if columns else np.zeros((len(time), 0))
+    current = model.currents_of(np.column_stack([distance, distance, each]))
+    spread_m = _sample_noise(series, "distance_m", distance, added)
+    spreads_A = [_sample_noise(series, name, each[:, k], added) for k, name in enumerate(columns)]
+    distance, current = (bridged(setting, added) for setting in true_setting_of(model, distance, current))
+    rests = find_rests(model, time, segment, distance, current, spread_m)
+    feeds = [
+        given_voltage(model, time, segment, recorded[command], current, distance, (spreads_A[k], spread_m), k)
+        for k, command in enumerate(commands)
+    ]
+    volts = np.stack([feed.voltage_V for feed in feeds], axis=1) if feeds else np.zeros((len(time), 0))
+    inputs, held_findings = _inputs(volts, begins)
+    findings += [*rests.findings, *(finding for feed in feeds for finding in feed.findings), *held_findings]
+    channels = [_channel(series, reading, begins, step) for reading in readings]
+    noises = [_noise(series, channel.values, reading) for channel, reading in zip(channels, readings, strict=True)]
+    findings += [finding for channel in channels for finding in channel.findings]
+    findings += [finding for _, of_noise in noises for finding in of_noise]
+    log = Log(
+        inputs=inputs[:, 0] if len(commands) == 1 else inputs,
+        readings=np.stack([channel.values for channel in channels], axis=1),
+        begins=begins,
+        guesses=_guesses(model, distance, current.reshape(len(time), -1)[:, : len(columns)]),
+        held=_held(model, rests, names),
+        limits=np.stack([channel.limit for channel in channels], axis=1),
+        side=np.stack([channel.side for channel in channels], axis=1),
+    )
+    noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
+    model = replace(model, sample_time_s=step)
+    resting = _resting_deviations(rests, step, spread_m)
+    flowing = current.reshape(len(time), -1).copy()
+    for reading in (reading_of(model, name) for name in sensors_of(model)):
+        if reading.column in columns:  # a current at the end of its range stands still whatever flows
+            flowing[at_ends(recorded.get(reading.column, unknown), reading)[0], columns.index(reading.column)] = np.nan
+    shown = [
+        steady_resistance(model, time, segment, feed.voltage_V, feed.unsure, flowing, distance, spreads_A[k], k)
+        for k, feed in enumerate(feeds)
+    ]
+    resistances = tuple(resistance for resistance in shown if resistance is not None)
+    return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting, resistances)
+
+
+def with_recorded_sensors(model: ActuatorModel, series: TimeSeries) -> ActuatorModel:
+    """The model with a sensor for each recorded current or distance that none of its own reads."""
+    drawn = sensors_of(model)
+    read = {reading_of(model, name).column for name in drawn}
+    columns = dict(zip(circuit_currents(model.circuit_names), model.circuit_names, strict=True))
+    ammeters: dict[str, OtherSensor] = {
+        column: CurrentSensor(name=column.rpartition("_")[0], circuit=circuit) for column, circuit in columns.items()
+    }
+    distance = PositionSensor(name="distance", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+    added = [
+        sensor
+        for column, sensor in {**ammeters, "distance_m": distance}.items()
+        if column in series.given and column not in read and sensor.name not in drawn
+    ]
+    return replace(model, other_sensors=(*model.other_sensors, *added)) if added else model
+
+
+def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence[str] = ()) -> tuple[str, ...]:
+    """Names of the sensors that the record has readings of, those of some columns left out."""
+    columns = {name: reading_of(model, name).column for name in sensors_of(model)}
+    return tuple(name for name, column in columns.items() if column in series.given and column not in without)
+
+
+def _left_out(series: TimeSeries) -> str:
+    return " ".join(str(finding) for finding in series.findings if finding.code in {"unused-column", "stuck"})
+
+
+def _chosen(
+    model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None, drawn: Sequence[str]
+) -> tuple[str, ...]:
+    """As asked for; else those of the drawing that were recorded, or what was where none of them is."""
+    usable = recorded_sensors(model, series)
+    wanted = tuple(name for name in usable if name in drawn) or usable if sensors is None else tuple(sensors)
+    for name in wanted:
+        sensor_named(model, name)
+    lacking = [name for name in wanted if name not in usable]
+    if lacking or not wanted:
+        raise TableError(
+            f"A filter needs the readings of its sensors ({', '.join(lacking) or 'one at least'}); {series.source} "
+            f"holds {', '.join(series.given)}, of which the model's sensors read "
+            f"{', '.join(usable) or 'none'}. Name one of those with --sensors, or the column with --column. "
+            f"{_left_out(series)}".rstrip()
+        )
+    return wanted
+
+
+def _sample_noise(series: TimeSeries, name: str, values: FloatArray, added: BoolArray) -> float:
+    """Of a channel, as declared or from neighbouring samples; NaN where neither says it."""
+    declared, segment = series.declared_noise.get(name), series.rows["segment"].to_numpy()
+    if declared:
+        return float(declared)
+    spread = white_noise(values, segment)  # of rows that follow each other, or else of those that were written
+    return spread if np.isfinite(spread) else white_noise(values[~added], segment[~added])
+
+
+def _held(model: ActuatorModel, rests: Rests, sensors: Sequence[str]) -> BoolArray:
+    """Samples at which the body is kept where the estimate is; on a stop only where the filter reads the distance.
+
+    An estimate that has not seen the distance may be off the stop; the model's stop is what takes it there.
+    """
+    read = any(isinstance(sensor_named(model, name), PositionSensor) for name in sensors)
+    return replace(rests, rests=tuple(rest for rest in rests.rests if read or rest.place == "held")).held
+
+
+def _resting_deviations(rests: Rests, step: float, noise: float) -> tuple[float, float] | None:
+    """A held body stays where it is; it may have become so fast before its leaving is seen."""
+    if not rests.rests:
+        return None
+    return STANDS_STILL * noise, STILL * noise / (BLOCK * step)
+
+
+def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, list[Finding]]:
+    """The voltage held from the sample before to each one."""
+    missing, findings = int(np.isnan(volts).sum()), []  # volts of shape (samples, circuits)
+    if missing:
+        findings.append(
+            Finding("held-command", "warning", f"{counted(missing, 'command')} are missing; the last one was held.")
+        )
+    last = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))[:, None]), axis=0)
+    held = np.nan_to_num(np.take_along_axis(volts, last, axis=0))
+    before = np.concatenate([held[:1], held[:-1]])
+    before[begins] = held[begins]
+    return before, findings
+
+
+class _Channel(NamedTuple):
+    """Readings of a sensor, NaN where they are missing or clipped; and the end of the range where they are clipped."""
+
+    values: FloatArray
+    limit: FloatArray  # NaN where nothing is clipped
+    side: FloatArray  # 1 where what is clipped lies above that end, -1 where below
+    findings: list[Finding]
+
+
+def _channel(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], step: float) -> _Channel:
+    """Set aside what stands at an end of the range that the drawing or the record shows."""
+    name = str(reading.column)
+    column, findings = without_repeats(series.rows[name].to_numpy(copy=True), begins, reading, step)
+    limit = np.array(series.clipped.get(name, np.full(len(column), np.nan)))
+    clipped, above = at_ends(column, reading)
+    if clipped.any():
+        limited = np.isfinite(reading.high - reading.low)
+        limits = amount_range(reading.low, reading.high, reading.unit) if limited else "its range"
+        findings.append(
+            Finding(
+                "clipped",
+                "warning",
+                f"{counted(int(clipped.sum()), 'reading')} of {len(column)} of sensor {reading.name} stand at an end "
+                f"of {limits}; they count as missing, and what they read as no less than that end.",
+                column=name,
+            )
+        )
+        limit[clipped] = np.where(above[clipped], reading.high, reading.low)
+        column[clipped] = np.nan
+    middle = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
+    return _Channel(column, limit, np.where(limit > middle, 1.0, -1.0), findings)
+
+
+def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[float, list[Finding]]:
+    """Declared with the record, else the model's, else guessed from third differences, and no less than a rounding."""
+    declared = series.declared_noise.get(str(reading.column))
+    if declared or reading.white > 0.0:
+        return float(declared or reading.white), []
+    read = np.isfinite(column)  # where a sensor is read more slowly than the record, what is between is missing
+    readings = column[read]
+    guess = white_noise(readings, series.rows["segment"].to_numpy()[read], least=1)
+    guess = float(np.fmax(guess, converter_step(readings) / 12.0**0.5))
+    if not guess > 0.0:
+        fault = (
+            "its readings do not vary"
+            if len(readings) > 2
+            else f"the record has {counted(len(readings), 'reading')} of it"
+        )
+        raise TableError(
+            f"The noise of {reading.column} must be known; {fault}. Give --noise {reading.column}=STANDARD DEVIATION."
+        )
+    text = f"The noise of sensor {reading.name} is guessed from its third differences: {amount(guess, reading.unit)}."
+    return guess, [Finding("guessed-noise", "info", text, "Give it with --noise.", column=str(reading.column))]
+
+
+def _guesses(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> FloatArray:
+    """Recorded distance and currents, kept in the model's domain; else the far stop or the operating point."""
+    box, motion = model.validity, model.require_motion()
+    samples, circuits = currents.shape
+    result = np.zeros((samples, 2 + circuits))
+    rest = operating_distance(model) if motion.far_stop is None else motion.far_stop.distance_m
+    result[:, 0] = np.clip(np.where(np.isfinite(distance), distance, rest), box.distance_min_m, box.distance_max_m)
+    result[:, 2:] = np.clip(np.nan_to_num(currents), *box.current_limits_A[:circuits].T)
+    return result

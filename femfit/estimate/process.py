@@ -1,0 +1,300 @@
+"""What a filter is told of the world: x+ = f(x, u) + w, z_k = h_k(x) + n_k, with cov w = Q and var n_k = R_k.
+
+The state of a batch of filters, which one step hands to the next, and how a run ended.
+
+A process whose readings are late or differences: earlier samples become states beside its own.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
+from functools import cached_property, partial
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femfit.core.errors import FilterError
+from femfit.core.numerics import BoolArray, FloatArray, IntArray, central_differences
+from femfit.estimate.constants import DELAYED_NOISE
+from femfit.estimate.delayed import DelayedSamples, delayed_variances
+from femfit.model.actuator_model import ActuatorModel
+
+Transition = Callable[[FloatArray, FloatArray], FloatArray]
+Measure = Callable[[FloatArray], FloatArray]
+Columns = list[list[float]]
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """One sensor of a process, whose noise is independent of the others'."""
+
+    name: str
+    unit: str
+    measure: Measure  # h: states (N, n) -> measurements (N,)
+    variance: float
+    jacobian: Measure | None = None  # dh/dx, shape (N, n); central differences where absent
+    # The reading of a handful of states in Python's floats, one list a state; by arrays where absent
+    columns: Callable[[Columns], list[float]] | None = None
+    period: int = 1  # Samples from one reading to the next; those between are missing
+
+    def look(self, columns: Columns) -> list[float]:
+        """The reading of a handful of states, given as one list a state."""
+        if self.columns is not None:
+            return self.columns(columns)
+        result: list[float] = self.measure(np.array(columns).T).tolist()
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class FilterProcess:
+    """A discrete process with its inputs and the readings of one or more sensors, batched over N states.
+
+    The input does not reach the measurement directly: z of a sample is taken before its u is applied.
+    """
+
+    names: tuple[str, ...]  # State names with units, for example ``distance_m``
+    step_s: float
+    transition: Transition  # f: states (N, n) and inputs (N,), or (N, inputs), -> next states (N, n)
+    outputs: tuple[Output, ...]  # All sensors, in the order of a measurement's entries
+    process_covariance: FloatArray  # Q, added once a step; shape (n, n)
+    transition_jacobian: Transition | None = None  # df/dx, shape (N, n, n); central differences where absent
+    # The same for a handful of states in Python's floats, one list a state, of a process with one input; else by arrays
+    transition_columns: Callable[[Columns, float], Columns] | None = None
+    # Range of states that the model can still say something about; shape (n,)
+    lower: FloatArray | None = None
+    upper: FloatArray | None = None
+    start_covariance: FloatArray | None = None  # Covariance of a first estimate's error by default; shape (n, n)
+    delayed: DelayedSamples | None = None  # States after the others that are values of earlier samples
+    inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
+    eddies: int = 0  # States that are eddy currents
+
+    def predicting(self, transition: Transition, jacobian: Transition | None = None) -> "FilterProcess":
+        """The same process with another transition of all states but those that are remembered, by arrays."""
+        if self.delayed is None:
+            return replace(self, transition=transition, transition_jacobian=jacobian, transition_columns=None)
+        return replace(
+            self,
+            transition=partial(_with_samples, self.delayed, transition),
+            transition_jacobian=None if jacobian is None else partial(_slope_with_samples, self.delayed, jacobian),
+            transition_columns=None,
+        )
+
+    def plausible(self, states: FloatArray) -> BoolArray:
+        """Which states of shape (N, n) the model can still say something about; NaN is not."""
+        result = np.ones(len(states), dtype=np.bool_)
+        for k, low, high in self._bounds:
+            result &= (states[:, k] > low) & (states[:, k] < high)
+        return result
+
+    def move(self, columns: Columns, voltage: float | FloatArray) -> Columns:
+        """The transition of a handful of states, given and returned as one list a state."""
+        if self.transition_columns is not None and isinstance(voltage, float):
+            return self.transition_columns(columns, voltage)
+        inputs = np.full((len(columns[0]), *np.shape(voltage)), voltage)
+        result: Columns = self.transition(np.array(columns).T, inputs).T.tolist()
+        return result
+
+    def is_plausible(self, state: list[float]) -> bool:
+        """Whether one state is finite and plausible."""
+        for k, low, high in self._bounds:
+            if not low < state[k] < high:
+                return False
+        return isfinite(sum(state))
+
+    @cached_property
+    def noise_rows(self) -> list[list[float]]:
+        """Rows of Q."""
+        result: list[list[float]] = self.process_covariance.tolist()
+        return result
+
+    @cached_property
+    def _bounds(self) -> list[tuple[int, float, float]]:
+        """The states with a range, and the ranges."""
+        if self.lower is None or self.upper is None:
+            return []
+        bounded = np.flatnonzero(np.isfinite(self.lower) | np.isfinite(self.upper))
+        return [(int(k), float(self.lower[k]), float(self.upper[k])) for k in bounded]
+
+    @cached_property
+    def _deviations(self) -> FloatArray | None:
+        """Standard deviations of a first estimate: over these the functions are linear enough for a filter."""
+        if self.start_covariance is None:
+            return None
+        deviations = np.sqrt(np.diag(self.start_covariance))
+        return deviations if np.all(deviations > 0.0) else None
+
+    def require_start_covariance(self) -> FloatArray:
+        """The covariance of a first estimate."""
+        if self.start_covariance is None:
+            raise FilterError("This process has no covariance for a first estimate; give start(mean, covariance).")
+        return self.start_covariance
+
+    @property
+    def order(self) -> int:
+        """Number of states n."""
+        return len(self.names)
+
+    def state_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
+        """df/dx of shape (N, n, n), analytic where the process has it."""
+        if self.transition_jacobian is not None:
+            return self.transition_jacobian(states, inputs)
+        return central_differences(
+            lambda points: self.transition(points, np.concatenate([inputs] * (2 * self.order))),
+            states,
+            self._deviations,
+        )
+
+    def output_jacobian(self, states: FloatArray, output: Output) -> FloatArray:
+        """dh/dx of shape (N, n) of one sensor, analytic where it has it."""
+        if output.jacobian is not None:
+            return output.jacobian(states)
+        measure = output.measure
+        return central_differences(lambda points: measure(points)[:, None], states, self._deviations)[:, 0, :]
+
+
+def _with_samples(
+    delayed: DelayedSamples, transition: Transition, states: FloatArray, inputs: FloatArray
+) -> FloatArray:
+    return delayed.moved(transition(states[:, : delayed.base], inputs), states)
+
+
+def _slope_with_samples(
+    delayed: DelayedSamples, jacobian: Transition, states: FloatArray, inputs: FloatArray
+) -> FloatArray:
+    return delayed.jacobian(jacobian(states[:, : delayed.base], inputs), states)
+
+
+class FilterOutcome(IntEnum):
+    """How a run ended; the first outcome other than RUNNING stays."""
+
+    RUNNING = 0
+    COVARIANCE_LOST = 1
+    NOT_FINITE = 2
+    LEFT_MODEL = 3
+    INNOVATIONS_OUT_OF_BAND = 4
+
+    @property
+    def sentence(self) -> str:
+        """What happened and what to do about it."""
+        return _SENTENCES[self]
+
+
+_SENTENCES = {
+    FilterOutcome.RUNNING: "The filter runs.",
+    FilterOutcome.COVARIANCE_LOST: (
+        "The covariance is no longer positive definite: the readings lie far outside of what the model predicts, the "
+        "process covariance is not positive definite, or the filter runs in single precision. Check them in this order."
+    ),
+    FilterOutcome.NOT_FINITE: (
+        "A measurement, input or estimate is not a finite number. Check the sensor's samples and the initial state; a "
+        "sample that is missing may be NaN."
+    ),
+    FilterOutcome.LEFT_MODEL: (
+        "The estimate went far outside of the distances and currents for which the model was fitted: the moving part "
+        "is lost or the initial state is wrong. Start again from a measured distance."
+    ),
+    FilterOutcome.INNOVATIONS_OUT_OF_BAND: (
+        "Most innovations stayed outside of their 99.9 % band: model, noise or sensor are not what the filter was "
+        "given. Check the sensor's offset (4-state filter), the measurement noise and the force law."
+    ),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class FilterState:
+    """Estimates of many runs; never changed, every step returns a new one."""
+
+    mean: FloatArray  # Estimated state; NaN from the step at which a run broke down numerically; shape (runs, n)
+    # Covariance of the estimate's error, and its lower Cholesky factor; shape (runs, n, n)
+    covariance: FloatArray
+    factor: FloatArray
+    # Measurement minus its prediction at the last update, and its expected square; NaN before the first
+    # shape (runs,), and (runs, sensors) where there are several; NaN for a sample that is missing
+    innovation: FloatArray
+    innovation_variance: FloatArray
+    out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
+    outcome: IntArray  # A :class:`FilterOutcome` each; shape (runs,)
+
+    @classmethod
+    def of_fields(cls, value: Callable[[str], NDArray[Any]]) -> "FilterState":
+        """A state from what stands for the name of each of its arrays."""
+        return cls(**{array.name: value(array.name) for array in fields(cls)})
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return len(self.mean)
+
+    @property
+    def diverged(self) -> BoolArray:
+        """Which runs have an outcome other than RUNNING."""
+        return np.asarray(self.outcome != 0)
+
+    @property
+    def normalised_innovation_squared(self) -> FloatArray:
+        """Innovation^2 over its variance, shape (runs,).
+
+        In a true filter it is chi-square with one degree of freedom for each sensor that was read; NaN where all
+        samples are missing.
+        """
+        ratio = self.innovation**2 / self.innovation_variance
+        if ratio.ndim == 1:
+            return np.asarray(ratio)
+        read = np.isfinite(ratio)
+        return np.where(read.any(axis=1), np.where(read, ratio, 0.0).sum(axis=1), np.nan)
+
+    def outcomes(self) -> tuple[FilterOutcome, ...]:
+        """The outcome of every run."""
+        return tuple(FilterOutcome(int(code)) for code in self.outcome)
+
+
+def with_delayed_samples(process: FilterProcess, delayed: DelayedSamples | None) -> FilterProcess:
+    """The process with the states that its sensors ask for; the same where all are prompt.
+
+    Parameters
+    ----------
+    process : FilterProcess
+        With a start covariance, and outputs that know of the delayed samples.
+    """
+    if delayed is None:
+        return process
+    base, start = process.order, process.require_start_covariance()
+    unlimited = np.full(delayed.order, np.inf)
+    added = replace(
+        process,
+        names=(*process.names, *delayed.names),
+        lower=None if process.lower is None else np.concatenate([process.lower, -unlimited]),
+        upper=None if process.upper is None else np.concatenate([process.upper, unlimited]),
+        start_covariance=_joined(start, delayed_variances(delayed, _places(delayed.model, base))),
+        process_covariance=_joined(process.process_covariance, _delayed_noise(delayed, process.outputs)),
+        delayed=delayed,
+    )
+    return added.predicting(process.transition, process.transition_jacobian)
+
+
+def _places(model: ActuatorModel, base: int) -> FloatArray:
+    """Bodies held still all over the validity domain, of shape (N, base)."""
+    distance, currents = model.validity.grid(5, 3)
+    places, n = np.zeros((distance.size, base)), len(model.circuits)
+    places[:, 0], places[:, 2 : 2 + n] = distance, currents.reshape(distance.size, -1)[:, :n]
+    return places
+
+
+def _delayed_noise(delayed: DelayedSamples, outputs: Sequence[Output]) -> FloatArray:
+    """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
+    variance = {output.name: output.variance for output in outputs}
+    parts = [
+        np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
+        for samples in delayed.by_sensor
+    ]
+    return np.concatenate(parts)
+
+
+def _joined(covariance: FloatArray, variances: FloatArray) -> FloatArray:
+    """A covariance with independent states after its own."""
+    n = len(covariance)
+    result = np.diag(np.concatenate([np.zeros(n), variances]))
+    result[:n, :n] = covariance
+    return result

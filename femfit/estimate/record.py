@@ -1,0 +1,297 @@
+"""A record on its regular grid: a sample that was not written is a row without readings.
+
+A filter predicts over one step. Rows that a recorder lost must not be passed over: from the row before to the row after
+there are several steps, and the body goes on moving in them.
+
+Which samples of a sensor in a record tell nothing: repeats of a reading, and what stands at an end of its range.
+
+The distance of a record that a position sensor gives in volts.
+
+White noise and the converter's step of a recorded channel.
+
+References
+----------
+J. von Neumann, Annals of Mathematical Statistics 12 (1941) 367: variance from successive differences.
+"""
+
+from dataclasses import replace
+from math import comb, floor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from femfit.core.errors import TableError
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.results import Finding
+from femfit.core.text import amount, counted
+from femfit.device.electrics import PositionSensor
+from femfit.estimate.constants import (
+    DIFFERENCE_ORDER,
+    FINEST_PART,
+    LEAST_DIFFERENCES,
+    MOST_OFF_GRID,
+    NORMAL_MEDIAN,
+    OFF_GRID,
+    SAME_STEP,
+    SPIKE,
+)
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sensors import WHOLE, Reading, piece_slope, reading_of
+from femfit.tables.circuit_columns import parts_of
+from femfit.tables.measurement import TimeSeries
+
+
+class OnGrid(NamedTuple):
+    """A record without gaps within its segments, and which of its rows were added."""
+
+    series: TimeSeries
+    added: BoolArray
+
+
+def on_grid(series: TimeSeries) -> OnGrid:
+    """Add the rows that are missing between samples; their commands are interpolated, their readings are NaN.
+
+    Raises
+    ------
+    TableError
+        If the steps are no near multiples of one.
+    """
+    time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
+    inside = np.flatnonzero(np.diff(segment) == 0) + 1
+    steps = time[inside] - time[inside - 1]
+    count = np.ones(len(time), dtype=np.intp)
+    findings = []
+    if len(steps) and (np.abs(steps - np.median(steps)) > OFF_GRID * np.median(steps)).any():
+        count[inside], off = _multiples(steps, series.source)
+        findings = _said(count, off, len(time))
+    place = np.cumsum(count) - 1
+    added = np.ones(int(place[-1]) + 1, dtype=bool)
+    added[place] = False
+    if not added.any():
+        return OnGrid(replace(series, findings=(*series.findings, *findings)), added)
+    rows = series.rows.set_axis(place, axis=0).reindex(range(len(added)))
+    rows = rows.assign(**{name: rows[name].ffill() for name in ("run", "segment")})
+    rows["segment"] = rows["segment"].astype(np.intp)
+    for name in ("time_s", *(name for name in rows if parts_of(str(name))[0] == "voltage_V")):
+        rows[name] = bridged(rows[name].to_numpy(copy=True), added)
+    clipped = {name: np.full(len(added), np.nan) for name in series.clipped}
+    for name, values in clipped.items():
+        values[place] = series.clipped[name]
+    return OnGrid(replace(series, rows=rows, clipped=clipped, findings=(*series.findings, *findings)), added)
+
+
+def stretches_and_step(time: FloatArray, segment: IntArray, usual_step_s: float = 1.0) -> tuple[IntArray, float]:
+    """First samples of the stretches without a gap, and the median step in s within them.
+
+    Parameters
+    ----------
+    usual_step_s : float
+        The step where no stretch has two samples.
+    """
+    begins = np.flatnonzero(np.r_[True, np.diff(segment) != 0])
+    steps = np.delete(np.diff(time), begins[1:] - 1)
+    return begins, float(np.median(steps)) if len(steps) else usual_step_s
+
+
+def bridged(values: FloatArray, added: BoolArray) -> FloatArray:
+    """Values of shape (rows, ...) with those of the added rows interpolated; NaN beside a missing reading.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> bridged(np.array([1.0, np.nan, 3.0, np.nan]), np.array([False, True, False, False]))
+    array([ 1.,  2.,  3., nan])
+    """
+    here, written = np.flatnonzero(added), np.flatnonzero(~added)
+    result = values.copy()
+    for column in result.reshape(len(values), -1).T:
+        column[here] = np.interp(here, written, column[written])
+    return result
+
+
+def _multiples(steps: FloatArray, source: str) -> tuple[IntArray, BoolArray]:
+    """How many grid steps lie in each step, and which steps are no near multiple of it."""
+    median = float(np.median(steps))
+    shares = []
+    for parts in range(1, FINEST_PART + 1):
+        count = np.maximum(np.round(steps * parts / median), 1.0)
+        base = float(steps.sum() / count.sum())
+        count = np.maximum(np.round(steps / base), 1.0)
+        off = np.abs(steps / base - count) > OFF_GRID
+        if off.mean() <= MOST_OFF_GRID:
+            return count.astype(np.intp), off
+        shares.append(float(off.mean()))
+    raise TableError(
+        f"A filter needs samples at equal steps, where single ones may be missing; the steps of {source} are "
+        f"{amount(median, 's')} in the median, {amount(float(steps.min()), 's')} to {amount(float(steps.max()), 's')}, "
+        f"and {100.0 * shares[0]:.3g} % of them are no near multiple of that. Record at a fixed rate, or resample."
+    )
+
+
+def _said(count: IntArray, off: BoolArray, samples: int) -> list[Finding]:
+    missing, findings = int((count - 1).sum()), []
+    if missing:
+        text = (
+            f"{counted(missing, 'row')} of {samples + missing} are missing between samples. The filter predicts over "
+            "them, with the command interpolated."
+        )
+        findings.append(Finding("missing-rows", "warning", text, size=float(missing), column="time_s"))
+    if off.any():
+        text = (
+            f"{counted(int(off.sum()), 'step')} of the clock differ from a multiple of the usual one by more than a "
+            "third of it; the nearest multiple was taken."
+        )
+        findings.append(Finding("uneven-steps", "warning", text, size=float(off.sum()), column="time_s"))
+    return findings
+
+
+def repeated(values: FloatArray, begins: NDArray[np.intp], period: int) -> BoolArray:
+    """Which samples a recorder filled with the last reading.
+
+    Parameters
+    ----------
+    begins : array
+        First samples of stretches.
+    period : int
+        Samples from one reading to the next: one that happens to be the same as the last is a reading all the same.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> repeated(np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0]), np.array([0]), 3).astype(int)
+    array([0, 1, 1, 0, 1, 1, 0, 1, 1])
+    """
+    if period < 2 or not len(values):
+        return np.zeros(len(values), dtype=np.bool_)
+    row = np.arange(len(values))
+    latest = np.maximum.accumulate(np.where(np.isfinite(values), row, 0))
+    last = values[latest]  # a missing row does not make a new reading of the one after it
+    starts = np.r_[True, (last[1:] != last[:-1]) & np.isfinite(last[1:])]
+    starts[begins] = True
+    since = row - np.maximum.accumulate(np.where(starts, row, 0))
+    return np.asarray((since % period != 0) & np.isfinite(values))
+
+
+def without_repeats(
+    values: FloatArray, begins: NDArray[np.intp], reading: Reading, step_s: float
+) -> tuple[FloatArray, list[Finding]]:
+    """Readings with NaN where a slow sensor's last one was repeated, and what is said of it."""
+    period = reading.period(step_s)
+    again = repeated(values, begins, period)
+    if not again.any():
+        return values, []
+    text = (
+        f"Sensor {reading.name} is read once in {period} samples of the record; {counted(int(again.sum()), 'sample')} "
+        "that repeat a reading are passed over."
+    )
+    return np.where(again, np.nan, values), [Finding("repeated", "info", text, column=str(reading.column))]
+
+
+def at_ends(values: FloatArray, reading: Reading) -> tuple[BoolArray, BoolArray]:
+    """Which samples stand at an end of the sensor's range, and which of all at the upper one."""
+    span = reading.high - reading.low
+    slack = 1e-9 * span if np.isfinite(span) else 0.0
+    above = values >= reading.high - slack
+    return above | (values <= reading.low + slack), above
+
+
+def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
+    """The record with ``distance_m`` where it has none and a position sensor of the model tells it; its noise too."""
+    if "distance_m" in series.given:
+        return series
+    for sensor in model.other_sensors:
+        column = reading_of(model, sensor.name).column
+        if not isinstance(sensor, PositionSensor) or column not in series.given:
+            continue
+        distance, passed = _known_distance(sensor, series, reading_of(model, sensor.name))
+        slope = np.abs(piece_slope(sensor, distance[np.isfinite(distance)]))
+        declared, noise = series.declared_noise.get(str(column)), dict(series.declared_noise)
+        if declared and len(slope):
+            noise["distance_m"] = declared / float(np.median(slope))
+        text = f"distance_m is worked out from {column} by the characteristic of sensor {sensor.name}."
+        findings = [Finding("distance", "info", text, column="distance_m"), *passed]
+        return replace(
+            series,
+            rows=series.rows.assign(distance_m=distance),
+            given=(*series.given, "distance_m"),
+            declared_noise=noise,
+            findings=(*series.findings, *findings),
+        )
+    return series
+
+
+def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading) -> tuple[FloatArray, list[Finding]]:
+    """Distances in m when they were, NaN where none is known: at the ends of the range, and between slow readings.
+
+    A delay that is no whole number of samples is taken back by a line between two; between slow readings there is none,
+    and the nearest sample takes its place.
+    """
+    time, segment = series.rows["time_s"].to_numpy(), series.rows["segment"].to_numpy()
+    begins, step = stretches_and_step(time, segment)
+    read, passed = without_repeats(series.rows[str(reading.column)].to_numpy(copy=True), begins, reading, step)
+    clipped, _ = at_ends(read, reading)
+    if clipped.any():
+        text = (
+            f"{counted(int(clipped.sum()), 'reading')} of {len(read)} of sensor {sensor.name} stand at an end of its "
+        )
+        passed.append(Finding("clipped", "warning", f"{text}range; they tell no distance.", column="distance_m"))
+    distance, late = distance_of(sensor, np.where(clipped, np.nan, read)), reading.delay_s / step
+    slow = reading.sample_time_s is not None and reading.sample_time_s > 1.5 * step
+    if slow or abs(late - round(late)) < WHOLE:
+        return _later(distance, segment, round(late)), passed
+    fraction, samples = late - floor(late), floor(late)
+    early, later = (_later(distance, segment, shift) for shift in (samples, samples + 1))
+    return (1.0 - fraction) * early + fraction * later, passed
+
+
+def _later(values: FloatArray, segment: IntArray, samples: int) -> FloatArray:
+    """The values so many samples later within their segments, NaN beyond the last."""
+    result = np.full(len(values), np.nan)
+    here = np.arange(max(0, len(values) - samples))
+    same = segment[here] == segment[here + samples]
+    result[here[same]] = values[here + samples][same]
+    return result
+
+
+def distance_of(sensor: PositionSensor, readings: FloatArray) -> FloatArray:
+    """Distances in m that give these readings; beyond the characteristic its last pieces go on."""
+    places, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
+    order = np.argsort(read)
+    result = np.interp(readings, read[order], places[order])
+    for end in (0, -1):  # np.interp stays at the ends
+        beyond = (readings - read[end]) * np.sign(read[-1] - read[0]) * (1 if end else -1) > 0.0
+        slope = float(piece_slope(sensor, places[end : end + 1 or None])[0])
+        result = np.where(beyond, places[end] + (readings - read[end]) / slope, result)
+    return np.asarray(result)
+
+
+def white_noise(misfit: FloatArray, segment: IntArray, least: int = LEAST_DIFFERENCES) -> float:
+    """Standard deviation of white noise on a smooth misfit, from third differences; NaN for fewer than a hundred.
+
+    Parameters
+    ----------
+    least : int
+        Another number than a hundred.
+    """
+    if len(misfit) <= DIFFERENCE_ORDER:
+        return float("nan")
+    differences = np.diff(misfit, DIFFERENCE_ORDER)[segment[DIFFERENCE_ORDER:] == segment[:-DIFFERENCE_ORDER]]
+    differences = differences[np.isfinite(differences)]
+    if len(differences) < least:
+        return float("nan")
+    usual = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
+    if usual > 0.0:  # a coarse converter leaves most differences at zero
+        differences = np.clip(differences, -SPIKE * usual, SPIKE * usual)
+    return float(np.sqrt(np.mean(differences**2) / comb(2 * DIFFERENCE_ORDER, DIFFERENCE_ORDER)))
+
+
+def converter_step(values: FloatArray) -> float:
+    """The step of the converter that made these values; zero where they lie on no grid."""
+    levels = np.unique(values[np.isfinite(values)])
+    if not 2 < len(levels) < 0.7 * np.count_nonzero(np.isfinite(values)):
+        return 0.0
+    steps = np.diff(levels)
+    step = float(steps.min())
+    multiple = steps / step
+    return step if np.all(np.abs(multiple - np.round(multiple)) < SAME_STEP * np.maximum(multiple, 1.0)) else 0.0

@@ -1,0 +1,243 @@
+"""Where a body in a record stands still, and whether something holds it there.
+
+A body stands still where the means of short blocks of its distance agree within the sensor's noise. It is free
+there if the forces balance, as in a hover, and held if they do not: then a free body would have an acceleration
+(static force - F) / m that the record does not show. The model's force may be wrong, that is what a record is taken
+for; so the body counts as held only where F / 2 and 2 F miss the balance on the same side by five times the noise of
+the acceleration, or where it lies on a stop of the drawing. With the test function phi = (1 - s^2)^2 over a window of n
+samples and the length T, the noise of the mean acceleration is that of the sum of phi'' over the samples.
+
+References
+----------
+M. Shinbrot, Transactions of the ASME 79 (1957) 579: method of modulating functions.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.results import Finding
+from femfit.core.text import amount, amount_range, counted
+from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, FINEST, FLOWS, LEAST_BLOCKS, STILL, WRONG_FACTOR
+from femfit.model.actuator_model import ActuatorModel
+
+Place = Literal["near", "far", "held"]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A stretch in which the body stands still and is not free: rows ``first`` to ``last``, both included."""
+
+    first: int
+    last: int
+    distance_m: float
+    place: Place  # On a stop of the drawing, or held by what the model does not know
+
+
+@dataclass(frozen=True, eq=False)
+class Rests:
+    """All rests of a record, and the samples at which more than the model's forces acts on the body."""
+
+    rests: tuple[Rest, ...]
+    contact: BoolArray  # At rest, or touching where it rests; (samples,)
+    findings: tuple[Finding, ...]
+
+    @property
+    def held(self) -> BoolArray:
+        """Samples of the rests, shape (samples,)."""
+        result = np.zeros(len(self.contact), dtype=bool)
+        for rest in self.rests:
+            result[rest.first : rest.last + 1] = True
+        return result
+
+
+def find_rests(
+    model: ActuatorModel,
+    time_s: FloatArray,
+    segment: IntArray,
+    distance: FloatArray,
+    current: FloatArray,
+    noise_m: float,
+) -> Rests:
+    """Find the rests of a record whose distance is recorded.
+
+    Parameters
+    ----------
+    time_s, segment, distance, current : array, shape (samples,)
+        Distances in m and currents in A; NaN where missing. A segment has no gap of the clock. Of several circuits all
+        currents, shape (samples, n).
+    noise_m : float
+        Standard deviation of one sample of the distance.
+    """
+    contact = np.zeros(len(time_s), dtype=bool)
+    if model.motion is None or not noise_m >= 0.0:
+        return Rests((), contact, ())
+    box = model.validity
+    noise_m = max(noise_m, FINEST * (box.distance_max_m - box.distance_min_m))
+    rests = []
+    for first, last, level in still_stretches(segment, distance, noise_m):
+        rows = slice(first, last + 1)
+        place = _place(model, level, noise_m)
+        if place == "held" and not _unbalanced(model, time_s[rows], distance[rows], current[rows], noise_m):
+            continue
+        away = np.abs(np.nan_to_num(distance[rows] - level))
+        arrives = first > 0 and segment[first - 1] == segment[first]
+        leaves = last + 1 < len(segment) and segment[last + 1] == segment[last]
+        early = first + (_moving(away, noise_m) if arrives else 0)
+        late = last - (_moving(away[::-1], noise_m) if leaves else 0)
+        if late - early >= BLOCK:
+            rests.append(Rest(early, late, level, place))
+        contact[rows] = True
+    contact |= _touching(model, distance, rests, noise_m)
+    return Rests(tuple(rests), contact, tuple(_said(model, time_s, current, rests)))
+
+
+def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
+    """First and last row, and mean, of every stretch of a channel whose blocks agree."""
+    stretches = []
+    edges = np.flatnonzero(np.diff(segment)) + 1
+    for begin, end in zip(np.r_[0, edges], np.r_[edges, len(segment)], strict=True):
+        count = (end - begin) // BLOCK
+        blocks = distance[begin : begin + count * BLOCK].reshape(count, BLOCK)
+        finite = np.isfinite(blocks)
+        means = np.where(finite.any(axis=1), np.nansum(blocks, axis=1) / np.maximum(finite.sum(axis=1), 1), np.nan)
+        start = 0
+        while start < count:
+            stop, low, high = start, means[start], means[start]
+            while stop < count and max(high, means[stop]) - min(low, means[stop]) <= STILL * noise:
+                low, high = min(low, means[stop]), max(high, means[stop])
+                stop += 1
+            if stop - start >= LEAST_BLOCKS:
+                last = end if stop == count else begin + stop * BLOCK
+                stretches.append((int(begin + start * BLOCK), int(last) - 1, float(means[start:stop].mean())))
+            start = max(stop, start + 1)
+    return stretches
+
+
+def _moving(away: FloatArray, noise: float) -> int:
+    """Samples at the begin of a stretch in which the body is on its way: its mean is off, and one block before that."""
+    means = np.convolve(away, np.full(BLOCK, 1.0 / BLOCK), mode="valid")
+    # The mean magnitude of noise alone is 0.8 of its deviation, and of a block's mean 0.6 / sqrt(8) uncertain
+    there = np.flatnonzero(means <= noise)
+    return BLOCK + int(there[0] if len(there) else len(away))
+
+
+def _place(model: ActuatorModel, level: float, noise: float) -> Place:
+    near, far = model.require_motion().ends
+    box = model.validity
+    close = max(STILL * noise, AT_STOP * (box.distance_max_m - box.distance_min_m))
+    if abs(level - near) <= close:
+        return "near"
+    return "far" if abs(level - far) <= close else "held"
+
+
+def _unbalanced(
+    model: ActuatorModel, time: FloatArray, distance: FloatArray, current: FloatArray, noise: float
+) -> bool:
+    """Whether no force within a factor of two of the model's would leave the body where it stands."""
+    finite = np.isfinite(distance) & np.isfinite(current).reshape(len(distance), -1).all(axis=1)
+    if finite.sum() < LEAST_BLOCKS * BLOCK:
+        return False
+    time, distance, current = time[finite], distance[finite], current[finite]
+    motion, box = model.require_motion(), model.validity
+    # A reading that noise carries out of the domain is the domain's end
+    d = np.clip(np.full(len(distance), distance.mean()), box.distance_min_m, box.distance_max_m)
+    limits = box.current_limits_A
+    i = np.clip(current, *limits.T) if current.ndim > 1 else np.clip(current, *limits[0])
+    pull, against = model.magnetics.force(d, i), motion.static_force(d)
+    least = against - np.maximum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) - motion.coulomb_N
+    most = against - np.minimum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) + motion.coulomb_N
+    size = 2 * BLOCK
+    while size <= len(time):
+        count = len(time) // size
+        cut = (count, size)
+        length = np.median(np.diff(time)) * size
+        s = (2.0 * np.arange(size) + 1.0) / size - 1.0
+        bump = (1.0 - s**2) ** 2
+        mean = bump / bump.sum()
+        curved = (12.0 * s**2 - 4.0) - np.polyval(np.polyfit(s, 12.0 * s**2 - 4.0, 1), s)
+        curved /= 0.5 * (curved @ s**2) * (0.5 * length) ** 2  # exactly 1 for t^2 / 2
+        accelerations = distance[: count * size].reshape(cut) @ curved
+        spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(accelerations))))
+        low = least[: count * size].reshape(cut) @ mean / motion.mass_kg
+        high = most[: count * size].reshape(cut) @ mean / motion.mass_kg
+        if np.any((low > DECISIVE * spread) | (high < -DECISIVE * spread)):
+            return True
+        size *= 2
+    return False
+
+
+def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noise: float) -> BoolArray:
+    """Samples from which the body may have touched a stop before the next one, and their neighbours.
+
+    An end of the path at which the body was held counts as a stop. A rebound lasts less than a sample; a stop gives way
+    under an impact, so that samples a little beyond it touch it too.
+    """
+    box = model.validity
+    stops = model.require_motion().ends
+    ends = [stop for stop in stops if np.isfinite(stop)]
+    means = np.convolve(distance, np.full(BLOCK, 1.0 / BLOCK), mode="valid")
+    means = means[np.isfinite(means)]
+    if len(means):
+        low, high = means.min() + STILL * noise, means.max() - STILL * noise
+        ends += [rest.distance_m for rest in rests if not low < rest.distance_m < high]
+    near = np.zeros(len(distance))
+    moved = np.abs(np.diff(distance))
+    with np.errstate(invalid="ignore"):
+        reach = np.fmax(np.r_[moved, 0.0], np.r_[0.0, moved]) + STILL * noise
+        for end in ends:
+            near[np.abs(distance - end) <= reach] = 1.0
+        give = AT_STOP * (box.distance_max_m - box.distance_min_m)
+        for stop, side in zip(stops, (1.0, -1.0), strict=True):
+            depth = side * (stop - distance)
+            near[(depth >= 0.0) & (depth <= give)] = 1.0
+    return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
+
+
+def _whatever_flows(current: FloatArray, rest: Rest) -> bool:
+    """Whether the body stood still with no current, or while the current changed: a loop's hover keeps its own.
+
+    Where it did not, a wrong model would make a held body of a loop's plateau.
+    """
+    largest = np.nanmax(np.abs(current), initial=0.0)
+    quarters = np.array_split(np.abs(current[rest.first : rest.last + 1]), 4)
+    means = np.array([np.mean(quarter, axis=0) for quarter in quarters])
+    return bool((np.ptp(means, axis=0) > FLOWS * largest).any() or (means < FLOWS * largest).all())
+
+
+def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: list[Rest]) -> list[Finding]:
+    findings, samples = [], len(time)
+    words = {"near": "The body rests on the near stop", "far": "The body rests on the far stop"}
+    for place in ("near", "far", "held"):
+        here = [rest for rest in rests if rest.place == place]
+        if not here:
+            continue
+        share = sum(rest.last - rest.first + 1 for rest in here) / samples
+        where = amount_range(min(r.distance_m for r in here), max(r.distance_m for r in here), "m", 3)
+        if len(here) == 1 or place != "held":
+            where = amount(here[0].distance_m, "m", 3)
+        span = amount_range(float(time[here[0].first]), float(time[here[0].last]), "s", 3)
+        stretches = f"in {counted(len(here), 'stretch', 'stretches')}, {amount(share, '')} of the samples"
+        if place == "held":
+            text = (
+                f"The body is held at {where} {stretches}, first at {span}: it stands still where no force within a "
+                f"factor of {WRONG_FACTOR:g} of the model's balances it. It is not taken as free there."
+            )
+        else:
+            text = f"{words[place]} at {where} {stretches}, first at {span}; its force is not balanced there."
+        findings.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
+    held = [rest for rest in rests if rest.place != "held" or _whatever_flows(current, rest)]
+    leaves = [rest for rest in held if rest.last + BLOCK + 1 < samples]
+    if leaves:
+        rest = leaves[0]
+        # The rest ends a block before the mean of one is off, and a slow start hides in the noise before that
+        row = min(rest.last + 2 * BLOCK, samples - 1)
+        text = f"The body has left {amount(rest.distance_m, 'm', 3)} by {amount(float(time[row]), 's', 3)}"
+        currents = np.atleast_1d(current[row])
+        if np.isfinite(currents).all() and len(model.circuits):
+            text += ", at " + " and ".join(amount(float(value), "A") for value in currents[: len(model.circuits)])
+        more = f"; {counted(len(leaves) - 1, 'more departure')}" if len(leaves) > 1 else ""
+        findings.append(Finding("lift-off", "info", f"{text}{more}."))
+    return findings

@@ -1,1 +1,0 @@
-"""Kalman filters of a model, and what they can reach. numpy only."""

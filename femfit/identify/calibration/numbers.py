@@ -1,0 +1,196 @@
+"""A drawing with its numbers: which can be calibrated, what users call them, and the drawing with other values.
+
+Which numbers of a drawing are calibrated, and which effects are fitted beside them, after what a diagnosis names.
+"""
+
+import difflib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+from femfit.core.errors import UsageError
+from femfit.core.numerics import FloatArray
+from femfit.core.results import listing
+from femfit.device.complaints import joined
+from femfit.device.drawing import table_at
+from femfit.device.drawn_numbers import DrawnNumber, NumberFacts, numbers_from_toml
+from femfit.device.file_numbers import BODIES, numbers_of
+from femfit.device.load import parse
+from femfit.device.rewrite import rewritten
+from femfit.device.schema_device import ConductorEntry
+from femfit.device.tolerances import KINDS, read_tolerances
+from femfit.effects.catalogue import effect_by_name, known_effect
+from femfit.effects.tolerances import RESISTANCE
+from femfit.identify.decision.naming import Decision
+
+ALL = "all"
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """An actuator file's text."""
+
+    text: str
+    source: str
+    directory: Path  # Further files are named relative to it
+
+    @cached_property
+    def numbers(self) -> tuple[DrawnNumber, ...]:
+        """Those with signatures; ActuatorFileError if the file has any problem, or sweeps parameters."""
+        harmonic = "frequency_Hz" in table_at(parse(self.text, self.source), "solver")
+        return numbers_from_toml(self.text, self.source, self.directory, harmonic=harmonic)
+
+    @cached_property
+    def suspects(self) -> tuple[NumberFacts, ...]:
+        """What can be calibrated: these, and the resistance of the only coil, on which no field depends."""
+        return (*(one.facts for one in self.numbers), *_resistance(parse(self.text, self.source)))
+
+    @cached_property
+    def each(self) -> tuple[NumberFacts, ...]:
+        """These without faces that move numbers which stand there by themselves."""
+        return tuple(one for one in self.suspects if not one.is_contour)
+
+    def with_values(self, numbers: Sequence[NumberFacts], values: FloatArray) -> "Drawing":
+        """The drawing with other values of some numbers."""
+        pairs = zip(numbers, map(float, values), strict=True)
+        return replace(self, text=rewritten(self.text, pairs, self.source, self.directory))
+
+    def wanted(self, keys: str | Sequence[str]) -> tuple[NumberFacts, ...]:
+        """The numbers of these key paths, of their ends, or of the names that a diagnosis has for them; or all."""
+        keys = [keys] if isinstance(keys, str) else list(keys) if isinstance(keys, Iterable) else []
+        if not keys:
+            raise UsageError(
+                "No number is given. Give key paths of the drawing, or leave them out to ask the diagnosis."
+            )
+        if keys == [ALL]:
+            return self.each
+        wanted = tuple(dict.fromkeys(self._called(key) for key in map(str, keys)))
+        for one, other in combinations(wanted, 2):
+            if one.overlaps(other):
+                raise UsageError(f"{shown(one)} and {shown(other)} move the same corner. Give one of them.")
+        return wanted
+
+    def _called(self, key: str) -> NumberFacts:
+        paths = [((one.key, *(() if one.is_contour else one.also)), one) for one in self.suspects]
+        tests: tuple[Callable[[str], bool], ...] = (
+            lambda path: path == key,
+            lambda path: path.endswith(f".{key}"),
+            lambda path: path.partition("[")[0].endswith(f".{key}"),  # of a list, where one place alone is a number
+        )
+        found = [one for one in self.suspects if key in {one.name, one.label, one.subject}]
+        found = found or [one for one in self.suspects if " " in key and key in one.label]
+        for test in tests:
+            found = found or [one for known, one in paths if any(map(test, known))]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise UsageError(f"{key!r} may be each of {listing(map(shown, found))}. Give one of these.")
+        if known_effect(key):
+            raise UsageError(f"{key!r} is an effect and no number of this drawing. Fit it beside numbers: --with {key}")
+        none = f"{key!r} is no number of this drawing that can be calibrated"
+        for path, location in numbers_of(parse(self.text, self.source)).items():
+            if path == key or path.endswith(f".{key}"):
+                why = "its field does not depend on it. An effect of the catalogue (--with) may stand for it"
+                if location[0] in {*BODIES, "coil", "coils"} and "mm" in path:
+                    why = "it counts from there, or cannot be built with another one"
+                elif location[0] == "materials" and location[-1] not in ConductorEntry.model_fields:
+                    why = "as drawn there is none of it"
+                raise UsageError(f"{none}: {why}.")
+        near = difflib.get_close_matches(key[:200], [path for known, _ in paths for path in known], n=4, cutoff=0.3)
+        listed = listing(near or map(shown, self.suspects), 4)
+        raise UsageError(f"{none}. Near it: {listed}. femfit sweep --signatures lists those that matter.")
+
+
+def shown(number: NumberFacts) -> str:
+    """What a machinist calls a number, with the key path that is typed."""
+    return f"{number.label} [{number.key}]" if number.label else number.key
+
+
+def _resistance(data: Mapping[str, Any]) -> Iterator[NumberFacts]:
+    """Of the only coil, where the file gives it."""
+    paths = [("coil",), *(("coils", name) for name in table_at(data, "coils"))]
+    coils = [(joined("", *path), table_at(data, *path)) for path in paths if table_at(data, *path)]
+    if len(coils) == 1 and coils[0][1].get("resistance_ohm"):
+        key, value = f"{coils[0][0]}.resistance_ohm", float(coils[0][1]["resistance_ohm"])
+        given = read_tolerances(data, [])[0].get(key)
+        tolerance = KINDS["resistance"].tolerance if given is None else given / value
+        yield NumberFacts(key, (), "resistance", value, "", tolerance, RESISTANCE.name, declared=given is not None)
+
+
+Runs = tuple[int, int] | None
+"""First and last run in which an effect acts, counted from 1; None for all."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is fitted."""
+
+    numbers: tuple[NumberFacts, ...] = ()
+    beside: Mapping[str, Runs] = field(default_factory=dict)  # Effects that are no numbers of the drawing
+    # What was decided where the data leave it open, by the key path or the effect that it is about
+    remarks: Mapping[str, str] = field(default_factory=dict)
+
+    def without(self, effects: Iterable[str]) -> "Choice":
+        """The same without some of the effects beside."""
+        out = set(effects)
+        beside = {name: runs for name, runs in self.beside.items() if name not in out}
+        return Choice(self.numbers, beside, {k: text for k, text in self.remarks.items() if k not in out})
+
+
+def with_named(choice: Choice, decision: Decision, known: Sequence[NumberFacts], *, asked: bool = False) -> Choice:
+    """A choice with what a decision names besides.
+
+    The numbers of a class are calibrated, each within its tolerance, though effects would give the same readings; where
+    numbers were asked for, effects alone are fitted beside these. What changes between runs is no number of a drawing.
+    """
+    by_name = {one.name: one for one in known}
+    fits = decision.chosen.fit.effects if decision.chosen and decision.chosen.fit else ()
+    acts = {one.effect.name: (one.runs[0] + 1, one.runs[1] + 1) for one in fits if one.runs}
+    numbers, beside, fitted = list(choice.numbers), dict(choice.beside), {one.key for one in choice.numbers}
+    remarks = {k: text for k, text in choice.remarks.items() if k in fitted | beside.keys()}  # others are named anew
+    for members in decision.classes:
+        runs, drawn = acts.get(members[0]), _apart(by_name[name] for name in members if name in by_name)
+        effects = [name for name in members if name not in by_name]
+        if any(number in choice.numbers for number in drawn):
+            continue
+        if effects and (asked or runs or not drawn):
+            name, others = effects[0], " or ".join(one for one in members if one != effects[0])
+            beside[name] = runs
+            if others:
+                remarks[name] = f"{name} was fitted beside; {others} would give the same readings."
+        elif asked:
+            remarks[drawn[0].key] = f"{drawn[0].subject} is named as well; it was not asked for and stays as drawn."
+        elif runs:
+            remarks[drawn[0].key] = (
+                f"{drawn[0].subject} has its other value from run {runs[0]} to run {runs[1]} alone, so that no one "
+                "drawing is that of all runs. Calibrate with the runs of one state."
+            )
+        else:
+            numbers = _apart([*numbers, *drawn])
+            if len(members) > 1:
+                remarks[drawn[0].key] = _left_open(drawn, effects)
+    return Choice(tuple(numbers), beside, remarks)
+
+
+def _apart(numbers: Iterable[NumberFacts]) -> list[NumberFacts]:
+    """Those that move no place that an earlier one moves."""
+    kept: list[NumberFacts] = []
+    for number in numbers:
+        if not any(map(number.overlaps, kept)):
+            kept.append(number)
+    return kept
+
+
+def _left_open(drawn: Sequence[NumberFacts], effects: Sequence[str]) -> str:
+    """What would explain the data as well, and a measurement that tells it apart."""
+    keys = " or ".join(number.subject for number in drawn)
+    said = f"{keys} was fitted, as the drawing's."
+    if len(drawn) > 1:
+        said = f"These data do not say which is wrong: {keys}. All of them were fitted, each within its tolerance."
+    if not effects:
+        return f"{said} Measure {drawn[0].subject} on the device itself."
+    also = f"{' or '.join(effects)}, not in the drawing, would give the same readings."
+    return f"{said} {also} To tell: {effect_by_name(effects[0]).check}"

@@ -1,0 +1,216 @@
+"""The currents of a bench table as a model takes them: one, or one of each circuit.
+
+Repeated settings: which readings are repeats of each other, and what scatter they show.
+
+References
+----------
+N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: lack of fit against pure error.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.errors import TableError
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.results import Finding
+from femfit.core.sweep_columns import circuit_currents, resistance_column
+from femfit.identify.constants import LEAST_GAPS, NEAR_STEPS, SAME_LINE, SAME_READING, SAME_SETTING, WHOLE
+from femfit.identify.readings.observations import Observations, once_for_settings
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.impedance import impedances_by_column
+from femfit.tables.circuit_columns import parts_of
+from femfit.tables.impedance import SERIES, without_capacitive
+from femfit.tables.measurement import BenchTable
+
+
+def current_names(model: ActuatorModel) -> tuple[str, ...]:
+    """Columns of the currents of several circuits; none of one, whose column is ``current_A``."""
+    if not model.validity.further_A:
+        return ()
+    return tuple(circuit_currents(getattr(model.without_effects.magnetics, "names", model.circuit_names)))
+
+
+def hall_not_compared(model: ActuatorModel, given: Sequence[str]) -> tuple[Finding, ...]:
+    """That a recorded Hall voltage of several circuits is left out, where it is."""
+    if not model.validity.further_A or "hall_V" not in given:
+        return ()
+    text = "hall_V is neither compared nor diagnosed: with several circuits no effect on a Hall element is known."
+    return (Finding("hall-not-compared", "info", text, "femfit observe reads it.", column="hall_V"),)
+
+
+def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:
+    """Currents of the rows in A, in the shape that the model takes; NaN where a column is missing."""
+    names = current_names(model)
+    if not names:
+        return rows["current_A"].to_numpy(dtype=np.float64)
+    return np.stack([rows.get(name, pd.Series(np.nan, rows.index)).to_numpy(np.float64) for name in names], axis=1)
+
+
+def current_directions(model: ActuatorModel) -> list[FloatArray]:
+    """A unit change of each current, that broadcasts with :func:`currents_in`."""
+    names = current_names(model)
+    return list(np.eye(len(names))) if names else [np.ones(())]
+
+
+def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> str:
+    """Column of the current that was varied most, counted in widths of its range; the only one of one circuit."""
+    names = current_names(model)
+    if not names:
+        return "current_A"
+    widths = np.ptp(model.validity.current_limits_A, axis=1)
+    spread = np.nan_to_num([np.nanstd(columns[name]) for name in names]) / np.maximum(widths, 1e-300)
+    return names[int(np.argmax(spread))]
+
+
+def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table with no current in any of several circuits where it has ``current_A`` alone, of 0 A."""
+    names = current_names(model)
+    if not names or "current_A" not in table.given:
+        return table
+    currents = currents_in(model, table.rows)
+    currents[np.isnan(currents).all(axis=1) & (table.rows["current_A"] == 0.0).to_numpy()] = 0.0
+    rows = table.rows.assign(**dict(zip(names, currents.T, strict=True)))
+    known = [name for name in names if name not in table.given and rows[name].notna().any()]
+    return replace(table, rows=rows, given=(*table.given, *known))
+
+
+def _require_currents(model: ActuatorModel, table: BenchTable) -> None:
+    """Refuse a table without currents beside a model with a circuit."""
+    several = current_names(model)
+    if several:
+        lacking = [name for name in several if name not in table.given]
+        if lacking:
+            raise TableError(
+                f"A bench table beside model {model.name!r} must have a current of each circuit; {table.source} lacks "
+                f"{', '.join(lacking)} (it has {', '.join(table.given)}). Add a column of zeros for one that carries "
+                "none."
+            )
+        return
+    if "current_A" in table.given or not model.circuits:
+        return
+    unused = " ".join(str(one) for one in table.findings if one.code == "unused-column")
+    raise TableError(
+        f"A bench table beside model {model.name!r}, which has a circuit, must have current_A with numbers in it; "
+        f"{table.source} has {', '.join(table.given)}. {unused}{' ' * bool(unused)}Rename a column, or say what it is "
+        "with --column HEADER=current_A."
+    )
+
+
+def _require_impedances_of(model: ActuatorModel, table: BenchTable) -> None:
+    """Refuse an impedance of which it is not said to which of several circuits it belongs."""
+    if not current_names(model):
+        return
+    circuits = model.without_effects.circuit_names
+    inductances = list(impedances_by_column(np.eye(len(circuits), dtype=np.complex128), circuits))
+    known = {*inductances, *map(resistance_column, inductances)}
+    other = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in known]
+    if other:
+        raise TableError(
+            f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
+            f"{table.source} has {', '.join(other)}. Name each column after its circuit, all others open "
+            f"({inductances[0]}), or after two: the voltage of one over the current of the other ({inductances[1]}), "
+            f"or the one with the other shorted ({inductances[2]}). For example --column HEADER={inductances[0]}."
+        )
+
+
+def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table with the current of each circuit, and with ``current_A`` as the leading one of several.
+
+    Raises
+    ------
+    TableError
+        If a current is missing, or it is not said to which circuit an impedance belongs.
+    """
+    table = without_bias(model, table)
+    _require_currents(model, table)
+    _require_impedances_of(model, table)
+    return with_leading_current(model, table)
+
+
+def inductive(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table without what no inductance gives; by its name alone it may take that of ``coil_1`` for one of two."""
+    circuits = model.without_effects.circuit_names if "frequency_Hz" in table.given else ()
+    for name in (one for one in map("inductance_{}_H".format, circuits) if one in table.given):
+        rows, of = table.rows, {SERIES[1]: name, SERIES[0]: resistance_column(name)}
+        found = {one: rows[column].to_numpy() for one, column in of.items() if column in rows}
+        kept, said = without_capacitive(found, rows["frequency_Hz"].to_numpy(), table.source, name)
+        rows = rows.assign(**{of[one]: values for one, values in kept.items()})
+        table = replace(table, rows=rows, findings=(*table.findings, *said))
+    return table
+
+
+def with_leading_current(model: ActuatorModel, table: BenchTable) -> BenchTable:
+    """The table with ``current_A`` as the leading one of several currents."""
+    names = current_names(model)
+    if not names:
+        return table
+    columns = dict(zip(names, currents_in(model, table.rows).T, strict=True))
+    return replace(table, rows=table.rows.assign(current_A=columns[leading_current(model, columns)]))
+
+
+@once_for_settings
+def repeat_cells(observations: Observations) -> IntArray:
+    """A number for each setting that may have been repeated: one of ``setting_cells`` with one magnetic history.
+
+    The history is the current at which the branch began. Readings of one channel with the same number are repeats.
+    """
+    keys = {"setting": setting_cells(observations), "turn": _turning_current(observations)}
+    return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
+
+
+@once_for_settings
+def setting_cells(observations: Observations) -> IntArray:
+    """A number for each setting: one level of distance, current and frequency, one branch."""
+    keys = {name: levels(observations.setting(name), SAME_SETTING) for name in observations.settings}
+    keys["branch"] = observations.column("branch")
+    return np.asarray(pd.DataFrame(keys).groupby(list(keys)).ngroup())
+
+
+def _turning_current(observations: Observations) -> FloatArray:
+    """Level of the current at which the branch of each reading began; 0 without branches, or where no order is known.
+
+    A run's stretch of one branch at one distance begins where the current turned.
+    """
+    at, current, branch = observations.covariates, observations.covariates["current_A"].to_numpy(), "branch"
+    if not observations.clocked or not at[branch].to_numpy().any():
+        return np.zeros(len(observations.value))
+    order = np.lexsort((at["order"], at["run"]))
+    place = np.stack([levels(at["distance_m"].to_numpy(), SAME_SETTING), at["run"], at[branch]])[:, order]
+    begins = np.append(True, np.any(np.diff(place, axis=1) != 0.0, axis=0))
+    turn = np.zeros(len(current))
+    turn[order] = levels(current, SAME_LINE)[order[np.flatnonzero(begins)]][np.cumsum(begins) - 1]
+    return np.where(at[branch] == 0.0, 0.0, turn)[observations.row]
+
+
+def levels(x: FloatArray, part: float) -> FloatArray:
+    """Numbers of the levels that a setting was brought to, each as wide as a part of the setting's range.
+
+    A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
+    changes over that distance.
+    """
+    tolerance = part * float(np.ptp(x))
+    order = np.argsort(x, kind="stable")
+    level, start, numbers = 0, x[order[0]], np.zeros(len(x))
+    for k in order:
+        if x[k] - start > tolerance:
+            level, start = level + 1, x[k]
+        numbers[k] = level
+    return numbers
+
+
+def quantisation_step(values: FloatArray) -> float:
+    """The step that readings are rounded to: their smallest distance, where nearly equal ones are whole steps apart.
+
+    0 where there is none: five gaps of one to ten steps are whole by chance, to a twentieth, once in 1e5 channels.
+    """
+    gaps = np.diff(np.unique(values))
+    gaps = gaps[gaps > SAME_READING * float(np.abs(values).max(initial=0.0))]
+    if not len(gaps):
+        return 0.0
+    steps = gaps / gaps.min()
+    near = steps[(steps > 1.5) & (steps < NEAR_STEPS)]
+    whole = np.abs(near - np.round(near)) < WHOLE
+    return float(gaps.min()) if len(near) >= LEAST_GAPS and whole.all() else 0.0

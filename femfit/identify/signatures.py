@@ -1,0 +1,173 @@
+"""What each effect would do to these readings, to first order."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import AddedEffect, Effect, EffectParameter
+from femfit.effects.friction import REST
+from femfit.identify.constants import COLUMN_STEP, ROUNDED
+from femfit.identify.readings.observations import Observations
+from femfit.tables.circuit_columns import parts_of
+from femfit.tables.measurement import CHANNELS
+
+_NO_MAGNET = "the drawing has no magnet"
+CHANGES_NOTHING = "it changes no reading at these settings"
+"""Why an effect cannot be tested that would be seen at other settings."""
+
+_MAGNET_UNKNOWN = (
+    "whether there is a magnet is unknown: the model has no drawing and was fitted to no current of zero (fit it with "
+    "--actuator)"
+)
+_PARTS: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
+    "iron": (lambda nominal: nominal.has_iron, "the drawing has no iron"),
+    "spring": (lambda nominal: nominal.springs is not None, "the drawing has no spring"),
+    "voltage driver": (lambda nominal: nominal.voltage_driver, "a current amplifier feeds the winding"),
+    "stop": (lambda nominal: math.isfinite(min(map(abs, nominal.stops_m))), "the drawing has no stop"),
+    "no spring": (lambda nominal: nominal.springs is None, "the drawing has a spring, whose own errors are looked at"),
+}
+"""Of what an effect may need in the device: whether it is there, and what is said where it is not."""
+
+_CIRCUIT = "current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm"
+_CALLED = {REST: "a rest on a stop"}
+_MEASURED_ON: Mapping[str, tuple[Callable[[Nominal], bool], str]] = {
+    **dict.fromkeys(_CIRCUIT, (lambda nominal: nominal.peak_current_A > 0.0, "the drawing has no coil")),
+    "hall_V": (lambda nominal: not math.isnan(nominal.hall_quiescent_V), "the model has no Hall element"),
+}
+"""Of a channel: whether the device has what it is measured on, and what is said where it has not."""
+
+_ALWAYS: tuple[Callable[[Nominal], bool], str] = (lambda _: True, "")
+
+_NO_MAGNET_SEEN = "without current the model has neither force nor flux linkage, so it has no magnet"
+
+
+@dataclass(frozen=True, eq=False)
+class EffectColumns:
+    """First-order change of every reading with an effect's amplitudes, at given shape constants."""
+
+    effect: Effect
+    amplitudes: tuple[EffectParameter, ...]
+    shape: Mapping[str, float]
+    columns: FloatArray  # In the readings' units over the amplitudes'; shape (M, k)
+    runs: tuple[int, int] | None = None  # First and last run in which it acts; None for all
+
+    @property
+    def bounds(self) -> FloatArray:
+        """Bounds of the amplitudes, counted from null; shape (2, k)."""
+        return np.array([[p.lower - p.null for p in self.amplitudes], [p.upper - p.null for p in self.amplitudes]])
+
+    def in_runs(self, runs: tuple[int, int], run: IntArray) -> "EffectColumns":
+        """The same in some runs alone; the run of each reading has the shape (M,)."""
+        acts = (run >= runs[0]) & (run <= runs[1])
+        return replace(self, columns=self.columns * acts[:, None], runs=runs)
+
+    def parameters(self, amplitude: FloatArray) -> dict[str, float]:
+        """Every parameter of the effect for amplitudes counted from null, shape (k,)."""
+        values = self.effect.null() | dict(self.shape)
+        return values | {p.name: p.null + float(a) for p, a in zip(self.amplitudes, amplitude, strict=True)}
+
+
+def why_untestable(effect: Effect, observations: Observations) -> str:
+    """Why data cannot show an effect; empty where they can."""
+    if effect.name in observations.present:
+        return "the model has it already"
+    nominal = observations.nominal
+    why = next(filter(None, (_not_in_device(need, nominal) for need in effect.needs)), "")
+    if why:
+        return why
+    columns = [need for need in effect.needs if need != "magnet" and need not in _PARTS]
+    # The balances of a record show what moves a body as a force sensor would, but nothing of a sensor that is not there
+    there = _read if effect.acts_on == ("sensor",) else _given
+    lacking = (need for need in columns if not any(there(name, observations) for name in need.split("|")))
+    return next((f"these data lack {_in_words(need)}" for need in lacking), "")
+
+
+def _not_in_device(need: str, nominal: Nominal) -> str:
+    """Why the device cannot have what an effect needs, whatever is measured; empty where it can."""
+    if need == "magnet" and not nominal.magnets_apart:
+        return "the co-energy of iron that several circuits saturate does not set the magnets' part apart"
+    if need == "magnet":
+        if not nominal.magnet_known:
+            return _MAGNET_UNKNOWN
+        if nominal.has_magnet:
+            return ""
+        return _NO_MAGNET if nominal.magnet_drawn else _NO_MAGNET_SEEN
+    reasons = []
+    for name in need.split("|"):
+        there, why = _PARTS.get(name) or _MEASURED_ON.get(name.lstrip("~")) or _ALWAYS
+        reasons.append("" if there(nominal) else why)
+    return reasons[0] if all(reasons) else ""
+
+
+def _given(name: str, observations: Observations) -> bool:
+    column = name.lstrip("~")
+    if column in observations.covariates and name.startswith("~"):
+        values = observations.covariates[column].to_numpy()
+        return bool(np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values))
+    of_circuits = (parts_of(one)[0] for one in observations.channels)
+    return column in observations.given or column in of_circuits
+
+
+def _read(name: str, observations: Observations) -> bool:
+    """Whether a sensor's own channel is among the readings, or a setting was given."""
+    of_circuits = {parts_of(one)[0] for one in observations.channels}
+    return name in of_circuits if name in CHANNELS else _given(name, observations)
+
+
+def _in_words(need: str) -> str:
+    names = [_CALLED.get(name, name) for name in need.replace("~", "").split("|")]
+    return ("a varying " if need.startswith("~") else "") + " or ".join(names)
+
+
+def effect_columns(effect: Effect, observations: Observations) -> list[EffectColumns]:
+    """The columns of an effect, once for each combination of its shape constants.
+
+    Shape constants have their usual value, the lower end and three quarters of their usual range; combinations without
+    any effect on these readings are left out.
+    """
+    constants = [p for p in effect.parameters if p.nonlinear]
+    grid = [
+        dict(zip((p.name for p in constants), values, strict=True))
+        for values in product(*(_trial_values(p) for p in constants))
+    ]
+    return [one for nonlinear in grid for one in _columns(effect, nonlinear, observations)]
+
+
+def columns_at(added: AddedEffect, observations: Observations) -> list[EffectColumns]:
+    """The columns of an effect at its own nonlinear parameters; empty where it changes none of these readings."""
+    nonlinear = {p.name: added.parameters[p.name] for p in added.effect.parameters if p.nonlinear}
+    return _columns(added.effect, nonlinear, observations)
+
+
+def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Observations) -> list[EffectColumns]:
+    pairs = [(p, _column(effect, p, nonlinear, observations)) for p in effect.amplitudes]
+    least = ROUNDED * np.abs(observations.base)
+    seen = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
+    if not seen:
+        return []
+    amplitudes, columns = zip(*seen, strict=True)
+    return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
+
+
+def _trial_values(p: EffectParameter) -> tuple[float, ...]:
+    """The usual value first: it stays where the readings say nothing."""
+    low, high = p.plausible
+    return tuple(dict.fromkeys((p.null, low, low + 0.75 * (high - low))))
+
+
+def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:
+    """Change of the readings per unit of one amplitude: a central difference, one-sided at a bound."""
+    step = COLUMN_STEP * (p.plausible[1] - p.plausible[0])
+    up, down = min(p.null + step, p.upper), max(p.null - step, p.lower)
+
+    def at(value: float) -> FloatArray:
+        if value == p.null:
+            return observations.base
+        return observations.predict([AddedEffect(effect, effect.null() | dict(shape) | {p.name: value})])
+
+    return np.asarray((at(up) - at(down)) / (up - down))

@@ -1,1 +1,0 @@
-"""What each effect would add to the readings."""

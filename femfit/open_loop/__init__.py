@@ -1,1 +1,0 @@
-"""Open loop: a profile of voltage or current in, motion and switching out."""

@@ -1,0 +1,209 @@
+"""The picture of a motion in open loop.
+
+The picture of a record that filters have seen.
+
+The picture of a distance that is sensed without a sensor of position.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from femfit.core.errors import TableError
+from femfit.core.files import PICTURE, replacing, require_outputs
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.estimate.observation import Observation
+from femfit.estimate.observe import observe
+from femfit.estimate.prepare import recorded_sensors, with_recorded_sensors
+from femfit.model.actuator_model import ActuatorModel
+from femfit.report.style import (
+    BLUE,
+    CATEGORIES,
+    DPI,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    VERMILION,
+    new_figure,
+    style,
+    styled,
+    words,
+)
+from femfit.simulation.open_result import OpenLoop
+from femfit.simulation.sense import Sensing
+from femfit.tables.measurement import TimeSeries
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+_MS = 1e3
+_SPAN = 0.1
+"""Conventional: share of its height that a panel leaves free at each end of its lines."""
+
+
+@styled
+def open_loop_figure(motion: OpenLoop) -> "Figure":
+    """Draw distance with the stops, velocity, current, voltage and forces over time, first touches marked."""
+    figure = new_figure(7.0)
+    panels = figure.subplots(5, 1, sharex=True, height_ratios=(1.6, 1.0, 1.0, 1.0, 1.2))
+    table, mechanics = motion.table, motion.model.require_motion()
+    time, names = _MS * table["time_s"], motion.model.circuit_names
+    several = len(names) > 1
+    for axes, columns, factor, colour, key in (
+        (panels[0], ["distance_m"], 1e3, BLUE, "distance"),
+        (panels[1], ["velocity_m_s"], 1.0, GREEN, "velocity"),
+        (panels[2], circuit_currents(names), 1.0, VERMILION, "current"),
+        (panels[3], voltage_columns(names), 1.0, MUTED, "voltage"),
+    ):
+        for k, column in enumerate(columns):
+            of_circuit = several and axes in (panels[2], panels[3])
+            look = CATEGORIES[k % len(CATEGORIES)] if of_circuit else colour
+            axes.plot(time, factor * table[column], color=look, label=names[k] if of_circuit else None)
+        axes.set_ylabel(words("open_loop", key))
+    if several:
+        panels[2].legend(ncols=len(names))
+    for stop in (mechanics.near_stop, mechanics.far_stop):
+        if stop is not None:
+            panels[0].axhline(1e3 * stop.distance_m, color=INK, linewidth=0.7, dashes=(2, 2))
+    panels[4].plot(time, table["force_N"], color=BLUE, label=words("open_loop", "magnetic"))
+    panels[4].plot(time, table["static_force_N"], color=ORANGE, label=words("open_loop", "static"))
+    panels[4].set(ylabel=words("open_loop", "force"), xlabel=words("open_loop", "time"))
+    panels[4].legend(ncols=2)
+    for axes in panels:
+        _mark(axes, motion)
+        axes.margins(y=_SPAN)
+    figure.align_ylabels()
+    return figure
+
+
+def _mark(axes: "Axes", motion: OpenLoop) -> None:
+    for one in motion.switchings:
+        axes.axvline(_MS * one.reached_s, color=MUTED, linewidth=0.7)
+    for _, time in motion.left_domain:
+        axes.axvspan(_MS * time, _MS * motion.end_s, color=MUTED, alpha=0.15)
+
+
+def write_open_loop_picture(motion: OpenLoop, path: Path) -> None:
+    """Write the picture as PNG, SVG or PDF, by the file's suffix."""
+    require_outputs([], (path, PICTURE))
+    with style(), replacing(path) as unfinished:
+        open_loop_figure(motion).savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
+
+
+_COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
+_DASHES = ("-", "--", ":", "-.")
+"""A line for each of several currents."""
+
+_POINTS = 20_000
+"""Conventional: points of a line; more are not seen."""
+
+
+@styled
+def replay_figure(seen: Observation) -> "Figure":
+    """Draw distance and currents as recorded and estimated, and the normalised innovations with their band."""
+    figure = new_figure(6.0)
+    panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
+    every = slice(None, None, max(1, len(seen.time_s) // _POINTS))
+    time = seen.time_s[every]
+    currents = circuit_currents(seen.model.circuit_names)
+    lines = [(panels[0], "distance_m", 0, 1e3, "-")]
+    lines += [(panels[1], column, 2 + k, 1.0, _DASHES[k % len(_DASHES)]) for k, column in enumerate(currents)]
+    for axes, column, state, factor, dashes in lines:
+        if column in seen.recorded:
+            label = words("replay", "recorded")
+            axes.plot(time, factor * seen.recorded[column][every], dashes, color=MUTED, linewidth=0.7, label=label)
+        for one, colour in zip(seen.filters, _COLOURS, strict=False):
+            said = words("loop", one.name)
+            axes.plot(time, factor * one.replayed.mean[every, state], dashes, color=colour, label=said)
+    panels[0].set_ylabel(words("replay", "distance_m"))
+    panels[1].set_ylabel(words("replay", "current_A"))
+    panels[0].legend(ncols=3)
+    for one, colour in zip(seen.filters, _COLOURS, strict=False):
+        ratio = one.replayed.innovation[every] / np.sqrt(one.replayed.variance[every])
+        panels[2].plot(time, ratio, ".", color=colour, markersize=1.0)
+    for limit in (-1.96, 1.96):
+        panels[2].axhline(limit, color=INK, linewidth=0.7, dashes=(2, 2))
+    panels[2].set(ylabel=words("replay", "innovation"), xlabel=words("replay", "time"), ylim=(-6.0, 6.0))
+    figure.align_ylabels()
+    return figure
+
+
+@styled
+def before_after_figure(before: Observation, after: Observation) -> "Figure":
+    """Draw the distance as recorded and as two models' filters tell it that do not read it, and their errors."""
+    figure = new_figure(5.0)
+    path, left = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
+    every = slice(None, None, max(1, len(before.time_s) // _POINTS))
+    time, run = before.time_s, np.cumsum(np.r_[0.0, np.maximum(-np.diff(before.time_s), 0.0)])
+    time = (time + run)[every]  # runs one after the other
+    recorded = 1e3 * before.recorded["distance_m"][every]
+    path.plot(time, recorded, color=INK, label=words("replay", "recorded"))
+    for seen, colour, key in ((before, VERMILION, "before"), (after, BLUE, "after")):
+        estimate = 1e3 * seen.filters[0].replayed.mean[every, 0]
+        path.plot(time, estimate, color=colour, linewidth=0.9, label=words("replay", key))
+        left.plot(time, estimate - recorded, color=colour, linewidth=0.9)
+    path.set_ylabel(words("replay", "distance_m"))
+    path.margins(y=0.2)  # room for the legend
+    path.legend(ncols=3, loc="upper right")
+    left.set(ylabel=words("replay", "error"), xlabel=words("replay", "time"))
+    figure.align_ylabels()
+    return figure
+
+
+def write_before_after(models: tuple[ActuatorModel, ActuatorModel], series: TimeSeries, path: Path) -> None:
+    """Run the filters of two models over a record without reading its distance, and write the picture."""
+    if "distance_m" not in series.given:
+        raise TableError(
+            f"The picture before and after needs a recorded distance to compare with; {series.source} holds "
+            f"{', '.join(series.given)}. Leave out --picture, or record distance_m."
+        )
+    sensors = recorded_sensors(with_recorded_sensors(models[0], series), series, ("distance_m",))
+    before, after = (observe(model, series, sensors=sensors, find=False) for model in models)
+    require_outputs([], (path, PICTURE))
+    with style(), replacing(path) as unfinished:
+        figure = before_after_figure(before, after)
+        figure.savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
+
+
+def write_replay_picture(seen: Observation, path: Path) -> None:
+    """Write the picture as PNG, SVG or PDF, by the file's suffix."""
+    require_outputs([], (path, PICTURE))
+    with style(), replacing(path) as unfinished:
+        replay_figure(seen).savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
+
+
+_FLOOR_M = 1e-7
+"""Conventional: errors below a tenth of a micrometre are drawn as that."""
+
+
+@styled
+def sense_figure(found: Sensing) -> "Figure":
+    """Draw the motion with the filter's error, and that error beside its bound."""
+    figure = new_figure(4.5)
+    path, error = figure.subplots(2, 1)
+    time, distance = 1e3 * found.time_s, 1e3 * found.distance_m
+    rms = 1e3 * found.rms_m
+    path.fill_between(time, distance - rms, distance + rms, color=BLUE, alpha=0.25, label=words("sense", "band"))
+    path.plot(time, distance, color=INK, label=words("sense", "true"))
+    path.set(ylabel=words("sense", "distance"), xticklabels=[])
+    path.legend(ncols=2)
+    for values, colour, key in (
+        (found.rms_m, BLUE, "rms"),
+        (found.claimed_m, VERMILION, "claimed"),
+        (found.bound_m, MUTED, "bound"),
+    ):
+        error.semilogy(time, 1e6 * np.maximum(values, _FLOOR_M), color=colour, label=words("sense", key))
+    error.set(ylabel=words("sense", "error"), xlabel=words("sense", "time"))
+    error.legend(ncols=3)
+    return figure
+
+
+def write_sense_picture(found: Sensing, path: Path) -> None:
+    """Write the picture as PNG, SVG or PDF, by the file's suffix."""
+    require_outputs([], (path, PICTURE))
+    with style(), replacing(path) as unfinished:
+        sense_figure(found).savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")

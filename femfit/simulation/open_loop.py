@@ -1,0 +1,222 @@
+"""Simulate a model in open loop: what it is fed with, where it begins, and what comes of it."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.errors import DomainError, UsageError
+from femfit.core.numerics import FloatArray
+from femfit.core.sweep_columns import circuit_currents, flux_columns, voltage_columns
+from femfit.device.mechanics import Mechanics
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.dynamics import state_scale
+from femfit.model.json_file import model_of
+from femfit.simulation.energy import balance, equations_of
+from femfit.simulation.events import Run, Stretch, run
+from femfit.simulation.feed import CONDUCTING, Feed, Winding
+from femfit.simulation.open_result import OpenLoop
+from femfit.simulation.profile import Command, Constant, Interpolation, Profile, beyond_limits, commanded
+from femfit.simulation.rest import rest_distance, sensor_columns
+from femfit.simulation.switching import switchings
+from femfit.simulation.system import ENERGIES, Side, System
+
+DURATION_S = 0.1
+"""Conventional: how long a command that never changes is followed."""
+
+SAMPLES = 2000
+"""Conventional: rows of the table where no sample time is given."""
+
+
+def simulate(
+    model: ActuatorModel | str | Path,
+    *,
+    drive: Command = None,
+    voltage_V: Constant = None,
+    current_A: Constant = None,
+    duration_s: float | None = None,
+    start_m: float | None = None,
+    mechanics: Mechanics | None = None,
+    interpolation: Interpolation = "held",
+    outside: Literal["stop", "extrapolate"] = "stop",
+    sample_time_s: float | None = None,
+) -> OpenLoop:
+    """Simulate a model in open loop: a voltage or current in, motion and switching out.
+
+    The body begins at rest and without current. Stops, dry friction and a freewheel diode change the equations at
+    moments that are located, not stepped over.
+
+    Parameters
+    ----------
+    model : ActuatorModel, str or Path
+        With circuit and motion, or its file.
+    drive : Profile, mapping of str to Profile, str, Path or None
+        What is commanded over time, of several circuits by their names, or a table with the columns time_s and
+        voltage_V or current_A (voltage_NAME_V or current_NAME_A). A circuit of which nothing is said gets 0.
+    voltage_V, current_A : float, mapping of str to float, or None
+        A constant command in place of ``drive``, of several circuits by their names; one of the three is needed where
+        there is a winding.
+    duration_s : float or None
+        Up to the last time of ``drive``, or 0.1 s, where None.
+    start_m : float or None
+        Where the body begins; where it rests without current, on a stop or between springs, where None.
+    mechanics : Mechanics or None
+        In place of the model's.
+    interpolation : str
+        Of a table: ``held``, each value up to the next time, or ``linear``.
+    outside : str
+        Where distance or current leave the validity domain: ``stop`` there, or ``extrapolate`` and say so.
+    sample_time_s : float or None
+        Of the result's table; a 2000th of the duration where None.
+
+    Raises
+    ------
+    MissingPartError
+        If the model has no circuit or no motion.
+    DomainError
+        If the start lies outside of the validity domain or the stops, or volts command a current amplifier.
+    UsageError
+        If there is not one command, or the duration or the table's step is none.
+    SimulationError
+        If the motion cannot be followed.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> fall = ff.simulate("model.json", voltage_V=0.0, duration_s=0.01, start_m=0.02)
+    >>> fall.end_s, len(fall.table["distance_m"])
+    (0.01, 2001)
+    """
+    model = model_of(model)
+    if mechanics is not None:
+        model = replace(model, motion=mechanics)
+    model.require_motion()
+    profiles = commanded(model, drive, voltage_V, current_A, interpolation)
+    duration = _duration(duration_s, profiles)
+    system = _system(model, profiles)
+    windings, several = system.feed.windings, len(profiles) > 1
+    notes = tuple(note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several))
+    start = rest_distance(model) if start_m is None else _on_stop(system, start_m)
+    if outside not in {"stop", "extrapolate"}:
+        raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
+    if outside == "stop":
+        model.validity.require(np.asarray(start), model.currents_of(np.zeros(model.order)))
+    _require_between_stops(system.mechanics, start)
+    first = np.zeros(system.size)
+    first[0] = start
+    within_limits = tuple(profile.within(*winding.limits) for profile, winding in zip(profiles, windings, strict=True))
+    walked = run(system, within_limits, first, duration, outside == "extrapolate")
+    step = duration / SAMPLES if sample_time_s is None else sample_time_s
+    size = system.size
+    return OpenLoop(
+        model=model,
+        profiles=profiles,
+        duration_s=duration,
+        table=_table(model, system, walked, step),
+        events=walked.events,
+        switchings=switchings(walked.events, _side(system.mechanics, start), within_limits),
+        energy=balance(model, system.mechanics, walked.first, walked.last, walked.last[size:]),
+        end_s=walked.end_s,
+        left_domain=walked.left_domain,
+        extrapolated=outside == "extrapolate" and bool(walked.left_domain),
+        notes=notes,
+    )
+
+
+def _duration(asked_s: float | None, profiles: Sequence[Profile]) -> float:
+    last = max((float(profile.time_s[-1]) for profile in profiles), default=0.0)
+    duration = asked_s if asked_s is not None else last if last > 0.0 else DURATION_S
+    if not 0.0 < duration < np.inf:
+        raise UsageError(f"A simulation must last a time > 0 s; instead received {duration:g} s. Give 0.1, say.")
+    return duration
+
+
+def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
+    mechanics, box = model.require_motion(), model.validity
+    equations = equations_of(model)
+    d, i = box.grid(15, 5 if box.further_A else 15)
+    pairs = zip(model.circuits, profiles, strict=True)
+    force = float(np.abs(model.magnetics.force(d, i)).max() + np.abs(mechanics.static_force(d)).max())
+    return System(
+        feed=Feed(equations, tuple(Winding(circuit, profile.kind == "current") for circuit, profile in pairs)),
+        mechanics=mechanics,
+        domain=box,
+        size=model.order,
+        force_scale_N=force or 1.0,
+        eddies_A=state_scale(model)[2 + len(model.circuits) : model.windings.end],
+    )
+
+
+def _on_stop(system: System, start: float) -> float:
+    """A start that rounding alone keeps from a stop is on it."""
+    stops = [stop.distance_m for stop in (system.mechanics.near_stop, system.mechanics.far_stop) if stop is not None]
+    return next((stop_m for stop_m in stops if abs(stop_m - start) < system.least_rebound_m), start)
+
+
+def _require_between_stops(mechanics: Mechanics, start: float) -> None:
+    near, far = mechanics.near_stop, mechanics.far_stop
+    if (near is not None and start < near.distance_m) or (far is not None and start > far.distance_m):
+        ends = [f"{1e3 * stop.distance_m:g} mm" for stop in (near, far) if stop is not None]
+        raise DomainError(
+            f"The body must begin between its stops ({' and '.join(ends)}); instead received {1e3 * start:g} mm."
+        )
+
+
+def _side(mechanics: Mechanics, distance: float) -> Side | None:
+    if mechanics.near_stop is not None and distance == mechanics.near_stop.distance_m:
+        return "near"
+    return "far" if mechanics.far_stop is not None and distance == mechanics.far_stop.distance_m else None
+
+
+def _table(model: ActuatorModel, system: System, walked: Run, step: float) -> dict[str, FloatArray]:
+    """The motion at equal steps, up to where it ended; its own columns are true, whatever a sensor reads of them."""
+    if not step > 0.0 or walked.end_s / step > 1e7:
+        raise UsageError(
+            f"The table's step must be > 0 s and give at most ten million rows; instead received {step:g} s."
+        )
+    time: FloatArray = step * np.arange(1.0 + np.floor(walked.end_s / step * (1.0 + 1e-12)))
+    time[-1] = min(time[-1], walked.end_s)
+    circuits = len(model.circuits)
+    states, volts = np.empty((system.size + len(ENERGIES), len(time))), np.empty((circuits, len(time)))
+    ends = [stretch.end_s for stretch in walked.stretches]
+    which = np.minimum(np.searchsorted(ends, time, side="right"), len(ends) - 1)
+    for k in np.unique(which):
+        rows = np.flatnonzero(which == k)
+        stretch = walked.stretches[k]
+        states[:, rows] = stretch.solution(time[rows])
+        volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
+    d, names, windings = states[0], model.circuit_names, model.windings
+    i = model.currents_of(states.T) if model.eddy is None else states[2 : windings.end].T
+    flux = windings.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, :circuits]
+    motion = {
+        "time_s": time,
+        "distance_m": d,
+        "velocity_m_s": states[1],
+        **dict(zip(circuit_currents(names), states[2 : 2 + circuits], strict=True)),
+        **dict(zip(voltage_columns(names), volts, strict=True)),
+        **dict(zip(model.eddy_names, states[2 + circuits : windings.end], strict=True)),
+        "force_N": windings.magnetics.force(d, i),
+        "static_force_N": system.mechanics.static_force(d),
+        **dict(zip(flux_columns(names), flux.T, strict=True)),
+    }
+    sensed = sensor_columns(model, time, states[: system.size].T)
+    return motion | {name: read for name, read in sensed.items() if name not in motion}
+
+
+def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatArray) -> FloatArray:
+    """Shape (circuits, times)."""
+    feed, modes = system.feed, stretch.mode.feed
+    if all(m == CONDUCTING and not w.commands_current for m, w in zip(modes, feed.windings, strict=True)):
+        rows = []
+        for winding, line in zip(feed.windings, stretch.lines, strict=True):
+            command = line.value + line.slope * (time - line.start_s)
+            rows.append(command if winding.diode_V is None else np.where(command > 0.0, command, -winding.diode_V))
+        return np.array(rows).reshape(len(rows), len(time))
+    return np.array(
+        [
+            feed.flow(modes, stretch.lines, t, state[: system.size]).voltage_V[: len(feed.windings)]
+            for t, state in zip(time, states.T, strict=True)
+        ]
+    ).T

@@ -1,0 +1,238 @@
+"""Sensing without a sensor of position, tried in simulation: an open loop, noisy readings, the filter, and its bound.
+
+The body begins on its stop, at rest and without current; the filter begins with an estimate that is off at random by
+its first deviation. Truth and filter share the model, so that the error is what noise and physics leave, not what a
+wrong model adds.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit.core.errors import FilterError, UsageError
+from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.public import random_generator
+from femfit.core.results import Printed
+from femfit.core.text import amount, counted
+from femfit.device.electrics import Circuit
+from femfit.estimate.constants import TEST_SAMPLES
+from femfit.estimate.error_bound import bound_along, without_stops
+from femfit.estimate.filter import Filter
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.run_filter import in_fine_steps
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.json_file import model_of
+from femfit.model.sensors import names_or_kinds, sampled_readings, sensor_named
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.open_result import OpenLoop
+from femfit.simulation.profile import Profile, commanded
+
+REST_S, ON_S = 0.02, 0.06
+"""Conventional: time before the step of the voltage, and after it, where no drive is given."""
+
+
+MOVES = "while it moves"
+
+_EXACT_M = 1e-9
+"""Numerical: an error below a nanometre is rounding: the estimate lies on the stop, as the body does."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensing(Printed):
+    """The distance told by a filter over an open loop; arrays have one entry a sample.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> found = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
+    >>> print(str(found).splitlines()[0])
+    Distance from hall alone, 2 simulated runs:
+    """
+
+    motion: OpenLoop
+    sensors: tuple[str, ...]
+    runs: int
+    time_s: FloatArray
+    distance_m: FloatArray
+    rms_m: FloatArray  # Root mean square error of the filter over the runs
+    claimed_m: FloatArray  # Standard deviation that the filter says, root mean square over the runs
+    bound_m: FloatArray  # That no unbiased filter without knowledge of the stops goes below
+
+    @property
+    def parts(self) -> dict[str, BoolArray]:
+        """Samples before the body starts, while it moves, and after it has seated."""
+        moving = np.abs(self.motion.table["velocity_m_s"][: len(self.time_s)]) > 0.0
+        if not moving.any():
+            return {"at rest": np.ones(len(moving), dtype=bool)}
+        first, last = np.flatnonzero(moving)[[0, -1]]
+        row = np.arange(len(moving))
+        parts = {"before it starts": row < first, MOVES: (row >= first) & (row <= last)}
+        return parts | {"after it has come to rest": row > last}
+
+    def __str__(self) -> str:
+        lines = [f"Distance from {', '.join(self.sensors)} alone, {counted(self.runs, 'simulated run')}:"]
+        for name, (error, claimed, bound) in self.errors.items():
+            accuracy = f"error {amount(error, 'm')} rms" if error > _EXACT_M else "known to the stop"
+            lines.append(f"  {name}: {accuracy} (the filter claims {amount(claimed, 'm')}; bound {amount(bound, 'm')})")
+        return "\n".join([*lines, *self.motion.notes])
+
+    @property
+    def errors(self) -> dict[str, tuple[float, float, float]]:
+        """Root mean squares of error, claim and bound in m by part: over the motion, and in the last half of a rest."""
+        errors = {}
+        for name, here in self.parts.items():
+            rows = np.flatnonzero(here)
+            rows = rows if name == MOVES else rows[len(rows) // 2 :]
+            if len(rows):
+                mean = [np.sqrt(np.mean(series[rows] ** 2)) for series in (self.rms_m, self.claimed_m, self.bound_m)]
+                errors[name] = (float(mean[0]), float(mean[1]), float(mean[2]))
+        return errors
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """The series, one row a sample."""
+        names = ("time_s", "distance_m", "rms_m", "claimed_m", "bound_m")
+        return pd.DataFrame({name: getattr(self, name) for name in names})
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the series."""
+        return {
+            "sensors": list(self.sensors),
+            "runs": self.runs,
+            "errors": {
+                name: {"rms_m": error, "claimed_m": claimed, "bound_m": bound}
+                for name, (error, claimed, bound) in self.errors.items()
+            },
+        }
+
+
+def sense(
+    model: ActuatorModel | str | Path,
+    *,
+    sensors: Sequence[str] = ("current",),
+    drive: Profile | str | Path | None = None,
+    voltage_V: float | None = None,
+    test_voltage_V: float = 0.0,
+    test_frequency_Hz: float | None = None,
+    runs: int = 20,
+    rng: np.random.Generator | int = 1,
+) -> Sensing:
+    """How well sensors tell the distance while an actuator switches: error in simulation, and bound.
+
+    Parameters
+    ----------
+    sensors : sequence of str
+        Names of the sensors that the filter reads, or their kinds.
+    drive : Profile, str, Path or None
+        What is commanded over time; a step to ``voltage_V`` after 20 ms of rest where None.
+    voltage_V : float or None
+        Of that step; the supply's largest where None.
+    test_voltage_V, test_frequency_Hz : float
+        Amplitude and frequency of a square wave on top of the command; a twentieth of the sampling rate where None.
+    runs : int
+        Runs with noises of their own.
+
+    Raises
+    ------
+    MissingPartError
+        If the model lacks circuit, motion or sensor.
+    FilterError
+        If a sensor has no noise.
+    UsageError
+        If no run is asked for, or drive and voltage_V are both given.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> found = ff.sense("model.json", sensors=("hall",), voltage_V=1.0, runs=2)
+    >>> found.rms_m.shape == found.bound_m.shape
+    True
+    """
+    model = model_of(model)
+    if runs < 1 or (drive is not None and voltage_V is not None):
+        raise UsageError("sense needs at least one run, and one of drive and voltage_V at most.")
+    circuit, sensors = model.require_circuit(), names_or_kinds(model, sensors)
+    built = kalman_filter(model, sensors=sensors)
+    built = replace(built, process=in_fine_steps(model, built.process))
+    step, base = model.sample_time_s, _base(model, drive, circuit.voltage_max_V if voltage_V is None else voltage_V)
+    end, command = float(base.time_s[-1]), _with_test(base, circuit, step, test_voltage_V, test_frequency_Hz)
+    motion = simulate(model, drive=command, duration_s=end, sample_time_s=step)
+    table = motion.table
+    states = np.zeros((len(table["time_s"]), built.process.order))
+    states[:, 0], states[:, 1], states[:, 2] = table["distance_m"], table["velocity_m_s"], table["current_A"]
+    for k, name in enumerate(model.eddy_names, start=3):
+        states[:, k] = table[name]
+    volts = np.r_[table["voltage_V"][:1], table["voltage_V"][:-1]]
+    rms, claimed = _errors(model, built, states, volts, runs, random_generator(rng))
+    free = in_fine_steps(without_stops(model), built.process)
+    return Sensing(
+        motion=motion,
+        sensors=sensors,
+        runs=runs,
+        time_s=table["time_s"],
+        distance_m=table["distance_m"],
+        rms_m=rms,
+        claimed_m=claimed,
+        bound_m=np.sqrt(bound_along(free, states, volts)[:, 0, 0]),
+    )
+
+
+def _base(model: ActuatorModel, drive: Profile | str | Path | None, volts: float) -> Profile:
+    if drive is not None:
+        (profile,) = commanded(model, drive, None, None, "held")
+        return profile
+    return Profile("voltage", np.array([0.0, REST_S, REST_S + ON_S]), np.array([0.0, volts, volts]))
+
+
+def _with_test(base: Profile, circuit: Circuit, step: float, amplitude: float, frequency: float | None) -> Profile:
+    """The command, held over each sample, with a square wave on top, as far as the driver goes."""
+    frequency = 1.0 / (TEST_SAMPLES * step) if frequency is None else frequency
+    if not 0.0 < frequency <= 0.5 / step:
+        raise FilterError(
+            f"The test voltage's frequency must be > 0 and at most half of the sampling rate, {0.5 / step:g} Hz; "
+            f"instead received {frequency:g} Hz."
+        )
+    if not amplitude:
+        return base
+    row = np.arange(int(np.ceil(base.time_s[-1] / step)))
+    period = max(2, round(1.0 / (frequency * step)))
+    sign = np.where(2 * (row % period) < period, 1.0, -1.0)
+    low = circuit.voltage_min_V if circuit.drive.diode_V is None else 0.0
+    level = np.array([base.at(time) for time in step * (row + 0.5)])
+    volts = np.clip(level + amplitude * sign, low, circuit.voltage_max_V)
+    return Profile("voltage", np.append(step * row, base.time_s[-1]), np.append(volts, volts[-1]))
+
+
+def _errors(
+    model: ActuatorModel,
+    built: Filter,
+    states: FloatArray,
+    volts: FloatArray,
+    runs: int,
+    generator: np.random.Generator,
+) -> tuple[FloatArray, FloatArray]:
+    """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
+    process, names = built.process, [output.name for output in built.process.outputs]
+    # What is remembered follows from the first states: the body was at rest before
+    states_of_model = process.order if process.delayed is None else process.delayed.base
+    first = np.linalg.cholesky(process.require_start_covariance()[:states_of_model, :states_of_model])
+    start = states[0, :states_of_model] + generator.standard_normal((runs, states_of_model)) @ first.T
+    start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
+    moved = states[:, : model.order]
+    exact = np.stack([sampled_readings(model, sensor_named(model, name), moved) for name in names], axis=1)
+    deviation = np.sqrt([output.variance for output in process.outputs])
+    periods = np.array([output.period for output in process.outputs])
+    state = built.start(start)
+    rms, claimed = np.empty(len(states)), np.empty(len(states))
+    for k, truth in enumerate(states):
+        state = state if k == 0 else built.predict(state, np.full(runs, volts[k]))
+        readings = exact[k] + deviation * generator.standard_normal((runs, len(names)))
+        readings[:, k % periods > 0] = np.nan
+        state = built.update(state, readings)
+        rms[k] = np.sqrt(np.mean((state.mean[:, 0] - truth[0]) ** 2))
+        claimed[k] = np.sqrt(np.mean(state.covariance[:, 0, 0]))
+    return rms, claimed

@@ -1,0 +1,199 @@
+"""Pull-in and drop-out: when the body leaves one stop and reaches the other.
+
+Which change of the command moved a body, where a driver chops its voltage.
+
+A chopped voltage changes back and forth, two times at least, between two levels that each last about as long as before.
+Its changes are one command, given where the chopping begins, or where the higher level that it begins with does.
+
+How a body that reaches no stop answers one step of the command: rise, overshoot, settling.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from femfit.core.numerics import FloatArray
+from femfit.core.text import amount
+from femfit.simulation.events import Event
+from femfit.simulation.profile import Profile
+from femfit.simulation.system import Side
+
+SAME_LEVEL = 0.05
+"""Conventional: part of a command's range within which two of its levels are the same; noise of a recorded voltage."""
+
+AS_LONG = 2.0
+"""Conventional: ratio up to which two stretches of a level last about as long; a driver's duty cycle wanders."""
+
+
+def command_before(profiles: Sequence[Profile], time: float, after: float = 0.0) -> float:
+    """The last change of a command up to a time in s, chopping taken as one.
+
+    Parameters
+    ----------
+    after : float
+        When the last motion ended: what was commanded before moved the body then.
+    """
+    return max((_before(profile, time, after) for profile in profiles), default=0.0)
+
+
+def _before(profile: Profile, time: float, after: float) -> float:
+    if profile.interpolation == "linear":
+        return max((turn for turn in (0.0, *profile.turns_s.tolist()) if turn <= time), default=0.0)
+    begins, levels, same = _stretches(profile.time_s, profile.value)
+    last = max((k for k, begin in enumerate(begins) if begin <= time), default=0)
+    lengths: list[float] = np.diff([*begins[: last + 1], time]).tolist()
+
+    def alike(k: int) -> bool:
+        return abs(levels[k] - levels[k - 2]) <= same
+
+    def as_long(k: int) -> bool:
+        return 1.0 / AS_LONG <= lengths[k] / lengths[k - 2] <= AS_LONG
+
+    goes_on = last >= 3 and alike(last) and lengths[last] <= AS_LONG * lengths[last - 2]
+    first = last
+    for k in range(last - 1, 1, -1) if goes_on else ():
+        if not (alike(k) and as_long(k)):
+            if first < last and alike(k) and abs(levels[k - 2]) > abs(levels[k - 1]):
+                first = k - 2  # the level that a current rises with before it is held by chopping
+            break
+        first = k - 2
+    return min((begin for begin in begins[first : last + 1] if begin >= after), default=begins[last])
+
+
+def _stretches(time: FloatArray, value: FloatArray) -> tuple[list[float], list[float], float]:
+    """Where each level of a command that is held begins, the levels, and how near two are that count as one."""
+    same = SAME_LEVEL * float(value.max() - value.min())
+    begins, levels = [0.0], [float(value[0])]
+    for moment, level in zip(time.tolist(), value.tolist(), strict=True):
+        if abs(level - levels[-1]) > same:
+            begins.append(moment)
+            levels.append(level)
+    return begins, levels, same
+
+
+Kind = Literal["pull_in", "drop_out", "to_near", "to_far"]
+
+
+@dataclass(frozen=True)
+class Switching:
+    """One way to a stop.
+
+    Parameters
+    ----------
+    kind : str
+        ``pull_in`` from rest on the far stop to the near one, ``drop_out`` back; ``to_near`` or ``to_far`` from between
+        them, or rebounding from the other one without having come to rest there.
+    command_s : float
+        The last change of the command before the body started; of a chopped one, where the chopping began.
+    started_s, reached_s : float
+        When it started, and when it first touched the stop.
+    rested_s : float or None
+        When it came to rest on it; None where it has not, or the stop gives way.
+    seating_velocity_m_s : float
+        Speed of the first touch.
+    bounces : int
+        Touches after the first.
+    """
+
+    kind: Kind
+    command_s: float
+    started_s: float
+    reached_s: float
+    rested_s: float | None
+    seating_velocity_m_s: float
+    bounces: int
+
+    @property
+    def switching_time_s(self) -> float:
+        """From the command to the first touch."""
+        return self.reached_s - self.command_s
+
+
+def switchings(events: Sequence[Event], begun_at: Side | None, profiles: Sequence[Profile]) -> tuple[Switching, ...]:
+    """Every way to a stop in a list of events, from a start on a stop or in the air."""
+    ways: list[Switching] = []
+    last_side, started, rebounds = begun_at, 0.0, False
+    for event in events:
+        action, _, place = event.name.partition("_")
+        side: Side | None = "near" if place == "near" else "far" if place == "far" else None
+        if event.name == "starts":
+            started = event.time_s
+        elif action == "rests" and ways:
+            ways[-1] = replace(ways[-1], rested_s=event.time_s)
+        elif action == "hits" and side == last_side and ways:
+            ways[-1] = replace(ways[-1], bounces=ways[-1].bounces + 1, rested_s=None)
+        elif action == "hits" and side != last_side:
+            command = command_before(profiles, started, ways[-1].reached_s if ways else 0.0)
+            kind: Kind = "pull_in" if side == "near" else "drop_out"
+            if last_side is None or rebounds:
+                kind = "to_near" if side == "near" else "to_far"
+            ways.append(Switching(kind, command, started, event.time_s, None, abs(event.velocity_m_s), 0))
+            last_side = side
+        if action in {"hits", "rests", "starts", "leaves"}:
+            rebounds = action == "hits"
+        if action in {"hits", "leaves"}:  # where it goes on without resting
+            started = event.time_s
+    return tuple(ways)
+
+
+BAND = 0.02
+"""Conventional: settled is what stays within this part of the whole change."""
+
+LAST = 0.1
+"""Conventional: part of the time at whose beginning the motion must have settled for its end to be known."""
+
+
+@dataclass(frozen=True)
+class StepResponse:
+    """From one place of rest to another.
+
+    Parameters
+    ----------
+    start_m, end_m : float
+        Distances at rest.
+    rise_s : float
+        From 10 to 90 % of the change, at their first passing.
+    overshoot : float
+        Largest excess over the change, as a part of it; 0 where there is none.
+    settling_s : float
+        After which the distance stays within 2 % of the change.
+    """
+
+    start_m: float
+    end_m: float
+    rise_s: float
+    overshoot: float
+    settling_s: float
+
+    def __str__(self) -> str:
+        over = f"overshoot {100.0 * self.overshoot:.2g} %" if self.overshoot > 0.0 else "no overshoot"
+        return (
+            f"The body moves from {amount(self.start_m, 'm', 3)} to {amount(self.end_m, 'm', 3)}: "
+            f"{amount(self.rise_s, 's', 3)} from 10 to 90 % of the way, {over}, "
+            f"within 2 % after {amount(self.settling_s, 's', 3)}."
+        )
+
+
+def step_response(time: FloatArray, distance: FloatArray) -> StepResponse | None:
+    """Of a motion that begins at rest at time 0; None where it does not move, or has not settled at its end."""
+    change = float(distance[-1] - distance[0])
+    if change == 0.0:
+        return None
+    way = (distance - distance[0]) / change
+    outside = np.flatnonzero(np.abs(way - 1.0) > BAND)
+    settled = outside[-1] + 1
+    if time[settled] > (1.0 - LAST) * time[-1]:
+        return None
+    # Linear between the samples on either side of a level
+    first, last = (float(np.interp(0.0, *_crossing(time, way, level))) for level in (0.1, 0.9))
+    excess = float(way.max() - 1.0)
+    overshoot = excess if excess > 1e-6 else 0.0
+    return StepResponse(float(distance[0]), float(distance[-1]), last - first, overshoot, float(time[settled]))
+
+
+def _crossing(time: FloatArray, way: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+    after = int(np.argmax(way >= level))
+    pair = slice(after - 1, after + 1)
+    return way[pair] - level, time[pair]

@@ -1,0 +1,169 @@
+"""MAT and HDF5 files, decoded in a process of their own.
+
+A damaged one can make their libraries in C crash, hang, or fill the memory with what it says that it holds.
+
+TDMS files of LabVIEW and DIAdem: groups of channels, each with its unit and its step of time.
+
+WAV recordings of a sound card: channels in parts of full scale, the time from the sample rate.
+
+Sheets of a spreadsheet, each read as the text table that it would be saved as.
+"""
+
+import io
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
+from typing import Any
+from zipfile import ZipFile
+
+import numpy as np
+import pandas as pd
+from scipy.io import wavfile
+
+from femfit.core.errors import TableError
+from femfit.core.processes import ChildError, in_child
+from femfit.core.results import listing
+from femfit.tables.columns import match_column
+from femfit.tables.header import with_unit
+from femfit.tables.mat_hdf5 import (
+    NamedTable,
+    hdf5_tree,
+    mat73_tree,
+    mat_tree,
+    nested_tables,
+    require_library,
+    table_of_columns,
+)
+from femfit.tables.raw_table import damaged
+from femfit.tables.text_table import parse_text
+
+TIMEOUT_S, TIMEOUT_S_PER_BYTE = 30.0, 1e-6
+"""Chosen: a file of 1 MB takes 0.3 s on a free machine, most of it the libraries' import, and 100 MB take 1 s."""
+
+MEMORY, MEMORY_PER_BYTE = 2e9, 64.0
+"""Bytes, chosen: what numbers unpack to, several times over, beside the libraries'."""
+
+_DECODERS: dict[str, Callable[[bytes], tuple[dict[str, Any], str]]] = {
+    "MAT": mat_tree,
+    "MAT 7.3": mat73_tree,
+    "HDF5": hdf5_tree,
+}
+
+
+def read_apart(kind: str, content: bytes, source: str) -> tuple[list[NamedTable], str]:
+    """Tables of a MAT or HDF5 file, and what in it cannot be read."""
+    if kind != "MAT":
+        require_library("h5py", "h5py", source)
+    timeout, memory = TIMEOUT_S + TIMEOUT_S_PER_BYTE * len(content), MEMORY + MEMORY_PER_BYTE * len(content)
+    try:
+        tree, remark = in_child(_DECODERS[kind], content, timeout=timeout, memory=memory)
+    except MemoryError as error:
+        raise TableError(
+            f"{source} says that it unpacks to more memory than its {len(content) / 1e6:.3g} MB may take "
+            f"({error}). Unless it is damaged, raise this shell's limit (ulimit -v), or export fewer columns."
+        ) from error
+    except ChildError as error:
+        raise TableError(damaged(source, kind, error)) from error
+    return nested_tables(tree, source, kind, separator="/" if kind == "HDF5" else "."), remark
+
+
+_NO_CLOCK = (0.0, 1.0)
+"""Increments that LabVIEW writes where there is no clock."""
+
+
+def read_tdms(content: bytes, source: str) -> tuple[list[NamedTable], str]:
+    """Tables of a TDMS file, one a group; a waveform's increment gives its time."""
+    require_library("nptdms", "npTDMS", source)
+    from nptdms import TdmsFile  # noqa: PLC0415
+    from nptdms.log import log_manager  # noqa: PLC0415
+
+    log = io.StringIO()
+    terminal = log_manager.console_handler.setStream(log)  # npTDMS prints what it made of damage
+    try:
+        file = TdmsFile.read(io.BytesIO(content))
+    finally:
+        log_manager.console_handler.setStream(terminal)
+    tree: dict[str, Any] = {}
+    for group in file.groups():
+        channels = {
+            with_unit(channel.name, channel.properties.get("unit_string")): np.asarray(channel[:])
+            for channel in group.channels()
+        }
+        tree[group.name] = _with_time(channels, [dict(channel.properties) for channel in group.channels()])
+    tables = nested_tables(tree, source, "TDMS", separator="/")
+    lines = [line.partition("] ")[2] for line in log.getvalue().splitlines()]
+    if not lines:
+        return tables, ""
+    remark = f"The file seems to be damaged: {listing(lines, 3)}."
+    return [replace(table, raw=replace(table.raw, notes=(*table.raw.notes, remark))) for table in tables], remark
+
+
+def _with_time(channels: dict[str, Any], properties: list[dict[str, Any]]) -> dict[str, Any]:
+    """The channels of a group with the time of their samples, if they have one clock and no channel is it."""
+    steps = {float(entry.get("wf_increment", 0.0)) for entry in properties}
+    begins = {float(entry.get("wf_start_offset", 0.0)) for entry in properties}
+    lengths = {len(channel) for channel in channels.values()}
+    timed = any((column := match_column(name, ("time_s",))) and column.name == "time_s" for name in channels)
+    if timed or not len(steps) == len(begins) == len(lengths) == 1 or next(iter(steps)) in _NO_CLOCK:
+        return channels
+    return {"time_s": begins.pop() + steps.pop() * np.arange(lengths.pop()), **channels}
+
+
+_FULL_SCALE = {"int16": 2.0**15, "int32": 2.0**31, "int64": 2.0**63}
+"""Integers of 24 bits are read shifted up to 32."""
+
+
+def read_wav(content: bytes, source: str) -> tuple[list[NamedTable], str]:
+    """The one table of a recording: ``time_s`` and ``channel 1`` to ``channel n``, each from -1 to 1."""
+    rate, samples = wavfile.read(io.BytesIO(content))
+    samples = samples.reshape(len(samples), -1)
+    if samples.dtype == np.uint8:
+        scaled = (samples - 128.0) / 128.0
+    else:
+        scaled = samples / _FULL_SCALE.get(samples.dtype.name, 1.0)
+    columns = {"time_s": np.arange(len(scaled)) / rate}
+    columns |= {f"channel {k + 1}": scaled[:, k] for k in range(scaled.shape[1])}
+    table = table_of_columns("samples", columns, source, f"WAV of {rate} samples a second")
+    note = "the channels are parts of full scale, -1 to 1; a number as unit, --unit 'channel 1=2.5', is the gain"
+    return [replace(table, raw=replace(table.raw, notes=(note,)))], ""
+
+
+LARGEST = 64e6
+"""Bytes of unpacked XML. Measured: 320,000 rows of four numbers, which take 13 processor seconds, six times those of
+the same rows as CSV."""
+
+
+def read_xlsx(content: bytes, source: str) -> tuple[list[NamedTable], str]:
+    """Tables of a workbook's sheets, and which sheets are none."""
+    require_library("openpyxl", "openpyxl", source)
+    with ZipFile(io.BytesIO(content)) as book:
+        size = sum(member.file_size for member in book.infolist() if member.filename.endswith(".xml"))
+    if size > LARGEST:
+        raise TableError(
+            f"{source} holds {size / 1e6:.0f} MB of cells, and a workbook is read up to {LARGEST / 1e6:.0f} MB. Save "
+            "its sheet as CSV, which is read six times as fast."
+        )
+    sheets = pd.read_excel(io.BytesIO(content), sheet_name=None, header=None, engine="openpyxl")
+    tables, charts = [], []
+    for name, cells in sheets.items():
+        filled = cells.dropna(axis=1, how="all")
+        lines = ["\t".join(map(_text, row)) for row in filled.itertuples(index=False)]
+        try:
+            raw = parse_text("\n".join(lines).encode(), source, encoding="utf-8", delimiter="\t", decimal=".")
+        except TableError:
+            charts.append(name)
+        else:
+            tables.append(NamedTable(str(name), raw))
+    return tables, f"No table stands in {listing(charts)}." if charts else ""
+
+
+def _text(cell: object) -> str:
+    """A cell as CSV has it, with a decimal point."""
+    if pd.isna(cell):  # type: ignore[call-overload]
+        return ""
+    if isinstance(cell, bool):
+        return str(int(cell))
+    if isinstance(cell, datetime):
+        return cell.isoformat()
+    text = " ".join(str(cell).split())
+    return '"' + text.replace('"', '""') + '"' if '"' in text else text

@@ -1,0 +1,323 @@
+"""From the tables that FEMM users have to a checked sweep table."""
+
+import hashlib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from femfit import __version__
+from femfit.core.errors import TableError
+from femfit.core.files import path_of
+from femfit.core.results import Finding, listing
+from femfit.core.sweep_columns import COLUMNS
+from femfit.core.text import counted, quoted
+from femfit.device.load import read_actuator
+from femfit.device.summary import sweep_manifest_entry
+from femfit.tables.columns import UsedColumn
+from femfit.tables.foreign_forms import (
+    QUANTITIES,
+    REQUIRED,
+    ImportOptions,
+    is_matrix,
+    long_points,
+    matrix_points,
+    si_unit,
+)
+from femfit.tables.foreign_grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
+from femfit.tables.foreign_noise import check_noise, compare_forces
+from femfit.tables.foreign_reciprocity import check_reciprocity, flux_from_inductance
+from femfit.tables.header import COLUMN_NAMES, STEP_NAMES
+from femfit.tables.raw_table import RawTable, file_content
+from femfit.tables.sweep_table import SweepTable
+from femfit.tables.table_file import SUFFIXES, Wanted, parse_table
+from femfit.tables.units import unit_factor
+
+_NUMBER = r"(?P<number>(?:(?<![A-Za-z0-9])[-+])?\d+(?:[.,p]\d+)?(?:e-?\d+)?)"
+_UNITS = {"current": r"(?P<unit>[mu]?A|amps?)", "distance": r"(?P<unit>[mcu]?m|in(?:ch)?)"}
+_FINAL = frozenset(("distance",))  # no model is defined at a distance of zero or less
+_NOT_A_NUMBER = "no number in the imported table"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImportedTable(SweepTable):
+    """A sweep table that was imported, and what was concluded about it.
+
+    Parameters
+    ----------
+    findings : tuple of Finding
+        In the order in which they were made; no error that was not accepted.
+    mapping : tuple of UsedColumn
+        Column and unit of each quantity (of the first file that had it).
+    dialects : mapping of str to str
+        File name to encoding, delimiter and decimal mark.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> table = ff.import_table("forces.csv", units={"distance": "mm"})
+    >>> table.mapping[0].name, table.mapping[0].unit
+    ('current_A', 'A')
+    """
+
+    findings: tuple[Finding, ...] = ()
+    mapping: tuple[UsedColumn, ...] = ()
+    dialects: Mapping[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        lines = [super().__str__()]
+        lines += [f"{name}: read as {dialect}" for name, dialect in list(self.dialects.items())[:3]]
+        if len(self.dialects) > 3:
+            lines.append(f"... and {counted(len(self.dialects) - 3, 'more file')}")
+        for use in self.mapping:
+            unit = f"{quoted(use.unit)}{' (assumed)' if use.assumed else ''}"
+            lines.append(f"  {use.name} from {quoted(use.header)}, in {unit}, times {use.factor:g}")
+        return "\n".join([*lines, *(f"- {finding.marked}" for finding in self.findings)])
+
+
+def import_table(
+    paths: str | Path | Sequence[str | Path], *, actuator: str | Path | None = None, **options: Any
+) -> ImportedTable:
+    """Bring in a table of FEMM or another program: recognise it, convert it to SI and check it.
+
+    Parameters
+    ----------
+    paths : str, Path or sequence of them
+        Files of any kind that holds tables, or directories of them (one file a current, named as in
+        ``force_0.4A.csv``).
+    actuator : str or Path, optional
+        Actuator file whose circuit, motion and sensor go with the table.
+    **options
+        Fields of :class:`femfit.tables.foreign_forms.ImportOptions`, for example ``units={"distance": "mm"}``.
+
+    Raises
+    ------
+    TableError
+        If the files cannot be understood, or a check finds an error that ``accept`` does not name.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> table = ff.import_table("forces.csv", units={"distance": "mm"})
+    >>> model = ff.fit_model(table).model
+    """
+    entry = sweep_manifest_entry(read_actuator(actuator)) if actuator else None
+    sources = paths if isinstance(paths, Iterable) and not isinstance(paths, str) else [paths]
+    imported = read_foreign_table([path_of(path, "A table to import") for path in sources], ImportOptions(**options))
+    return imported if entry is None else replace(imported, manifest={**imported.manifest, "actuator": dict(entry)})
+
+
+def read_foreign_table(paths: Sequence[Path], options: ImportOptions | None = None) -> ImportedTable:
+    """Read, convert to SI, put in order and check a table from one or more files."""
+    options = options or ImportOptions()
+    files = _files(paths)
+    contents = {file: file_content(file, "table") for file in files}
+    points, mapping, findings, dialects = _gather(contents, options)
+    good, bad, faults = check_cells(points)
+    findings += faults
+    if good.empty:
+        raise TableError(
+            f"{listing((file.name for file in files), 4)}: no row has numbers for current, distance and force; "
+            f"{faults[0].text if faults else 'there is no row below the header.'}"
+        )
+    good = _place(good, options)
+    findings += check_units(good)
+    _stop_at_errors(findings, options)
+    good, findings = _check(good, findings, options)
+    findings = _stop_at_errors(findings, options)
+    rows = _rows(good, _place(bad, options))
+    manifest = _manifest(files, contents, mapping, dialects, findings, rows)
+    return ImportedTable(rows, manifest, findings=tuple(findings), mapping=tuple(mapping.values()), dialects=dialects)
+
+
+def _files(paths: Sequence[Path]) -> list[Path]:
+    files: list[Path] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            tables = sorted(file for file in path.iterdir() if file.suffix.casefold() in SUFFIXES)
+            if not tables:
+                raise TableError(f"Directory {path} holds no table ({', '.join(SUFFIXES)}).")
+            files += tables
+        elif path.is_file():
+            files.append(path)
+        else:
+            raise TableError(f"Table {path} does not exist.")
+    if not files:
+        raise TableError("An import needs at least one file or directory.")
+    return files
+
+
+def _gather(
+    contents: Mapping[Path, bytes], options: ImportOptions
+) -> tuple[pd.DataFrame, dict[str, UsedColumn], list[Finding], dict[str, str]]:
+    """All files' rows under each other."""
+    frames: list[pd.DataFrame] = []
+    mapping: dict[str, UsedColumn] = {}
+    findings: list[Finding] = []
+    dialects: dict[str, str] = {}
+    for index, (file, content) in enumerate(contents.items()):
+        constants = _constants(file, index, len(contents), options)
+        dialect = {"encoding": options.encoding, "delimiter": options.delimiter, "decimal": options.decimal}
+        raw = parse_table(content, file.name, table=options.table, wanted=_is_wanted(options, constants), **dialect)
+        dialects[file.name] = raw.dialect
+        findings += [Finding("reading", "info", f"{file.name}: {note}.") for note in raw.notes]
+        matrix = is_matrix(raw, options)
+        frame, uses, remarks = matrix_points(raw, options) if matrix else long_points(raw, constants, options)
+        frames.append(frame)
+        findings += [finding for finding in remarks if finding not in findings]
+        for quantity, use in uses.items():
+            mapping.setdefault(quantity, use)
+    assumed = [f"{quoted(use.header)} in {use.unit}" for use in mapping.values() if use.assumed]
+    if assumed:
+        text = f"No unit given, SI assumed: {', '.join(assumed)}."
+        findings.append(Finding("assumed-units", "info", text, "Name it with --unit COLUMN=UNIT, as in force=mN."))
+    return pd.concat(frames, ignore_index=True), mapping, findings, dialects
+
+
+def _is_wanted(options: ImportOptions, constants: Mapping[str, float]) -> Wanted:
+    """Whether a table is a matrix, or has what one row a point needs beside the constants of its file."""
+
+    def wanted(raw: RawTable) -> bool:
+        try:
+            return is_matrix(raw, options) or bool(long_points(raw, dict(constants), options))
+        except TableError:
+            return False
+
+    return wanted
+
+
+def _constants(file: Path, index: int, count: int, options: ImportOptions) -> dict[str, float]:
+    """Current and distance of a whole file, from the options or from its name."""
+    constants = {}
+    declared = {"current": options.file_currents_A, "distance": options.file_distances_m}
+    for quantity, values in declared.items():
+        if values and len(values) != count:
+            raise TableError(
+                f"--file-{quantity} has {counted(len(values), 'value')} for {counted(count, 'file')}; give one a file."
+            )
+        value = values[index] if values else _value_in_name(file, quantity)
+        if value is not None:
+            constants[quantity] = value
+    return constants
+
+
+def _value_in_name(path: Path, quantity: str) -> float | None:
+    """Read a current (A) or distance (m) from a file's name; ``p`` may stand for the decimal point.
+
+    A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
+    with its unit or after the quantity's name.
+    """
+    words = (*COLUMN_NAMES[QUANTITIES[quantity]], *(STEP_NAMES if quantity == "distance" else ()))
+    with_unit = [
+        (match.group("number"), match.group("unit"))
+        for match in re.finditer(rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[quantity]}(?![A-Za-z0-9])", path.stem)
+    ]
+    names = "|".join(sorted((name for name in words if name.isascii()), key=len, reverse=True))
+    named = [
+        (match.group("number"), si_unit(quantity))
+        for match in re.finditer(rf"(?i:(?<![A-Za-z])(?:{names}))[ _=\-]*{_NUMBER}(?![A-Za-z0-9])", path.stem)
+    ]
+    bare = re.fullmatch(_NUMBER, path.stem) if quantity == "current" else None
+    matches = with_unit or named or ([(bare.group("number"), "A")] if bare else [])
+    if len(matches) != 1:
+        return None
+    number, unit = matches[0]
+    factor = unit_factor(unit, si_unit(quantity))
+    return None if factor is None else float(number.replace(",", ".").replace("p", ".")) * factor
+
+
+def _place(points: pd.DataFrame, options: ImportOptions) -> pd.DataFrame:
+    """Apply start, direction and polarity."""
+    start = options.distance_start_m or 0.0
+    direction = -1.0 if options.flip_distance else 1.0
+    points = points.assign(distance=start + direction * points["distance"])
+    if options.flip_current:
+        points = points.assign(current=-points["current"] + 0.0)
+        if "flux_linkage" in points:
+            points = points.assign(flux_linkage=-points["flux_linkage"])
+    return points
+
+
+def _check(points: pd.DataFrame, findings: list[Finding], options: ImportOptions) -> tuple[pd.DataFrame, list[Finding]]:
+    points, remarks = tidy_grid(points)
+    findings = findings + remarks
+    points, remarks = settle_force_sign(points, options.force_sign)
+    findings += remarks
+    points, remarks = flux_from_inductance(points)
+    findings += remarks + check_reciprocity(points)
+    points, remarks = drop_incomplete(points, [name for name in QUANTITIES if name not in REQUIRED])
+    findings += remarks
+    points, remarks = check_noise(points)
+    findings += remarks
+    points, remarks = compare_forces(points)
+    return points, findings + remarks
+
+
+def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Finding]:
+    """Accepted errors as warnings; the others stop the import, all at once."""
+    accepted = set(options.accept) - _FINAL
+    settled = [
+        finding.accepted() if finding.severity == "error" and finding.code in accepted else finding
+        for finding in findings
+    ]
+    errors = [finding for finding in settled if finding.severity == "error"]
+    if errors:
+        lines = [f"  - {finding} [{finding.code}]" for finding in errors]
+        raise TableError(
+            "\n".join(
+                [
+                    f"The table has {len(errors)} error{'s' * (len(errors) > 1)}:",
+                    *lines,
+                    "To go on in spite of one: --accept CODE.",
+                ]
+            )
+        )
+    return settled
+
+
+def _rows(good: pd.DataFrame, bad: pd.DataFrame) -> pd.DataFrame:
+    """Columns of the contract, in their order."""
+    columns = {column: name for name, column in QUANTITIES.items()}
+    rows = pd.DataFrame({column: good[columns[column]] for column in COLUMNS if columns.get(column) in good})
+    rows["status"] = "ok"
+    placed = bad[np.isfinite(bad[["current", "distance"]].to_numpy(dtype=float)).all(axis=1)]
+    if placed.empty:
+        return rows
+    without = pd.DataFrame({"current_A": placed["current"], "distance_m": placed["distance"], "status": _NOT_A_NUMBER})
+    return pd.concat([rows, without], ignore_index=True)
+
+
+def _manifest(
+    files: list[Path],
+    contents: Mapping[Path, bytes],
+    mapping: Mapping[str, UsedColumn],
+    dialects: Mapping[str, str],
+    findings: Sequence[Finding],
+    rows: pd.DataFrame,
+) -> dict[str, Any]:
+    return {
+        "kind": "import",
+        "name": files[0].stem if len(files) == 1 else files[0].resolve().parent.name,
+        "sources": [
+            {"file": file.name, "sha256": hashlib.sha256(contents[file]).hexdigest(), "read_as": dialects[file.name]}
+            for file in files
+        ],
+        "mapping": [
+            {
+                "quantity": quantity,
+                "column": use.name,
+                "header": use.header,
+                "unit": use.unit,
+                "factor_to_SI": use.factor,
+                "unit_assumed": use.assumed,
+            }
+            for quantity, use in mapping.items()
+        ],
+        "findings": [finding.as_dict() for finding in findings],
+        "rows": len(rows),
+        "versions": {"femfit": __version__, "numpy": np.__version__, "pandas": pd.__version__},
+    }

@@ -1,1 +1,0 @@
-"""Tables of other programs to sweep tables, checked."""

@@ -1,0 +1,297 @@
+"""MAT files of MATLAB and Octave: v4 to v7 by SciPy, v7.3, which is HDF5, by h5py.
+
+HDF5 files: groups of data sets, compound data sets, units as attributes.
+
+From nested names, such as structs and groups, to tables: the vectors of one length that stand together.
+
+A struct of vectors is a table; a vector with its name or unit beside it is a column; an array of structs with one
+number a field is a table with one row a struct; a matrix takes the names that a list beside it has, or, over two
+vectors of its lengths, is a grid with one row a point.
+
+A table by its name in a file that may hold several.
+
+References
+----------
+The MathWorks, MAT-File Format (R2024a): attributes ``MATLAB_class`` and ``MATLAB_empty`` of v7.3 follow from its HDF5.
+"""
+
+import io
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from femfit.core.errors import TableError
+from femfit.core.results import listing
+from femfit.tables.header import with_unit
+from femfit.tables.raw_table import RawTable, raw_table_of
+
+_OWN = frozenset(("__header__", "__version__", "__globals__", "__function_workspace__"))
+
+
+def mat_tree(content: bytes) -> tuple[dict[str, Any], str]:
+    """Variables of a MAT file up to v7 by their names, and what in it cannot be read."""
+    from scipy.io import loadmat  # noqa: PLC0415  in the child alone
+    from scipy.io.matlab import MatlabFunction, MatlabOpaque  # noqa: PLC0415
+
+    tree = loadmat(io.BytesIO(content), simplify_cells=True)  # type: ignore[arg-type]  # stubs know no open file
+    tree = {name: value for name, value in tree.items() if name not in _OWN}
+    objects = [name for name, value in tree.items() if isinstance(value, MatlabOpaque | MatlabFunction)]
+    return {name: value for name, value in tree.items() if name not in objects}, _objects(objects)
+
+
+def mat73_tree(content: bytes) -> tuple[dict[str, Any], str]:
+    """Variables of a MAT file of v7.3 by their names, and what in it cannot be read."""
+    import h5py  # noqa: PLC0415
+
+    objects: list[str] = []
+    with h5py.File(io.BytesIO(content)) as file:
+        tree: dict[str, Any] = {}
+        for name, node in file.items():
+            if name.startswith("#"):
+                continue
+            if "MATLAB_object_decode" in node.attrs:
+                objects.append(name)
+            else:
+                tree[name] = _value(node, file, h5py)
+    return tree, _objects(objects)
+
+
+def _objects(names: list[str]) -> str:
+    if not names:
+        return ""
+    which = listing(name for name in names if name != "None")
+    return (
+        f"It holds objects that only MATLAB can read{f' ({which})' if which else ''}, such as a table T or a "
+        "timeseries ts: save s = table2struct(T, 'ToScalar', true), or a struct of ts.Time and ts.Data, instead."
+    )
+
+
+def _value(node: Any, file: Any, h5py: Any) -> Any:
+    """A node of a v7.3 file as SciPy simplifies one of v7: dict, list of dict, text, number or array."""
+    if isinstance(node, h5py.Group):
+        fields = {name: _value(child, file, h5py) for name, child in node.items()}
+        lists = [node[name] for name in fields if isinstance(node[name], h5py.Dataset) and _is_cell(node[name], h5py)]
+        arrays = [cells for cells in lists if "MATLAB_class" not in cells.attrs]
+        if fields and len(arrays) == len(fields):  # a struct array: one list of references a field
+            count = len(np.ravel(arrays[0]))
+            return [{name: np.ravel(value)[k] for name, value in fields.items()} for k in range(count)]
+        return fields
+    kind = node.attrs.get("MATLAB_class", b"")
+    if node.attrs.get("MATLAB_empty", 0):
+        return "" if kind == b"char" else np.zeros(0)
+    if kind == b"char":
+        return "".join(map(chr, np.ravel(node[()].T)))
+    if _is_cell(node, h5py):
+        return _cells(
+            [_value(file[reference], file, h5py) for reference in np.ravel(node[()].T, order="C")], node.shape
+        )
+    values = node.asstr()[()] if h5py.check_string_dtype(node.dtype) else node[()]
+    array = np.squeeze(np.asarray(values).T)
+    return array.item() if array.ndim == 0 else array
+
+
+def _is_cell(node: Any, h5py: Any) -> bool:
+    return h5py.check_ref_dtype(node.dtype) is not None
+
+
+def _cells(values: list[Any], shape: tuple[int, ...]) -> Any:
+    """A cell array, without the dimensions of one element; lists of structs stay lists."""
+    if values and all(isinstance(value, Mapping) for value in values):
+        return values
+    cells = np.empty(len(values), dtype=object)
+    cells[:] = values
+    return np.squeeze(cells.reshape(tuple(reversed(shape)))) if len(values) > 1 else cells
+
+
+def hdf5_tree(content: bytes) -> tuple[dict[str, Any], str]:
+    """Arrays of an HDF5 file by their names, a dictionary a group."""
+    import h5py  # noqa: PLC0415  in the child alone
+
+    with h5py.File(io.BytesIO(content)) as file:
+        return _tree(file, h5py), ""
+
+
+def _tree(group: Any, h5py: Any) -> dict[str, Any]:
+    tree: dict[str, Any] = {}
+    for name, node in group.items():
+        if isinstance(node, h5py.Group):
+            tree[name] = _tree(node, h5py)
+            continue
+        if not isinstance(node, h5py.Dataset) or node.shape is None or h5py.check_ref_dtype(node.dtype) is not None:
+            continue
+        unit = next((node.attrs[key] for key in node.attrs if key.casefold() in {"unit", "units"}), None)
+        values = node.asstr()[()] if h5py.check_string_dtype(node.dtype) else node[()]
+        array = np.asarray(values)
+        tree[with_unit(name, unit)] = np.squeeze(array) if array.ndim else values
+    return tree
+
+
+Columns = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class NamedTable:
+    """One sheet, group, struct or array of a file."""
+
+    name: str
+    raw: RawTable
+    wider: RawTable | None = None  # The same with the columns of the groups around it, such as one common clock
+
+
+def table_of_columns(name: str, columns: Columns, source: str, kind: str, outer: Columns | None = None) -> NamedTable:
+    """Return columns of one length as a table; those of the groups around it count where a name is free."""
+    around = {header: column for header, column in (outer or {}).items() if header not in columns}
+    wider = raw_table_of(_frame({**around, **columns}), source, kind) if around else None
+    return NamedTable(name, raw_table_of(_frame(columns), source, kind), wider)
+
+
+def _frame(columns: Columns) -> pd.DataFrame:
+    native = {name: np.asarray(column, column.dtype.newbyteorder("=")) for name, column in columns.items()}
+    return pd.DataFrame(native)
+
+
+def require_library(module: str, package: str, source: str) -> None:
+    """Refuse a file where the optional library that its kind needs is not installed."""
+    if find_spec(module) is None:
+        raise TableError(
+            f"To read {source}, femfit needs the package {package}, which is not installed. Install it with "
+            "pip install 'femfit[files]', or export the table as CSV."
+        )
+
+
+Tree = Mapping[str, Any]
+TOP = "/"
+"""Name of the table that stands in no group."""
+
+_NUMBERS = "iufbmM"  # Kinds of numpy's types that are numbers or moments
+_VALUES = frozenset(("value", "values", "data", "samples", "signal"))
+_NAMES, _UNITS = ("label", "name"), ("unit", "units")
+
+
+def nested_tables(
+    tree: Tree, source: str, kind: str, separator: str = ".", path: str = "", outer: Columns | None = None
+) -> list[NamedTable]:
+    """Find the tables of a tree of names, whose leaves are arrays, texts and numbers."""
+    vectors, below = _sorted(tree)
+    lengths = Counter(len(vector) for vector in vectors.values())
+    around = {**(outer or {}), **vectors}
+    tables = []
+    for length in lengths:
+        columns = {name: vector for name, vector in vectors.items() if len(vector) == length}
+        if all(column.dtype.kind not in _NUMBERS for column in columns.values()):
+            continue  # a list of names
+        beside = {name: vector for name, vector in (outer or {}).items() if len(vector) == length}
+        name = (path or TOP) + (f" ({length} rows)" if len(lengths) > 1 else "")
+        tables.append(table_of_columns(name, columns, source, kind, beside))
+    for name, branch in below.items():
+        tables += nested_tables(branch, source, kind, separator, f"{path}{separator}{name}" if path else name, around)
+    return tables
+
+
+def _sorted(tree: Tree) -> tuple[dict[str, NDArray[Any]], dict[str, Tree]]:
+    """The columns that stand directly under a name, and the branches below it."""
+    vectors: dict[str, NDArray[Any]] = {}
+    below: dict[str, Tree] = {}
+    matrices: dict[str, NDArray[Any]] = {}
+    for name, value in tree.items():
+        structs = _structs(value)
+        if structs is not None:
+            _sort_structs(name, structs, vectors, below)
+        elif isinstance(value, np.ndarray) and value.dtype.names:
+            below[name] = {field: value[field].ravel() for field in value.dtype.names}
+        elif isinstance(value, np.ndarray) and value.dtype == object and value.ndim == 2:
+            below[name] = _with_first_row(name, value)
+        elif _is_column(value):
+            vectors[name] = value
+        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype == object:
+            below |= {f"{name}{{{k + 1}}}": {name: cell} for k, cell in enumerate(value) if _is_column(cell)}
+        elif isinstance(value, np.ndarray) and value.ndim == 2 and value.dtype.kind in _NUMBERS and value.size:
+            matrices[name] = value
+    below |= _of_matrices(matrices, vectors)
+    return vectors, below
+
+
+def _structs(value: object) -> list[Tree] | None:
+    """The structs of a struct, or of an array or list of them; None for anything else."""
+    if isinstance(value, Mapping):
+        return [value]
+    many = list(value) if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object) else []
+    return many if many and all(isinstance(struct, Mapping) for struct in many) else None
+
+
+def _sort_structs(name: str, structs: list[Tree], vectors: dict[str, NDArray[Any]], below: dict[str, Tree]) -> None:
+    numbered = [name] if len(structs) == 1 else [f"{name}({k + 1})" for k in range(len(structs))]
+    signals = [_signal(path, struct) for path, struct in zip(numbered, structs, strict=True)]
+    rows = [{key: value for key, value in struct.items() if np.ndim(value) == 0} for struct in structs]
+    for path, struct, signal in zip(numbered, structs, signals, strict=True):
+        if signal is not None:
+            vectors[signal[0]] = signal[1]
+        elif len(structs) > 1 and all(row.keys() == rows[0].keys() == struct.keys() for row in rows):
+            below[name] = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+            return
+        else:
+            below[path] = struct
+
+
+def _signal(name: str, struct: Tree) -> tuple[str, NDArray[Any]] | None:
+    """A struct that is one column: its values beside its name or unit, as Simulink and dSPACE write it."""
+    values = [value for key, value in struct.items() if key.casefold() in _VALUES and _is_column(value)]
+    if len(values) != 1 or any(_is_column(field) for key, field in struct.items() if key.casefold() not in _VALUES):
+        return None
+    texts = {key.casefold(): value for key, value in struct.items() if isinstance(value, str) and value.strip()}
+    unit = next((texts[key] for key in _UNITS if key in texts), None)
+    return with_unit(next((texts[key] for key in _NAMES if key in texts), name), unit), values[0]
+
+
+def _is_column(value: object) -> bool:
+    if not isinstance(value, np.ndarray) or value.ndim != 1 or len(value) < 2:
+        return False
+    return value.dtype.kind in f"{_NUMBERS}US" or (
+        value.dtype == object and all(isinstance(cell, str) for cell in value)
+    )
+
+
+def _with_first_row(name: str, cells: NDArray[Any]) -> dict[str, NDArray[Any]]:
+    """Columns of a cell array whose first row holds their names."""
+    named = all(isinstance(cell, str) for cell in cells[0])
+    names = [str(cell) for cell in cells[0]] if named else [f"{name} column {k + 1}" for k in range(cells.shape[1])]
+    body = cells[1:] if named else cells
+    return {header: _typed(body[:, k]) for k, header in enumerate(names)}
+
+
+def _typed(cells: NDArray[Any]) -> NDArray[Any]:
+    """Cells as numbers, if all are; an empty cell is a missing number."""
+    values = [np.nan if np.size(cell) == 0 else cell for cell in cells]
+    if any(isinstance(value, str) or np.ndim(value) for value in values):
+        return np.array([str(value) for value in values], dtype=object)
+    return np.array(values, dtype=np.float64)
+
+
+def _of_matrices(matrices: Mapping[str, NDArray[Any]], vectors: Mapping[str, NDArray[Any]]) -> dict[str, Tree]:
+    """The matrices of one shape as tables: named by a list beside them, as a grid over two vectors, or by number."""
+    result: dict[str, Tree] = {}
+    numbers = {name: vector for name, vector in vectors.items() if vector.dtype.kind in "iuf"}
+    texts = [vector for vector in vectors.values() if vector.dtype.kind not in _NUMBERS]
+    for name, matrix in matrices.items():
+        alike = {header: values for header, values in matrices.items() if values.shape == matrix.shape}
+        rows, columns = matrix.shape
+        headed = [(names, lines) for lines in (matrix.T, matrix) for names in texts if len(names) == len(lines)]
+        alone = [pair for pair in headed if sum(len(names) == len(pair[0]) for names in texts) == 1]
+        down, along = ([(key, axis) for key, axis in numbers.items() if len(axis) == length] for length in matrix.shape)
+        axes: Columns = {}
+        if rows != columns and len(down) == len(along) == 1:
+            axes = {down[0][0]: np.repeat(down[0][1], columns), along[0][0]: np.tile(along[0][1], rows)}
+        if alone:
+            names, lines = alone[0]
+            result[name] = dict(zip(map(str, names), lines, strict=True))
+        elif axes or len(alike) > 1:
+            result["+".join(alike)] = {**axes, **{header: values.ravel() for header, values in alike.items()}}
+        else:
+            result[name] = {f"{name} column {k + 1}": matrix[:, k] for k in range(columns)}
+    return result
