@@ -155,7 +155,7 @@ def _in_device(data: Mapping[str, Any]) -> Iterator[Location]:
             yield from _in_table(entry, table, (group, name))
     for name, table in table_at(data, "sensors").items():
         kind = table.get("kind") if isinstance(table, dict) else None
-        if kind in _SENSORS:
+        if isinstance(kind, str) and kind in _SENSORS:
             yield from _in_table(_SENSORS[kind], table, ("sensors", name))
     for name, table in table_at(data, "mechanics", "springs").items():
         yield from _in_table(SpringEntry, table, ("mechanics", "springs", name))

@@ -23,6 +23,7 @@ from femfit.core.results import Finding
 from femfit.core.text import quoted
 
 _POUND_KG = 0.45359237
+"""Conventional: the pound of 1959, in kg."""
 _FOLDED_PREFIX = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 _CASED_PREFIX = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}
 """Prefixes that count only as they are written: ``dB/dt`` is not in decitesla. Mega and giga are left out: no actuator

@@ -117,7 +117,7 @@ RECORDS = {
 
 for _name, _of in RECORDS.items():
     _filters = ("ukf",) if "solenoid" in _name else ("ukf", "ekf")
-    case(f"observe-{_name}")(
+    case(f"observe-{_name}", long=_name in {"rig-heavy", "solenoid_warm"})(
         lambda name=_name, of=_of, filters=_filters: {"searched": door.observed(of, name, filter=filters)}
     )
     if "held" not in _name and "heavy" not in _name:  # these hold neither current nor distance

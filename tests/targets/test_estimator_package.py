@@ -30,16 +30,15 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 import numpy as np
-from {package}.filters.extended import ExtendedFilter
-from {package}.filters.levitation import levitation_process
-from {package}.filters.noise import initial_covariance, with_memory
-from {package}.filters.unscented import UnscentedFilter
+from {package}.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from {package}.estimate.levitation import levitation_process
+from {package}.estimate.noise import initial_covariance, with_memory
 from {package}.model.json_file import read_model
 from {package}.simulation.controllers import design_backstepping
 from {package}.simulation.loop import ClosedLoop, run_loop
 from {package}.simulation.operating_point import operating_point
 from {package}.simulation.plant import Plant
-from {package}.simulation.reference import reference_steps
+from {package}.simulation.targets import reference_steps
 from {package}.simulation.sensor import SensorErrors, loop_sensors
 
 def closed_loop(model_file, steps, filters):
@@ -199,11 +198,11 @@ def test_the_package_holds_the_laws_and_effects_of_its_model_and_nothing_of_the_
     )
     effects = {file.stem for file in (tmp_path / RUNTIME / "effects").iterdir()}
     assert "zeros_and_scales" in effects
-    assert effects.isdisjoint({"hysteresis", "hall_element", "core_saturation"})
+    assert effects.isdisjoint({"hysteresis", "hall", "iron"})
     rooms = {file.name for file in (exported / RUNTIME).iterdir() if file.name != "__pycache__"}
     assert rooms == {"__init__.py", "core", "laws", "effects", "device", "model", "estimate", "simulation"}
     device = {file.stem for file in (exported / RUNTIME / "device").glob("*.py")}
-    assert device == {"__init__", "circuit", "mechanics", "sensors"}
+    assert device == {"__init__", "electrics", "mechanics"}
     names = {file.stem for file in exported.rglob("*.py")}
     assert names.isdisjoint({"study", "table6", "journal", "readings", "field_of_current", "consistency"})
     assert len(names) < 0.25 * len(list(Path(femfit.__file__).parent.rglob("*.py")))  # a fifth of femfit, no more
