@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from house.budgets import budgets, weights
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "femfit").rglob("*.py"))
@@ -69,3 +70,21 @@ def test_every_file_that_a_newcomer_is_sent_to_is_there():
     files = re.findall(r"`([a-z_]+/[\w/.]+)`", table)
     assert len(files) > 15
     assert [file for file in files if not (ROOT / "femfit" / file).exists()] == []
+
+
+SLACK = 1.03
+"""How far above its weight a room's budget may lie before it is lowered."""
+
+
+def test_every_room_keeps_its_budget():
+    allowed, weight = budgets(), weights()
+    assert set(weight.index) == set(allowed.index)
+    over = weight[(weight > allowed.loc[weight.index]).any(axis=1)]
+    assert over.empty, (
+        f"find what stands twice before you add to these rooms:\n{over}\nthey may weigh:\n{allowed.loc[over.index]}"
+    )
+
+
+def test_a_budget_falls_with_its_room():
+    loose = budgets()["code_lines"] > SLACK * weights()["code_lines"] + 20
+    assert not loose.any(), f"python tests/house/budgets.py lowers the budgets of {', '.join(loose[loose].index)}"
