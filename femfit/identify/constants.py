@@ -1,10 +1,8 @@
-"""The constants of the identification, each with its kind and source.
+"""The constants of the identification and of the calibration of a drawing, each with its kind and source.
 
 Those of the decision itself are in :mod:`femfit.identify.decision.constants`. *Derived* follows from something else.
 *Conventional* is a usual level. *Calibrated* was set by trials with known truth. *Assumed* is an engineer's judgement
 with no calibration behind it. *Numerical* bounds rounding or time.
-
-Constants of the calibration of a drawing.
 """
 
 

@@ -84,7 +84,10 @@ def why_untestable(effect: Effect, observations: Observations) -> str:
     # The balances of a record show what moves a body as a force sensor would, but nothing of a sensor that is not there
     there = _read if effect.acts_on == ("sensor",) else _given
     lacking = (need for need in columns if not any(there(name, observations) for name in need.split("|")))
-    return next((f"these data lack {_in_words(need)}" for need in lacking), "")
+    for need in lacking:
+        names = [_CALLED.get(name, name) for name in need.replace("~", "").split("|")]
+        return f"these data lack {'a varying ' if need.startswith('~') else ''}{' or '.join(names)}"
+    return ""
 
 
 def _not_in_device(need: str, nominal: Nominal) -> str:
@@ -109,19 +112,14 @@ def _given(name: str, observations: Observations) -> bool:
     if column in observations.covariates and name.startswith("~"):
         values = observations.covariates[column].to_numpy()
         return bool(np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values))
-    of_circuits = (parts_of(one)[0] for one in observations.channels)
+    of_circuits = (parts_of(name_of_channel)[0] for name_of_channel in observations.channels)
     return column in observations.given or column in of_circuits
 
 
 def _read(name: str, observations: Observations) -> bool:
     """Whether a sensor's own channel is among the readings, or a setting was given."""
-    of_circuits = {parts_of(one)[0] for one in observations.channels}
+    of_circuits = {parts_of(channel)[0] for channel in observations.channels}
     return name in of_circuits if name in CHANNELS else _given(name, observations)
-
-
-def _in_words(need: str) -> str:
-    names = [_CALLED.get(name, name) for name in need.replace("~", "").split("|")]
-    return ("a varying " if need.startswith("~") else "") + " or ".join(names)
 
 
 def effect_columns(effect: Effect, observations: Observations) -> list[EffectColumns]:
@@ -135,7 +133,7 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
         dict(zip((p.name for p in constants), values, strict=True))
         for values in product(*(_trial_values(p) for p in constants))
     ]
-    return [one for nonlinear in grid for one in _columns(effect, nonlinear, observations)]
+    return [variant for nonlinear in grid for variant in _columns(effect, nonlinear, observations)]
 
 
 def columns_at(added: AddedEffect, observations: Observations) -> list[EffectColumns]:
@@ -147,10 +145,10 @@ def columns_at(added: AddedEffect, observations: Observations) -> list[EffectCol
 def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Observations) -> list[EffectColumns]:
     pairs = [(p, _column(effect, p, nonlinear, observations)) for p in effect.amplitudes]
     least = ROUNDED * np.abs(observations.base)
-    seen = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
-    if not seen:
+    visible = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
+    if not visible:
         return []
-    amplitudes, columns = zip(*seen, strict=True)
+    amplitudes, columns = zip(*visible, strict=True)
     return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
 
 

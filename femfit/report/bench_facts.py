@@ -10,7 +10,7 @@ from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
 from femfit.effects.effect import Effect, EffectParameter
 from femfit.effects.words import smallest_visible
-from femfit.identify.comparison.fall import ErrorFall
+from femfit.identify.comparison.misfit import ErrorFall
 from femfit.identify.constants import LEVEL_AFTER
 from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
 from femfit.identify.experiments.suggest import Suggestion

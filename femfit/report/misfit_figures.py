@@ -8,7 +8,7 @@ import pandas as pd
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import axis_scale
-from femfit.identify.comparison.misfit_maps import MeasuredCurves
+from femfit.identify.comparison.misfit import MeasuredCurves
 from femfit.identify.readings.observations import Observations
 from femfit.report.style import (
     BLUE,

@@ -46,8 +46,8 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.readings.bench import placed
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import placed
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.refit.checked_refit import beside_random
 from femfit.identify.signatures import effect_columns, why_untestable

@@ -35,7 +35,7 @@ from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.diagnose import diagnose, diagnose_observations
 from femfit.identify.decision.naming import decide
 from femfit.identify.noise.components import estimate_noise, simulated_noise
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name

@@ -15,8 +15,7 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.readings.bench import conditions_of
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import conditions_of, placed
 from femfit.model.json_file import read_model, write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects

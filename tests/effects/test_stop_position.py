@@ -8,7 +8,7 @@ import femfit as ff
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.signatures import why_untestable
 from femfit.model.with_effects import with_effects
 from support.solenoids import solenoid

@@ -40,7 +40,7 @@ NO_DECISION = {
     "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
     "fit/circuit_system.py": "what rounding leaves of a column, beside the solver",
     "fit/result.py": "how many labels a sentence lists",
-    "identify/comparison/misfit_maps.py": "what a picture shows",
+    "identify/comparison/misfit.py": "what a picture shows",
     "identify/decision/diagnosis_text.py": "how many names a sentence lists",
     "identify/series/balances.py": "orders of a Taylor series, and how many motions, that are kept for use again",
 }

@@ -17,8 +17,8 @@ from femfit.identify.readings.bench import bench_observations
 from femfit.identify.refit import add_effects as add
 from femfit.identify.refit import checked_refit as checked
 from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.refit.add_result import EffectSize
 from femfit.identify.refit.refit import refit, starting_point
-from femfit.identify.refit.sizes import EffectSize
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings

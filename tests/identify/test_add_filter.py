@@ -11,8 +11,8 @@ from femfit.core.errors import TableError
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.readings.place import placed
-from femfit.identify.refit.filter_fall import _less_likely, _lost_more_often, _unread, filter_fall
+from femfit.identify.readings.bench import placed
+from femfit.identify.refit.filter_fall import _unread, filter_fall, less_likely, lost_runs
 from femfit.model.with_effects import nominal_of
 from femfit.report.motion_figures import write_before_after
 from support.closed_loop import closed_loop, recorded
@@ -136,7 +136,7 @@ def test_the_picture_before_and_after_is_of_filters_that_do_not_read_the_distanc
 def test_one_more_run_lost_is_chance_and_many_are_not(newly, regained, worse):
     held, lost = SimpleNamespace(lost_at_s=None), SimpleNamespace(lost_at_s=0.1)
     pairs = [(held, lost)] * newly + [(lost, held)] * regained + [(held, held), (lost, lost)]
-    assert _lost_more_often(pairs) is worse
+    assert lost_runs(pairs).worse is worse
 
 
 def estimated(error_m):
@@ -168,4 +168,4 @@ def test_filters_that_are_both_off_by_as_much_as_the_travel_decide_nothing():
     ],
 )
 def test_innovations_that_are_less_likely_in_most_blocks_and_in_the_mean_count_against_an_effect(blocks, worse):
-    assert _less_likely(np.repeat(blocks, 100)) is worse
+    assert less_likely(np.repeat(blocks, 100)) is worse

@@ -16,11 +16,11 @@ from femfit.identify.calibration.fit import Redrawn, estimate
 from femfit.identify.calibration.numbers import Choice, Drawing
 from femfit.identify.calibration.result import CalibratedNumber, remarks, verdict
 from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.decision.allowances import beyond_noise
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.effect_space import EffectSpace
 from femfit.identify.noise.components import simulated_noise
-from femfit.identify.noise.scatter import beyond_noise
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.refit.add_effects import whitening_beside
 from femfit.tables.measurement_file import read_bench_table
 from support.actuators import GEOMETRY

@@ -9,8 +9,7 @@ from femfit.device.electrics import Drive
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import bench_observations, placed
 from femfit.identify.signatures import why_untestable
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.validity import ActuatorKind

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.readings.bench import bench_observations
+from femfit.identify.readings.bench import bench_observations, placed
 from femfit.identify.readings.impedance import away_from_bias
-from femfit.identify.readings.place import placed
 from femfit.model.eddy_currents import EddyBias
 from support.conductivities import KEY, with_conductivity, with_drawn_conductivity
 from support.impedances import impedance_table

@@ -6,8 +6,7 @@ import pytest
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.comparison.fall import error_fall
-from femfit.identify.comparison.misfit_maps import measured_curves
+from femfit.identify.comparison.misfit import error_fall, measured_curves
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of

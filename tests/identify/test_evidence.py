@@ -11,7 +11,7 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
 from femfit.identify.decision.naming import decide
 from femfit.identify.noise.components import simulated_noise
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.refit.add_effects import add_effects
 from support.campaign import campaign
 

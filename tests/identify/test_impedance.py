@@ -13,7 +13,7 @@ from femfit.identify.decision.campaign import gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.plan import examine_plan
 from femfit.identify.experiments.suggest import suggest
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.refit.add_effects import add_effects
 from femfit.model.json_file import read_model, write_model
 from femfit.tables.measurement_file import read_measurement

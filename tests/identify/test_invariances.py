@@ -12,7 +12,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, campaign

@@ -10,7 +10,7 @@ from femfit.effects.conditions import Conditions
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.plan import possible_experiments
 from femfit.identify.experiments.suggest import suggest
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.signatures import why_untestable
 from femfit.model.readings import predict_readings
 from femfit.tables.measurement import CHANNELS

@@ -10,11 +10,11 @@ from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.constants import LEVEL
+from femfit.identify.decision.allowances import also_allowed
 from femfit.identify.decision.campaign import detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.decision.naming import decide
-from femfit.identify.decision.own_misfit import also_allowed
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.magnetics import Coefficient, LawMagnetics

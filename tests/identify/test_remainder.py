@@ -6,7 +6,7 @@ import pytest
 from femfit.core.errors import TableError
 from femfit.effects.conditions import Conditions
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.remainder.evidence import Gram, complexity, evidence, posterior, sets_that_pay
 from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, NAME, parts_of

@@ -10,7 +10,7 @@ import pytest
 import femfit as ff
 from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.identify.noise.whitening import Whitening, chains_of
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.refit.add_effects import whitening_beside
 from femfit.identify.remainder.learn import Beside, columns_at, learn
 from femfit.identify.remainder.parts import BRAKE, COENERGY, NAME, parts_of

@@ -12,7 +12,7 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnosis import CleanCampaigns
-from femfit.identify.refit.sizes import EffectSize
+from femfit.identify.refit.add_result import EffectSize
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect

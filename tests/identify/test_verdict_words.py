@@ -6,7 +6,7 @@ import pytest
 
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect
-from femfit.identify.comparison.fall import ChannelFall, ErrorFall
+from femfit.identify.comparison.misfit import ChannelFall, ErrorFall
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis_text import verdict_sentence
 from support.campaign import campaign

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.identify.comparison.misfit_maps import MeasuredCurves
+from femfit.identify.comparison.misfit import MeasuredCurves
 from femfit.report.misfit_figures import curves_figure, worst_first
 
 

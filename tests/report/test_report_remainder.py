@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.model.bspline import TensorSpline
 from femfit.model.carried import (
     Brake,

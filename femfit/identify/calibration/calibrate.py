@@ -22,21 +22,20 @@ from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.rewrite import drawing_text
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
 from femfit.identify.calibration.fit import Estimate, Redrawn, decide_beside, estimate, swept
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, CalibrationResult, open_combinations, remarks, verdict
-from femfit.identify.comparison.fall import ErrorFall, error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.comparison.misfit import ErrorFall, error_fall
 from femfit.identify.constants import CALIBRATION_SETTLED as SETTLED
 from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
+from femfit.identify.decision.allowances import beyond_noise
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import verdict_sentence
-from femfit.identify.noise.scatter import beyond_noise
-from femfit.identify.readings.place import measurement_of
+from femfit.identify.readings.bench import measurement_of
 from femfit.identify.refit.checked_refit import channel_rms, unseen_error
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import BenchTable, Measurement, TimeSeries, joined_measurements
@@ -94,37 +93,37 @@ def calibrate(
     say("Reading")
     path, directory = path_of(drawing, "An actuator file"), path_of(directory, "The directory of the sweeps")
     source = Drawing(drawing_text(path), str(path), path.parent)
-    known = source.suspects
+    suspects = source.suspects
     wanted = None if numbers is None else source.wanted(numbers)
     names = (effects,) if isinstance(effects, str) else effects
     beside = None if names is None else {effect_by_name(name).name: None for name in names}
-    given = [data] if isinstance(data, str | Path | BenchTable | TimeSeries) else list(data)
-    measured = joined_measurements([measurement_of(one) for one in given])
+    sources = [data] if isinstance(data, str | Path | BenchTable | TimeSeries) else list(data)
+    measured = joined_measurements([measurement_of(entry) for entry in sources])
     say("Sweeping the drawing with its signatures")
     first = swept(source, directory / "drawn", measured, workers)
     if wanted is None:
         say("Diagnosing")
-        choice = _diagnosed(diagnose(first.model, measured, bootstrap=0), known)
+        choice = _diagnosed(diagnose(first.model, measured, bootstrap=0), suspects)
     else:  # of all, those that these readings show
-        choice = Choice(tuple(one for one in wanted if wanted is not source.each or first.shows(one)))
+        choice = Choice(tuple(number for number in wanted if wanted is not source.each or first.shows(number)))
         if not choice.numbers:
             raise TableError("These data show no number of the drawing: none of them changes any of the readings.")
     if beside is not None:
         choice = replace(choice.without(choice.beside), beside=beside)
     task = _Task(source, measured, directory / "calibrated", workers, say)
-    now = estimate(first, choice, np.array([one.value for one in choice.numbers]))
+    now = estimate(first, choice, np.array([number.value for number in choice.numbers]))
     now = task.settled(now) if beside is not None else task.completed(now, asked=wanted is not None)
     say("Leaving each run out")
     return _result(first, now)
 
 
-def _diagnosed(found: Diagnosis, known: Sequence[NumberFacts]) -> Choice:
+def _diagnosed(diagnosis: Diagnosis, suspects: Sequence[NumberFacts]) -> Choice:
     """What the diagnosis of a drawing names; TableError where that is no number that it can have."""
-    choice = with_named(Choice(), found.decision, known) if found.decision else Choice()
+    choice = with_named(Choice(), diagnosis.decision, suspects) if diagnosis.decision else Choice()
     if choice.numbers:
         return choice
-    titles = titles_of(found.observations.nominal.drawn)
-    why = [*choice.remarks.values(), titled(verdict_sentence(found), titles)]
+    titles = titles_of(diagnosis.observations.nominal.drawn)
+    why = [*choice.remarks.values(), titled(verdict_sentence(diagnosis), titles)]
     if choice.beside:
         why.append(f"That is {' and '.join(choice.beside)} and no number; femfit add puts it into the model.")
     raise TableError(
@@ -145,17 +144,17 @@ class _Task:
 
     def settled(self, now: Estimate, most: int = MOST_STEPS) -> Estimate:
         """The drawing swept anew until a step is small against the errors; once at least."""
-        part, good, last = 1.0, 0, now
+        share, good, last = 1.0, 0, now
         for _ in range(MOST_STEPS):
             if good == most or (last is now and now.redrawn.sweeps > 1 and now.step <= SETTLED):
                 break
             self.say(f"Sweeping the drawing anew, step {last.redrawn.sweeps}")
-            drawing, values = _moved(self.source, now, part)
+            drawing, values = _moved(self.source, now, share)
             last = estimate(self.swept(drawing, last.redrawn.sweeps + 1), now.choice, values)
             if last.cost(last) <= now.cost(last) + RISE:
-                now, part, good = last, min(1.0, 2.0 * part), good + 1
+                now, share, good = last, min(1.0, 2.0 * share), good + 1
             else:
-                part *= 0.5
+                share *= 0.5
         if last is not now:  # what lies in the directory is what is said
             again = self.swept(now.redrawn.drawing, last.redrawn.sweeps + 1)
             now = estimate(again, now.choice, now.values)
@@ -171,33 +170,32 @@ class _Task:
             now = _without_absent(self.settled(now, 1))
             self.say("Diagnosing what is left")
             decision, choice = decide_beside(now, self.measured), now.choice
-            further = with_named(choice, decision, self.source.suspects, asked=asked) if decision else choice
-            drawn = [one.value for one in further.numbers[len(now.values) :]]
-            now = estimate(now.redrawn, further, np.append(now.values, drawn))
-            if (further.numbers, further.beside) == (choice.numbers, choice.beside):
+            wider = with_named(choice, decision, self.source.suspects, asked=asked) if decision else choice
+            drawn = [number.value for number in wider.numbers[len(now.values) :]]
+            now = estimate(now.redrawn, wider, np.append(now.values, drawn))
+            if (wider.numbers, wider.beside) == (choice.numbers, choice.beside):
                 break
         return self.settled(_without_absent(self.settled(now)))
 
 
 def _without_absent(now: Estimate) -> Estimate:
     """Without effects that were named beside earlier values of the numbers and are absent beside the present ones."""
-
-    def is_absent(one: AddedEffect, p: EffectParameter) -> bool:
-        low, high = one.ci95.get(p.name, (np.inf, -np.inf))
-        return one.parameters[p.name] == p.null or low <= p.null <= high
-
-    absent = [one.effect.name for one in now.beside if all(is_absent(one, p) for p in one.effect.amplitudes)]
+    absent = []
+    for added in now.beside:
+        limits = [(p, *added.ci95.get(p.name, (np.inf, -np.inf))) for p in added.effect.amplitudes]
+        if all(added.parameters[p.name] == p.null or low <= p.null <= high for p, low, high in limits):
+            absent.append(added.effect.name)
     return estimate(now.redrawn, now.choice.without(absent), now.values) if absent else now
 
 
-def _moved(source: Drawing, now: Estimate, part: float) -> tuple[Drawing, FloatArray]:
+def _moved(source: Drawing, now: Estimate, share: float) -> tuple[Drawing, FloatArray]:
     """The drawing after a part of a step; a shorter one where it cannot be built.
 
     Values are rounded to a hundredth of the error that each would have, were all others known.
     """
     places = 2 + np.ceil(0.5 * np.log10(np.diag(now.information))).astype(int)
     for halving in range(HALVINGS + 1):
-        moved = now.values + part * now.change / 2**halving
+        moved = now.values + share * now.change / 2**halving
         values = np.array([round(float(x), int(n)) for x, n in zip(moved, places, strict=True)])
         drawing = source.with_values(now.choice.numbers, values)
         try:
@@ -216,21 +214,28 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     before = channel_rms(first.whitening.observations, first.whitening.observations.residual)
     after = observations.predict(now.beside)
     channels = error_fall(observations, observations.base, after, noise.known).channels
-    fitted = ErrorFall(tuple(replace(one, rms_before=before[one.channel]) for one in channels))
-    unseen = _unseen(now, fitted) if observations.runs > 1 else None
-    printed = [one for fall in (fitted, unseen) if fall for one in fall.channels]
-    rms = {name: max(one.rms_after for one in printed if one.channel == name) for name in observations.channels}
+    fitted = ErrorFall(tuple(replace(fall, rms_before=before[fall.channel]) for fall in channels))
+    unseen = None
+    if observations.runs > 1:  # numbers and effects fitted to the other runs, about the calibrated drawing
+        start = [begin.continued(added) for begin, added in zip(fit.start, fit.effects, strict=True)]
+        left_out = unseen_error(observations, noise, start, None, now.prior_sd, now.prior_mean).rms
+        unseen = ErrorFall(tuple(replace(fall, rms_after=left_out[fall.channel]) for fall in fitted.channels))
+    printed = [channel for fall in (fitted, unseen) if fall for channel in fall.channels]
+    rms = {
+        name: max(channel.rms_after for channel in printed if channel.channel == name) for name in observations.channels
+    }
     beyond = beyond_noise(observations, noise, rms)
     test = pattern_space(observations, whitening).test(
         whitening.full(observations.value - after), fit.jacobian[:, ~fit.active]
     )
     last = observations.runs - 1
-    stay = tuple(replace(one, runs=None) for one in now.beside if one.runs is None or one.runs[1] == last)
-    sds = (np.sqrt(np.diag(one)).tolist() for one in (now.error, now.covariance))
-    numbers = tuple(map(CalibratedNumber.of, now.choice.numbers, now.values.tolist(), *sds))
-    alone = now.without_assumed
+    stay = tuple(replace(added, runs=None) for added in now.beside if added.runs is None or added.runs[1] == last)
+    sds = (np.sqrt(np.diag(covariance)).tolist() for covariance in (now.error, now.covariance))
     numbers = tuple(
-        replace(number, held=held, by_data=by_data) for number, (held, by_data) in zip(numbers, alone, strict=True)
+        replace(CalibratedNumber.of(*values), held=held, by_data=by_data)
+        for *values, (held, by_data) in zip(
+            now.choice.numbers, now.values.tolist(), *sds, now.without_assumed, strict=True
+        )
     )
     undetermined = open_combinations(numbers, now.covariance)
     return CalibrationResult(
@@ -252,11 +257,3 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
         remarks=tuple(remarks(now, numbers, undetermined)),
         findings=(*observations.findings, *guessed_noises(noise)),
     )
-
-
-def _unseen(now: Estimate, fitted: ErrorFall) -> ErrorFall:
-    """The error on each run with the numbers and effects fitted to the others, about the calibrated drawing."""
-    whitening = now.redrawn.whitening
-    start = [one.continued(added) for one, added in zip(now.fit.start, now.fit.effects, strict=True)]
-    error = unseen_error(whitening.observations, whitening.noise, start, None, now.prior_sd, now.prior_mean)
-    return ErrorFall(tuple(replace(one, rms_after=error.rms[one.channel]) for one in fitted.channels))

@@ -29,7 +29,7 @@ from femfit.identify.constants import HELD
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.naming import Decision, decide
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.place import placed
+from femfit.identify.readings.bench import placed
 from femfit.identify.refit.add_effects import in_their_runs, whitening_beside
 from femfit.identify.refit.refit import Refit, Start, refit, starting_point
 from femfit.identify.signatures import columns_at, effect_columns, why_untestable
@@ -54,13 +54,13 @@ class Redrawn:
         """What a number changes of the model; None where that is nothing at the points of the sweep."""
         if number.effect:
             return effect_by_name(number.effect)
-        return next((one.effect for one in self.model.drawn if one.key == number.key), None)
+        return next((drawn.effect for drawn in self.model.drawn if drawn.key == number.key), None)
 
     def column(self, number: NumberFacts) -> FloatArray | None:
         """Change of the readings per unit of that effect, shape (M,); None where that is nothing."""
         effect = self.effect_of(number)
-        found = effect_columns(effect, self.whitening.observations) if effect else []
-        return found[0].columns[:, 0] if found and np.isfinite(found[0].columns).all() else None
+        variants = effect_columns(effect, self.whitening.observations) if effect else []
+        return variants[0].columns[:, 0] if variants and np.isfinite(variants[0].columns).all() else None
 
     def shows(self, number: NumberFacts) -> bool:
         """Whether the readings can show a number."""
@@ -138,9 +138,9 @@ class Estimate:
         open by more than the largest error that it can have is none that the data tell.
         """
         numbers = self.choice.numbers
-        tolerance = np.array([one.deviation for one in numbers])
-        assumed = np.array([not one.declared for one in numbers])
-        away = (self.values + self.change - [one.value for one in numbers]) / tolerance
+        tolerance = np.array([number.deviation for number in numbers])
+        assumed = np.array([not number.declared for number in numbers])
+        away = (self.values + self.change - [number.value for number in numbers]) / tolerance
         sizes, directions = np.linalg.eigh(self.information * np.outer(tolerance, tolerance) - np.diag(1.0 * assumed))
         inverse = (directions / np.maximum(sizes, 1e-12)) @ directions.T
         error, free = np.sqrt(np.diag(self.covariance)) / tolerance, np.sqrt(np.diag(inverse))
@@ -148,9 +148,9 @@ class Estimate:
         held = assumed & (((error / free) ** 2 < 1.0 - HELD) | (np.abs(pulled) > error))
         result: list[tuple[bool, tuple[float, float] | None]] = []
         for k, value in enumerate(self.values):
-            told = free[k] < POSSIBLE
+            determined = free[k] < POSSIBLE
             by_data = float(value + pulled[k] * tolerance[k]), float(free[k] * tolerance[k])
-            result.append((bool(held[k]), by_data if told else None))
+            result.append((bool(held[k]), by_data if determined else None))
         return result
 
     def cost(self, like: "Estimate") -> float:
@@ -158,7 +158,8 @@ class Estimate:
         observations = self.redrawn.whitening.observations
         white = like.redrawn.whitening.full(observations.value - observations.predict(self.beside))
         drawn = [
-            (one.value - value) / one.deviation for one, value in zip(self.choice.numbers, self.values, strict=True)
+            (number.value - value) / number.deviation
+            for number, value in zip(self.choice.numbers, self.values, strict=True)
         ]
         return float(white @ white) + float(np.sum(np.square(drawn)))
 
@@ -171,13 +172,15 @@ class Estimate:
         least squares then have the error P + G G', Schmidt's consider covariance. After them c has the inverse of
         S'S - S'J G + 1 about its estimate; its second moment about zero, the drawing, is C, and the error P + G C G'.
         """
-        fitted = {*(one.name for one in self.choice.numbers), *self.choice.beside}
-        others = [
-            one
-            for one in self.redrawn.drawing.suspects
-            if one.name not in fitted and not one.is_contour and not any(map(one.overlaps, self.choice.numbers))
+        fitted = {*(number.name for number in self.choice.numbers), *self.choice.beside}
+        unfitted = [
+            suspect
+            for suspect in self.redrawn.drawing.suspects
+            if suspect.name not in fitted
+            and not suspect.is_contour
+            and not any(map(suspect.overlaps, self.choice.numbers))
         ]
-        columns = [(one.tolerance, self.redrawn.column(one)) for one in others]
+        columns = [(suspect.tolerance, self.redrawn.column(suspect)) for suspect in unfitted]
         off = [tolerance * column for tolerance, column in columns if column is not None]
         if not off:
             return self.covariance
@@ -186,19 +189,21 @@ class Estimate:
         information = fitted_to.T @ fitted_to + np.diag(self.fit.precision[moving])
         moved = np.linalg.pinv(information, hermitian=True) @ fitted_to.T @ others_by
         about = np.linalg.inv(others_by.T @ (others_by - fitted_to @ moved) + np.eye(len(off)))
-        found = about @ others_by.T @ self.fit.whitened_residual
+        moments = about @ others_by.T @ self.fit.whitened_residual
         by = self.scale[:, moving] @ moved
-        return np.asarray(self.covariance + by @ (about + np.outer(found, found)) @ by.T)
+        return np.asarray(self.covariance + by @ (about + np.outer(moments, moments)) @ by.T)
 
 
 def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
     """Fit numbers within their tolerances, and the effects beside them, about the drawing as it was swept."""
     whitening, n = redrawn.whitening, len(choice.numbers)
     observations, effects = whitening.observations, []
-    for one in choice.numbers:
-        effect = redrawn.effect_of(one)
+    for number in choice.numbers:
+        effect = redrawn.effect_of(number)
         if effect is None:
-            raise TableError(f"{one.subject} changes nothing at the points of the sweep, so it cannot be calibrated.")
+            raise TableError(
+                f"{number.subject} changes nothing at the points of the sweep, so it cannot be calibrated."
+            )
         effects.append(effect)
     effects += [effect_by_name(name) for name in choice.beside]
     for effect in effects:
@@ -206,17 +211,19 @@ def estimate(redrawn: Redrawn, choice: Choice, values: FloatArray) -> Estimate:
             raise TableError(f"{effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     # At the drawing: of numbers that cannot be told apart the best without their tolerances may be anywhere
     start = [
-        Start.at_null(one.columns, whitening) if k < n else one
-        for k, one in enumerate(starting_point(observations, whitening, effects))
+        Start.at_null(first.columns, whitening) if k < n else first
+        for k, first in enumerate(starting_point(observations, whitening, effects))
     ]
     start = in_their_runs(start, whitening, {name: runs for name, runs in choice.beside.items() if runs})
-    at = [(one, one.per(float(value)), float(value)) for one, value in zip(choice.numbers, values, strict=True)]
-    sd = {one.name: one.deviation / per for one, per, _ in at}
-    mean = {one.name: (one.value - value) / per for one, per, value in at}
+    scaled = [
+        (number, number.per(float(value)), float(value)) for number, value in zip(choice.numbers, values, strict=True)
+    ]
+    sd = {number.name: number.deviation / per for number, per, _ in scaled}
+    mean = {number.name: (number.value - value) / per for number, per, value in scaled}
     fit = refit(observations, whitening, start, prior_sd=sd, prior_mean=mean)
-    begin = [one.continued(added) for one, added in zip(start[n:], fit.effects[n:], strict=True)]
+    begin = [first.continued(added) for first, added in zip(start[n:], fit.effects[n:], strict=True)]
     alone = refit(observations, whitening, begin).effects if begin else ()
-    beside = tuple(replace(one, ci95=free.ci95) for one, free in zip(alone, fit.effects[n:], strict=True))
+    beside = tuple(replace(added, ci95=free.ci95) for added, free in zip(alone, fit.effects[n:], strict=True))
     return Estimate(redrawn, choice, values, fit, sd, mean, beside)
 
 
@@ -230,19 +237,19 @@ def decide_beside(now: Estimate, measured: Measurement) -> Decision | None:
     observations = placed(with_effects(now.redrawn.model, now.beside), measured)
     nominal, fitted = observations.nominal, now.fit.effects
     campaign = gather(
-        observations, considered_effects([one.effect.name for one in fitted], nominal.circuits, nominal.drawn)
+        observations, considered_effects([added.effect.name for added in fitted], nominal.circuits, nominal.drawn)
     )
     if isinstance(campaign, Finding):
         return None
     free = [
-        columns.columns * [now.prior_sd.get(one.effect.name, p.width) for p in columns.amplitudes]
-        for one in fitted
-        for columns in columns_at(one, now.redrawn.whitening.observations)
+        columns.columns * [now.prior_sd.get(added.effect.name, p.width) for p in columns.amplitudes]
+        for added in fitted
+        for columns in columns_at(added, now.redrawn.whitening.observations)
     ]
-    known = campaign.whitening.misfit
-    misfit = np.concatenate([*([] if known is None else [known]), *free], axis=1)
+    own_misfit = campaign.whitening.misfit
+    misfit = np.concatenate([*([] if own_misfit is None else [own_misfit]), *free], axis=1)
     whitening = replace(campaign.whitening, misfit=misfit)
-    starts = tuple(Start.at_null(one.columns, whitening) for one in campaign.effects)
+    starts = tuple(Start.at_null(first.columns, whitening) for first in campaign.effects)
     return decide(
         replace(campaign, whitening=whitening, patterns=pattern_space(observations, whitening), effects=starts)
     )

@@ -1,6 +1,6 @@
-"""A drawing with its numbers: which can be calibrated, what users call them, and the drawing with other values.
+"""The numbers of a drawing: which can be calibrated, what users call them, and which are chosen.
 
-Which numbers of a drawing are calibrated, and which effects are fitted beside them, after what a diagnosis names.
+The choice follows what a diagnosis names: numbers to be calibrated, and effects to be fitted beside them.
 """
 
 import difflib
@@ -46,12 +46,12 @@ class Drawing:
     @cached_property
     def suspects(self) -> tuple[NumberFacts, ...]:
         """What can be calibrated: these, and the resistance of the only coil, on which no field depends."""
-        return (*(one.facts for one in self.numbers), *_resistance(parse(self.text, self.source)))
+        return (*(number.facts for number in self.numbers), *_resistance(parse(self.text, self.source)))
 
     @cached_property
     def each(self) -> tuple[NumberFacts, ...]:
         """These without faces that move numbers which stand there by themselves."""
-        return tuple(one for one in self.suspects if not one.is_contour)
+        return tuple(number for number in self.suspects if not number.is_contour)
 
     def with_values(self, numbers: Sequence[NumberFacts], values: FloatArray) -> "Drawing":
         """The drawing with other values of some numbers."""
@@ -68,26 +68,26 @@ class Drawing:
         if keys == [ALL]:
             return self.each
         wanted = tuple(dict.fromkeys(self._called(key) for key in map(str, keys)))
-        for one, other in combinations(wanted, 2):
-            if one.overlaps(other):
-                raise UsageError(f"{shown(one)} and {shown(other)} move the same corner. Give one of them.")
+        for first, second in combinations(wanted, 2):
+            if first.overlaps(second):
+                raise UsageError(f"{shown(first)} and {shown(second)} move the same corner. Give one of them.")
         return wanted
 
     def _called(self, key: str) -> NumberFacts:
-        paths = [((one.key, *(() if one.is_contour else one.also)), one) for one in self.suspects]
+        paths = [((number.key, *(() if number.is_contour else number.also)), number) for number in self.suspects]
         tests: tuple[Callable[[str], bool], ...] = (
             lambda path: path == key,
             lambda path: path.endswith(f".{key}"),
             lambda path: path.partition("[")[0].endswith(f".{key}"),  # of a list, where one place alone is a number
         )
-        found = [one for one in self.suspects if key in {one.name, one.label, one.subject}]
-        found = found or [one for one in self.suspects if " " in key and key in one.label]
+        matches = [number for number in self.suspects if key in {number.name, number.label, number.subject}]
+        matches = matches or [number for number in self.suspects if " " in key and key in number.label]
         for test in tests:
-            found = found or [one for known, one in paths if any(map(test, known))]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise UsageError(f"{key!r} may be each of {listing(map(shown, found))}. Give one of these.")
+            matches = matches or [number for entries, number in paths if any(map(test, entries))]
+        if len(matches) == 1:
+            return matches[0]
+        if matches:
+            raise UsageError(f"{key!r} may be each of {listing(map(shown, matches))}. Give one of these.")
         if known_effect(key):
             raise UsageError(f"{key!r} is an effect and no number of this drawing. Fit it beside numbers: --with {key}")
         none = f"{key!r} is no number of this drawing that can be calibrated"
@@ -99,7 +99,7 @@ class Drawing:
                 elif location[0] == "materials" and location[-1] not in ConductorEntry.model_fields:
                     why = "as drawn there is none of it"
                 raise UsageError(f"{none}: {why}.")
-        near = difflib.get_close_matches(key[:200], [path for known, _ in paths for path in known], n=4, cutoff=0.3)
+        near = difflib.get_close_matches(key[:200], [path for entries, _ in paths for path in entries], n=4, cutoff=0.3)
         listed = listing(near or map(shown, self.suspects), 4)
         raise UsageError(f"{none}. Near it: {listed}. femfit sweep --signatures lists those that matter.")
 
@@ -115,9 +115,11 @@ def _resistance(data: Mapping[str, Any]) -> Iterator[NumberFacts]:
     coils = [(joined("", *path), table_at(data, *path)) for path in paths if table_at(data, *path)]
     if len(coils) == 1 and coils[0][1].get("resistance_ohm"):
         key, value = f"{coils[0][0]}.resistance_ohm", float(coils[0][1]["resistance_ohm"])
-        given = read_tolerances(data, [])[0].get(key)
-        tolerance = KINDS["resistance"].tolerance if given is None else given / value
-        yield NumberFacts(key, (), "resistance", value, "", tolerance, RESISTANCE.name, declared=given is not None)
+        declared_ohm = read_tolerances(data, [])[0].get(key)
+        tolerance = KINDS["resistance"].tolerance if declared_ohm is None else declared_ohm / value
+        yield NumberFacts(
+            key, (), "resistance", value, "", tolerance, RESISTANCE.name, declared=declared_ohm is not None
+        )
 
 
 Runs = tuple[int, int] | None
@@ -140,16 +142,16 @@ class Choice:
         return Choice(self.numbers, beside, {k: text for k, text in self.remarks.items() if k not in out})
 
 
-def with_named(choice: Choice, decision: Decision, known: Sequence[NumberFacts], *, asked: bool = False) -> Choice:
+def with_named(choice: Choice, decision: Decision, suspects: Sequence[NumberFacts], *, asked: bool = False) -> Choice:
     """A choice with what a decision names besides.
 
     The numbers of a class are calibrated, each within its tolerance, though effects would give the same readings; where
     numbers were asked for, effects alone are fitted beside these. What changes between runs is no number of a drawing.
     """
-    by_name = {one.name: one for one in known}
+    by_name = {number.name: number for number in suspects}
     fits = decision.chosen.fit.effects if decision.chosen and decision.chosen.fit else ()
-    acts = {one.effect.name: (one.runs[0] + 1, one.runs[1] + 1) for one in fits if one.runs}
-    numbers, beside, fitted = list(choice.numbers), dict(choice.beside), {one.key for one in choice.numbers}
+    acts = {added.effect.name: (added.runs[0] + 1, added.runs[1] + 1) for added in fits if added.runs}
+    numbers, beside, fitted = list(choice.numbers), dict(choice.beside), {number.key for number in choice.numbers}
     remarks = {k: text for k, text in choice.remarks.items() if k in fitted | beside.keys()}  # others are named anew
     for members in decision.classes:
         runs, drawn = acts.get(members[0]), _apart(by_name[name] for name in members if name in by_name)
@@ -157,10 +159,10 @@ def with_named(choice: Choice, decision: Decision, known: Sequence[NumberFacts],
         if any(number in choice.numbers for number in drawn):
             continue
         if effects and (asked or runs or not drawn):
-            name, others = effects[0], " or ".join(one for one in members if one != effects[0])
+            name, rivals = effects[0], " or ".join(member for member in members if member != effects[0])
             beside[name] = runs
-            if others:
-                remarks[name] = f"{name} was fitted beside; {others} would give the same readings."
+            if rivals:
+                remarks[name] = f"{name} was fitted beside; {rivals} would give the same readings."
         elif asked:
             remarks[drawn[0].key] = f"{drawn[0].subject} is named as well; it was not asked for and stays as drawn."
         elif runs:
@@ -177,20 +179,20 @@ def with_named(choice: Choice, decision: Decision, known: Sequence[NumberFacts],
 
 def _apart(numbers: Iterable[NumberFacts]) -> list[NumberFacts]:
     """Those that move no place that an earlier one moves."""
-    kept: list[NumberFacts] = []
+    result: list[NumberFacts] = []
     for number in numbers:
-        if not any(map(number.overlaps, kept)):
-            kept.append(number)
-    return kept
+        if not any(map(number.overlaps, result)):
+            result.append(number)
+    return result
 
 
 def _left_open(drawn: Sequence[NumberFacts], effects: Sequence[str]) -> str:
     """What would explain the data as well, and a measurement that tells it apart."""
     keys = " or ".join(number.subject for number in drawn)
-    said = f"{keys} was fitted, as the drawing's."
+    sentence = f"{keys} was fitted, as the drawing's."
     if len(drawn) > 1:
-        said = f"These data do not say which is wrong: {keys}. All of them were fitted, each within its tolerance."
+        sentence = f"These data do not say which is wrong: {keys}. All of them were fitted, each within its tolerance."
     if not effects:
-        return f"{said} Measure {drawn[0].subject} on the device itself."
+        return f"{sentence} Measure {drawn[0].subject} on the device itself."
     also = f"{' or '.join(effects)}, not in the drawing, would give the same readings."
-    return f"{said} {also} To tell: {effect_by_name(effects[0]).check}"
+    return f"{sentence} {also} To tell: {effect_by_name(effects[0]).check}"

@@ -1,13 +1,13 @@
-"""What a calibration says: the drawing's numbers as the data have them, and how far the error fell.
+"""The result of a calibration: the drawing's numbers as the data have them, and how far the error fell.
 
-What is said of a calibration: whether noise is left, what the data leave open, and what is unusual.
+Its sentences say whether noise is left, what the data leave open, and what is unusual.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -19,14 +19,13 @@ from femfit.device.file_numbers import unit_of
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
 from femfit.identify.calibration.fit import Estimate
-from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit
+from femfit.identify.comparison.misfit import ErrorFall
 from femfit.identify.constants import ALIKE, IN_COMBINATION, LEVEL_AFTER, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
-from femfit.identify.decision.own_misfit import beyond_own_misfit
-from femfit.identify.noise.scatter import allowed_for
+from femfit.identify.decision.allowances import allowed_for, beyond_own_misfit
 from femfit.identify.noise.whitening import NoiseModel
+from femfit.identify.readings.bench import notes, suspicions
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import notes, suspicions
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -61,10 +60,10 @@ class CalibratedNumber:
     by_data: tuple[float, float] | None = None
 
     @classmethod
-    def of(cls, one: NumberFacts, value: float, sd: float, sd_as_drawn: float) -> "CalibratedNumber":
+    def of(cls, facts: NumberFacts, value: float, sd: float, sd_as_drawn: float) -> Self:
         """The number of a drawing."""
-        unit = "" if one.kind.startswith("curve_") else unit_of(one.key.partition("[")[0])
-        return cls(one.key, one.also, one.value, value, sd, sd_as_drawn, one.deviation, unit, one.label)
+        unit = "" if facts.kind.startswith("curve_") else unit_of(facts.key.partition("[")[0])
+        return cls(facts.key, facts.also, facts.value, value, sd, sd_as_drawn, facts.deviation, unit, facts.label)
 
     @property
     def name(self) -> str:
@@ -133,24 +132,29 @@ class CalibrationResult(Printed):
         """As JSON-ready data, without drawing, table and models."""
         names = ("verdict", "beyond_noise", "sweeps", "settled", "remarks")
         return {name: getattr(self, name) for name in names} | {
-            "numbers": [vars(one) for one in self.numbers],
+            "numbers": [vars(number) for number in self.numbers],
             "covariance": self.covariance.tolist(),
-            "undetermined": [vars(one) for one in self.undetermined],
+            "undetermined": [vars(combination) for combination in self.undetermined],
             "beside": [
-                {"name": one.effect.name, "parameters": dict(one.parameters), "ci95": dict(one.ci95), "runs": one.runs}
-                for one in self.beside
+                {
+                    "name": added.effect.name,
+                    "parameters": dict(added.parameters),
+                    "ci95": dict(added.ci95),
+                    "runs": added.runs,
+                }
+                for added in self.beside
             ],
             "error_on_runs_left_out": self.unseen and self.unseen.to_dict(),
             "error_on_readings_fitted": self.fitted.to_dict(),
             "lack_of_fit": vars(self.lack_of_fit),
-            "findings": [one.as_dict() for one in self.findings],
+            "findings": [finding.as_dict() for finding in self.findings],
         }
 
     def __str__(self) -> str:
         count = f"{counted(len(self.numbers), 'number')} of the drawing in {counted(self.sweeps, 'sweep')}"
         rows = [
             ("number", "drawn", "calibrated", "rest as drawn", "tolerance"),
-            *(one.texts for one in self.numbers),
+            *(number.texts for number in self.numbers),
         ]
         widths = [max(len(row[k]) for row in rows) for k in range(5)]
         nominal = nominal_of(self.model.without_effects)
@@ -162,18 +166,18 @@ class CalibrationResult(Printed):
             "declare how far distances may be off (distance_mm), if nothing does.",
             *("  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows),
         ]
-        for one in self.beside:
-            words = "; ".join(describe(one, nominal)) or one.effect.symptom.rstrip(".")
-            lines.append(f"Fitted beside, not in the drawing: {one.effect.name}: {words}.")
+        for added in self.beside:
+            words = "; ".join(describe(added, nominal)) or added.effect.symptom.rstrip(".")
+            lines.append(f"Fitted beside, not in the drawing: {added.effect.name}: {words}.")
         lines += self.remarks
         if self.unseen is None:
             lines += [_NOTHING_UNSEEN, str(self.fitted)]
         else:
             lines += ["As drawn, and calibrated without each run in turn:", str(self.unseen)]
             errors = [
-                f"{CHANNEL_WORDS[one.channel]} {one.amount(one.rms_after)}"
-                + ("" if one.after_over_noise is None else f" ({one.after_over_noise:.3g} times the noise)")
-                for one in self.fitted.channels
+                f"{CHANNEL_WORDS[channel.channel]} {channel.amount(channel.rms_after)}"
+                + ("" if channel.after_over_noise is None else f" ({channel.after_over_noise:.3g} times the noise)")
+                for channel in self.fitted.channels
             ]
             lines.append(f"The calibrated drawing, swept anew, misses all readings by {', '.join(errors)} rms.")
         return "\n".join([*lines, *notes(self.findings)])
@@ -181,8 +185,8 @@ class CalibrationResult(Printed):
 
 def heading(result: CalibrationResult, drawing: str, data: Sequence[str]) -> str:
     """The comment above a calibrated drawing: what it was made from, and which numbers are not as drawn."""
-    keys = [f"{one.label} [{one.key}]" if one.label else one.key for one in result.numbers]
-    texts = [one.texts for one in result.numbers]
+    keys = [f"{number.label} [{number.key}]" if number.label else number.key for number in result.numbers]
+    texts = [number.texts for number in result.numbers]
     rows = [f"#   {key} = {value} (drawn {drawn})" for key, (_, drawn, value, *_) in zip(keys, texts, strict=True)]
     rows += [] if result.settled else ["#   Not settled: do not trust these numbers."]
     end = "\r\n" if "\r\n" in result.drawing else "\n"
@@ -204,8 +208,8 @@ def verdict(
             f"The misfit that is left is not noise ({p}): something else is wrong as well, and these numbers may stand "
             "for it. Diagnose with the new model."
         )
-    if left := beyond_own_misfit(observations, beyond, rms):
-        return f"The test finds nothing in what is left ({p}), but the model misses {' and '.join(left.values())}."
+    if missed := beyond_own_misfit(observations, beyond, rms):
+        return f"The test finds nothing in what is left ({p}), but the model misses {' and '.join(missed.values())}."
     granted = ["noise"]
     if any(rms[name] > WITHIN_NOISE * sd for name, sd in noise.known.items() if name not in beyond):
         granted.append(allowed_for(observations, noise) or "what runs and settings differ by")
@@ -218,33 +222,39 @@ def open_combinations(numbers: Sequence[CalibratedNumber], covariance: FloatArra
 
     The eigenvectors of the covariance in units of the tolerances.
     """
-    tolerance = np.array([one.tolerance for one in numbers])
+    tolerance = np.array([number.tolerance for number in numbers])
     squares, vectors = np.linalg.eigh(covariance / np.outer(tolerance, tolerance))
-    found = []
+    result = []
     for k in np.flatnonzero(squares > OPEN**2)[::-1]:
         share = vectors[:, k] / vectors[np.argmax(np.abs(vectors[:, k])), k]
         parts = {
-            one.key: float(part * one.tolerance)
-            for one, part in zip(numbers, share, strict=True)
-            if abs(part) >= IN_COMBINATION
+            number.key: float(weight * number.tolerance)
+            for number, weight in zip(numbers, share, strict=True)
+            if abs(weight) >= IN_COMBINATION
         }
-        found.append(Combination(parts, float(np.sqrt(squares[k]))))
-    return tuple(found)
+        result.append(Combination(parts, float(np.sqrt(squares[k]))))
+    return tuple(result)
 
 
-def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], left: Sequence[Combination]) -> Iterator[str]:
+def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Sequence[Combination]) -> Iterator[str]:
     """What a reader of the numbers must know besides."""
     yield from now.choice.remarks.values()
-    yield from _held([one for one in numbers if one.held])
-    units, names = {one.key: one.unit for one in numbers}, {one.key: one.name for one in numbers}
-    for one in left[:SHOWN]:
-        *others, last = [f"{names[key]} by {_signed(size, units[key])}" for key, size in one.change.items()]
-        said, of = f"{', '.join(others)} together with {last}", "what the tolerances leave open of this combination"
-        if not others:
-            said, of = last.rpartition(" by ")[0], "its tolerance"
-        yield f"Not determined by these data: {said}. {amount(min(one.left, 1.0), '')} of {of} is left."
-    if len(left) > SHOWN:
-        yield f"{counted(len(left) - SHOWN, 'further combination is', 'further combinations are')} not determined."
+    yield from _held([number for number in numbers if number.held])
+    units, names = {number.key: number.unit for number in numbers}, {number.key: number.name for number in numbers}
+    for combination in undetermined[:SHOWN]:
+        changes = [
+            f"{names[key]} by {'+' if size >= 0.0 else '-'}{rounded(abs(size), 2)} {units[key]}".rstrip()
+            for key, size in combination.change.items()
+        ]
+        subject, reference = next(names[key] for key in combination.change), "its tolerance"
+        if len(changes) > 1:
+            subject = f"{', '.join(changes[:-1])} together with {changes[-1]}"
+            reference = "what the tolerances leave open of this combination"
+        share = amount(min(combination.left, 1.0), "")
+        yield f"Not determined by these data: {subject}. {share} of {reference} is left."
+    if len(undetermined) > SHOWN:
+        unlisted = counted(len(undetermined) - SHOWN, "further combination is", "further combinations are")
+        yield f"{unlisted} not determined."
     for j, k in combinations(range(len(numbers)), 2):
         correlation = now.covariance[j, k] / (numbers[j].sd_as_drawn * numbers[k].sd_as_drawn)
         if abs(correlation) > ALIKE:
@@ -259,32 +269,28 @@ def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], left: Sequence[C
             "tolerance. Fit more of them (--numbers), or measure them."
         )
     for number, facts in zip(numbers, now.choice.numbers, strict=True):
-        away, whole = abs(number.value - number.drawn) / number.tolerance, round(number.value)
+        away, nearest = abs(number.value - number.drawn) / number.tolerance, round(number.value)
         if away > UNUSUAL:
             yield f"{number.name} is {away:.1f} tolerances from its drawn value, which is unusual. Measure it directly."
-        if facts.kind == "turns" and number.value != whole:
-            off = rounded(abs(number.value - whole) / number.sd_as_drawn, 2)
+        if facts.kind == "turns" and number.value != nearest:
+            off = rounded(abs(number.value - nearest) / number.sd_as_drawn, 2)
             yield (
-                f"{number.name} is written as found, {number.value:g}, though turns are whole: {whole} is {off} "
+                f"{number.name} is written as found, {number.value:g}, though turns are whole: {nearest} is {off} "
                 "standard deviations away, the others as found."
             )
 
 
 def _held(numbers: Sequence[CalibratedNumber]) -> Iterator[str]:
     """Which numbers a tolerance decides that nobody declared, and what the data alone say."""
-    for one in numbers[:SHOWN]:
+    for number in numbers[:SHOWN]:
         alone = "the data alone leave it open"
-        if one.by_data is not None:
-            alone = f"the data alone say {with_error(*one.by_data)} {one.unit}".rstrip()
+        if number.by_data is not None:
+            alone = f"the data alone say {with_error(*number.by_data)} {number.unit}".rstrip()
         yield (
-            f"{one.name} is held by a tolerance of {rounded(one.tolerance, 2)} {one.unit}".rstrip()
+            f"{number.name} is held by a tolerance of {rounded(number.tolerance, 2)} {number.unit}".rstrip()
             + f" that is assumed: {alone}. If it may be further off, write its standard deviation into [tolerances]: "
-            f'"{one.key}" = ...'
+            f'"{number.key}" = ...'
         )
     if len(numbers) > SHOWN:
         more = counted(len(numbers) - SHOWN, "further number is", "further numbers are")
         yield f"{more} held by assumed tolerances; --json has what the data alone say."
-
-
-def _signed(value: float, unit: str) -> str:
-    return f"{'+' if value >= 0.0 else '-'}{rounded(abs(value), 2)} {unit}".rstrip()

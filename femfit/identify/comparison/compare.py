@@ -20,23 +20,26 @@ from femfit.identify.comparison.lack_of_fit import (
     shape_misfit,
     where_it_fails,
 )
-from femfit.identify.comparison.misfit_maps import MisfitMap, misfit_maps
+from femfit.identify.comparison.misfit import MisfitMap, misfit_maps
 from femfit.identify.constants import LEVEL, ROUNDING, WITHIN_NOISE
-from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
-from femfit.identify.decision.naming import Decision, decide, fails_surely, lack_of_fit, times_own
-from femfit.identify.decision.own_misfit import beyond_own_misfit, finer_model, granted_channels, own_misfit_sentence
-from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.scatter import (
+from femfit.identify.decision.allowances import (
     allowed_for,
     beyond_noise,
+    beyond_own_misfit,
+    finer_model,
+    granted_channels,
     if_mounts_are_assumed,
     in_words,
     not_judged,
-    scatter_as_noise,
+    own_misfit_sentence,
 )
+from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
+from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit, times_own
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.readings.bench import measurement_of, notes, placed, suspicions
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import measurement_of, notes, placed, suspicions
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
@@ -88,7 +91,7 @@ class ChannelMisfit:
         worst = self.largest
         text += (
             f"; largest {self._amount(worst.value)} at {amount(worst.distance_m, 'distance_m', 3)} and "
-            f"{' and '.join(amount(one, 'current_A') for one in worst.currents_A or (worst.current_A,))}"
+            f"{' and '.join(amount(current, 'current_A') for current in worst.currents_A or (worst.current_A,))}"
         )
         if worst.frequency_Hz is not None:
             text += f" at {amount(worst.frequency_Hz, 'frequency_Hz', 3)}"
@@ -184,7 +187,7 @@ class Comparison(Printed):
 
         How many times the noise of one reading it is, of each.
         """
-        return beyond_noise(self.observations, self.noise, {one.channel: one.rms for one in self.channels})
+        return beyond_noise(self.observations, self.noise, {channel.channel: channel.rms for channel in self.channels})
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -193,31 +196,31 @@ class Comparison(Printed):
         return {
             **{name: getattr(self, name) for name in plain},
             **{name: getattr(self, name) and asdict(getattr(self, name)) for name in nested},
-            "channels": [asdict(one) for one in self.channels],
-            "maps": [one.to_dict() for one in self.maps],
-            "findings": [one.as_dict() for one in self.findings],
+            "channels": [asdict(channel) for channel in self.channels],
+            "maps": [plane.to_dict() for plane in self.maps],
+            "findings": [finding.as_dict() for finding in self.findings],
             "filter": self.filter and self.filter.to_dict(),
         }
 
     def __str__(self) -> str:
         freedom = allowed_for(self.observations, self.noise)
-        rms, beyond = {one.channel: one.rms for one in self.channels}, self.beyond_noise
-        left = in_words(self.observations, beyond, rms)
+        rms, beyond = {channel.channel: channel.rms for channel in self.channels}, self.beyond_noise
+        missed = in_words(self.observations, beyond, rms)
         why = str(self.findings[-1]) if self.findings else ""
-        more = any(one.rms > WITHIN_NOISE * one.noise_floor for one in self.channels if one.noise_floor)
-        scatter = f"{'; the test allows for' if left else ' and'} {freedom}" if freedom and more else ""
+        more = any(channel.rms > WITHIN_NOISE * channel.noise_floor for channel in self.channels if channel.noise_floor)
+        scatter = f"{'; the test allows for' if missed else ' and'} {freedom}" if freedom and more else ""
         apart = beyond_own_misfit(self.observations, beyond, rms)
-        own = own_misfit_sentence(self.observations, self.times_own, apart)
-        guessed = any(one.noise_source == "guess" for one in self.channels)
-        assumed = if_mounts_are_assumed(self.observations, self.noise, rms, left) if self.verdict == "agrees" else ""
-        kind = "if_assumed" if assumed else "agrees_beyond" if self.verdict == "agrees" and left else self.verdict
+        of_its_own = own_misfit_sentence(self.observations, self.times_own, apart)
+        guessed = any(channel.noise_source == "guess" for channel in self.channels)
+        assumed = if_mounts_are_assumed(self.observations, self.noise, rms, missed) if self.verdict == "agrees" else ""
+        kind = "if_assumed" if assumed else "agrees_beyond" if self.verdict == "agrees" and missed else self.verdict
         verdict = _VERDICTS[kind].format(
             assumed=assumed,
             where=self.where.sentence,
             scatter=scatter,
             why=why,
-            own=own,
-            left=" and ".join(left.values()),
+            own=of_its_own,
+            left=" and ".join(missed.values()),
             their="a guess of their" if guessed else "their",
         )
         unknown = not_judged(self.observations, self.noise)
@@ -237,10 +240,12 @@ class Comparison(Printed):
         if self.shape is not None:
             lines.append(self.shape.sentence)
         if self.filter is not None:
-            squares = ", ".join(f"{rounded(one.mean_square)} of {one.sensor}" for one in self.filter.innovations)
+            squares = ", ".join(
+                f"{rounded(innovation.mean_square)} of {innovation.sensor}" for innovation in self.filter.innovations
+            )
             lines.append(f"Filter {self.filter.sentence} Innovations' mean square (should be 1): {squares or 'none'}.")
-        said = self.findings[:-1] if self.verdict == "compare_only" else self.findings
-        return "\n".join([*lines, *notes(said)])
+        remarks = self.findings[:-1] if self.verdict == "compare_only" else self.findings
+        return "\n".join([*lines, *notes(remarks)])
 
 
 def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -> Comparison:
@@ -274,10 +279,12 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     else:
         noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening
         test, times = lack_of_fit(campaign), times_own(campaign)
-        verdict = "fails" if fails_surely(campaign) else _searched(decide(campaign))
+        verdict = "fails"
+        if not fails_surely(campaign) and (decision := decide(campaign)).verdict == "nothing_missing":
+            verdict = "wrong_shape" if decision.own_misfit else "agrees"
     channels = tuple(_channel(observations, noise, name) for name in observations.channels)
-    floor = {one.channel: one.noise_floor for one in channels}
-    beyond = beyond_noise(observations, noise, {one.channel: one.rms for one in channels})
+    floor = {channel.channel: channel.noise_floor for channel in channels}
+    beyond = beyond_noise(observations, noise, {channel.channel: channel.rms for channel in channels})
     agrees = Where("", (), "" if beyond else "The model explains these data within their noise.")
     return Comparison(
         verdict=cast("CompareVerdict", verdict),
@@ -296,17 +303,12 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     )
 
 
-def _searched(decision: Decision) -> CompareVerdict:
-    if decision.verdict != "nothing_missing":
-        return "fails"
-    return "wrong_shape" if decision.own_misfit else "agrees"
-
-
 def _channel(observations: Observations, noise: NoiseModel | None, name: str) -> ChannelMisfit:
     here = np.flatnonzero(observations.of(name))
     residual, c = observations.residual[here], observations.channels.index(name)
     source = noise.source.get(name, "") if noise else ""
     worst = int(np.argmax(np.abs(residual)))
+    row, names = observations.covariates.iloc[observations.row[here[worst]]], observations.currents
     return ChannelMisfit(
         channel=name,
         readings=len(here),
@@ -314,10 +316,10 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         rms=float(np.sqrt(np.mean(residual**2))),
         largest=Extreme(
             float(residual[worst]),
-            float(observations.column("distance_m")[here[worst]]),
-            float(observations.column("current_A")[here[worst]]),
-            _all_currents(observations, int(here[worst])),
-            float(observations.column("frequency_Hz")[here[worst]]) if observations.of_impedances else None,
+            float(row["distance_m"]),
+            float(row["current_A"]),
+            tuple(float(row[current]) for current in names) if len(names) > 1 else (),
+            float(row["frequency_Hz"]) if observations.of_impedances else None,
         ),
         noise_floor=float(noise.sigma[c]) if noise and source else None,
         noise_source=source,
@@ -327,9 +329,3 @@ def _channel(observations: Observations, noise: NoiseModel | None, name: str) ->
         magnitude=observations.magnitude.get(name),
         noise_declared=observations.declared_noise.get(name) if observations.noise_source == "declared" else None,
     )
-
-
-def _all_currents(observations: Observations, at: int) -> tuple[float, ...]:
-    """Of several circuits at a reading; none of one."""
-    names = observations.currents
-    return tuple(float(observations.column(name)[at]) for name in names) if len(names) > 1 else ()

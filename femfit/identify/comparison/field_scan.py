@@ -10,6 +10,7 @@ probe. One counts where twice its standard error does not reach zero. A fit whos
 has no minimum within it and tells nothing.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -22,7 +23,7 @@ from femfit.core.text import amount, counted
 from femfit.device.parts import Actuator
 from femfit.field.problem import AxialField, axial_field
 from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
-from femfit.identify.readings.place import notes
+from femfit.identify.readings.bench import notes
 from femfit.tables.field_scan import FieldScan
 
 FitEnd = Literal["settled", "edge", "steps"]
@@ -36,11 +37,21 @@ _UNSETTLED = {
 }
 
 _WORDS = {
-    "gain": "the probe reads {size} too {much|little}, or the sources are {stronger|weaker} than drawn",
-    "offset_T": "the probe reads {size} {more|less} everywhere",
-    "higher_m": "the probe stands {size} {higher|lower} along z than recorded",
-    "outer_m": "the probe stands {size} further {out|in} than recorded",
+    "gain": (
+        "the probe reads {size} too much, or the sources are stronger than drawn",
+        "the probe reads {size} too little, or the sources are weaker than drawn",
+    ),
+    "offset_T": ("the probe reads {size} more everywhere", "the probe reads {size} less everywhere"),
+    "higher_m": (
+        "the probe stands {size} higher along z than recorded",
+        "the probe stands {size} lower along z than recorded",
+    ),
+    "outer_m": (
+        "the probe stands {size} further out than recorded",
+        "the probe stands {size} further in than recorded",
+    ),
 }
+"""What a fitted value means, by its sign."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -93,10 +104,12 @@ class FieldScanComparison(Printed):
         error = f"error {amount(self.rms_T, 'T')} rms in {counted(len(self.residual_T), 'reading')}"
         largest = f"largest {amount(float(self.residual_T[worst]), 'T')} at {where}"
         lines = [f"field: {error}, {amount(share, '')} of the solved field's rms; {largest}"]
-        said = [_clause(name, *pair) for name, pair in self.explained.items()]
-        if said:
-            lines += [f"  {one}." for one in said]
-            lines.append(f"Together {'they leave' if len(said) > 1 else 'it leaves'} {amount(self.left_T, 'T')} rms.")
+        clauses = [_clause(name, *pair) for name, pair in self.explained.items()]
+        if clauses:
+            lines += [f"  {clause}." for clause in clauses]
+            lines.append(
+                f"Together {'they leave' if len(clauses) > 1 else 'it leaves'} {amount(self.left_T, 'T')} rms."
+            )
         elif self.fit_end != "settled":
             lines.append(_UNSETTLED[self.fit_end])
         elif len(self.residual_T) >= LEAST_SCAN:
@@ -159,9 +172,9 @@ def _fitted(
             end = "settled"
             break
         end = "settled"  # Unless a step that leaves less is found: this is a minimum, to the solved field's own error
-        for part in 0.5 ** np.arange(SCAN_STEPS):
+        for share in 0.5 ** np.arange(SCAN_STEPS):
             try:
-                moved = _linearised(scan, solved, dict(zip(start, value + part * step, strict=True)))
+                moved = _linearised(scan, solved, dict(zip(start, value + share * step, strict=True)))
             except DomainError:
                 end = "edge"
                 continue
@@ -169,10 +182,10 @@ def _fitted(
                 break
         else:
             break
-        (matrix, residual), value = moved, value + part * step
+        (matrix, residual), value = moved, value + share * step
         end = "steps" if end == "settled" else end
     names = list(start)
-    values, errors = (dict(zip(names, one.tolist(), strict=True)) for one in (value, error))
+    values, errors = (dict(zip(names, row.tolist(), strict=True)) for row in (value, error))
     return values, errors, _rms(residual), end
 
 
@@ -188,7 +201,7 @@ def _step(matrix: FloatArray, residual: FloatArray) -> tuple[FloatArray, FloatAr
     return step, np.sqrt(residual @ residual / freedom) * unit
 
 
-def _linearised(scan: FieldScan, solved: AxialField, value: dict[str, float]) -> tuple[FloatArray, FloatArray]:
+def _linearised(scan: FieldScan, solved: AxialField, value: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
     """Slopes of what a probe with these errors reads, shape (n, values), and what it reads beside that, shape (n,)."""
     gain = 1.0 + value.get("gain", 0.0)
     r, z = scan.radius + value.get("outer_m", 0.0), scan.height + value.get("higher_m", 0.0)
@@ -205,20 +218,8 @@ def _linearised(scan: FieldScan, solved: AxialField, value: dict[str, float]) ->
 def _clause(name: str, value: float, error: float) -> str:
     """What a fitted value means, with the interval of two standard errors."""
     unit = name.rpartition("_")[2] if "_" in name else ""
-    text = _WORDS[name].format_map(_Sized(amount(abs(value), unit), value))
+    text = _WORDS[name][0 if value > 0.0 else 1].format(size=amount(abs(value), unit))
     return f"{text} (95 %: ±{amount(2.0 * error, unit)})"
-
-
-class _Sized(dict[str, str]):
-    """Fills ``{size}`` and, by the sign, ``{more|less}``."""
-
-    def __init__(self, size: str, value: float) -> None:
-        super().__init__(size=size)
-        self._positive = value > 0.0
-
-    def __missing__(self, key: str) -> str:
-        first, _, second = key.partition("|")
-        return first if self._positive else second
 
 
 def _rms(values: FloatArray) -> float:

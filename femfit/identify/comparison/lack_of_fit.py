@@ -1,18 +1,16 @@
-"""Lack-of-fit tests of a residual: against smooth patterns over the settings, and against repeats of one setting.
+"""Lack of fit of a model: whether a residual has structure, in which channel, and what it changes with.
 
-In whitened units a residual without structure has squared length chi-square distributed in any k directions; noise
-known from nu repeats turns chi-square / k into F(k, nu).
-
-Where a model fails: the channel, what the misfit changes with, and one plain sentence.
-
-The exported law has the wrong shape: a law against the table it was fitted to, before any measurement.
+The residual is tested against smooth patterns over the settings, and against repeats of one setting. In whitened units
+a residual without structure has squared length chi-square distributed in any k directions; noise known from nu repeats
+turns chi-square / k into F(k, nu). A law is held against the table that it was fitted to as well, before any
+measurement: it may have the wrong shape.
 
 References
 ----------
 N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: lack of fit against pure error.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +22,7 @@ from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.comparison.region import describe_region
 from femfit.identify.constants import BEYOND_NOISE, COARSE, COVARIATE_SHARE, SPANNED, WRONG_SHAPE
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
-from femfit.identify.readings.observations import Observations
+from femfit.identify.readings.observations import Observations, WithoutCache
 from femfit.identify.readings.settings import repeat_cells
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
@@ -48,16 +46,12 @@ def tail_probability(square: float, count: int, degrees_of_freedom: float) -> fl
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
+class Group(WithoutCache):
     """Patterns that are tested together."""
 
     whitened: FloatArray  # All patterns, shape (M, n); groups share it
     part: BoolArray  # Which of them are tested, shape (n,)
     degrees_of_freedom: float
-
-    def __getstate__(self) -> dict[str, object]:
-        """Without the basis, which is worked out again on demand."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def basis(self) -> FloatArray:
@@ -75,9 +69,9 @@ class Group:
             return float(along @ along), count
         _, cosine, directions = np.linalg.svd(fitted.T @ self.basis, full_matrices=False)
         spanned = 1.0 - cosine**2 < SPANNED
-        part = (directions @ along) ** 2
+        squares = (directions @ along) ** 2
         gain = np.where(spanned, -1.0, cosine**2 / np.maximum(1.0 - cosine**2, SPANNED))
-        return float(along @ along + part @ gain), count - int(np.count_nonzero(spanned))
+        return float(along @ along + squares @ gain), count - int(np.count_nonzero(spanned))
 
     def test(self, residual: FloatArray, fitted: FloatArray, variance: float) -> LackOfFit:
         """Test a residual beside orthonormal fitted columns."""
@@ -117,7 +111,7 @@ class PatternSpace:
         """
         residual, basis = _beside(residual, fitted)
         tests = [group.test(residual, basis, variance) for group in self.groups]
-        worst = tests[first_best([-one.p_value for one in tests])]
+        worst = tests[first_best([-outcome.p_value for outcome in tests])]
         return LackOfFit(worst.statistic, worst.degrees_of_freedom, min(1.0, len(self.groups) * worst.p_value))
 
 
@@ -137,9 +131,9 @@ def pattern_space(observations: Observations, whitening: Whitening) -> PatternSp
     of_channel = [patterns.channel == c for c in np.unique(patterns.channel)]
     picked = [here & (patterns.degree <= cut) for here in of_channel for cut in COARSE]
     picked += [*of_channel, patterns.degree <= COARSE[0], everything]
-    distinct = {part.tobytes(): part for part in picked if part.any()}  # a single channel is all of them
+    distinct = {picks.tobytes(): picks for picks in picked if picks.any()}  # a single channel is all of them
     groups = [
-        Group(columns, part, float(np.sum(degrees[np.unique(patterns.channel[part])]))) for part in distinct.values()
+        Group(columns, picks, float(np.sum(degrees[np.unique(patterns.channel[picks])]))) for picks in distinct.values()
     ]
     return PatternSpace(patterns, tuple(sorted(groups, key=lambda group: group.basis.shape[1])))
 
@@ -239,22 +233,22 @@ def _covariates(
 
     def explained(among: list[str]) -> FloatArray:
         inside = [k for k in here if patterns.along[k] <= frozenset(among)]
-        seen = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
-        return np.array([seen @ seen, max(_excess(columns[:, inside], residual), 0.0)])
+        projection = orthonormal_basis(patterns.columns[np.ix_(rows, inside)]).T @ smooth[rows]
+        return np.array([projection @ projection, max(_excess(columns[:, inside], residual), 0.0)])
 
     total, reached = explained(names), explained([])
     while len(chosen) < len(names):
-        shares = {name: _share(explained([*chosen, name]) - reached, total) for name in names if name not in chosen}
+        gains = {name: explained([*chosen, name]) - reached for name in names if name not in chosen}
+        shares = {
+            name: float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
+            for name, gain in gains.items()
+        }
         best = list(shares)[first_best(list(shares.values()))]
         if shares[best] < COVARIATE_SHARE:
             break
         chosen.append(best)
         reached = explained(chosen)
     return tuple(dict.fromkeys(_ALIASES.get(name, name) for name in chosen))
-
-
-def _share(gain: FloatArray, total: FloatArray) -> float:
-    return float(np.sqrt(np.prod(np.maximum(gain, 0.0) / np.maximum(total, 1e-300))))
 
 
 def _excess(columns: FloatArray, residual: FloatArray) -> float:

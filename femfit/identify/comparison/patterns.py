@@ -79,29 +79,33 @@ def own_misfit_columns(observations: Observations) -> FloatArray | None:
     scaled = [
         columns * weight / np.maximum(np.sqrt(np.sum(columns**2, axis=0) / readings), 1e-300) for columns in kinds
     ]
-    own = observations.tolerance[:, None] * np.concatenate(scaled, axis=1)
-    return own if observations.bias_columns is None else np.concatenate([own, observations.bias_columns], axis=1)
+    misfit = observations.tolerance[:, None] * np.concatenate(scaled, axis=1)
+    return misfit if observations.bias_columns is None else np.concatenate([misfit, observations.bias_columns], axis=1)
 
 
 def _assembled(observations: Observations, of_channel: Callable[[IntArray], Labelled]) -> Patterns:
     blocks = [np.zeros((len(observations.value), 0))]
     channel: list[int] = []
-    kept: Labelled = []
+    chosen: Labelled = []
     for c in range(len(observations.channels)):
         here = np.flatnonzero(observations.channel == c)
         labelled = of_channel(here) if len(here) >= LEAST_READINGS else []
         if not labelled:
             continue
-        labelled.sort(key=lambda one: one[1])  # few readings have room for the broad ones alone, of every covariate
+        labelled.sort(
+            key=lambda pattern: pattern[1]
+        )  # few readings have room for the broad ones alone, of every covariate
         columns = np.stack([column for column, _, _ in labelled], axis=1)
-        keep = _independent(columns)[: max(1, len(here) // 3)]
+        # Those that the ones before them do not span to 1e-6
+        triangle = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300), mode="r")
+        keep = np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)[: max(1, len(here) // 3)]
         wide = np.zeros((len(observations.value), len(keep)))
         wide[here] = columns[:, keep]
         blocks.append(wide)
         channel += [c] * len(keep)
-        kept += [labelled[k] for k in keep]
-    degree = np.array([degree for _, degree, _ in kept], dtype=int)
-    along = tuple(names for _, _, names in kept)
+        chosen += [labelled[k] for k in keep]
+    degree = np.array([degree for _, degree, _ in chosen], dtype=int)
+    along = tuple(names for _, _, names in chosen)
     return Patterns(np.concatenate(blocks, axis=1), np.array(channel, dtype=int), degree, along)
 
 
@@ -162,7 +166,7 @@ def _drift(observations: Observations, here: IntArray) -> Labelled:
         if name not in observations.covariates or (name not in _MOTION and not observations.clocked):
             continue  # the order of a file's rows is no time
         t = observations.column(name)[here]
-        if np.ptp(t) > 0.0 and not any(np.array_equal(t, other) for other in clocks):
+        if np.ptp(t) > 0.0 and not any(np.array_equal(t, clock) for clock in clocks):
             clocks += [t] if name not in _MOTION else []
             t, alone = scaled_to_one(t), frozenset({name})
             result += [(t, 1, alone), (t * t, 2, alone), (t**3, 3, alone)]
@@ -190,10 +194,3 @@ def scaled_to_one(x: FloatArray) -> FloatArray:
     """Scaled to -1..1; zeros where it does not vary."""
     low, high = float(x.min()), float(x.max())
     return np.asarray((2.0 * x - low - high) / (high - low)) if high > low else np.zeros_like(x)
-
-
-def _independent(columns: FloatArray) -> IntArray:
-    """Numbers of the columns that the ones before them do not span to 1e-6."""
-    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    triangle = np.linalg.qr(scaled, mode="r")
-    return np.flatnonzero(np.abs(np.diag(triangle)) > 1e-6)

@@ -44,10 +44,6 @@ _CHANGES = {
 }
 
 
-_Said = Callable[[FloatArray, FloatArray], str]
-"""The size of a misfit beside a prediction, in words."""
-
-
 @dataclass(frozen=True, eq=False)
 class _Half:
     """One side of a threshold."""
@@ -71,7 +67,9 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     the structured part lacks what a re-mount could have done.
     """
     here, subject = observations.of(channel), f"Measured {CHANNEL_WORDS[channel]}"
-    misfit, base = observations.residual[here], _signal(observations, channel)[here]
+    # A relative misfit refers to the prediction, of a Hall output without its quiescent voltage
+    quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
+    misfit, base = observations.residual[here], (observations.base - quiescent)[here]
     if np.sum(misfit**2) <= NOTHING**2 * np.sum(base**2):
         return f"{subject} is as predicted."
     leading = observations.leading_current
@@ -83,26 +81,42 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     sides = np.sign(observations.column("branch")[here])
     branch = sides if "branch" in covariates else None
     s = smooth[here] if smooth[here].any() else misfit
-    scope = np.ones(len(s), dtype=bool) if branch is None else _stronger_branch(branch, s)
+    scope = np.ones(len(s), dtype=bool)
+    present = [] if branch is None else [b for b in (1.0, -1.0) if np.any(branch == b)]
+    if len(present) > 1:  # the branch with the larger misfit
+        stronger = present[first_best([float(np.mean(s[branch == b] ** 2)) for b in present])]
+        scope = np.asarray(branch == stronger, dtype=bool)
     sign = 1.0 if np.sum(s[scope & (s > 0.0)] ** 2) >= np.sum(s[scope & (s < 0.0)] ** 2) else -1.0
-    share = _is_share(misfit, base, scope)
+    # One share of the prediction may be next to all of the misfit, large readings and small ones alike
+    m, b = misfit[scope], base[scope]
+    remains = float(np.sum((m - _share(m, b) * b) ** 2))
+    share = _has_one_sign(b) and _same_in_small_readings(_share, m, b) and remains < LEFT_BY_SHARE * np.sum(m**2)
     halves = [] if share else _region(values, s, scope, sign)
-
     opposite = np.sum(s[scope & (sign * s < 0.0)] ** 2)
     both = not share and opposite > OTHER_SIGN * np.sum(s[scope] ** 2)
 
-    def said(s: FloatArray, base: FloatArray) -> str:
-        return _size(s, base, observations, channel)
-
     def described(halves: Sequence[_Half], sign: float, some: str) -> str:
         rows = scope if share else scope & _inside(halves, len(s)) & (sign * s > 0.0)
-        alike = "on average" if not _is_alike(misfit[rows], base[rows]) else some if both else "everywhere"
-        place = " and ".join(half.words() for half in halves) if halves else alike
-        return f"{said(misfit[rows], base[rows])} {place}"
+        size = _share if _is_relative(misfit[rows], base[rows]) else _constant
+        alike = _same_in_small_readings(size, misfit[rows], base[rows])
+        place = " and ".join(half.words() for half in halves)
+        place = place or ("on average" if not alike else some if both else "everywhere")
+        return f"{_size(misfit[rows], base[rows], observations, channel)} {place}"
 
     text = f"{subject} is {described(halves, sign, 'in some readings')}"
     if branch is not None:
-        text += _branch_clause(misfit, base, halves, branch, scope, said)
+        inside = _inside(halves, len(s))
+        here, there = inside & scope, inside & ~scope & (branch != 0.0)
+        if here.any() and there.any():
+            ratio = float(np.mean(misfit[there])) / (float(np.mean(misfit[here])) or 1e-300)
+            name, rival = ("rising", "falling") if np.all(branch[here] > 0.0) else ("falling", "rising")
+            opposed = _size(misfit[there], base[there], observations, channel)
+            clause = (
+                f", on the {name} branch only"
+                if ratio > -0.3
+                else f" on the {name} branch, {opposed} on the {rival} one"
+            )
+            text += ", in both branches" if ratio > 0.5 else clause
     elif len(np.unique(sides)) > 1:
         text += ", in both branches"
     if both:
@@ -112,25 +126,15 @@ def describe_region(observations: Observations, channel: str, covariates: Sequen
     return text + (f", changing with {' and '.join(changing)}" if changing else "") + "."
 
 
-def _signal(observations: Observations, channel: str) -> FloatArray:
-    """What a relative misfit refers to: the prediction, of a Hall output without its quiescent voltage."""
-    quiescent = observations.nominal.hall_quiescent_V if channel == "hall_V" else 0.0
-    return observations.base - quiescent
-
-
-def _stronger_branch(branch: FloatArray, s: FloatArray) -> BoolArray:
-    """The rows of the branch with the larger misfit; all where there is one branch."""
-    present = [b for b in (1.0, -1.0) if np.any(branch == b)]
-    if len(present) < 2:
-        return np.ones(len(branch), dtype=bool)
-    strongest = present[first_best([float(np.mean(s[branch == b] ** 2)) for b in present])]
-    return np.asarray(branch == strongest)
-
-
 def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, sign: float) -> list[_Half]:
     """At most two thresholds, of different covariates; none where no part of the range stands out."""
     weight = np.where(scope & (sign * s > 0.0), s**2, 0.0)
-    halves = [half for name, x in values.items() for half in _halves(name, x)]
+    halves = []
+    for name, x in values.items():
+        levels = np.unique(x[np.isfinite(x)])
+        cuts = np.unique(np.linspace(0, len(levels) - 2, max(min(THRESHOLDS, len(levels) - 1), 0)).astype(int))
+        for cut in (_round_between(float(levels[k]), float(levels[k + 1])) for k in cuts if len(levels) > 1):
+            halves += [_Half(name, cut, True, np.asarray(x > cut)), _Half(name, cut, False, np.asarray(x < cut))]
     if not halves or weight.sum() <= 0.0:
         return []
     inside = np.stack([half.inside for half in halves]).astype(np.float64)
@@ -148,15 +152,6 @@ def _region(values: Mapping[str, FloatArray], s: FloatArray, scope: BoolArray, s
     return [halves[single]]
 
 
-def _halves(name: str, x: FloatArray) -> list[_Half]:
-    levels = np.unique(x[np.isfinite(x)])
-    if len(levels) < 2:
-        return []
-    cuts = np.unique(np.linspace(0, len(levels) - 2, min(THRESHOLDS, len(levels) - 1)).astype(int))
-    values = [_round_between(float(levels[k]), float(levels[k + 1])) for k in cuts]
-    return [_Half(name, v, above, np.asarray(x > v if above else x < v)) for v in values for above in (True, False)]
-
-
 def _round_between(low: float, high: float) -> float:
     """The shortest number between two levels."""
     middle = 0.5 * (low + high)
@@ -168,28 +163,14 @@ def _round_between(low: float, high: float) -> float:
 
 
 def _inside(halves: Sequence[_Half], count: int) -> BoolArray:
-    result = np.ones(count, dtype=bool)
-    for half in halves:
-        result &= half.inside
-    return result
-
-
-def _is_share(misfit: FloatArray, base: FloatArray, scope: BoolArray) -> bool:
-    """Whether one share of the prediction is next to all of a misfit, large readings and small ones alike."""
-    s, b = misfit[scope], base[scope]
-    left = float(np.sum((s - _share(s, b) * b) ** 2))
-    return bool(_has_one_sign(b) and _same_in_small_readings(_share, s, b) and left < LEFT_BY_SHARE * np.sum(s**2))
-
-
-def _is_alike(s: FloatArray, base: FloatArray) -> bool:
-    """Whether the size that is said of a misfit is also that of its small readings."""
-    return _same_in_small_readings(_share if _is_relative(s, base) else _constant, s, base)
+    return np.asarray(np.logical_and.reduce([np.ones(count, dtype=bool), *(half.inside for half in halves)]))
 
 
 def _same_in_small_readings(size: Callable[[FloatArray, FloatArray], float], s: FloatArray, base: FloatArray) -> bool:
+    """Whether the size of a misfit is also that of its small readings."""
     small = np.abs(base) <= np.median(np.abs(base))
-    whole = size(s, base)
-    return abs(size(s[small], base[small]) - whole) < SAME_SHARE * abs(whole)
+    of_all = size(s, base)
+    return abs(size(s[small], base[small]) - of_all) < SAME_SHARE * abs(of_all)
 
 
 def _share(s: FloatArray, base: FloatArray) -> float:
@@ -223,19 +204,3 @@ def _size(s: FloatArray, base: FloatArray, observations: Observations, channel: 
         of = " (of its difference from the quiescent voltage)" if channel == "hall_V" else ""
         return f"{float(f'{100.0 * abs(share):.2g}'):g} % {'high' if share > 0.0 else 'low'}{of}"
     return f"{observations.amount(abs(constant), channel)} {'high' if constant > 0.0 else 'low'}"
-
-
-def _branch_clause(
-    s: FloatArray, base: FloatArray, halves: Sequence[_Half], branch: FloatArray, scope: BoolArray, said: _Said
-) -> str:
-    inside = _inside(halves, len(s))
-    here, there = inside & scope, inside & ~scope & (branch != 0.0)
-    if not here.any() or not there.any():
-        return ""
-    ratio = float(np.mean(s[there])) / (float(np.mean(s[here])) or 1e-300)
-    name, rival = ("rising", "falling") if np.all(branch[here] > 0.0) else ("falling", "rising")
-    if ratio > 0.5:
-        return ", in both branches"
-    if ratio > -0.3:
-        return f", on the {name} branch only"
-    return f" on the {name} branch, {said(s[there], base[there])} on the {rival} one"

@@ -1,6 +1,7 @@
-"""What a diagnosis rests on: readings, their noise, the patterns of the lack-of-fit test, and the effects' columns.
+"""A campaign, on which a diagnosis rests: readings, their noise, patterns of the lack of fit, and effects' columns.
 
-What a campaign can show of each effect, and how far an effect lowers the error on runs that it was not fitted to.
+From it follow what the readings can show of each effect, and how far effects lower the error on runs that they were not
+fitted to.
 
 References
 ----------
@@ -9,7 +10,7 @@ M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-valida
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -49,29 +50,6 @@ class Campaign:
         return self.whitening.noise
 
     @property
-    def known_misfit(self) -> float:
-        """Squared length, in whitened units, of the model's own misfit to the table that it was fitted to."""
-        own, sigma = self.observations.own_misfit, self.noise.sigma[self.observations.channel]
-        return float(np.sum((own / sigma) ** 2))
-
-    @property
-    def misfit_as_recorded(self) -> float:
-        """Squared length of the misfit over the noise of a reading, less what noise and the mounts' freedom make of it.
-
-        It compares with :attr:`known_misfit`. The whitened residual does not: what a body that is put back may be off
-        by takes the steepest part of a misfit out of it, and nothing out of the model's own.
-        """
-        observations, sigma = self.observations, self.noise.sigma[self.observations.channel]
-        put_back = observations.distance_slope * self.noise.mount_m / sigma
-        freedom = len(sigma) + float(np.sum(put_back**2))
-        return max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
-
-    @property
-    def without_own_misfit(self) -> Whitening:
-        """The noise alone."""
-        return replace(self.whitening, misfit=None)
-
-    @property
     def whitened_residual(self) -> FloatArray:
         """Recorded minus predicted with the noise whitened, shape (M,)."""
         return self.whitening.full(self.observations.residual)
@@ -81,7 +59,7 @@ class Campaign:
         observations = self.observations.with_values(value)
         noise = estimate_noise(observations) or self.noise
         whitening = Whitening(observations, noise, self.whitening.chains, self.whitening.misfit)
-        effects = Start.all_at_null([one.columns for one in self.effects], whitening)
+        effects = Start.all_at_null([effect.columns for effect in self.effects], whitening)
         return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
 
 
@@ -107,12 +85,12 @@ def considered_effects(
 
     Nor has it those that another one stands for.
     """
-    known = device_effects(circuits, drawn)
+    catalogue = device_effects(circuits, drawn)
     for name in exclude:
-        if name not in known:
+        if name not in catalogue:
             effect_by_name(name)
-    out = {*exclude, *(effect.stands_for for effect in known.values())}
-    return [effect for name, effect in known.items() if name not in out]
+    out = {*exclude, *(effect.stands_for for effect in catalogue.values())}
+    return [effect for name, effect in catalogue.items() if name not in out]
 
 
 def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | Finding:
@@ -129,16 +107,16 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     if not patterns.groups:
         return TOO_FEW
     untestable: dict[str, str] = {}
-    found: list[EffectColumns] = []
+    every: list[EffectColumns] = []
     for effect in effects:
         reason = why_untestable(effect, observations)
         columns = [] if reason else effect_columns(effect, observations)
-        if any(not np.isfinite(one.columns).all() for one in columns):
+        if any(not np.isfinite(variant.columns).all() for variant in columns):
             columns, reason = [], "the model lacks the sensor, circuit or mass that it acts on"
         if not columns:
             untestable[effect.name] = reason or CHANGES_NOTHING
-        found += columns
-    return Campaign(observations, whitening, patterns, Start.all_at_null(found, whitening), untestable)
+        every += columns
+    return Campaign(observations, whitening, patterns, Start.all_at_null(every, whitening), untestable)
 
 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
@@ -155,9 +133,18 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
         for c, name in enumerate(campaign.observations.channels)
         if c not in tested
     ]
-    constant = constant_readings(campaign.noise.never_varying)
-    replaced = _replaced_noise(campaign.observations, campaign.noise)
-    return [*few, *constant, *replaced, *guessed_noises(campaign.noise)]
+    observations, noise, replaced = campaign.observations, campaign.noise, []
+    for c, name in enumerate(observations.channels):
+        if name in observations.declared_noise and noise.source[name] == "repeats":
+            declared = amount(observations.declared_noise[name], name)
+            samples = f"the {declared} that its samples show"
+            rejected = f"the declared {declared}" if observations.noise_source == "declared" else samples
+            text = (
+                f"The noise of the {CHANNEL_WORDS[name]} was taken as {amount(float(noise.sigma[c]), name)} from "
+                f"{counted(round(noise.repeats[c]), 'repeat')}, not as {rejected}, which they contradict."
+            )
+            replaced.append(Finding("declared-noise", "info", text, column=name))
+    return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise)]
 
 
 def constant_readings(names: Iterable[str]) -> list[Finding]:
@@ -177,33 +164,17 @@ def constant_readings(names: Iterable[str]) -> list[Finding]:
 
 def guessed_noises(noise: NoiseModel) -> list[Finding]:
     """Say that the noise is a guess, where nothing tells it."""
-    guesses = [amount(noise.floor[name], name) for name, source in noise.source.items() if source == "guess"]
+    guesses = [name for name, source in noise.source.items() if source == "guess"]
     if not guesses:
         return []
-    names = [CHANNEL_WORDS[name] for name, source in noise.source.items() if source == "guess"]
-    said = ", ".join(f"{words} {sigma}" for words, sigma in zip(names, guesses, strict=True))
+    sizes = ", ".join(f"{CHANNEL_WORDS[name]} {amount(noise.floor[name], name)}" for name in guesses)
     text = (
         "No noise is declared, and repeats are missing or too few to tell it from offsets between runs. The noise of "
         "one reading was guessed, on the wide side, from how smoothly the misfit runs from setting to setting: "
-        f"{said}. All of this rests on it."
+        f"{sizes}. All of this rests on it."
     )
     remedy = "Measure some settings twice in one run, or declare the noise with --noise CHANNEL=STANDARD DEVIATION."
     return [Finding("guessed-noise", "warning", text, remedy)]
-
-
-def _replaced_noise(observations: Observations, noise: NoiseModel) -> list[Finding]:
-    findings = []
-    for c, name in enumerate(observations.channels):
-        if name in observations.declared_noise and noise.source[name] == "repeats":
-            sigma, said = amount(float(noise.sigma[c]), name), amount(observations.declared_noise[name], name)
-            declared = observations.noise_source == "declared"
-            other = f"the declared {said}" if declared else f"the {said} that its samples show"
-            text = (
-                f"The noise of the {CHANNEL_WORDS[name]} was taken as {sigma} from "
-                f"{counted(round(noise.repeats[c]), 'repeat')}, not as {other}, which they contradict."
-            )
-            findings.append(Finding("declared-noise", "info", text, column=name))
-    return findings
 
 
 def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[str, float]]:
@@ -217,18 +188,18 @@ def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[st
         Effect -> amplitude -> magnitude in its unit, each amplitude taken alone; infinite where the bounds end
         before. Nonlinear parameters have their usual values.
     """
-    effects = {one.name for one in campaign.effects}
+    effects = {start.name for start in campaign.effects}
     threshold = stats.chi2.isf(level / max(len(effects), 1), 1)
     needed = (np.sqrt(threshold) + stats.norm.ppf(POWER)) ** 2  # of one degree of freedom; its other tail is nothing
     result: dict[str, dict[str, float]] = {}
-    for one in campaign.effects:
-        if one.name in result:
+    for start in campaign.effects:
+        if start.name in result:
             continue
-        result[one.name] = {}
-        for k, p in enumerate(one.columns.amplitudes):
-            length = float(np.linalg.norm(one.whitened[:, k]))
+        result[start.name] = {}
+        for k, p in enumerate(start.columns.amplitudes):
+            length = float(np.linalg.norm(start.whitened[:, k]))
             magnitude = float(np.sqrt(needed)) / length if length > 0.0 else np.inf
-            result[one.name][p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
+            result[start.name][p.name] = magnitude if magnitude <= max(p.upper - p.null, p.null - p.lower) else np.inf
     return result
 
 
@@ -244,19 +215,15 @@ def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:
     if not moving:
         return 0.0
     # To first order about the fit: what the readings are beside the part that no small change of the fit explains
-    start = fit.whitened_residual + columns @ np.array([_to_null(fit, j) for j in moving])
+    free = [(p, fit.effects[k].parameters[p.name]) for k, p in fit.free]
+    to_null = [(p.null - value) / p.width for p, value in free]
+    start = fit.whitened_residual + columns @ np.array(to_null)[moving]
     group = left_out_groups(campaign.observations)
     wide = np.array([[-np.inf], [np.inf]]) * np.ones(columns.shape[1])
     fall = 0.0
-    for one in np.unique(group):
-        out = group == one
+    for number in np.unique(group):
+        out = group == number
         amplitude, _ = bounded_amplitudes(start[~out], -columns[~out], wide)
         unseen = start[out] + columns[out] @ amplitude
         fall += float(target[out] @ target[out] - unseen @ unseen)
     return fall / max(excess, 1e-12)
-
-
-def _to_null(fit: Refit, j: int) -> float:
-    """The step from a fitted amplitude to its null, over its plausible range."""
-    k, p = fit.free[j]
-    return (p.null - fit.effects[k].parameters[p.name]) / (p.plausible[1] - p.plausible[0])

@@ -1,11 +1,7 @@
-"""The constants of the decision what is missing; no other file of the decision has one.
+"""The constants of the decision what is missing and what to measure next; no other file of these has one.
 
-*Conventional* is a usual level. *Calibrated* was read from trials with known truth, as the text says. *Assumed* is an
-engineer's judgement. *Numerical* bounds rounding or time.
-
-The constants of what to measure next, each with its kind and source.
-
-The kinds are those of :mod:`femfit.identify.constants`.
+The kinds are those of :mod:`femfit.identify.constants`; what is *calibrated* was read from trials with known truth, as
+the text says.
 """
 
 import math

@@ -12,8 +12,8 @@ from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import describe
-from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import Where, where_it_fails
+from femfit.identify.comparison.misfit import error_fall
 from femfit.identify.constants import CLEAN_CAMPAIGNS, LEVEL
 from femfit.identify.decision.campaign import (
     Campaign,
@@ -23,15 +23,14 @@ from femfit.identify.decision.campaign import (
     explained_share,
     gather,
 )
-from femfit.identify.decision.confidence import look_alikes
 from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
 from femfit.identify.decision.evidence import score_effects
-from femfit.identify.decision.naming import Decision, decide, dominant
+from femfit.identify.decision.naming import Decision, decide, dominant, look_alikes
 from femfit.identify.decision.search import Explanation
 from femfit.identify.noise.components import simulated_noise
+from femfit.identify.readings.bench import placed
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import placed
 from femfit.identify.refit.refit import Refit, is_plausible
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -139,6 +138,14 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     excess = max(campaign.patterns.excess(campaign.whitened_residual), *(s.chi2_fall for s in scores), 0.0)
     missing = _named_effects(campaign, decision, scores, excess)
     alike = look_alikes(decision)
+    remarks = campaign_remarks(campaign)
+    if decision.posterior.ended:
+        count = sum(explanation.fit is not None for explanation in decision.posterior.explanations.values())
+        untried = "there may be others as probable, which were judged to first order alone."
+        remedy = "Exclude effects that cannot be, or measure more."
+        remarks.append(
+            Finding("search-ended", "info", f"{count} explanations were fitted; {untried}", remedy, size=count)
+        )
     where = Where("", (), "The model fits.")
     if decision.verdict != "nothing_missing":
         where = where_it_fails(observations, campaign.whitening)
@@ -168,24 +175,14 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
             and not (clean and clean.name_too_often)
             and decision.probability_of_chosen > CERTAIN
             and "guess" not in campaign.noise.source.values()
-            and all(one.plausible for one in missing)
+            and all(named.plausible for named in missing)
             and fit
             and fit.converged
         ),
-        findings=(*observations.findings, *campaign_remarks(campaign), *_search_remarks(decision)),
+        findings=(*observations.findings, *remarks),
         campaign=campaign,
         decision=decision,
     )
-
-
-def _search_remarks(decision: Decision) -> tuple[Finding, ...]:
-    if not decision.posterior.ended:
-        return ()
-    fitted = sum(one.fit is not None for one in decision.posterior.explanations.values())
-    text = (
-        f"{fitted} explanations were fitted; there may be others as probable, which were judged to first order alone."
-    )
-    return (Finding("search-ended", "info", text, "Exclude effects that cannot be, or measure more.", size=fitted),)
 
 
 def _ranking(
@@ -193,16 +190,18 @@ def _ranking(
 ) -> tuple[ScoredEffect, ...]:
     """Every effect as these data see it: those that were refitted as they were, the best first, then the others."""
     before, by_name = campaign.whitened_residual, {score.name: score for score in scores}
-    alone: Mapping[str, Explanation] = {one.names[0]: one for one in decision.refitted if len(one.names) == 1}
+    alone: Mapping[str, Explanation] = {
+        explanation.names[0]: explanation for explanation in decision.refitted if len(explanation.names) == 1
+    }
     refitted = [
         replace(
             by_name[name],
-            chi2_fall=float(before @ before) - one.fit.chi2,
-            explained_share=explained_share(campaign, one.fit, excess),
-            error_left=_error_left(campaign, one.fit),
+            chi2_fall=float(before @ before) - explanation.fit.chi2,
+            explained_share=explained_share(campaign, explanation.fit, excess),
+            error_left=_error_left(campaign, explanation.fit),
         )
-        for name, one in alone.items()
-        if one.fit
+        for name, explanation in alone.items()
+        if explanation.fit
     ]
     return (*refitted, *(score for score in scores if score.name not in alone))
 
@@ -210,9 +209,9 @@ def _ranking(
 def _error_left(campaign: Campaign, fit: Refit) -> float:
     """Rms error with a fit over the noise of one reading, as the fall of the error has it; all channels together."""
     observations, noise = campaign.observations, campaign.noise
-    known = np.array([name in noise.source for name in noise.channels])[observations.channel]
-    left = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
-    return float(np.sqrt(np.mean(left[known] ** 2)))
+    judged = np.array([name in noise.source for name in noise.channels])[observations.channel]
+    residual = (observations.value - observations.predict(fit.effects)) / noise.sigma[observations.channel]
+    return float(np.sqrt(np.mean(residual[judged] ** 2)))
 
 
 def _named_effects(
@@ -224,12 +223,14 @@ def _named_effects(
     share = explained_share(campaign, fit, excess)
     p_values = {score.name: score.p_value for score in scores}
     by_name = {added.effect.name: added for added in fit.effects}
-    exchanged = {frozenset(one.names): one.fit for one in decision.left if one.fit}
+    exchanged = {frozenset(explanation.names): explanation.fit for explanation in decision.left if explanation.fit}
     named = []
     for members, tie in zip(decision.classes, decision.ties, strict=True):
         beside = set(fit.names) - {members[0]}
         fits = [exchanged.get(frozenset(beside | {name})) for name in tie[1:]]
-        tied = [next(a for a in one.effects if a.effect.name not in beside) if one else None for one in fits]
+        tied = [
+            next(a for a in refitted.effects if a.effect.name not in beside) if refitted else None for refitted in fits
+        ]
         named.append(_named(campaign, by_name[members[0]], members, tie, tied, p_values[members[0]], share))
     return tuple(named)
 
@@ -237,12 +238,12 @@ def _named_effects(
 def _dominant(
     campaign: Campaign, decision: Decision, scores: tuple[ScoredEffect, ...], excess: float
 ) -> NamedEffect | None:
-    fits, part = dominant(campaign, decision, scores, excess)
+    fits, share = dominant(campaign, decision, scores, excess)
     if not fits:
         return None
     names = tuple(fit.names[0] for fit in fits)
     p_value = next(score.p_value for score in scores if score.name == names[0])
-    return _named(campaign, fits[0].effects[0], names, names, [fit.effects[0] for fit in fits[1:]], p_value, part)
+    return _named(campaign, fits[0].effects[0], names, names, [fit.effects[0] for fit in fits[1:]], p_value, share)
 
 
 def _named(
@@ -264,14 +265,10 @@ def _named(
         parameters=dict(added.parameters),
         ci95=dict(added.ci95),
         words=tuple(describe(added, nominal)),
-        tied_words=tuple(tuple(describe(one, nominal)) if one else () for one in tied),
+        tied_words=tuple(tuple(describe(effect, nominal)) if effect else () for effect in tied),
         plausible=all(is_plausible(added, p) for p in added.effect.parameters),
-        runs=_from_one(added.runs),
+        runs=None if added.runs is None else (added.runs[0] + 1, added.runs[1] + 1),
     )
-
-
-def _from_one(runs: tuple[int, int] | None) -> tuple[int, int] | None:
-    return None if runs is None else (runs[0] + 1, runs[1] + 1)
 
 
 def _no_verdict(model: ActuatorModel, observations: Observations, why: Finding, exclude: Sequence[str]) -> Diagnosis:

@@ -8,8 +8,8 @@ from scipy import stats
 
 from femfit.core.results import Finding, Printed
 from femfit.effects.words import titled, titles_of
-from femfit.identify.comparison.fall import ErrorFall
 from femfit.identify.comparison.lack_of_fit import LackOfFit, Where
+from femfit.identify.comparison.misfit import ErrorFall
 from femfit.identify.decision.constants import FALSE_NAMES
 from femfit.identify.decision.diagnosis_text import diagnosis_lines
 from femfit.identify.readings.observations import Observations
@@ -180,7 +180,7 @@ class Diagnosis(Printed):
     @property
     def explanations(self) -> "tuple[Refit, ...]":
         """What was named, then each other explanation that the data leave."""
-        return tuple(one.fit for one in self.decision.left if one.fit) if self.decision else ()
+        return tuple(explanation.fit for explanation in self.decision.left if explanation.fit) if self.decision else ()
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -198,16 +198,16 @@ class Diagnosis(Printed):
         return {
             **{name: getattr(self, name) for name in names},
             "excluded": list(self.excluded),
-            "missing": [one.to_dict() for one in self.missing],
+            "missing": [effect.to_dict() for effect in self.missing],
             "dominant": self.dominant and self.dominant.to_dict(),
-            "ranking": [vars(one) for one in self.ranking],
+            "ranking": [vars(score) for score in self.ranking],
             "where": vars(self.where),
-            "rms": {one.channel: one.rms_before for one in self.error_fall.channels},
+            "rms": {channel.channel: channel.rms_before for channel in self.error_fall.channels},
             "error_fall": self.error_fall.to_dict(),
             "clean_campaigns": self.clean and {**vars(self.clean), "bound": self.clean.bound},
             "lack_of_fit_before": self.lack_of_fit_before and vars(self.lack_of_fit_before),
             "lack_of_fit_after": self.lack_of_fit_after and vars(self.lack_of_fit_after),
-            "findings": [one.as_dict() for one in self.findings],
+            "findings": [finding.as_dict() for finding in self.findings],
         }
 
     def __str__(self) -> str:

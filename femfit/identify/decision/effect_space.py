@@ -21,48 +21,47 @@ from femfit.identify.decision.constants import (
     FORM_ELSEWHERE,
     SHARE_DEGREE,
 )
-from femfit.identify.readings.observations import Observations, once_for_settings
+from femfit.identify.readings.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.refit.refit import Start
 from femfit.identify.signatures import EffectColumns
 
 
 @dataclass(frozen=True, eq=False)
-class EffectSpace:
+class EffectSpace(WithoutCache):
     """The columns of a campaign, each as long as one standard deviation of what it stands for."""
 
     campaign: Campaign
 
-    def __getstate__(self) -> dict[str, object]:
-        """Without the columns, which are worked out again on demand."""
-        return {"campaign": self.campaign}
-
     @cached_property
     def variants(self) -> Mapping[str, tuple[int, ...]]:
         """Per effect, its numbers among the campaign's: one for each combination of nonlinear parameters."""
-        names = dict.fromkeys(one.name for one in self.campaign.effects)
-        return {name: tuple(k for k, one in enumerate(self.campaign.effects) if one.name == name) for name in names}
+        names = dict.fromkeys(start.name for start in self.campaign.effects)
+        return {name: tuple(k for k, start in enumerate(self.campaign.effects) if start.name == name) for name in names}
 
     @cached_property
     def blocks(self) -> tuple[FloatArray, ...]:
         """The block of every variant."""
-        return tuple(self.block(one) for one in self.campaign.effects)
+        return tuple(self.block(start) for start in self.campaign.effects)
 
-    def block(self, one: Start) -> FloatArray:
+    def block(self, start: Start) -> FloatArray:
         """An effect's amplitudes' columns at half of their plausible range, then its form's error; shape (M, k)."""
-        change, known = one.columns.columns * half_ranges(one), _form_directions(self.campaign.observations)
-        _, directions = known.get(id(one.columns), (None, None))
+        change, stored = start.columns.columns * half_ranges(start), _form_directions(self.campaign.observations)
+        _, directions = stored.get(id(start.columns), (None, None))
         if directions is None:
-            formed = [self._formed(one.columns.effect, column) for column in change.T]
+            formed = [self.form_error(start.columns.effect, column) for column in change.T]
             errors, leading = _leading(np.concatenate([error for error, _ in formed], axis=1))
             parts = np.split(leading, np.cumsum([error.shape[1] for error, _ in formed])[:-1])
-            directions = np.stack([own @ part for (_, own), part in zip(formed, parts, strict=True)])
-            known[id(one.columns)] = one.columns, directions
+            directions = np.stack(
+                [modulation @ vectors for (_, modulation), vectors in zip(formed, parts, strict=True)]
+            )
+            stored[id(start.columns)] = start.columns, directions
         else:
             mixed = (
-                column[:, None] * (self._modulations @ own) for column, own in zip(change.T, directions, strict=True)
+                column[:, None] * (self._modulations @ modulation)
+                for column, modulation in zip(change.T, directions, strict=True)
             )
             errors = self.campaign.whitening.full(sum(mixed, np.zeros((len(change), directions.shape[2]))))
-        return np.concatenate([one.whitened * half_ranges(one), errors], axis=1)
+        return np.concatenate([start.whitened * half_ranges(start), errors], axis=1)
 
     @cached_property
     def grams(self) -> tuple[FloatArray, ...]:
@@ -93,11 +92,11 @@ class EffectSpace:
         if runs == 1 or not firsts:
             return {}
         picked = [self.campaign.effects[k] for k in firsts.values()]
-        changes = [one.columns.columns * half_ranges(one) for one in picked]
+        changes = [start.columns.columns * half_ranges(start) for start in picked]
         parts = np.concatenate([change * (run == k)[:, None] for change in changes for k in range(runs)], axis=1)
         ends = np.cumsum([runs * change.shape[1] for change in changes])[:-1]
         whitened = np.split(self.campaign.whitening.full(parts), ends, axis=1)
-        return {name: (k, part) for (name, k), part in zip(firsts.items(), whitened, strict=True)}
+        return {name: (k, columns) for (name, k), columns in zip(firsts.items(), whitened, strict=True)}
 
     @cached_property
     def unknown(self) -> FloatArray:
@@ -138,7 +137,9 @@ class EffectSpace:
             for cut in (*BROAD, finest)
         ]
         parts += [patterns.degree <= cut for cut in (*BROAD[1:3], finest)]
-        groups = [np.flatnonzero(part) for part in {part.tobytes(): part for part in parts if part.any()}.values()]
+        groups = [
+            np.flatnonzero(picks) for picks in {picks.tobytes(): picks for picks in parts if picks.any()}.values()
+        ]
         weighed = [(group, np.asarray(FINER ** patterns.degree[group])) for group in groups]
         for c in np.unique(patterns.channel):
             for name in ("distance_m", "current_A"):
@@ -157,14 +158,13 @@ class EffectSpace:
         observations = self.campaign.observations
         smooth = _smooth(observations, FORM_DEGREE)
         here = [observations.channel == c for c in range(len(observations.channels))]
-        return np.asarray(np.concatenate([smooth * one[:, None] for one in here], axis=1) / np.sqrt(smooth.shape[1]))
+        return np.asarray(np.concatenate([smooth * rows[:, None] for rows in here], axis=1) / np.sqrt(smooth.shape[1]))
 
-    def form_error(self, effect: Effect, change: FloatArray) -> FloatArray:
-        """Whitened columns of the error of an effect's form where it changes the readings by ``change``, (M,)."""
-        return self._formed(effect, change)[0]
+    def form_error(self, effect: Effect, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Whitened columns of the error of an effect's form where it changes the readings by ``change``, (M,).
 
-    def _formed(self, effect: Effect, change: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The same, shape (M, n), and which modulations of the change they are, shape (f, n)."""
+        Their shape is (M, n); they come with the modulations of the change that they are, shape (f, n).
+        """
         error = max(FORM.get(stage, FORM_ELSEWHERE) for stage in effect.acts_on)
         columns = self._modulations * change[:, None]
         there = np.any(columns != 0.0, axis=0)
@@ -172,9 +172,9 @@ class EffectSpace:
         return errors, error * np.eye(len(there))[:, there] @ leading
 
 
-def half_ranges(one: Start) -> FloatArray:
+def half_ranges(start: Start) -> FloatArray:
     """Half of the plausible ranges of an effect's amplitudes, shape (k,)."""
-    return np.array([0.5 * p.width for p in one.columns.amplitudes])
+    return np.array([0.5 * p.width for p in start.columns.amplitudes])
 
 
 def _smooth(observations: Observations, degree: int) -> FloatArray:

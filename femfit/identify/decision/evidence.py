@@ -2,9 +2,8 @@
 
 Whitened readings y in R^M are y ~ N(0, s^2 C), C = I + A diag(size^2) A', with a column of A for each amplitude and
 each direction of a form's error. Where the noise's variance s^2 is known from nu repeats, log p(y) is
--(nu + M)/2 log(1 + y' C^-1 y / nu) - log det C / 2, which for a declared noise is the normal density.
-
-How much each effect alone explains to first order: the ranking beside the verdict.
+-(nu + M)/2 log(1 + y' C^-1 y / nu) - log det C / 2, which for a declared noise is the normal density. The ranking
+beside the verdict is how much each effect alone explains to first order.
 
 References
 ----------
@@ -14,7 +13,7 @@ M. C. Kennedy and A. O'Hagan, Journal of the Royal Statistical Society B 63 (200
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -27,6 +26,7 @@ from femfit.identify.decision.campaign import Campaign
 from femfit.identify.decision.constants import FORM_SPREAD, SETTLED, SIZES, UNKNOWN_SIZES
 from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.decision.effect_space import EffectSpace
+from femfit.identify.readings.observations import WithoutCache
 from femfit.identify.refit.refit import bounded_amplitudes
 
 
@@ -50,17 +50,13 @@ class LogDensity:
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class Linear(WithoutCache):
     """Readings about a fit: what they are beyond the model, as a linear combination of columns."""
 
     target: FloatArray  # Whitened, counted from the model without effects; shape (M,)
     columns: FloatArray  # Times their sizes; shape (M, k)
     density: LogDensity
     log_evidence: float  # Averaged over all sizes
-
-    def __getstate__(self) -> dict[str, object]:
-        """Without what is worked out again on demand."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def _solved(self) -> tuple[FloatArray, FloatArray, float, float]:
@@ -75,13 +71,13 @@ class Linear:
         """Y' C^-1 y."""
         return self._solved[2]
 
-    def beside(self, others: FloatArray) -> FloatArray:
+    def beside(self, columns: FloatArray) -> FloatArray:
         """L^-1 A'X for further columns X, shape (M, n): what of them the linear model may explain; shape (k, n)."""
-        return np.asarray(linalg.solve_triangular(self._solved[0], self.columns.T @ others, lower=True))
+        return np.asarray(linalg.solve_triangular(self._solved[0], self.columns.T @ columns, lower=True))
 
-    def along(self, others: FloatArray, beside: FloatArray) -> FloatArray:
+    def along(self, columns: FloatArray, beside: FloatArray) -> FloatArray:
         """X' C^-1 y, shape (n,)."""
-        return others.T @ self.target - beside.T @ self._solved[1]
+        return columns.T @ self.target - beside.T @ self._solved[1]
 
     def with_more(self, gram: FloatArray, along: FloatArray, sizes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Log evidence with further columns X as well, and their mean amplitudes, at each of their common sizes.
@@ -158,11 +154,11 @@ def of_sizes(
         return float(density(square - float(along @ along), 2.0 * float(np.log(np.diag(triangle)).sum())))
 
     def tried(scale: FloatArray, family: IntArray, values: FloatArray) -> list[float]:
-        logs, kept = [], scale[family].copy()
+        logs, before = [], scale[family].copy()
         for value in values:
             scale[family] = value
             logs.append(log_evidence(scale))
-        scale[family] = kept
+        scale[family] = before
         return logs
 
     averaged, scales = [], []
@@ -194,13 +190,13 @@ def score_effects(campaign: Campaign) -> tuple[ScoredEffect, ...]:
     residual, degrees = campaign.whitened_residual, campaign.patterns.degrees_of_freedom
     best: dict[str, tuple[float, int]] = {}
     tries: dict[str, int] = {}
-    for one in campaign.effects:
-        _, fall = bounded_amplitudes(residual, one.whitened, one.columns.bounds)
-        tries[one.name] = tries.get(one.name, 0) + 1
-        best[one.name] = max(best.get(one.name, (0.0, one.count)), (fall, one.count))
+    for start in campaign.effects:
+        _, fall = bounded_amplitudes(residual, start.whitened, start.columns.bounds)
+        tries[start.name] = tries.get(start.name, 0) + 1
+        best[start.name] = max(best.get(start.name, (0.0, start.count)), (fall, start.count))
     scores = [
         ScoredEffect(name, min(1.0, tries[name] * tail_probability(fall, count, degrees)), fall, count)
         for name, (fall, count) in best.items()
     ]
     absent = (ScoredEffect(name, 1.0, 0.0, 0, note=why) for name, why in campaign.untestable.items())
-    return (*ranked(scores, lambda one: one.chi2_fall - one.degrees_of_freedom, ROUNDING), *absent)
+    return (*ranked(scores, lambda score: score.chi2_fall - score.degrees_of_freedom, ROUNDING), *absent)

@@ -1,11 +1,22 @@
-"""Decides what is missing from how probable every explanation is: nothing, known effects, an unknown cause, or both."""
+"""Decides what is missing from how probable every explanation is, and how far the name can be trusted.
+
+What is missing is nothing, known effects, an unknown cause, or both. Whether a campaign distinguishes a named effect
+from one outside of the catalogue cannot be tested with the catalogue's own effects as rivals. They serve as examples of
+what physics does to these readings: had one of them been the cause, as large as what was named, and not been listed,
+would an unknown cause have been preferred to the name? What adds the same to every reading of a channel has more causes
+than any list holds, so that a constant error of each channel is always among the examples.
+
+A number of the drawing is known to first order alone. Beside a refit of a large effect, which follows its curvature, it
+would look different for that reason only; so it is compared with the first order of what is named as well.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from femfit.core.numerics import Item, ranked
+from femfit.core.numerics import ROUNDING as NUMERIC
+from femfit.core.numerics import FloatArray, Item, ranked
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.constants import BEYOND_NOISE, LEVEL, LEVEL_AFTER, ROUNDING, WITHIN_NOISE
 from femfit.identify.decision.campaign import Campaign, explained_share
@@ -14,15 +25,20 @@ from femfit.identify.decision.constants import (
     EXPLAINED,
     IN_CLASS,
     NOTHING_MISSING,
+    NOTICED,
     OWN_MISFIT,
     RIVALS,
     RIVALS_REFITTED,
     TIED,
+    UNKNOWN_SIZES,
 )
 from femfit.identify.decision.diagnosis import ScoredEffect, Verdict
+from femfit.identify.decision.effect_space import EffectSpace, half_ranges
+from femfit.identify.decision.evidence import Linear, density_of
 from femfit.identify.decision.search import Explanation, Posterior, explain, most_of_nothing
-from femfit.identify.refit.refit import Refit, is_plausible, refit, starting_point
-from femfit.identify.refit.sizes import at_bounds
+from femfit.identify.refit.refit import Refit, Start, at_bounds, is_plausible, refit, starting_point
+from femfit.identify.signatures import columns_at
+from femfit.tables.measurement import CHANNEL_WORDS
 
 _KINDS: Mapping[Verdict, tuple[bool, bool]] = {
     "nothing_missing": (False, False),
@@ -56,8 +72,8 @@ class Decision:
     @property
     def refitted(self) -> tuple[Explanation, ...]:
         """Every explanation that was refitted, the most probable first."""
-        fits = [one for one in self.posterior.explanations.values() if one.fit is not None]
-        return tuple(ranked(fits, lambda one: one.log_evidence, ROUNDING))
+        fits = [explanation for explanation in self.posterior.explanations.values() if explanation.fit is not None]
+        return tuple(ranked(fits, lambda explanation: explanation.log_evidence, ROUNDING))
 
 
 def lack_of_fit(campaign: Campaign) -> LackOfFit:
@@ -66,9 +82,18 @@ def lack_of_fit(campaign: Campaign) -> LackOfFit:
 
 
 def times_own(campaign: Campaign) -> float:
-    """The model's misfit beyond noise over that to its table; infinite where that is none."""
-    known = campaign.known_misfit
-    return float(np.sqrt(campaign.misfit_as_recorded / known)) if known > 0.0 else np.inf
+    """The model's misfit beyond noise over that to its table; infinite where that is none.
+
+    Both are squared lengths over the noise of a reading, the first less what noise and the mounts' freedom make of it.
+    The whitened residual does not compare with the second: what a body that is put back may be off by takes the
+    steepest part of a misfit out of it, and nothing out of the model's own.
+    """
+    observations, noise = campaign.observations, campaign.noise
+    sigma = noise.sigma[observations.channel]
+    own_misfit = float(np.sum((observations.own_misfit / sigma) ** 2))
+    freedom = len(sigma) + float(np.sum((observations.distance_slope * noise.mount_m / sigma) ** 2))
+    beyond = max(float(np.sum((observations.residual / sigma) ** 2)) - freedom, 0.0)
+    return float(np.sqrt(beyond / own_misfit)) if own_misfit > 0.0 else np.inf
 
 
 def fails_surely(campaign: Campaign) -> bool:
@@ -88,7 +113,12 @@ def decide(campaign: Campaign) -> Decision:
     test, times = lack_of_fit(campaign), times_own(campaign)
     chosen, after, near, tie = None, None, list[frozenset[str]](), list[frozenset[str]]()
     if _KINDS[verdict][0]:
-        near = _near(posterior, unknown)
+        # The sets of effects that a class may hold, the most probable first; of equal ones the commonest first
+        order = {name: k for k, name in enumerate(posterior.space.variants)}
+        likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
+        near = [names for names, p in likely.items() if p >= IN_CLASS * max(likely.values())]
+        near.sort(key=lambda names: sorted(order[name] for name in names))
+        near = ranked(near, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
         tie = _tied(campaign, posterior, near, unknown)
         near = [*tie[:1], *(names for names in near if names != tie[0])]
         chosen = posterior.explanations[near[0]]
@@ -97,24 +127,24 @@ def decide(campaign: Campaign) -> Decision:
             verdict = "form_insufficient" if after.p_value <= LEVEL_AFTER else verdict
     if verdict == "form_insufficient" and not _explains_most(campaign, chosen):
         verdict, chosen, after = "unexplained", None, None
-    if verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign):
-        return Decision("nothing_missing", probability, test, True, times, posterior)
-    own = verdict == "nothing_missing" and _beyond_noise(campaign)
+    own_misfit = verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign)
+    if own_misfit:
+        verdict, chosen = "nothing_missing", None
+    elif verdict == "nothing_missing" and campaign.whitening.misfit is not None:  # more than noise alone is missed
+        alone = replace(campaign.whitening, misfit=None)
+        residual = alone.full(campaign.observations.residual)
+        own_misfit = pattern_space(campaign.observations, alone).test(residual).p_value <= LEVEL
+    decision = Decision(verdict, probability, test, own_misfit, times, posterior)
     if chosen is None:
-        return Decision(verdict, probability, test, own, times, posterior)
-    return Decision(
-        verdict,
-        probability,
-        test,
-        own,
-        times,
-        posterior,
-        posterior.probability[near[0], unknown],
-        after,
-        chosen,
-        tuple((name, *_exchanged(name, near)) for name in chosen.names),
-        tuple((name, *_exchanged(name, tie)) for name in chosen.names),
-        tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
+        return decision
+    return replace(
+        decision,
+        probability_of_chosen=posterior.probability[near[0], unknown],
+        left_after=after,
+        chosen=chosen,
+        classes=tuple((name, *_exchanged(name, near)) for name in chosen.names),
+        ties=tuple((name, *_exchanged(name, tie)) for name in chosen.names),
+        left=tuple(posterior.explanations[names] for names in near if posterior.explanations[names].fit is not None),
     )
 
 
@@ -134,10 +164,10 @@ def _explains_most(campaign: Campaign, chosen: Explanation | None) -> bool:
 def _spoils(campaign: Campaign, fit: Refit) -> bool:
     """Whether effects make a channel worse."""
     observations = campaign.observations
-    left = observations.value - observations.predict(fit.effects)
+    after = observations.value - observations.predict(fit.effects)
     for c, sigma in enumerate(campaign.noise.sigma):
         here = observations.channel == c
-        was, now = (np.sqrt(np.mean(one[here] ** 2)) for one in (observations.residual, left))
+        was, now = (np.sqrt(np.mean(residual[here] ** 2)) for residual in (observations.residual, after))
         if now > WITHIN_NOISE * max(was, sigma):
             return True
     return False
@@ -155,46 +185,35 @@ def dominant(
         return (), 0.0
     fits = [fit for fit in _leading(campaign, decision, scores) if not at_bounds(fit) and not _spoils(campaign, fit)]
     fits = _alike(fits, [fit.chi2 - len(fit.whitened_residual) for fit in fits])
-    fits.sort(key=_supposes)
-    part = explained_share(campaign, fits[0], excess) if fits else 0.0
-    return (tuple(fits), part) if part >= DOMINANT else ((), 0.0)
+    # Plausible sizes before unusual ones, then the fewest parameters that the fit moved
+    fits.sort(key=lambda fit: (not _plausible(fit), int(np.count_nonzero(~fit.active))))
+    share = explained_share(campaign, fits[0], excess) if fits else 0.0
+    return (tuple(fits), share) if share >= DOMINANT else ((), 0.0)
 
 
 def _leading(campaign: Campaign, decision: Decision, scores: Sequence[ScoredEffect]) -> list[Refit]:
     """The effects that alone leave the least to first order, refitted: the search takes none up for its size alone."""
     before = float(np.sum(campaign.whitened_residual**2)) - len(campaign.whitened_residual)
-    tested = ranked([one for one in scores if not one.note], lambda one: one.chi2_fall, ROUNDING)
-    best = _alike(tested, [before - one.chi2_fall for one in tested])[:RIVALS_REFITTED]
-    known = {one.names: one.fit for one in decision.refitted if one.fit}
-    effects = {one.name: one.columns.effect for one in campaign.effects}
-    given = campaign.observations, campaign.whitening
-    return [known.get((one.name,)) or refit(*given, starting_point(*given, [effects[one.name]])) for one in best]
+    tested = ranked([score for score in scores if not score.note], lambda score: score.chi2_fall, ROUNDING)
+    best = _alike(tested, [before - score.chi2_fall for score in tested])[:RIVALS_REFITTED]
+    refitted = {explanation.names: explanation.fit for explanation in decision.refitted if explanation.fit}
+    effects = {start.name: start.columns.effect for start in campaign.effects}
+    readings = campaign.observations, campaign.whitening
+    return [
+        refitted.get((score.name,)) or refit(*readings, starting_point(*readings, [effects[score.name]]))
+        for score in best
+    ]
 
 
 def _alike(items: Sequence[Item], above_noise: Sequence[float]) -> list[Item]:
     """The items that leave hardly more squared misfit above the noise than the best."""
     most = RIVALS * max(min(above_noise, default=0.0), 1.0)
-    return [one for one, left in zip(items, above_noise, strict=True) if left <= most]
-
-
-def _supposes(fit: Refit) -> tuple[bool, int]:
-    """Plausible sizes before unusual ones, then the fewest parameters that the fit moved."""
-    return not _plausible(fit), int(np.count_nonzero(~fit.active))
+    return [item for item, square in zip(items, above_noise, strict=True) if square <= most]
 
 
 def _plausible(fit: Refit) -> bool:
     """Whether every parameter may be as large as it usually is."""
     return all(is_plausible(added, p) for added in fit.effects for p in added.effect.parameters)
-
-
-def _near(posterior: Posterior, unknown: bool) -> list[frozenset[str]]:
-    """The sets of effects that a class may hold, the most probable first; of equal ones the commonest first."""
-    order = {name: k for k, name in enumerate(posterior.space.variants)}
-    likely = {names: p for (names, beside), p in posterior.probability.items() if names and beside == unknown}
-    least = IN_CLASS * max(likely.values())
-    sets = [names for names, p in likely.items() if p >= least]
-    sets.sort(key=lambda names: sorted(order[name] for name in names))
-    return ranked(sets, lambda names: float(np.log(likely[names] + 1e-300)), ROUNDING)
 
 
 def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], unknown: bool) -> list[frozenset[str]]:
@@ -207,20 +226,16 @@ def _tied(campaign: Campaign, posterior: Posterior, near: list[frozenset[str]], 
     best = near[0]
     exchanged = [names for names in near if len(names) == len(best) and len(names - best) <= 1]
     fits = {names: fit for names in exchanged if (fit := posterior.explanations[names].fit)}
-    left = {names: _mean_square_left(campaign, fit) for names, fit in fits.items()}
-    most = RIVALS * max(min(left.values(), default=1.0), 1.0)  # what is granted to mounts is no reason for a name
-    as_good = [names for names in fits if left[names] <= most]
+    squares, observations = {}, campaign.observations
+    sigma = campaign.noise.sigma[observations.channel]
+    for names, fit in fits.items():  # mean square in the noise of one reading of each channel
+        squares[names] = float(np.mean(((observations.value - observations.predict(fit.effects)) / sigma) ** 2))
+    most = RIVALS * max(min(squares.values(), default=1.0), 1.0)  # what is granted to mounts is no reason for a name
+    as_good = [names for names in fits if squares[names] <= most]
     usual = [names for names in as_good if _plausible(fits[names])] or as_good or near[:1]
     least = TIED * max(posterior.probability[names, unknown] for names in usual)
     alike = [names for names in usual if posterior.probability[names, unknown] >= least]
     return sorted(alike, key=lambda names: np.count_nonzero(~fits[names].active) if names in fits else 0)
-
-
-def _mean_square_left(campaign: Campaign, fit: Refit) -> float:
-    """Mean square of what effects leave of the readings, in the noise of one reading of each channel."""
-    observations = campaign.observations
-    left = observations.value - observations.predict(fit.effects)
-    return float(np.mean((left / campaign.noise.sigma[observations.channel]) ** 2))
 
 
 def _exchanged(name: str, near: list[frozenset[str]]) -> list[str]:
@@ -237,18 +252,109 @@ def _as_its_own(campaign: Campaign) -> bool:
         missed = np.mean(observations.residual[here] ** 2)
         uncertain = sigma**2 * BEYOND_NOISE * np.sqrt(2.0 / np.count_nonzero(here))
         put_back = np.mean((observations.distance_slope[here] * noise.mount_m) ** 2)
-        own = OWN_MISFIT**2 * np.mean(observations.own_misfit[here] ** 2)
+        misfit = OWN_MISFIT**2 * np.mean(observations.own_misfit[here] ** 2)
         # Where mounts make more than the own misfit, a misfit that they could make is no sign of it
-        if missed > sigma**2 + uncertain + own + min(own, put_back):
+        if missed > sigma**2 + uncertain + misfit + min(misfit, put_back):
             return False
-        beyond = beyond or bool(missed > sigma**2 and own > uncertain)
+        beyond = beyond or bool(missed > sigma**2 and misfit > uncertain)
     return beyond
 
 
-def _beyond_noise(campaign: Campaign) -> bool:
-    """Whether the model misses the readings by more than noise alone."""
-    if campaign.whitening.misfit is None:
-        return False
-    alone = campaign.without_own_misfit
-    test = pattern_space(campaign.observations, alone).test(alone.full(campaign.observations.residual))
-    return test.p_value <= LEVEL
+def look_alikes(decision: Decision) -> tuple[str, ...]:
+    """Effects that would have been given the chosen names on these data, had they been the cause and not been listed.
+
+    First the others of the classes, then those of further explanations that the data leave, then examples, the most
+    alike first.
+    """
+    chosen = decision.chosen
+    if chosen is None or chosen.fit is None:
+        return ()
+    rivals = [name for members in decision.classes for name in members[1:]]
+    rivals += [
+        n for explanation in decision.left if not set(chosen.names) <= set(explanation.names) for n in explanation.names
+    ]
+    examples = ranked(list(noticed(decision, chosen).items()), lambda pair: -pair[1], NUMERIC)
+    rivals += [name for name, odds in examples if odds < NOTICED]
+    return tuple(name for name in dict.fromkeys(rivals) if name not in chosen.names)
+
+
+def noticed(decision: Decision, chosen: Explanation) -> dict[str, float]:
+    """Per example, the log odds of an unknown cause beside the chosen names had it been the cause of one of them."""
+    space, linear, fit = decision.posterior.space, chosen.linear, chosen.fit
+    if linear is None or fit is None:
+        return {}
+    campaign, observations = space.campaign, space.campaign.observations
+    together = observations.predict(fit.effects)
+    lengths = []
+    for added in fit.effects:
+        change = together - observations.predict([effect for effect in fit.effects if effect is not added])
+        lengths.append(float(np.linalg.norm(campaign.whitening.full(change))))
+    names, examples, longest = list[str](), list[FloatArray](), list[float]()
+    for start, block in zip(campaign.effects, space.blocks, strict=True):
+        if start.name not in chosen.names:
+            for column in block[:, : start.count].T:
+                names.append(start.name)
+                examples.append(column)
+                longest.append(2.0 * float(np.linalg.norm(column)))  # the whole of its plausible range
+    for name in observations.channels:
+        names.append(f"a constant error of the {CHANNEL_WORDS.get(name, name)}")
+        examples.append(campaign.whitening.full(observations.of(name).astype(np.float64)))
+        longest.append(np.inf)
+    compared = [(linear, names, examples, longest)]
+    numbers = _drawn_numbers(space, chosen.names)
+    if numbers[0]:
+        compared.append((_to_first_order(space, fit), *numbers))
+    result: dict[str, float] = {}
+    for beside, names, examples, longest in compared:
+        columns = np.stack(examples, axis=1)
+        columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+        for length in lengths:
+            for name, odds, most in zip(names, _odds(decision, beside, columns, length), longest, strict=True):
+                if most >= length:
+                    result[name] = min(result.get(name, np.inf), float(odds))
+    return result
+
+
+def _drawn_numbers(space: EffectSpace, named: Sequence[str]) -> tuple[list[str], list[FloatArray], list[float]]:
+    """Of numbers of the drawing: names, whitened changes per unit, and their lengths over the plausible range."""
+    drawn = {effect.name for effect in space.campaign.observations.nominal.drawn} - set(named)
+    suspects = [suspect for suspect in space.campaign.effects if suspect.name in drawn]
+    changes = [suspect.whitened[:, 0] for suspect in suspects]
+    longest = [
+        2.0 * half_ranges(suspect)[0] * float(np.linalg.norm(change))
+        for suspect, change in zip(suspects, changes, strict=True)
+    ]
+    return [suspect.name for suspect in suspects], changes, longest
+
+
+def _to_first_order(space: EffectSpace, fit: Refit) -> Linear:
+    """What is named, as large as it usually may be, without its curvature."""
+    campaign, observations = space.campaign, space.campaign.observations
+    columns = []
+    for added in fit.effects:
+        for variant in columns_at(added, observations):
+            acting = (
+                variant if added.runs is None else variant.in_runs(added.runs, observations.column("run").astype(int))
+            )
+            start = Start.at_null(acting, campaign.whitening)
+            columns.append(start.whitened * half_ranges(start))
+    return Linear(np.zeros(len(observations.value)), np.concatenate(columns, axis=1), density_of(campaign), 0.0)
+
+
+def _odds(decision: Decision, linear: Linear, columns: FloatArray, length: float) -> FloatArray:
+    """Log odds of an unknown cause for readings that are noise of its usual length and a column of a given length."""
+    space = decision.posterior.space
+    of_columns, of_unknown = linear.beside(columns), linear.beside(space.unknown)
+    gram = space.unknown_gram - of_unknown.T @ of_unknown
+    along = space.unknown.T @ columns - of_unknown.T @ of_columns
+    square = len(columns) + length**2 * np.maximum(1.0 - np.sum(of_columns**2, axis=0), 0.0)
+    logs = []
+    for group, weight in space.unknown_groups:
+        values, vectors = np.linalg.eigh(weight[:, None] * gram[np.ix_(group, group)] * weight)
+        parts = (vectors.T @ (weight[:, None] * along[group])) ** 2
+        for size in UNKNOWN_SIZES:
+            grown = size**2 * np.maximum(values, 0.0)
+            fall = length**2 * np.sum((size**2 / (1.0 + grown))[:, None] * parts, axis=0)
+            logs.append(linear.density(square - fall, float(np.sum(np.log1p(grown)))))
+    together = np.logaddexp.reduce(np.array(logs), axis=0) - np.log(len(logs))
+    return np.asarray(together - linear.density(square, 0.0))

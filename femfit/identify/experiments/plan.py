@@ -1,8 +1,7 @@
-"""What a planned campaign could never separate, and what it could not show at all, before anyone measures.
+"""Measurements that nobody has made yet: what a planned campaign could show, and what could be added to one.
 
-Measurements that could be added to a campaign: rows of settings, or a direct reading of an effect's parameters.
-
-Every setting lies in the validity domain of the model: outside of it nothing is predicted, so nothing is promised.
+What could be added is rows of settings, or a direct reading of an effect's parameters. Every setting lies in the
+validity domain of the model: outside of it nothing is predicted, so nothing is promised.
 """
 
 from collections.abc import Mapping, Sequence
@@ -75,9 +74,6 @@ class PlanReport(Printed):
         return dict(vars(self))
 
     def __str__(self) -> str:
-        return titled(self._text(), self.titles)
-
-    def _text(self) -> str:
         lines = ["This plan could separate every effect that it shows from every other, at its largest size."]
         if self.together:
             lines = ["This plan could never separate, however large they usually get:"]
@@ -95,7 +91,7 @@ class PlanReport(Printed):
         lines.append("The smallest that it would show nine times in ten:")
         lines += [f"  {name}: {words or 'nothing within its bounds'}" for name, words in self.smallest.items()]
         noise = ", ".join(f"{CHANNEL_WORDS[name]} {amount(sigma, name)}" for name, sigma in self.noise.items())
-        return "\n".join([*lines, f"Noise of one reading: {noise}."])
+        return titled("\n".join([*lines, f"Noise of one reading: {noise}."]), self.titles)
 
 
 def examine_plan(
@@ -114,11 +110,11 @@ def examine_plan(
     for effect in effects:
         reason = why_untestable(effect, observations)
         variants = [] if reason else [start for (start,) in starting_points([effect], observations, whitening)]
-        if any(_signals(one) for one in variants):
+        if any(_signals(start) for start in variants):
             families[effect.name] = variants
         else:
             invisible[effect.name] = reason or "its largest plausible size stays within the noise"
-    starts = tuple(one for variants in families.values() for one in variants)
+    starts = tuple(start for variants in families.values() for start in variants)
     campaign = Campaign(observations, whitening, pattern_space(observations, whitening), starts, invisible)
     detectable = detectable_magnitudes(campaign, LEVEL)
     small = {name: {p: SMALL * size for p, size in sizes.items()} for name, sizes in detectable.items()}
@@ -153,7 +149,7 @@ def _together(
     signals = {name: _signals(starts[0], sizes.get(name)) for name, starts in families.items()}
 
     def could_be(effect: str, rival: str) -> bool:
-        columns, rivals = families[effect][0].columns.columns, [[one] for one in families[rival]]
+        columns, rivals = families[effect][0].columns.columns, [[start] for start in families[rival]]
         return bool(signals[effect]) and all(
             separation(campaign.observations, campaign.whitening, value * columns[:, k], rivals, TIE) is None
             for value, k in signals[effect]
@@ -188,23 +184,31 @@ def possible_experiments(
     current, branch = observations.covariates["current_A"], observations.covariates["branch"]
     low, high = np.clip([current.min(), current.max()], nominal.current_min_A, nominal.current_max_A).tolist()
     held = low > current.min() or high < current.max()
-    part = f" from {amount_range(low, high, 'A')}, where the model holds," if held else ""
+    within_domain = f" from {amount_range(low, high, 'A')}, where the model holds," if held else ""
     usual = _grid(nominal, low, high)
     near = usual[usual["distance_m"] <= nominal.distance_min_m + NEAR_SHARE * nominal.travel_m]
     result = [
-        _run(f"Measure the same range{part} once more, on a new mount", usual, measured),
+        _run(f"Measure the same range{within_domain} once more, on a new mount", usual, measured),
         _run(
-            f"Add {counted(len(near), 'point')} at {_range(near)} over the same currents{part.rstrip(',')}",
+            f"Add {counted(len(near), 'point')} at {_range(near)} over the same currents{within_domain.rstrip(',')}",
             near,
             measured,
         ),
     ]
     if not ((branch > 0).any() and (branch < 0).any()):
         result.append(_run("Measure with falling current as well", usual.assign(branch=-1.0), measured))
-    result += [
-        _run(text.format(count=len(more), where=_range(more)), more, measured)
-        for text, more in _other_currents(nominal, near, low, high)
-    ]
+    # Currents of the other sign, and larger ones, as far as the validity domain has them
+    within = near["current_A"].between(-nominal.current_max_A, -nominal.current_min_A)
+    turned = near[within].assign(current_A=-near.loc[within, "current_A"])
+    if (low >= 0.0 or high <= 0.0) and (turned["current_A"] != 0.0).any():
+        text = f"Reverse the current: {len(turned)} points at {_range(turned)}"
+        result.append(_run(text, turned, measured))
+    for bound, reached in ((nominal.current_max_A, high), (nominal.current_min_A, low)):
+        if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
+            larger = _grid(nominal, *sorted((0.7 * bound, bound)))
+            larger = larger[larger["distance_m"] <= near["distance_m"].max()]
+            text = f"Go up to {bound:.3g} A: {len(larger)} points at {_range(larger)}"
+            result.append(_run(text, larger, measured))
     result += [
         _run(
             f"Read the {CHANNEL_WORDS[name]} {_BY.get(name, '')}too, to "
@@ -219,14 +223,14 @@ def possible_experiments(
     parts = {"magnet_temperature_C": "magnet", "coil_temperature_C": "winding"}
     result += [
         _run(
-            f"Heat the {part} by {HEATED_K:.0f} K, record its temperature ({name}) and add "
+            f"Heat the {body} by {HEATED_K:.0f} K, record its temperature ({name}) and add "
             f"{counted(len(near), 'point')}",
             near.assign(**{name: REFERENCE_TEMPERATURE_C + HEATED_K}),
             measured,
             HEAT_COST,
         )
-        for name, part in parts.items()
-        if part != "magnet" or nominal.has_magnet
+        for name, body in parts.items()
+        if body != "magnet" or nominal.has_magnet
     ]
     result += _direct(effects)
     return sorted(result, key=lambda experiment: experiment.cost)
@@ -234,9 +238,9 @@ def possible_experiments(
 
 def _direct(effects: Sequence[Effect]) -> list[Experiment]:
     return [
-        Experiment(one.instruction, one.cost, effect=effect.name, calibration=one)
+        Experiment(calibration.instruction, calibration.cost, effect=effect.name, calibration=calibration)
         for effect in effects
-        for one in effect.calibrations
+        for calibration in effect.calibrations
     ]
 
 
@@ -269,21 +273,6 @@ def _impedances(observations: Observations) -> list[Experiment]:
 def _complete(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows with every column of a setting."""
     return rows.assign(**{name: missing for name, missing in SETTINGS.items() if name not in rows})
-
-
-def _other_currents(nominal: Nominal, near: pd.DataFrame, low: float, high: float) -> list[tuple[str, pd.DataFrame]]:
-    """Currents of the other sign, and larger ones, as far as the validity domain has them."""
-    result = []
-    within = near["current_A"].between(-nominal.current_max_A, -nominal.current_min_A)
-    turned = near[within].assign(current_A=-near.loc[within, "current_A"])
-    if (low >= 0.0 or high <= 0.0) and (turned["current_A"] != 0.0).any():
-        result.append(("Reverse the current: {count} points at {where}", turned))
-    for bound, reached in ((nominal.current_max_A, high), (nominal.current_min_A, low)):
-        if abs(bound) > max(abs(low), abs(high)) / 0.95 and bound * reached >= 0.0:
-            larger = _grid(nominal, *sorted((0.7 * bound, bound)))
-            larger = larger[larger["distance_m"] <= near["distance_m"].max()]
-            result.append((f"Go up to {bound:.3g} A: {{count}} points at {{where}}", larger))
-    return result
 
 
 def _run(text: str, rows: pd.DataFrame, channels: tuple[str, ...], further_cost: float = 0.0) -> Experiment:

@@ -2,18 +2,16 @@
 
 What effects leave of readings is what their best refit leaves, within their bounds and with their nonlinear parameters
 free, in standard deviations of the noise. Readings of one explanation without noise, refitted by the other, give the
-distance between the two: the T-criterion of a discriminating design.
-
-How far apart two explanations are by a direct reading of an effect's parameters: a shunt, a weight, a micrometer.
-
-The noise that a measurement will have which nobody has made yet: as estimated or declared, or as assumed.
+distance between the two: the T-criterion of a discriminating design. By a direct reading of an effect's parameters (a
+shunt, a weight, a micrometer) they are as far apart as what they say of it, over its uncertainty and theirs. The noise
+of a measurement that nobody has made yet is as estimated or declared, or as assumed.
 
 References
 ----------
 A. C. Atkinson and V. V. Fedorov, Biometrika 62 (1975) 57: T-optimal designs.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -61,7 +59,19 @@ def separation(
     The change has the shape (M,) and the readings' units.
     """
     needed = needed_distance(tie + max(more_parameters, 0.0) * np.log(len(change)))
-    apart = _unexplained(observations.with_values(observations.base + change), whitening, rivals, needed)
+    observations = observations.with_values(observations.base + change)
+    target = whitening.full(observations.residual)
+    total = float(target @ target)
+    least, begun = total, None
+    for starts in rivals:
+        fitted, fall = fitted_together(target, starts)
+        if begun is None or total - fall < least:
+            least, begun = total - fall, fitted
+    least = max(least, 0.0)
+    # No refit where the first order leaves less than needed already, nor where no nonlinear parameter makes up for it
+    if begun is not None and np.sqrt(least) >= needed and least <= LARGEST_BENDING**2 * total:
+        least = max(min(refit(observations, whitening, begun).chi2, least), 0.0)
+    apart = float(np.sqrt(least))
     return None if apart < needed * (1.0 - ROUNDING) else apart
 
 
@@ -74,26 +84,6 @@ def parameters_of(effects: Sequence[AddedEffect]) -> float:
     )
 
 
-def _unexplained(
-    observations: Observations, whitening: Whitening, rivals: Sequence[Sequence[Start]], enough: float
-) -> float:
-    """What effects leave of readings, in standard deviations: the best refit from several starting points.
-
-    None is tried where the first order leaves less than enough already, nor where it leaves so much of the readings'
-    change that no nonlinear parameter would make up for it.
-    """
-    target = whitening.full(observations.residual)
-    whole = float(target @ target)
-    best, chosen = whole, None
-    for starts in rivals:
-        begun, fall = fitted_together(target, starts)
-        if chosen is None or whole - fall < best:
-            best, chosen = whole - fall, begun
-    if chosen is not None and np.sqrt(max(best, 0.0)) >= enough and best <= LARGEST_BENDING**2 * whole:
-        best = min(refit(observations, whitening, chosen).chi2, max(best, 0.0))
-    return float(np.sqrt(max(best, 0.0)))
-
-
 def starting_points(
     effects: Sequence[Effect],
     observations: Observations,
@@ -103,22 +93,22 @@ def starting_points(
     """Where refits of effects begin: at trial nonlinear parameters, and where they were fitted before."""
     variants: list[list[Start]] = []
     for k, effect in enumerate(effects):
-        found = effect_columns(effect, observations)
+        columns = effect_columns(effect, observations)
         if fitted:
-            found = [*columns_at(fitted[k], observations), *found]
-        if found:
-            variants.append([Start.at_null(one, whitening) for one in found])
+            columns = [*columns_at(fitted[k], observations), *columns]
+        if columns:
+            variants.append([Start.at_null(variant, whitening) for variant in columns])
     return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
 
 
 def pairs_in_words(pairs: Sequence[tuple[str, ...]]) -> list[str]:
     """Pairs in as few clauses as say them: ``a from b and c``, ``d from e``."""
-    left, clauses = list(pairs), []
-    while left:
-        names = [name for pair in left for name in pair]
+    remaining, clauses = list(pairs), []
+    while remaining:
+        names = [name for pair in remaining for name in pair]
         name = max(dict.fromkeys(names), key=names.count)
-        clauses.append(f"{name} from {listed([a if b == name else b for a, b in left if name in {a, b}], 'and')}")
-        left = [pair for pair in left if name not in pair]
+        clauses.append(f"{name} from {listed([a if b == name else b for a, b in remaining if name in {a, b}], 'and')}")
+        remaining = [pair for pair in remaining if name not in pair]
     return clauses
 
 
@@ -127,26 +117,14 @@ def listed(names: Sequence[str], word: str) -> str:
     return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-Distance = Callable[[Refit, Refit], float | None]
-"""How far apart two explanations are with an experiment; None where that is less than needed."""
-
-
-def by_direct_reading(effect: str, calibration: Calibration) -> Distance:
-    """By a direct reading of an effect's parameters."""
-
-    def distance(a: Refit, b: Refit) -> float | None:
-        apart = apart_by_direct_reading(effect, calibration, a, b)
-        return apart if apart >= needed_distance() else None
-
-    return distance
-
-
 def apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float:
     """What two explanations say of a direct reading, over its uncertainty and theirs."""
     uncertainty = np.array(list(calibration.reads.values()))
-    difference = direct_reading(effect, calibration, a.effects) - direct_reading(effect, calibration, b.effects)
-    of_a, of_b = (standard_errors(effect, calibration, fit.effects) for fit in (a, b))
-    return float(np.linalg.norm(difference / np.sqrt(uncertainty**2 + of_a**2 + of_b**2)))
+    readings = [direct_reading(effect, calibration, fit.effects) for fit in (a, b)]
+    errors = [standard_errors(effect, calibration, fit.effects) for fit in (a, b)]
+    return float(
+        np.linalg.norm((readings[0] - readings[1]) / np.sqrt(uncertainty**2 + errors[0] ** 2 + errors[1] ** 2))
+    )
 
 
 def direct_reading(effect: str, calibration: Calibration, effects: Iterable[AddedEffect]) -> FloatArray:
@@ -181,8 +159,8 @@ def planned_noise(observations: Observations) -> NoiseModel:
 
 def noise_for(noise: NoiseModel, observations: Observations) -> NoiseModel:
     """An estimated noise model, with what is assumed for channels that were never measured."""
-    known = {name: k for k, name in enumerate(noise.channels)}
-    picked = [known.get(name) for name in observations.channels]
+    numbers = {name: k for k, name in enumerate(noise.channels)}
+    picked = [numbers.get(name) for name in observations.channels]
     guessed = np.array([assumed_noise(name, observations.nominal) for name in observations.channels])
 
     def pick(values: FloatArray, missing: FloatArray) -> FloatArray:

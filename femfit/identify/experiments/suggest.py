@@ -20,6 +20,7 @@ from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.patterns import own_misfit_columns
+from femfit.identify.decision.allowances import finer_model
 from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN, SHOWN_CLAUSES, TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
@@ -28,13 +29,11 @@ from femfit.identify.decision.diagnosis_text import (
     dimensions_unsuspected,
     verdict_sentence,
 )
-from femfit.identify.decision.own_misfit import finer_model
 from femfit.identify.experiments.plan import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
-    Distance,
     apart_by_direct_reading,
-    by_direct_reading,
     listed,
+    needed_distance,
     noise_for,
     pairs_in_words,
     parameters_of,
@@ -42,8 +41,7 @@ from femfit.identify.experiments.separation import (
     starting_points,
 )
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.readings.bench import bench_observations
-from femfit.identify.readings.place import measurement_of
+from femfit.identify.readings.bench import bench_observations, measurement_of
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.readings.settings import currents_in, with_currents
 from femfit.identify.refit.refit import Refit
@@ -109,22 +107,21 @@ class Advice(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return vars(self) | {"suggestions": [one.to_dict() for one in self.suggestions]}
+        return vars(self) | {"suggestions": [suggestion.to_dict() for suggestion in self.suggestions]}
 
     def __str__(self) -> str:
-        return titled(self._text(), self.titles)
-
-    def _text(self) -> str:
         isolating = [f"{name}: {experiment}" for name, experiment in self.isolating]
         if self.note:
-            return "\n".join([self.note, *isolating, *self.remarks])
+            return titled("\n".join([self.note, *isolating, *self.remarks]), self.titles)
         lines = []
-        for k, one in enumerate(self.suggestions[:SHOWN]):
-            lines.append(f"{'Next' if k == 0 else 'Or'}: {one.text}")
-            lines.append(f"  {one.what_it_does} It takes as long as about {counted(round(one.cost), 'reading')}.")
+        for k, suggestion in enumerate(self.suggestions[:SHOWN]):
+            lines.append(f"{'Next' if k == 0 else 'Or'}: {suggestion.text}")
+            lines.append(
+                f"  {suggestion.what_it_does} It takes as long as about {counted(round(suggestion.cost), 'reading')}."
+            )
         if len(self.suggestions) > SHOWN:
-            others = counted(len(self.suggestions) - SHOWN, "further measurement")
-            lines.append(f"{others} would separate some of them too; --json writes them all.")
+            rest = counted(len(self.suggestions) - SHOWN, "further measurement")
+            lines.append(f"{rest} would separate some of them too; --json writes them all.")
         for text in list(dict.fromkeys(text for _, _, text, _ in self.perhaps))[:SHOWN]:
             pairs = _few([pair[:2] for pair in self.perhaps if pair[2] == text])
             lines += [
@@ -137,9 +134,8 @@ class Advice(Printed):
         if self.further:
             as_well = "explanation fits" if self.further == 1 else "explanations fit"
             more = f" {self.further} further {as_well} as well; only the first {COMPARED} were compared."
-        return "\n".join(
-            [*lines, *isolating, f"The data leave {listed(self.explanations, 'or')}.{more}", *self.remarks]
-        )
+        lines += [*isolating, f"The data leave {listed(self.explanations, 'or')}.{more}", *self.remarks]
+        return titled("\n".join(lines), self.titles)
 
 
 def suggest(
@@ -180,56 +176,58 @@ def suggest(
     say = progress or (lambda _: None)
     model = model_of(model)
     measured = measurement_of(data)
-    found = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
-    guesses = tuple(str(one) for one in found.findings if one.code == "guessed-noise")
-    titles = titles_of(found.observations.nominal.drawn)
-    return replace(_advice(model, measured, found, say), remarks=guesses, titles=titles)
+    diagnosis_of_data = diagnosed(model, measured, bootstrap=0, progress=say) if diagnosis is None else diagnosis
+    guesses = tuple(str(finding) for finding in diagnosis_of_data.findings if finding.code == "guessed-noise")
+    titles = titles_of(diagnosis_of_data.observations.nominal.drawn)
+    return replace(_advice(model, measured, diagnosis_of_data, say), remarks=guesses, titles=titles)
 
 
-def _advice(model: ActuatorModel, measured: Measurement, found: Diagnosis, say: Callable[[str], None]) -> Advice:
-    every = _left_together(found)
-    explanations, further = every[:COMPARED], max(0, len(every) - COMPARED)
+def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, say: Callable[[str], None]) -> Advice:
+    every = _left_together(diagnosis)
+    explanations, unlisted = every[:COMPARED], max(0, len(every) - COMPARED)
     names = tuple(" + ".join(fit.names) for fit in explanations)
-    if found.campaign is None or len(explanations) < 2:
-        most = found.dominant.tie if found.dominant else ()
-        unsure = [] if _certain(found) else [*(one.name for one in found.missing), *most]
-        return Advice(names, isolating=_isolating(unsure, found.observations.nominal), note=_nothing_to_separate(found))
-    of_one = not found.observations.nominal.circuits or found.observations.of_impedances  # as trials are, but for these
+    if diagnosis.campaign is None or len(explanations) < 2:
+        most = diagnosis.dominant.tie if diagnosis.dominant else ()
+        unsure = [] if _certain(diagnosis) else [*(effect.name for effect in diagnosis.missing), *most]
+        return Advice(
+            names, isolating=_isolating(unsure, diagnosis.observations.nominal), note=_nothing_to_separate(diagnosis)
+        )
+    of_one = (
+        not diagnosis.observations.nominal.circuits or diagnosis.observations.of_impedances
+    )  # as trials are, but for these
     if not isinstance(measured, BenchTable) or not of_one:
         used = [name for fit in every for name in fit.names]
         return Advice(
-            tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used, found.observations.nominal)
+            tuple(" + ".join(fit.names) for fit in every), isolating=_isolating(used, diagnosis.observations.nominal)
         )
     say("Trying measurements")
-    noise = found.campaign.noise
+    noise = diagnosis.campaign.noise
     suggestions = suggest_measurements(model, plausible_table(model, measured), noise, explanations)
-    apart = {pair[:2] for one in suggestions for pair in one.separates}
-    hints = [_hint(a, b) for a, b in combinations(explanations, 2) if _pair(a, b) not in apart]
-    perhaps = tuple(one for one in hints if one[3] >= HINTS)
-    never = tuple(one[:2] for one in hints if one[3] < HINTS)
-    return Advice(names, tuple(suggestions), never, further=further, perhaps=perhaps)
+    apart = {pair[:2] for suggestion in suggestions for pair in suggestion.separates}
+    hints = []
+    for a, b in combinations(explanations, 2):
+        if _pair(a, b) not in apart:  # the direct reading of which the two expect the most different values
+            effects = {added.effect.name: added.effect for fit in (a, b) for added in fit.effects}.values()
+            expected = [
+                (apart_by_direct_reading(effect.name, calibration, a, b), calibration.instruction)
+                for effect in effects
+                for calibration in effect.calibrations
+            ]
+            farthest, text = max(expected, default=(0.0, ""), key=lambda reading: reading[0])
+            hints.append((*_pair(a, b), text, round(farthest, 1)))
+    perhaps = tuple(hint for hint in hints if hint[3] >= HINTS)
+    never = tuple(hint[:2] for hint in hints if hint[3] < HINTS)
+    return Advice(names, tuple(suggestions), never, further=unlisted, perhaps=perhaps)
 
 
 def _pair(a: Refit, b: Refit) -> tuple[str, str]:
     return " + ".join(a.names), " + ".join(b.names)
 
 
-def _hint(a: Refit, b: Refit) -> tuple[str, str, str, float]:
-    """The direct reading of which two explanations expect the most different values."""
-    effects = {added.effect.name: added.effect for fit in (a, b) for added in fit.effects}.values()
-    apart = [
-        (apart_by_direct_reading(effect.name, one, a, b), one.instruction)
-        for effect in effects
-        for one in effect.calibrations
-    ]
-    most, text = max(apart, default=(0.0, ""), key=lambda pair: pair[0])
-    return (*_pair(a, b), text, round(most, 1))
-
-
-def _left_together(found: Diagnosis) -> tuple[Refit, ...]:
+def _left_together(diagnosis: Diagnosis) -> tuple[Refit, ...]:
     """What was named and what else the data leave, but for what only adds to it."""
-    named = {one.name for one in found.missing}
-    return tuple(fit for fit in found.explanations if not named < set(fit.names))
+    named = {effect.name for effect in diagnosis.missing}
+    return tuple(fit for fit in diagnosis.explanations if not named < set(fit.names))
 
 
 def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str], ...]:
@@ -237,26 +235,26 @@ def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str],
     return tuple((name, effects[name].experiment) for name in names if name in effects)
 
 
-def _certain(found: Diagnosis) -> bool:
+def _certain(diagnosis: Diagnosis) -> bool:
     """Whether nothing but what is named would give these readings, of the whole catalogue."""
-    return found.confident and not found.excluded
+    return diagnosis.confident and not diagnosis.excluded
 
 
-def _nothing_to_separate(found: Diagnosis) -> str:
-    if found.campaign is None:
-        return str(found.findings[-1])
-    if found.missing and not _certain(found):
-        return f"{certainty_sentence(found)} What checks it:"
-    if found.own_misfit:
-        return f"{verdict_sentence(found)} {finer_model(found.model)}"
-    if found.missing:
-        name = " + ".join(one.name for one in found.missing)
+def _nothing_to_separate(diagnosis: Diagnosis) -> str:
+    if diagnosis.campaign is None:
+        return str(diagnosis.findings[-1])
+    if diagnosis.missing and not _certain(diagnosis):
+        return f"{certainty_sentence(diagnosis)} What checks it:"
+    if diagnosis.own_misfit:
+        return f"{verdict_sentence(diagnosis)} {finer_model(diagnosis.model)}"
+    if diagnosis.missing:
+        name = " + ".join(effect.name for effect in diagnosis.missing)
         alone = f"There is nothing to separate: of the effects that femfit knows, the data leave {name} alone."
-        return f"{alone} {dimensions_unsuspected(found)}".rstrip()
-    if found.dominant:
-        return f"{verdict_sentence(found)} What checks that:"
+        return f"{alone} {dimensions_unsuspected(diagnosis)}".rstrip()
+    if diagnosis.dominant:
+        return f"{verdict_sentence(diagnosis)} What checks that:"
     why = "the model explains these data without any effect"
-    if found.verdict == "unexplained":
+    if diagnosis.verdict == "unexplained":
         why = "no effect that femfit knows explains these data"
     return f"There is nothing to separate: {why}."
 
@@ -271,27 +269,33 @@ def suggest_measurements(
     available = tuple(predict_readings(model, d, i, Conditions(observations.nominal), channels=CHANNELS))
     named = {added.effect.name: added.effect for fit in explanations for added in fit.effects}
     result = []
+    pairs = list(combinations(explanations, 2))
     for experiment in possible_experiments(observations, available, list(named.values())):
-        direct = experiment.calibration and by_direct_reading(experiment.effect, experiment.calibration)
-        distance = direct or _joint(model, table, noise, experiment)
-        separates, remains = list[tuple[str, str, float]](), list[tuple[str, str]]()
-        for a, b in combinations(explanations, 2):
-            pair = _pair(a, b)
-            apart = distance(a, b)
-            if apart is None:
-                remains.append(pair)
-            else:
-                separates.append((*pair, round(apart, 1)))
+        if experiment.calibration:
+            reading = experiment.effect, experiment.calibration
+            apart = [apart_by_direct_reading(*reading, a, b) for a, b in pairs]
+            distances = [distance if distance >= needed_distance() else None for distance in apart]
+        else:
+            distances = _joint_distances(model, table, noise, experiment, pairs)
+        both = list(zip([_pair(a, b) for a, b in pairs], distances, strict=True))
+        separates = tuple((*pair, round(distance, 1)) for pair, distance in both if distance is not None)
+        remains = tuple(pair for pair, distance in both if distance is None)
         if separates:
-            result.append(Suggestion(experiment.text, experiment.cost, tuple(separates), tuple(remains), experiment))
-    return sorted(result, key=lambda one: (one.cost / len(one.separates), one.cost))
+            result.append(Suggestion(experiment.text, experiment.cost, separates, remains, experiment))
+    return sorted(result, key=lambda suggestion: (suggestion.cost / len(suggestion.separates), suggestion.cost))
 
 
-def _joint(model: ActuatorModel, table: BenchTable, noise: NoiseModel, experiment: Experiment) -> Distance:
-    """By a further run beside the readings: the smaller of the distances of each from the other's best refit."""
+def _joint_distances(
+    model: ActuatorModel,
+    table: BenchTable,
+    noise: NoiseModel,
+    experiment: Experiment,
+    pairs: Sequence[tuple[Refit, Refit]],
+) -> list[float | None]:
+    """How far apart explanations are by a further run: the smaller of the distances from the other's best refit."""
     observations = bench_observations(model, joined(table, experiment))
-    own = own_misfit_columns(observations)
-    whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations), own)
+    own_misfit = own_misfit_columns(observations)
+    whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations), own_misfit)
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
         starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)
@@ -299,12 +303,12 @@ def _joint(model: ActuatorModel, table: BenchTable, noise: NoiseModel, experimen
         more = parameters_of(truth.effects) - parameters_of(rival.effects)
         return separation(observations, whitening, change, starts, TIE, more)
 
-    def distance(a: Refit, b: Refit) -> float | None:
+    result: list[float | None] = []
+    for a, b in pairs:
         there = one_way(a, b)
         back = None if there is None else one_way(b, a)
-        return None if there is None or back is None else min(there, back)
-
-    return distance
+        result.append(None if there is None or back is None else min(there, back))
+    return result
 
 
 def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
@@ -312,11 +316,11 @@ def joined(table: BenchTable, experiment: Experiment) -> BenchTable:
     more = experiment.rows if experiment.rows is not None else table.rows.iloc[:0]
     more = more.assign(run=float(table.rows["run"].max()) + 1.0, order=np.arange(len(more), dtype=float))
     more = more.assign(**dict.fromkeys(CHANNELS, np.nan) | dict.fromkeys(experiment.channels, 0.0))
-    given = (*table.given, *(n for n in experiment.channels if n not in table.given))
+    columns_given = (*table.given, *(n for n in experiment.channels if n not in table.given))
     mount = table.rows["mount"].where(table.rows["mount"].notna(), table.rows["run"])
     rows = pd.concat([table.rows.assign(mount=mount), more.assign(mount=float(mount.max()) + 1.0)], ignore_index=True)
     varied = tuple(
-        n for n in ("coil_temperature_C", "magnet_temperature_C") if more[n].notna().any() and n not in given
+        n for n in ("coil_temperature_C", "magnet_temperature_C") if more[n].notna().any() and n not in columns_given
     )
     columns = list(dict.fromkeys((*table.rows.columns, *experiment.channels)))
-    return replace(table, rows=rows[columns], given=(*given, *varied))
+    return replace(table, rows=rows[columns], given=(*columns_given, *varied))

@@ -2,9 +2,7 @@
 
 The scatter of a reading comes from repeats of one setting and from what was declared, weighted by their degrees of
 freedom; from a guess where there is neither. Nothing here looks at an effect, and a hidden one does not widen the
-noise: it is the same in every repeat.
-
-Noise drawn from a campaign's noise model.
+noise: it is the same in every repeat. Simulated campaigns draw their noise from the same model.
 """
 
 from collections.abc import Sequence
@@ -25,8 +23,14 @@ from femfit.identify.constants import (
     UNKNOWN_CHANNEL,
 )
 from femfit.identify.noise.contrasts import ChannelDesign, Contrasts, restricted_estimate, rho_of
-from femfit.identify.noise.designs import random_effects, repeated_readings
-from femfit.identify.noise.scatter import Scatter, contradicts, guessed_scatter, known_scatter
+from femfit.identify.noise.scatter import (
+    Scatter,
+    contradicts,
+    guessed_scatter,
+    known_scatter,
+    random_effects,
+    repeated_readings,
+)
 from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns, sequence, setting_errors
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.settings import quantisation_step
@@ -39,19 +43,21 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
     """
     names, constant = observations.channels, never_varying(observations)
     scatter = [known_scatter(observations, c, name in constant) for c, name in enumerate(names)]
-    if not any(one.design for one in scatter):
+    if not any(of_channel.design for of_channel in scatter):
         scatter = [guessed_scatter(observations, c) for c in range(len(names))]
-    known = [c for c, one in enumerate(scatter) if one.design]
-    if not known:
+    with_noise = [c for c, of_channel in enumerate(scatter) if of_channel.design]
+    if not with_noise:
         return None
-    designs = {c: design for c in known if (design := scatter[c].design) is not None}
+    designs = {c: design for c in with_noise if (design := scatter[c].design) is not None}
     readings = {c: observations.residual[design.here] for c, design in designs.items()}
     rho, contrasts = np.zeros(len(names)), {}
     for c, design in designs.items():
-        if not design.cells and not _is_noise(scatter[c], design, readings[c]):
+        if not design.cells and not _is_noise(scatter[c], design, readings[c]):  # but a misfit
             contrasts[c] = Contrasts(0.0, 0.0, np.zeros(0), np.zeros((0, design.random.shape[1])))
             continue
-        k = _correlation(design, readings[c])
+        # Too few readings that follow each other do not say how they are correlated
+        follows = int(np.count_nonzero(~design.chain.first))
+        k = design.best_rho(readings[c]) if min(follows, design.free) >= LEAST_REPEATS else 0
         rho[c], contrasts[c] = rho_of(k), design.contrasts(readings[c], k)
         if not scatter[c].repeats:  # what smooth patterns leave is never taken for the noise of a reading
             contrasts[c] = Contrasts(0.0, 0.0, contrasts[c].along, contrasts[c].columns)
@@ -60,7 +66,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         if c not in designs:
             largest = float(np.abs(observations.value[observations.channel == c]).max())
             sigma[c] = UNKNOWN_CHANNEL * (largest or 1.0)
-    repeats = np.array([one.repeats for one in scatter])
+    repeats = np.array([of_channel.repeats for of_channel in scatter])
     return NoiseModel(
         channels=names,
         sigma=sigma,
@@ -69,7 +75,7 @@ def estimate_noise(observations: Observations) -> NoiseModel | None:
         run=run[0],
         degrees_of_freedom=_degrees_of_freedom(observations, scatter, rho),
         repeats=repeats,
-        source={names[c]: scatter[c].source for c in known},
+        source={names[c]: scatter[c].source for c in with_noise},
         test_mount_m=mount[1],
         test_run=run[1],
         stop_m=stop[0],
@@ -104,37 +110,33 @@ def _is_noise(scatter: Scatter, design: ChannelDesign, y: FloatArray) -> bool:
     return ratio <= 1.0 or not contradicts(ratio, design.free, scatter.weight)
 
 
-def _correlation(design: ChannelDesign, y: FloatArray) -> int:
-    """Number of the correlation of successive readings: none where too few follow each other to say it."""
-    follows = int(np.count_nonzero(~design.chain.first))
-    return design.best_rho(y) if min(follows, design.free) >= LEAST_REPEATS else 0
-
-
 def _variances(
     observations: Observations, scatter: Sequence[Scatter], contrasts: dict[int, Contrasts]
 ) -> tuple[FloatArray, tuple[float, float, bool], tuple[FloatArray, FloatArray], tuple[float, float]]:
     """Standard deviations of readings, of mounts, of runs and of stops; of the last three also as tests use them."""
-    known, random, names = list(contrasts), random_effects(observations), observations.channels
-    sigma = np.array([one.prior for one in scatter])
+    judged, random, names = list(contrasts), random_effects(observations), observations.channels
+    sigma = np.array([of_channel.prior for of_channel in scatter])
     # Of the variances only those that several mounts or runs, in a channel of known noise, have
     groups = range(2 + len(names))
-    moved = [c for c in known if observations.distance_slope[observations.channel == c].any()]
-    used = [g for g in groups if random.differences[g] > 0.0 and (g - 1 in known or (g in {0, groups[-1]} and moved))]
+    moved = [c for c in judged if observations.distance_slope[observations.channel == c].any()]
+    used = [g for g in groups if random.differences[g] > 0.0 and (g - 1 in judged or (g in {0, groups[-1]} and moved))]
     place = np.array([used.index(g) if g in used else -1 for g in groups])
     columns = place[random.group] >= 0
     mount = observations.declared_distance_m or PRIOR_MOUNT_M
-    stop = observations.declared_distance_m or _least_stop(observations, sigma, moved)
+    # A stop is assumed to make, in the channel which shows it most, what runs are assumed to differ by
+    slopes = [np.sqrt(np.mean(observations.distance_slope[observations.channel == c] ** 2)) / sigma[c] for c in moved]
+    stop = observations.declared_distance_m or PRIOR_RUN / float(max(slopes, default=np.inf))
     declared_run = np.array([observations.declared_run.get(name, np.nan) for name in names])
     offsets = np.where(np.isnan(declared_run), PRIOR_RUN * sigma, declared_run)
     scale = np.array([mount, *offsets, stop])[used] ** 2
-    given = np.array([False, *np.isfinite(declared_run), False])[used]
+    is_declared = np.array([False, *np.isfinite(declared_run), False])[used]
     group, second = place[random.group[columns]], random.second[columns]
     parts = [
         Contrasts(contrasts[c].square, contrasts[c].free, contrasts[c].along, contrasts[c].columns[:, columns])
-        for c in known
+        for c in judged
     ]
     # Without repeats nothing may move a declared noise: what a misfit differs by from run to run would
-    start, trust = sigma[known] ** 2, np.array([scatter[c].weight if scatter[c].repeats else EXACT for c in known])
+    start, trust = sigma[judged] ** 2, np.array([scatter[c].weight if scatter[c].repeats else EXACT for c in judged])
 
     scale, u = np.concatenate([scale, start]), len(used)
     none = np.concatenate([np.zeros(u), trust])
@@ -144,22 +146,22 @@ def _variances(
     shown = np.maximum(np.sqrt(n * alone.spread_alone[:u] / 2.0), alone.variance[:u])
     read = shown - alone.variance[:u]
     against = [
-        not known and bool(k) and alone.converged and contradicts(float(s / (a + b)), float(k), PRIOR_WEIGHT)
-        for s, a, b, k, known in zip(shown, scale[:u], read, n, given, strict=True)
+        not declared and bool(k) and alone.converged and contradicts(float(s / (a + b)), float(k), PRIOR_WEIGHT)
+        for s, a, b, k, declared in zip(shown, scale[:u], read, n, is_declared, strict=True)
     ]
-    weight = np.concatenate([np.where(given, EXACT, np.where(against, 0.0, PRIOR_WEIGHT)), trust])
+    weight = np.concatenate([np.where(is_declared, EXACT, np.where(against, 0.0, PRIOR_WEIGHT)), trust])
     # From what the readings say alone: a large offset of runs is not to be taken for noise of readings on the way
-    found = restricted_estimate(parts, group, second, scale, weight, np.maximum(alone.variance, scale))
-    variance = found.variance[:u].copy()
-    if not found.converged:  # no scatter is taken for smaller than what is assumed before any reading
+    estimate = restricted_estimate(parts, group, second, scale, weight, np.maximum(alone.variance, scale))
+    variance = estimate.variance[:u].copy()
+    if not estimate.converged:  # no scatter is taken for smaller than what is assumed before any reading
         variance = np.maximum(variance, scale[:u])
-    degrees = np.maximum(found.degrees_of_freedom[:u], PRIOR_WEIGHT)
+    degrees = np.maximum(estimate.degrees_of_freedom[:u], PRIOR_WEIGHT)
     tests = np.where(against, shown * _student(np.maximum(n, 1.0)) - read, variance * _student(degrees))
     assumed = ~np.array(against, dtype=bool) & (degrees < 2.0 * PRIOR_WEIGHT)
     result, wide = np.zeros(len(groups)), np.zeros(len(groups))
     result[used], wide[used] = np.sqrt(variance), np.sqrt(np.maximum(tests, variance))
-    sigma[known] = np.sqrt(found.variance[u:])
-    for c in known:
+    sigma[judged] = np.sqrt(estimate.variance[u:])
+    for c in judged:
         step = quantisation_step(observations.value[observations.channel == c])
         sigma[c] = max(sigma[c], step / np.sqrt(12.0))
     taken = bool(0 in used and assumed[0] and observations.declared_distance_m is None)
@@ -171,17 +173,11 @@ def _variances(
     )
 
 
-def _least_stop(observations: Observations, sigma: FloatArray, moved: Sequence[int]) -> float:
-    """The error of a stop that makes, in the channel which shows it most, what runs are assumed to differ by."""
-    shown = [np.sqrt(np.mean(observations.distance_slope[observations.channel == c] ** 2)) / sigma[c] for c in moved]
-    return PRIOR_RUN / float(max(shown, default=np.inf))
-
-
 def _differences(
     parts: Sequence[Contrasts], group: IntArray, second: BoolArray, sigma: FloatArray, most: FloatArray
 ) -> FloatArray:
     """How many differences of mounts, and of runs, are left once fixed effects, drifts above all, are taken out."""
-    columns = np.concatenate([one.columns / s for one, s in zip(parts, sigma, strict=True)])
+    columns = np.concatenate([contrasts.columns / s for contrasts, s in zip(parts, sigma, strict=True)])
     ranks = [np.linalg.matrix_rank(columns[:, (group == k) & ~second], rtol=1e-6) for k in range(len(most))]
     return np.minimum(np.array(ranks, dtype=np.float64), most)
 
@@ -199,8 +195,8 @@ def _degrees_of_freedom(observations: Observations, scatter: Sequence[Scatter], 
     uncertainty, (1 - rho^2) / n, makes uncertain by 4 / ((1 - rho^2) n) in relative variance.
     """
     count = np.bincount(observations.channel, minlength=len(rho))
-    declared = np.array([one.weight for one in scatter])
-    repeats = np.array([one.repeats for one in scatter])
+    declared = np.array([of_channel.weight for of_channel in scatter])
+    repeats = np.array([of_channel.repeats for of_channel in scatter])
     independent = declared + repeats * (1.0 - rho**2) / (1.0 + rho**2)
     independent[declared >= EXACT] = np.inf
     slow = np.where(rho > 0.0, 2.0 / ((1.0 - rho**2) * np.maximum(count, 1)), 0.0)

@@ -1,17 +1,16 @@
 """Contrasts of one channel that hold its noise alone: free of everything that settings, and a hidden effect, may do.
 
 Where a channel has repeats, each setting has a mean of its own (``cells``), so that only the differences between
-repeats are left. Where it has not, smooth patterns are taken out instead. Temperatures and times are taken out
-besides, and what an error of the distance that all mounts share would do.
+repeats are left. Where it has not, smooth patterns are taken out instead. Temperatures and times are taken out besides,
+and what an error of the distance that all mounts share would do.
 
-Successive readings of a run are whitened by W, (y_i - r y_(i-1)) / sqrt(1 - r^2) with r = rho^gap, so that all of it
-is least squares with the products X' W' W X. Those depend on the settings and on rho alone: they are kept for each
-rho of a grid, and new readings cost a few products of a vector.
+Successive readings of a run are whitened by W, (y_i - r y_(i-1)) / sqrt(1 - r^2) with r = rho^gap, so that all of it is
+least squares with the products X' W' W X. Those depend on the settings and on rho alone: they are kept for each rho of
+a grid, and new readings cost a few products of a vector.
 
-Variance components by restricted maximum likelihood, with weak priors, from contrasts free of the fixed effects.
-
-With y = X b + Z u + e, the restricted likelihood is that of contrasts of y that X does not reach. Of each channel
-those are its squared length beyond X and Z, s^2 chi^2(f), and coordinates t along Z,
+From them follow variance components by restricted maximum likelihood, with weak priors. With y = X b + Z u + e, the
+restricted likelihood is that of contrasts of y that X does not reach. Of each channel those are its squared length
+beyond X and Z, s^2 chi^2(f), and coordinates t along Z,
 
     t ~ N(0, S),   S = diag(s_c^2) + sum_k v_k T_k T_k'   (3 v^2 for columns of second order in a normal error),
     -2 log L = sum_c [f_c log s_c^2 + q_c / s_c^2] + log det S + t' S^-1 t + sum_j w_j (log x_j + a_j / x_j).
@@ -149,11 +148,11 @@ class _Problem:
         scale: FloatArray,
         weight: FloatArray,
     ) -> None:
-        self.t = np.concatenate([one.along for one in channels])
-        self.columns = np.concatenate([one.columns for one in channels])
-        self.square = np.array([one.square for one in channels])
-        self.free = np.array([one.free for one in channels])
-        self.of = np.repeat(np.arange(len(channels)), [len(one.along) for one in channels])
+        self.t = np.concatenate([channel.along for channel in channels])
+        self.columns = np.concatenate([channel.columns for channel in channels])
+        self.square = np.array([channel.square for channel in channels])
+        self.free = np.array([channel.free for channel in channels])
+        self.of = np.repeat(np.arange(len(channels)), [len(channel.along) for channel in channels])
         self.second, self.scale, self.weight = second, scale, weight
         self.effects = len(scale) - len(channels)
         self.group = group
@@ -170,7 +169,7 @@ class _Problem:
         lower = np.linalg.cholesky(total)
         root = solve_triangular(lower, np.eye(len(lower)), lower=True)
         inverse = root.T @ root
-        a, seen = inverse @ self.t, inverse @ self.columns
+        a, solved = inverse @ self.t, inverse @ self.columns
         cost = float(
             self.free @ np.log(s)
             + np.sum(self.square / s)
@@ -178,12 +177,12 @@ class _Problem:
             + self.t @ a
             + np.sum(self.weight * (x - np.log(self.scale) + self.scale / variance - 1.0))
         )
-        of_effects = change * (np.sum(self.columns * seen, axis=0) - (self.columns.T @ a) ** 2)
+        of_effects = change * (np.sum(self.columns * solved, axis=0) - (self.columns.T @ a) ** 2)
         of_channels = self.in_channel.T @ (np.diag(inverse) - a**2) + self.free / s - self.square / s**2
         slope = np.concatenate([self.in_group.T @ of_effects, of_channels]) * variance
         slope += self.weight * (1.0 - self.scale / variance)
-        effects = np.outer(change, change) * (self.columns.T @ seen) ** 2
-        both = self.in_channel.T @ (seen**2 * change) @ self.in_group
+        effects = np.outer(change, change) * (self.columns.T @ solved) ** 2
+        both = self.in_channel.T @ (solved**2 * change) @ self.in_group
         channels = self.in_channel.T @ inverse**2 @ self.in_channel + np.diag(self.free / s**2)
         curvature = np.block([[self.in_group.T @ effects @ self.in_group, both.T], [both, channels]])
         curvature = curvature * np.outer(variance, variance) + np.diag(self.weight)
@@ -220,8 +219,8 @@ class ChannelDesign:
     @cached_property
     def dense(self) -> FloatArray:
         """Fixed columns, and those of random effects that change a reading, of unit length."""
-        seen = self.size > 0.0
-        return np.concatenate([self.fixed, self.random[:, seen] / self.size[seen]], axis=1)
+        moves = self.size > 0.0
+        return np.concatenate([self.fixed, self.random[:, moves] / self.size[moves]], axis=1)
 
     def at(self, k: int) -> "_AtRho":
         """The least-squares problem at the k-th value of rho."""
@@ -273,7 +272,7 @@ class _AtRho:
         self.design = design
         self.share = np.where(chain.first, 0.0, rho**chain.gap)
         self.root = np.sqrt(1.0 - self.share**2)
-        size, seen = design.size, design.size > 0.0
+        size, moves = design.size, design.size > 0.0
         white = self._white(design.dense)
         products = white.T @ white
         self.cells: SuperLU | None = None
@@ -294,7 +293,7 @@ class _AtRho:
         values, vectors = values[len(values) - self.rank :], vectors[:, len(values) - self.rank :]
         self.directions = vectors / np.sqrt(values)
         self.columns = np.zeros((self.rank, len(size)))
-        self.columns[:, seen] = np.sqrt(values)[:, None] * vectors.T * size[seen]
+        self.columns[:, moves] = np.sqrt(values)[:, None] * vectors.T * size[moves]
         self.determinant = determinant + float(np.log(values).sum())
 
     def _white(self, x: FloatArray) -> FloatArray:
@@ -326,11 +325,11 @@ class _AtRho:
             along = along - self.beside.T @ means
         f = len(self.fixed)
         if f:
-            part = np.linalg.solve(self.fixed, along[:f])
-            square -= float(part @ part)
-            along = along - np.concatenate([along[:f], self.shared.T @ part])
-        seen = self.directions.T @ along[f:]
-        return max(square - float(seen @ seen), 0.0), seen
+            means_fixed = np.linalg.solve(self.fixed, along[:f])
+            square -= float(means_fixed @ means_fixed)
+            along = along - np.concatenate([along[:f], self.shared.T @ means_fixed])
+        coordinates = self.directions.T @ along[f:]
+        return max(square - float(coordinates @ coordinates), 0.0), coordinates
 
     def cost(self, y: FloatArray, free: int) -> float:
         """-2 log of the restricted likelihood, the variance at its best."""

@@ -1,13 +1,11 @@
 """What repeats of one setting and a declaration, or else the smoothness of the misfit, say of a channel's scatter.
 
-A guess of the noise where nothing tells it: what neighbouring settings leave beside a straight line.
-
-A model's misfit is smooth over distance and current. Of three neighbours on a line the middle one, less the straight
-line through the others, holds noise and little else: e = a y_before + b y_after - y has the variance
-(a^2 + b^2 + 1) sigma^2. Noise that lasts from reading to reading hides from neighbours that were read one after the
-other, and seldom from those along the other setting, so that the larger of both guesses counts.
-
-Whether an error is within the noise, the one answer for everything that is printed.
+Which readings of a campaign hold its noise alone, and what else differs between them, is worked out first. Where
+nothing tells the noise, it is guessed from what neighbouring settings leave beside a straight line: a model's misfit is
+smooth over distance and current. Of three neighbours on a line the middle one, less the straight line through the
+others, holds noise and little else: e = a y_before + b y_after - y has the variance (a^2 + b^2 + 1) sigma^2. Noise that
+lasts from reading to reading hides from neighbours that were read one after the other, and seldom from those along the
+other setting, so that the larger of both guesses counts.
 
 References
 ----------
@@ -15,16 +13,14 @@ T. Gasser, L. Sroka and C. Jennen-Steinmetz, Biometrika 73 (1986) 625: pseudo-re
 P. J. Rousseeuw and C. Croux, J. American Statistical Association 88 (1993) 1273: median absolute deviation, 37 %.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
-from femfit.core.numerics import FloatArray
-from femfit.core.text import amount
-from femfit.identify.comparison.patterns import smooth_patterns
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.identify.comparison.patterns import drift_patterns, smooth_patterns
 from femfit.identify.constants import (
     CONTRADICTED,
     EXACT,
@@ -33,29 +29,176 @@ from femfit.identify.constants import (
     LEAST_NEIGHBOURS,
     LEAST_REPEATS,
     LEAST_REPEATS_AGAINST_DECLARED,
-    LEVEL,
     NORMAL_MEDIAN,
     SAME_LINE,
     SAME_READING,
-    WITHIN_NOISE,
 )
-from femfit.identify.noise.contrasts import ChannelDesign
-from femfit.identify.noise.designs import channel_design, random_effects, repeated_readings, uncertain_settings
-from femfit.identify.noise.whitening import NoiseModel, orthonormal_basis, random_columns, setting_errors
-from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.settings import levels, quantisation_step
-from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.identify.noise.contrasts import Chain, ChannelDesign
+from femfit.identify.noise.whitening import (
+    NoiseModel,
+    chains_of,
+    orthonormal_basis,
+    sequence,
+    stops,
+)
+from femfit.identify.readings.observations import Observations, once_for_settings
+from femfit.identify.readings.settings import levels, quantisation_step, repeat_cells
+
+
+@dataclass(frozen=True, eq=False)
+class RandomEffects:
+    """Columns of mounts, runs and stops: a variance for the mounts, one for each channel's runs, one for the stops."""
+
+    columns: FloatArray  # Shape (M, q)
+    # Which variance each has: 0 of mounts, 1 + c of the runs of channel c, 1 + channels of the stops; shape (q,)
+    group: IntArray
+    second: BoolArray  # Whether its effect is the square of a mount's error; shape (q,)
+    # Mounts, and runs of each channel, less one, and stops less places of the stage; shape (2 + channels,)
+    differences: FloatArray
+
+    @property
+    def of_stops(self) -> BoolArray:
+        """Which of the columns are of stops, the last of the variances; shape (q,)."""
+        return np.asarray(self.group == len(self.differences) - 1)
+
+
+@once_for_settings
+def repeated_readings(observations: Observations) -> list[tuple[IntArray, IntArray, IntArray]]:
+    """Of each channel the readings of settings that were repeated, cell by cell, where each cell starts, and all cells.
+
+    The last are the numbers, from 0, of each reading's cell.
+    """
+    cells, result = repeat_cells(observations), []
+    for c in range(len(observations.channels)):
+        here = np.flatnonzero(observations.channel == c)
+        _, code, count = np.unique(cells[here], return_inverse=True, return_counts=True)
+        repeated = here[count[code] > 1]
+        sorting = repeated[np.argsort(cells[repeated], kind="stable")]
+        _, start, cell = np.unique(cells[sorting], return_index=True, return_inverse=True)
+        result.append((sorting, start, cell))
+    return result
+
+
+@once_for_settings
+def random_effects(observations: Observations) -> RandomEffects:
+    """Mounts, runs and stops of which there are several.
+
+    A body of a single run was put back only where the file says so. Stops of single rows are not told from the scatter
+    of readings.
+    """
+    mount, run = observations.column("mount"), observations.column("run")
+    mounts, here = np.unique(mount), observations.channel[:, None] == np.arange(len(observations.channels))
+    runs = [np.unique(run[column]) for column in here.T]
+    put_back = len(mounts) > 1 and ("mount" in observations.given or max(map(len, runs)) > 1)
+    columns, group, second = [], [], []
+    if put_back:
+        each = (mount[:, None] == mounts).astype(np.float64)
+        columns += [each * observations.distance_slope[:, None], 0.5 * each * observations.distance_curvature[:, None]]
+        group += 2 * len(mounts) * [0]
+        second += len(mounts) * [False] + len(mounts) * [True]
+    for c, there in enumerate(runs):
+        if len(there) > 1:
+            columns.append(((run[:, None] == there) & here[:, [c]]).astype(np.float64))
+            group += len(there) * [1 + c]
+            second += len(there) * [False]
+    stop = stops(observations)
+    numbers, rows = np.unique(stop), len(observations.covariates)
+    repeated = len(numbers) - len(np.unique(observations.column("distance_m")))
+    if repeated > 0 and 2 * len(numbers) <= rows:
+        columns.append((stop[:, None] == numbers) * observations.distance_slope[:, None])
+        group += len(numbers) * [1 + len(runs)]
+        second += len(numbers) * [False]
+    differences = [
+        len(mounts) - 1.0 if put_back else 0.0,
+        *(len(there) - 1.0 for there in runs),
+        float(repeated) if 1 + len(runs) in group else 0.0,
+    ]
+    none = np.zeros((len(run), 0))
+    return RandomEffects(
+        np.concatenate([none, *columns], axis=1), np.array(group, int), np.array(second, bool), np.array(differences)
+    )
+
+
+@once_for_settings
+def _designs(observations: Observations) -> list[dict[tuple[bool, bool], ChannelDesign]]:
+    """Of each channel the designs for readings of equal variance, by whether from repeats, and with known stops."""
+    return [{} for _ in observations.channels]
+
+
+def channel_design(observations: Observations, c: int, repeats: bool, sigma: float = 0.0) -> ChannelDesign:
+    """The design of a channel; sigma weighs what uncertain settings make against it where it is not 0.
+
+    Stops have columns where enough of the repeats is left beside them.
+    """
+    design = _design(observations, c, repeats, sigma, stops_known=not repeats)
+    enough = not repeats or design.free >= LEAST_REPEATS
+    return design if enough else _design(observations, c, repeats, sigma, stops_known=True)
+
+
+def _design(observations: Observations, c: int, repeats: bool, sigma: float, stops_known: bool) -> ChannelDesign:
+    """The same where errors of stops are known, and weighed as those of single rows are, or have columns."""
+    here = repeated_readings(observations)[c][0] if repeats else np.flatnonzero(observations.channel == c)
+    effects = random_effects(observations)
+    made = np.sum(uncertain_settings(observations, stops_known)[here] ** 2, axis=1)
+    equal = sigma == 0.0 or not made.any()
+    if equal and (repeats, stops_known) in _designs(observations)[c]:
+        return _designs(observations)[c][repeats, stops_known]
+    weight = np.ones(len(here)) if equal else 1.0 / np.sqrt(1.0 + made / sigma**2)
+    cell = repeated_readings(observations)[c][2] if repeats else np.zeros(len(here), dtype=np.intp)
+    order = np.lexsort((sequence(observations)[here], observations.column("run")[here]))
+    here, weight, cell = here[order], weight[order], cell[order]
+    patterns = (drift_patterns if repeats else smooth_patterns)(observations)
+    # A distance error of all mounts is in no difference between them; nor is a hidden effect that looks like it
+    common = np.stack([observations.distance_slope[here], observations.distance_curvature[here]], axis=1)
+    fixed = np.concatenate([patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))], common], axis=1)
+    if repeats:
+        fixed = _within(fixed, cell)
+    random = effects.columns[here] * ~(effects.of_stops & stops_known)
+    cells = int(cell.max()) + 1 if repeats else 0
+    design = ChannelDesign(here, cell, cells, orthonormal_basis(fixed), random, _chain(observations, here), weight)
+    if equal:
+        _designs(observations)[c][repeats, stops_known] = design
+    return design
+
+
+def uncertain_settings(observations: Observations, stops_known: bool) -> FloatArray:
+    """Errors of settings that are weighed as if each row had its own: without those of stops that have columns."""
+    has_columns = random_effects(observations).differences[-1] > 0.0 and not stops_known
+    return observations.setting_columns[:, int(has_columns) :]
+
+
+def _within(columns: FloatArray, cell: IntArray) -> FloatArray:
+    """Columns less their mean in each cell; zero where rounding alone is left."""
+    count = np.bincount(cell)
+    means = np.stack([np.bincount(cell, column) for column in columns.T], axis=1) / count[:, None]
+    deviation = columns - means[cell]
+    varies = np.linalg.norm(deviation, axis=0) > 1e-9 * np.linalg.norm(columns, axis=0)
+    return np.asarray(deviation * varies)
+
+
+def _chain(observations: Observations, here: IntArray) -> Chain:
+    """The chain of some readings of one channel, which stand run by run in their sequence."""
+    chains, run = chains_of(observations), observations.column("run")[here]
+    follows = np.append(False, run[1:] == run[:-1])
+    # Readings since the start of the run, those that are not used and those that are missing included
+    of_channel = np.flatnonzero(observations.channel == observations.channel[here[0]])
+    of_channel = of_channel[np.lexsort((sequence(observations)[of_channel], observations.column("run")[of_channel]))]
+    place = np.zeros(len(observations.value))
+    place[of_channel] = np.cumsum(chains.gap[of_channel])
+    gap = np.where(follows, np.diff(place[here], prepend=0.0), 1.0)
+    before = np.where(follows, np.arange(len(here)) - 1, np.arange(len(here)))
+    return Chain(before, ~follows, gap)
 
 
 def guessed_noise(observations: Observations, channel: str) -> tuple[float, float]:
     """A standard deviation of one reading, on the wide side, and its degrees of freedom; 0 where there is no guess."""
     here = observations.of(channel)
     residual = observations.residual[here]
-    at = {name: observations.setting(name)[here] for name in observations.settings}
+    settings = {name: observations.setting(name)[here] for name in observations.settings}
     beside = (observations.column("run")[here], observations.column("branch")[here])
     guesses = []
-    for along, values in at.items():
-        lines = np.stack([*beside, *(levels(at[fixed], SAME_LINE) for fixed in at if fixed != along)])
+    for along, values in settings.items():
+        lines = np.stack([*beside, *(levels(settings[fixed], SAME_LINE) for fixed in settings if fixed != along)])
         differences = _pseudo_residuals(residual, values, lines)
         if len(differences) >= LEAST_NEIGHBOURS:
             sigma = float(np.median(np.abs(differences))) / NORMAL_MEDIAN
@@ -67,12 +210,12 @@ def _pseudo_residuals(y: FloatArray, x: FloatArray, lines: FloatArray) -> FloatA
     """Middle readings less the line through their neighbours, each with the variance of one reading."""
     _, line = np.unique(lines, axis=1, return_inverse=True)
     frame = pd.DataFrame({"line": line.ravel(), "x": x, "y": y}).groupby(["line", "x"], as_index=False).first()
-    number, at, value = (frame[name].to_numpy() for name in ("line", "x", "y"))
+    number, place, value = (frame[name].to_numpy() for name in ("line", "x", "y"))
     inside = np.flatnonzero(number[:-2] == number[2:]) if len(number) > 2 else np.zeros(0, dtype=np.intp)
     before, middle, after = inside, inside + 1, inside + 2
-    weight = (at[after] - at[middle]) / (at[after] - at[before])
-    left = weight * value[before] + (1.0 - weight) * value[after] - value[middle]
-    return np.asarray(left / np.sqrt(weight**2 + (1.0 - weight) ** 2 + 1.0))
+    weight = (place[after] - place[middle]) / (place[after] - place[before])
+    difference = weight * value[before] + (1.0 - weight) * value[after] - value[middle]
+    return np.asarray(difference / np.sqrt(weight**2 + (1.0 - weight) ** 2 + 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,99 +300,3 @@ def scatter_as_noise(observations: Observations) -> NoiseModel:
         scatter = observations.residual[here] - basis @ (basis.T @ observations.residual[here])
         sigma[c] = max(float(np.sqrt(scatter @ scatter / max(len(scatter) - basis.shape[1], 1))), 1e-12)
     return NoiseModel(observations.channels, sigma, zeros, 0.0, zeros, zeros, zeros, {}, 0.0, zeros)
-
-
-def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> dict[str, float]:
-    """Channels whose rms error is more than their noise, and how many times the noise of one reading it is.
-
-    Within the noise is what is at most 1.2 times what the declared noise, or repeats, show: of the readings, of
-    settings, and of mounts and runs as far as the readings show these. What is assumed of them does not count, nor a
-    guess of the noise. Few readings may have more: what chance makes of so many, at the level of the tests. A channel
-    of unknown noise is in no list.
-    """
-    if noise is None:
-        return {}
-    shown, number = noise_shown(observations, noise), {name: c for c, name in enumerate(noise.channels)}
-    return {
-        name: error / float(noise.sigma[number[name]])
-        for name, error in rms.items()
-        if name in noise.source and error > _most(int(np.sum(observations.of(name)))) * shown[number[name]]
-    }
-
-
-def _most(readings: int) -> float:
-    """Rms error over the noise up to which so many readings are within it: few are far from 1 by chance."""
-    return max(WITHIN_NOISE, float(np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)))
-
-
-def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
-    """Rms error that the noise makes in each channel, by what was declared and what the readings show of it."""
-    count = np.maximum(np.bincount(observations.channel, minlength=len(noise.sigma)), 1)
-    columns, deviations = random_columns(observations, 0.0 if noise.mount_assumed else noise.mount_m, noise.run)
-    settings = sum((size**2 for _, size in setting_errors(observations, noise.stop_m)), np.zeros(len(columns)))
-    beside = np.bincount(observations.channel, settings + columns**2 @ deviations**2, len(noise.sigma)) / count
-    return np.asarray(np.sqrt(noise.sigma**2 + beside))
-
-
-def not_judged(observations: Observations, noise: NoiseModel | None) -> list[str]:
-    """A sentence on the channels whose noise is unknown, beside others; none where there are none."""
-    unknown = [CHANNEL_WORDS[name] for name in observations.channels if noise and name not in noise.source]
-    if not unknown:
-        return []
-    return [
-        f"Not judged: the {' and the '.join(unknown)}, whose noise nothing says. Measure settings twice, or declare it."
-    ]
-
-
-def if_mounts_are_assumed(
-    observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float], left: Mapping[str, str]
-) -> str:
-    """What a "nothing is missing" rests on where re-mounts make the errors that are given in words as ``left``.
-
-    Empty where they would not make them, and where the readings or a declaration say how large re-mounts are.
-    """
-    if noise is None or not left or not noise.mount_assumed:
-        return ""
-    with_mounts = noise_shown(observations, replace(noise, mount_assumed=False, mount_m=noise.test_mount_m))
-    if any(rms[name] > with_mounts[noise.channels.index(name)] for name in left):
-        return ""
-    return (
-        f"if each time that it is put back the body may stand {amount(noise.test_mount_m, 'mount_m')} elsewhere. That "
-        f"is assumed, and would explain all that the model misses: {' and '.join(left.values())}. To know, declare "
-        "distance_mm, or put the body back more often."
-    )
-
-
-def in_words(observations: Observations, beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str, str]:
-    """Each such channel as it is said of a model: what it misses, and by how much."""
-    return {
-        name: f"the {CHANNEL_WORDS[name]} by {observations.amount(rms[name], name, 3)} rms, "
-        f"{times:.3g} times the noise of one reading"
-        for name, times in beyond.items()
-    }
-
-
-def allowed_for(observations: Observations, noise: NoiseModel | None) -> str:
-    """What the test allows for beside the noise of a reading, and where that comes from; empty where that is nothing.
-
-    Offsets of runs, and errors of stops, are said where they make more than the noise of one reading.
-    """
-    if noise is None:
-        return ""
-    made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
-    at_stops = [f"the {amount(noise.stop_m, 'mount_m')} by which the distance is off at each stop (estimated)"]
-    place = "mount to mount" if "mount" in observations.given else "run to run"
-    source = "assumed, since there are few" if noise.mount_assumed else "estimated"
-    said = [f"the {amount(noise.test_mount_m, 'mount_m')} by which the distance may differ from {place} ({source})"]
-    if noise.test_mount_m >= np.ptp(observations.column("distance_m")):
-        said = [f"any error of the distance that differs from {place} (too few of them say how large it is)"]
-    return " and ".join(
-        said[: noise.mount_m > 0.0]
-        + at_stops[: bool(made.any())]
-        + [
-            f"the {amount(offset, name)} by which every reading of the {CHANNEL_WORDS[name]} differs from run to run "
-            f"({'declared' if name in observations.declared_run else f'estimated; declare run.{name} if it is less'})"
-            for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
-            if offset > sigma
-        ]
-    )

@@ -10,7 +10,7 @@ G. E. P. Box, G. M. Jenkins and G. C. Reinsel, Time Series Analysis (Wiley, 2008
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.identify.constants import SAME_SETTING
-from femfit.identify.readings.observations import Observations, once_for_settings
+from femfit.identify.readings.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.readings.settings import levels, setting_cells
 
 
@@ -41,12 +41,12 @@ def sequence(observations: Observations) -> FloatArray:
     """
     if observations.clocked:
         return observations.column("order")
-    at = observations.covariates
-    falling = (at["branch"] < 0.0).to_numpy()
-    currents = [np.where(falling, -1.0, 1.0) * at[name].to_numpy() for name in observations.settings[1:]]
-    scan = np.lexsort((*currents, falling, levels(at["distance_m"].to_numpy(), SAME_SETTING), at["run"]))
-    place = np.zeros(len(at))
-    place[scan] = np.arange(len(at), dtype=np.float64)
+    table = observations.covariates
+    falling = (table["branch"] < 0.0).to_numpy()
+    currents = [np.where(falling, -1.0, 1.0) * table[name].to_numpy() for name in observations.settings[1:]]
+    scan = np.lexsort((*currents, falling, levels(table["distance_m"].to_numpy(), SAME_SETTING), table["run"]))
+    place = np.zeros(len(table))
+    place[scan] = np.arange(len(table), dtype=np.float64)
     return place[observations.row]
 
 
@@ -72,7 +72,7 @@ def setting_errors(observations: Observations, stop_m: float) -> list[tuple[IntA
     distance, *currents = observations.setting_columns.T
     if stop_m > 0.0:
         distance = stop_m * observations.distance_slope
-    errors = [(stops(observations), distance), *((observations.row, one) for one in currents)]
+    errors = [(stops(observations), distance), *((observations.row, column) for column in currents)]
     return [(number, size) for number, size in errors if size.any()]
 
 
@@ -136,7 +136,7 @@ class NoiseModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Whitening:
+class Whitening(WithoutCache):
     """The map to independent readings of unit variance."""
 
     observations: Observations
@@ -144,10 +144,6 @@ class Whitening:
     chains: Chains
     # What else scatters, each column by one standard deviation: the model's own misfit to its table; shape (M, n)
     misfit: FloatArray | None = None
-
-    def __getstate__(self) -> dict[str, object]:
-        """What it was made from: the factors below are many times as large, and are worked out again on demand."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @cached_property
     def _share(self) -> FloatArray:
@@ -195,16 +191,16 @@ class Whitening:
             return columns, np.zeros(0)
         columns = self.serial(columns)
         squares, vectors = np.linalg.eigh(columns.T @ columns)
-        kept = squares > 1e-3  # Less than a thousandth of the noise's own variance: the rest is no noise to speak of
-        left = columns @ (vectors[:, kept] / np.sqrt(squares[kept]))
-        return left, 1.0 - 1.0 / np.sqrt(1.0 + squares[kept])
+        counts = squares > 1e-3  # Less than a thousandth of the noise's own variance: the rest is no noise to speak of
+        directions = columns @ (vectors[:, counts] / np.sqrt(squares[counts]))
+        return directions, 1.0 - 1.0 / np.sqrt(1.0 + squares[counts])
 
     def full(self, x: FloatArray) -> FloatArray:
         """All of the noise whitened, for x of shape (M,) or (M, k)."""
-        left, shrink = self._random
+        directions, shrink = self._random
         serial = self.serial(x)
-        along = left.T @ serial
-        return serial - left @ ((shrink if x.ndim == 1 else shrink[:, None]) * along)
+        along = directions.T @ serial
+        return serial - directions @ ((shrink if x.ndim == 1 else shrink[:, None]) * along)
 
 
 def _shrunk(x: FloatArray, maps: list[tuple[sparse.csr_array, FloatArray]]) -> FloatArray:

@@ -1,7 +1,11 @@
-"""A bench table beside a model: the readings that can be compared, and what the effects need to know of each row."""
+"""Places a measurement beside a model: a bench table by its rows, a record over time by its windows.
+
+Of a bench table these are the readings that can be compared, and what the effects need to know of each row.
+"""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,24 +17,28 @@ from femfit.core.text import amount, counted
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
-from femfit.identify.constants import IN_ORDER
+from femfit.identify.constants import IN_ORDER, MOST_ROWS
 from femfit.identify.readings.impedance import away_from_bias, weighed_by_magnitude, with_bias
-from femfit.identify.readings.observations import InTheirRuns, Observations
-from femfit.identify.readings.plausible import nothing_in_domain, within_currents, within_domain
+from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
+from femfit.identify.readings.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.readings.settings import (
     current_directions,
     current_names,
     currents_in,
     hall_not_compared,
+    inductive,
     with_currents,
+    without_bias,
 )
+from femfit.identify.series.observations import series_observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_table import RepeatedCoenergy
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.circuit_columns import parts_of
-from femfit.tables.measurement import OF_RUNS, BenchTable
+from femfit.tables.measurement import OF_RUNS, BenchTable, Measurement, TimeSeries
 from femfit.tables.measurement_checks import STILL_CURRENT
+from femfit.tables.measurement_file import read_measurement
 
 
 def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
@@ -38,27 +46,28 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     table = with_currents(model, table)
     findings: list[Finding] = []
     d, i = table.rows["distance_m"].to_numpy(), currents_in(model, table.rows)
-    known = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
+    placed_rows = np.isfinite(d) & np.isfinite(i).reshape(len(d), -1).all(axis=1)
     if "frequency_Hz" in table.given:
-        known &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
-    inside = known & within_domain(model, d, i)
-    if not known.all():
-        text = f"{_rows(~known, 'without distance, current or frequency')} left out."
-        findings.append(Finding("no-setting", "info", text))
-    if (known & ~inside).any():
-        text = f"{_rows(known & ~inside, 'outside of the validity domain of the model')} left out."
-        if model.validity.distance_min_m > 0.0 and (d[known] <= 0.0).any():
-            text += f" Distances go down to {amount(d[known].min(), 'm')}; they count from the fixed part's face."
+        placed_rows &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
+    inside = placed_rows & within_domain(model, d, i)
+    if not placed_rows.all():
+        subject = _rows(~placed_rows, "without distance, current or frequency")
+        findings.append(Finding("no-setting", "info", f"{subject} left out."))
+    if (placed_rows & ~inside).any():
+        text = f"{_rows(placed_rows & ~inside, 'outside of the validity domain of the model')} left out."
+        if model.validity.distance_min_m > 0.0 and (d[placed_rows] <= 0.0).any():
+            text += f" Distances go down to {amount(d[placed_rows].min(), 'm')}; they count from the fixed part's face."
         findings.append(Finding("outside-domain", "info", text, "Sweep and fit a wider range to use them."))
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
     if beyond.any():
-        drawn = model.without_effects.kind is not None
-        why = "the drawn iron is linear" if drawn else "the model's co-energy is quadratic in the current"
+        why = "the model's co-energy is quadratic in the current"
+        why = why if model.without_effects.kind is None else "the drawn iron is linear"
+        ranges = " and ".join(f"{amount(low, 'A')} to {amount(high, 'A')}" for low, high in box.current_limits_A)
         text = (
             f"{int(beyond.sum())} of {int(inside.sum())} rows have currents outside of the model's range, "
-            f"{' and '.join(_range(*limits) for limits in box.current_limits_A)}. They are compared all the same: "
-            f"{why}, and was carried on to them. Iron that saturates there shows as a misfit."
+            f"{ranges}. They are compared all the same: {why}, and was carried on to them. Iron that saturates there "
+            "shows as a misfit."
         )
         findings.append(Finding("extrapolated", "warning", text, "Sweep and fit a wider range."))
     if not inside.any():
@@ -81,19 +90,17 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     away = away_from_bias(model, d, i)
     weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise, away)
     predict = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
-    moved, stacked = predict.moved, predict.stacked
-    steps = (
-        1e-3 * (nominal.distance_max_m - nominal.distance_min_m),
-        1e-3 * max(nominal.current_max_A - nominal.current_min_A, 1e-9),
+    moved, stacked, far = predict.moved, predict.stacked, 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
+    ahead, behind = moved(far, 0.0), moved(-far, 0.0)
+    slope = (ahead - behind) / (2.0 * far)
+    own_misfit, declared = model_tolerance(model), dict(table.declared_noise)
+    tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels} | dict(
+        weighing.tolerance
     )
-    ahead, behind = moved(steps[0], 0.0), moved(-steps[0], 0.0)
-    slope = (ahead - behind) / (2.0 * steps[0])
-    own, declared = model_tolerance(model), dict(table.declared_noise)
-    tolerance = {name: np.full(len(d), own.get(parts_of(name)[0], 0.0)) for name in channels} | dict(weighing.tolerance)
     uncertain = [slope * declared.get("distance_m", 0.0)]
     for direction, name in zip(current_directions(model), current_names(model) or ("current_A",), strict=True):
-        step = steps[1] * direction
-        along = (moved(0.0, step) - moved(0.0, -step)) / (2.0 * steps[1])
+        more = 1e-3 * max(nominal.current_max_A - nominal.current_min_A, 1e-9)
+        along = (moved(0.0, more * direction) - moved(0.0, -more * direction)) / (2.0 * more)
         uncertain.append(along * declared.get(name, 0.0))
     observations = Observations(
         channels=channels,
@@ -104,7 +111,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         given=table.given,
         predict=InTheirRuns(predict, covariates["run"].to_numpy(dtype=int)[np.concatenate(pieces)]),
         distance_slope=slope,
-        distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / steps[0] ** 2,
+        distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / far**2,
         nominal=nominal,
         declared_noise={name: sd for name, sd in (declared | dict(weighing.noise)).items() if name in channels},
         tolerance=stacked(tolerance),
@@ -114,8 +121,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             *findings,
             *weighing.findings,
             *hall_not_compared(model, table.given),
-            *_declared_settings(declared),
-            *_drawn_spring(nominal, channels),
+            *_remarks(declared, nominal, channels),
         ),
         present=tuple(added.effect.name for added in model.effects),
         declared_distance_m=declared.get("distance_m"),
@@ -126,8 +132,20 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     return with_bias(observations, model, away.flux, i, current_names(model))
 
 
-def _range(low: float, high: float) -> str:
-    return f"{amount(low, 'A')} to {amount(high, 'A')}"
+def _remarks(declared: Mapping[str, float], nominal: Nominal, channels: tuple[str, ...]) -> list[Finding]:
+    """How the uncertainty of the settings was used, and what readings were taken for where a spring is drawn."""
+    remarks, words = [], {"distance_m": "distance", "current_A": "current"}
+    settings = [f"the {words[name]} to {amount(declared[name], name)}" for name in words if name in declared]
+    if settings:
+        text = f"Each reading was set to {' and '.join(settings)} (declared); its noise includes what that makes of it."
+        remarks.append(Finding("uncertain-setting", "info", text))
+    if nominal.springs is not None and "force_N" in channels:
+        text = (
+            "The drawing has a spring. The readings were compared with the magnetic force alone. If your force sensor "
+            "carries the spring as well, spring_in_force is missing."
+        )
+        remarks.append(Finding("drawn-spring", "info", text, column="force_N"))
+    return remarks
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,30 +183,6 @@ def _coenergy(prediction: _BenchPrediction) -> RepeatedCoenergy:
     return RepeatedCoenergy(base_coenergy(prediction.model))
 
 
-def _declared_settings(declared: Mapping[str, float]) -> list[Finding]:
-    """Say that the uncertainty of the settings was used, and how."""
-    said = [
-        f"the {words} to {amount(declared[name], name)}"
-        for name, words in (("distance_m", "distance"), ("current_A", "current"))
-        if name in declared
-    ]
-    if not said:
-        return []
-    text = f"Each reading was set to {' and '.join(said)} (declared); its noise includes what that makes of it."
-    return [Finding("uncertain-setting", "info", text)]
-
-
-def _drawn_spring(nominal: Nominal, channels: tuple[str, ...]) -> list[Finding]:
-    """Say what the force readings were taken for where a spring is drawn."""
-    if nominal.springs is None or "force_N" not in channels:
-        return []
-    text = (
-        "The drawing has a spring. The readings were compared with the magnetic force alone. If your force sensor "
-        "carries the spring as well, spring_in_force is missing."
-    )
-    return [Finding("drawn-spring", "info", text, column="force_N")]
-
-
 def _rows(which: BoolArray, words: str) -> str:
     count = int(which.sum())
     return f"{counted(count, 'row')} {words} {'were' if count > 1 else 'was'}"
@@ -223,19 +217,6 @@ def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.Dat
     ).fillna({"branch": 0.0})
 
 
-def model_tolerance(model: ActuatorModel) -> dict[str, float]:
-    """Misfit of a model to the table that it was fitted to: root mean square per channel in which it is known."""
-    misfit, sensor = model.misfit, model.sensor
-    if misfit is None:
-        return {}
-    result = {"force_N": misfit.force_rms_N}
-    if misfit.flux_linkage_rms_Wb is not None:
-        result["flux_linkage_Wb"] = misfit.flux_linkage_rms_Wb
-    if misfit.hall_rms_T is not None and sensor is not None:
-        result["hall_V"] = misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
-    return result
-
-
 def conditions_of(covariates: pd.DataFrame, nominal: Nominal) -> Conditions:
     """What effects need to know of every row of the covariates; a temperature that was not recorded is NaN."""
     cycle = covariates.groupby([covariates["run"], covariates["distance_m"]])["current_A"]
@@ -264,8 +245,8 @@ def _recalled(covariates: pd.DataFrame, nominal: Nominal) -> Mapping[str, FloatA
     step, branch = np.where(begins, 0.0, np.diff(path, prepend=path[0])), in_order["branch"].to_numpy()
     same_place = np.append(False, np.diff(in_order["distance_m"].to_numpy()) == 0.0)
     # A branch that changes while the current stands still contradicts the order, but for a turning point read twice
-    known = same_place & (branch != 0.0) & ((step != 0.0) | np.append(False, branch[1:] != branch[:-1]))
-    if not known.any() or np.mean(np.sign(step[known]) == branch[known]) < IN_ORDER:
+    moving = same_place & (branch != 0.0) & ((step != 0.0) | np.append(False, branch[1:] != branch[:-1]))
+    if not moving.any() or np.mean(np.sign(step[moving]) == branch[moving]) < IN_ORDER:
         return {}
     place = np.argsort(in_order.index.to_numpy())
     return {
@@ -274,3 +255,42 @@ def _recalled(covariates: pd.DataFrame, nominal: Nominal) -> Mapping[str, FloatA
         if effect.memory is not None and effect.memory.recall is not None
         for name, values in effect.memory.recall(path, begins, nominal).items()
     }
+
+
+def measurement_of(data: Measurement | str | Path) -> Measurement:
+    """The measurement, read where a path is given."""
+    return data if isinstance(data, BenchTable | TimeSeries) else read_measurement(data)
+
+
+def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations:
+    """Place a measurement beside a model, what contradicts the model's sensors set aside.
+
+    Raises
+    ------
+    TableError
+        If a bench table has so many rows that a comparison takes hours, or no reading that the model predicts.
+    """
+    data = measurement_of(data)
+    if isinstance(data, TimeSeries):
+        return series_observations(model, data)
+    if len(data.rows) > MOST_ROWS:
+        raise TableError(
+            f"{data.source} must have at most {MOST_ROWS:,} rows to be compared with a model; instead received "
+            f"{len(data.rows):,}, for which time and memory do not suffice. Give the mean of each setting in each run, "
+            "and its noise with --noise, or some of the runs."
+        )
+    return bench_observations(model, plausible_table(model, inductive(model, without_bias(model, data))))
+
+
+def suspicions(findings: tuple[Finding, ...]) -> list[str]:
+    """What a reader must know before any number, as lines: units and signs that are suspected."""
+    return [f"Check first: {finding}" for finding in findings if finding.code.startswith("suspected")]
+
+
+def notes(findings: tuple[Finding, ...]) -> list[str]:
+    """The other findings as lines, warnings first."""
+    remaining = [finding for finding in findings if not finding.code.startswith("suspected")]
+    return [
+        *(f"Warning: {finding}" for finding in remaining if finding.severity != "info"),
+        *(f"note: {finding}" for finding in remaining if finding.severity == "info"),
+    ]

@@ -1,12 +1,12 @@
-"""Impedances of a bench table: an instrument's errors of resistance and reactance go with the magnitude |Z|.
+"""Impedances of a bench table: how they are weighed, and what they may be off by away from the eddy currents' bias.
 
-Readings, predictions and slopes are multiplied by a magnitude that is usual over |Z| of each reading, so that a channel
-has one noise: by the winding's resistance, and for an inductance by its own over |Z| / w.
+An instrument's errors of resistance and reactance go with the magnitude |Z|. Readings, predictions and slopes are
+multiplied by a magnitude that is usual over |Z| of each reading, so that a channel has one noise: by the winding's
+resistance, and for an inductance by its own over |Z| / w.
 
-Impedances read away from the bias about which eddy currents beside iron that saturates were solved.
-
-There the iron has another permeability, by a factor that the model does not know. Skin layers go with the product of
-permeability and conductivity, so that the impedance is off as if the iron conducted otherwise. With
+Eddy currents beside iron that saturates were solved about a bias. Away from it the iron has another permeability, by a
+factor that the model does not know. Skin layers go with the product of permeability and conductivity, so that the
+impedance is off as if the iron conducted otherwise. With
 
     x = |lambda(d, i) - lambda(d, b(d))| / lambda_s,
 
@@ -17,7 +17,7 @@ leaves of its error is up to 0.8 % of |Z|. Of any form may be the second order o
 differ, |L(d, i) - L(d, b)| / L, of the induced voltage.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -55,21 +55,21 @@ def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArr
     if bias is None:
         return AwayFromBias(still, still)
     here, there = current.reshape(len(distance), -1), bias.at(distance)
-    read, solved = (_linked(base, distance, one) for one in (here, there))
+
+    def linked_by(currents: FloatArray) -> FloatArray:
+        """Flux linkages of currents (N, n), shape (N, n)."""
+        each = currents if currents.shape[1] > 1 else currents[:, 0]
+        return base.magnetics.flux_linkage(distance, each).reshape(currents.shape)
+
+    read, solved = linked_by(here), linked_by(there)
     apart = np.minimum(*(np.linalg.norm(read - sign * solved, axis=1) for sign in (1.0, -1.0)))  # all turned is alike
     apart *= np.where(np.linalg.norm(read, axis=1) < np.linalg.norm(solved, axis=1), -1.0, 1.0)
     ends = np.array(np.meshgrid(*base.validity.current_limits_A)).reshape(here.shape[1], -1).T
-    linked = [_linked(base, distance, np.tile(end, (len(distance), 1))) for end in ends]
+    linked = [linked_by(np.tile(end, (len(distance), 1))) for end in ends]
     largest = np.linalg.norm(linked, axis=-1).max()
-    sizes = [base.magnetics.state_of_circuits(distance, one).inductance for one in (here, there)]
-    changed, *norms = (np.linalg.norm(one, axis=(1, 2)) for one in (sizes[0] - sizes[1], *sizes))
+    sizes = [base.magnetics.state_of_circuits(distance, currents).inductance for currents in (here, there)]
+    changed, *norms = (np.linalg.norm(matrix, axis=(1, 2)) for matrix in (sizes[0] - sizes[1], *sizes))
     return AwayFromBias(apart / (BIAS_SHARE * largest), changed / np.maximum(*norms), np.abs(sizes[0]).max(axis=(1, 2)))
-
-
-def _linked(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> FloatArray:
-    """Flux linkages of currents (N, n), shape (N, n)."""
-    several = current.shape[1] > 1
-    return model.magnetics.flux_linkage(distance, current if several else current[:, 0]).reshape(current.shape)
 
 
 def with_bias(
@@ -89,28 +89,23 @@ def with_bias(
     if bias is None or not observations.of_impedances or not away.any():
         return observations
     keys = [f"materials.{name}.conductivity_MS_per_m" for name in bias.materials]
-    conduct = [one for one in model.without_effects.drawn if one.key in keys]
+    conduct = [drawn for drawn in model.without_effects.drawn if drawn.key in keys]
     slopes = np.zeros((len(observations.row), len(conduct)))
-    for k, one in enumerate(conduct):
-        slopes[:, k] = _slope(observations, AddedEffect(one.effect, {one.parameter: COLUMN_STEP}), one.parameter)
+    for k, drawn in enumerate(conduct):
+        ends = [AddedEffect(drawn.effect, {drawn.parameter: step}) for step in (COLUMN_STEP, -COLUMN_STEP)]
+        ahead, behind = (observations.predict((added,)) for added in ends)
+        slopes[:, k] = (ahead - behind) / (2.0 * COLUMN_STEP)
     off = away[observations.row, None]
-    sides = [one for one in (np.maximum(off, 0.0), np.maximum(-off, 0.0)) if one.any()]  # each has a factor of its own
+    sides = [side for side in (np.maximum(off, 0.0), np.maximum(-off, 0.0)) if side.any()]  # each has its own factor
     tolerance = np.hypot(observations.tolerance, np.linalg.norm(0.5 * off**2 * slopes, axis=1))
-    observations = replace(observations, bias_columns=np.hstack([one * slopes for one in sides]), tolerance=tolerance)
+    observations = replace(observations, bias_columns=np.hstack([side * slopes for side in sides]), tolerance=tolerance)
     size = np.array([observations.magnitude.get(name, np.inf) for name in observations.channels])[observations.channel]
-    own = (eddy.error.impedance or 0.0) if eddy and eddy.error else 0.0
-    beyond = np.unique(observations.row[observations.own_misfit > own * size])
+    share = (eddy.error.impedance or 0.0) if eddy and eddy.error else 0.0
+    beyond = np.unique(observations.row[observations.own_misfit > share * size])
     if not len(beyond):
         return observations
-    found = _finding(observations, bias, beyond, currents.reshape(len(away), -1), names)
-    return replace(observations, findings=(*observations.findings, found))
-
-
-def _slope(observations: Observations, added: AddedEffect, parameter: str) -> FloatArray:
-    """Change of each reading per unit of an effect's parameter, by a central difference."""
-    step = added.parameters[parameter]
-    behind = replace(added, parameters={parameter: -step})
-    return (observations.predict((added,)) - observations.predict((behind,))) / (2.0 * step)
+    finding = _finding(observations, bias, beyond, currents.reshape(len(away), -1), names)
+    return replace(observations, findings=(*observations.findings, finding))
 
 
 def _finding(
@@ -119,7 +114,7 @@ def _finding(
     held = bias.at(observations.covariates["distance_m"].to_numpy())
 
     def said(of: FloatArray) -> str:
-        each = [amount_range(float(one.min()), float(one.max()), "A") for one in of[rows].T]
+        each = [amount_range(float(values.min()), float(values.max()), "A") for values in of[rows].T]
         of_circuits = [f" in {name.removeprefix('current_').removesuffix('_A')}" for name in names] or [""]
         return " and ".join(a + b for a, b in zip(each, of_circuits, strict=True))
 
@@ -127,7 +122,7 @@ def _finding(
         f"{counted(len(rows), 'row')} of impedances were read at {said(currents)}; the model's eddy currents hold "
         f"about {said(held)}. What the iron's other permeability does there is allowed for"
     )
-    least = [float(f"{one:.3g}") for one in np.median(currents[rows], axis=0)]
+    least = [float(f"{median:.3g}") for median in np.median(currents[rows], axis=0)]
     asked = least[0] if len(least) == 1 else least
     if bias.materials:
         text += f", and looks like another conductivity of {' and '.join(bias.materials)}"
@@ -160,59 +155,46 @@ def weighed_by_magnitude(
     nominal, w = conditions.nominal, 2.0 * np.pi * np.asarray(conditions.frequency_Hz)
     if not names or not np.isfinite(w).all():
         return Weighing()
-    magnitude = _magnitudes(model, distance, current, conditions)
+    read = predict_readings(model, distance, current, conditions, channels=SERIES)
+    magnitude = {
+        name: np.hypot(read.get(resistance_column(name), 0.0), w * values)
+        for name, values in read.items()
+        if parts_of(name)[0] == "inductance_H"
+    }
     largest = np.max(list(magnitude.values()), axis=0)
     size, most, turned = {}, {}, {}
     induced = np.minimum(largest, w * away.of_circuits)  # eddy currents make it no larger
     for name, z in magnitude.items():
-        read = np.maximum(z, LEAST_LINKED * largest)
         off = largest * (OF_THREE if name.endswith(SHORTED) else 1.0)
         for channel, scale in ((resistance_column(name), 1.0), (name, w)):
-            size[channel], most[channel] = read / scale, off / scale
+            size[channel], most[channel] = np.maximum(z, LEAST_LINKED * largest) / scale, off / scale
             turned[channel] = away.inductance * induced / scale
     usual = {name: float(getattr(nominal, parts_of(name)[0])) for name in names}
-    share, own = declared.get(IMPEDANCE_SHARE), _own_share(model)
+    share, error = declared.get(IMPEDANCE_SHARE), model.eddy.error if model.eddy is not None else None
+    eddy_misfit = (
+        (error.impedance or 0.0) / np.sqrt(3.0) if error is not None else 0.0
+    )  # of errors that are evenly spread
     quantities = dict.fromkeys(parts_of(name)[0] for name in names)
-    said = " and ".join(f"{amount(float(getattr(nominal, of)), of)} for the {CHANNEL_WORDS[of]}" for of in quantities)
-    text = f"An instrument's errors of an impedance go with its magnitude |Z|. Errors in ohm and henry hold for {said}."
+    usual_text = [f"{amount(float(getattr(nominal, of)), of)} for the {CHANNEL_WORDS[of]}" for of in quantities]
+    text = (
+        "An instrument's errors of an impedance go with its magnitude |Z|. Errors in ohm and henry hold for "
+        f"{' and '.join(usual_text)}."
+    )
+    findings, frequency = [Finding("weighed", "info", text)], np.asarray(conditions.frequency_Hz)
+    beyond = 0 if error is None else int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
+    if error is not None and beyond:  # there the model's eddy currents were not held against the field
+        text = (
+            f"{counted(beyond, 'reading lies', 'readings lie')} above "
+            f"{amount(error.frequency_max_Hz, 'frequency_Hz')}, up to which the model's eddy currents were held "
+            f"against the field; they go up to {amount(float(frequency.max()), 'frequency_Hz')}."
+        )
+        remedy = "Check the column's unit, leave them out, or sweep and fit with higher [solver] frequency_Hz."
+        findings.append(Finding("frequency-range", "warning", text, remedy, size=float(beyond), column="frequency_Hz"))
     return Weighing(
         {name: usual[name] / size[name] for name in names},
         usual,
         noise={name: share * usual[name] for name in names} if share else {},
         # The eddy currents' misfit is a share of the largest of all impedances
-        tolerance={name: np.hypot(own * most[name], turned[name]) for name in names},
-        findings=(Finding("weighed", "info", text), *_beyond_the_model(model, np.asarray(conditions.frequency_Hz))),
+        tolerance={name: np.hypot(eddy_misfit * most[name], turned[name]) for name in names},
+        findings=tuple(findings),
     )
-
-
-def _magnitudes(
-    model: ActuatorModel, distance: FloatArray, current: FloatArray, conditions: Conditions
-) -> dict[str, FloatArray]:
-    """|Z| of every row in ohm, by the column of its inductance."""
-    w = 2.0 * np.pi * np.asarray(conditions.frequency_Hz)
-    read = predict_readings(model, distance, current, conditions, channels=SERIES)
-    return {
-        name: np.hypot(read.get(resistance_column(name), 0.0), w * values)
-        for name, values in read.items()
-        if parts_of(name)[0] == "inductance_H"
-    }
-
-
-def _beyond_the_model(model: ActuatorModel, frequency: FloatArray) -> Iterator[Finding]:
-    """A warning where the model's eddy currents were not held against the field."""
-    error = model.eddy.error if model.eddy is not None else None
-    count = 0 if error is None else int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
-    if error is not None and count:
-        text = (
-            f"{counted(count, 'reading lies', 'readings lie')} above {amount(error.frequency_max_Hz, 'frequency_Hz')}, "
-            f"up to which the model's eddy currents were held against the field; they go up to "
-            f"{amount(float(frequency.max()), 'frequency_Hz')}."
-        )
-        remedy = "Check the column's unit, leave them out, or sweep and fit with higher [solver] frequency_Hz."
-        yield Finding("frequency-range", "warning", text, remedy, size=float(count), column="frequency_Hz")
-
-
-def _own_share(model: ActuatorModel) -> float:
-    """Standard misfit of the model's eddy currents to their field, over |Z|: of errors that are evenly spread."""
-    error = model.eddy.error if model.eddy is not None else None
-    return (error.impedance or 0.0) / np.sqrt(3.0) if error is not None else 0.0

@@ -5,7 +5,7 @@ time series differ only in how this view is built.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
 
@@ -18,8 +18,18 @@ from femfit.core.sweep_columns import is_current
 from femfit.core.text import weighed_amount
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
+from femfit.model.actuator_model import ActuatorModel
 
 Predict = Callable[[Iterable[AddedEffect]], FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class WithoutCache:
+    """A record that is stored by its fields: what follows from them is large, and is worked out again on demand."""
+
+    def __getstate__(self) -> dict[str, object]:
+        """The fields alone."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +86,8 @@ class Observations:
     @property
     def clocked(self) -> bool:
         """Whether the order of measuring is known: a column says it, or the branches were read from it."""
-        told = {"order", "time_s"} & set(self.given)
-        return bool(told) or any(one.code == "branch-assumed" for one in self.findings)
+        clocks = {"order", "time_s"} & set(self.given)
+        return bool(clocks) or any(finding.code == "branch-assumed" for finding in self.findings)
 
     @property
     def currents(self) -> tuple[str, ...]:
@@ -107,7 +117,7 @@ class Observations:
     @property
     def away_from_bias(self) -> bool:
         """Whether these are impedances at currents for which the model's eddy currents do not hold."""
-        return any(one.code == "eddy-bias" for one in self.findings)
+        return any(finding.code == "eddy-bias" for finding in self.findings)
 
     @property
     def own_misfit(self) -> FloatArray:
@@ -174,10 +184,10 @@ def once_for_settings(function: Callable[[Observations], Result]) -> Callable[[O
 
     @wraps(function)
     def remembered(observations: Observations) -> Result:
-        known = observations.of_settings
-        if function not in known:
-            known[function] = function(observations)
-        result: Result = known[function]
+        results = observations.of_settings
+        if function not in results:
+            results[function] = function(observations)
+        result: Result = results[function]
         return result
 
     return remembered
@@ -193,7 +203,7 @@ class InTheirRuns:
     def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
         """What the model with further effects predicts, shape (M,)."""
         effects = tuple(effects)
-        ends = sorted({end for one in effects if one.runs for end in (one.runs[0], one.runs[1] + 1)})
+        ends = sorted({end for added in effects if added.runs for end in (added.runs[0], added.runs[1] + 1)})
         if not ends:
             return self.predict(effects)
         result = np.empty(len(self.run))
@@ -201,7 +211,7 @@ class InTheirRuns:
         for number in np.unique(stage):
             here = stage == number
             run = self.run[here][0]
-            acting = [one for one in effects if one.runs is None or one.runs[0] <= run <= one.runs[1]]
+            acting = [added for added in effects if added.runs is None or added.runs[0] <= run <= added.runs[1]]
             result[here] = self.predict(acting)[here]
         return result
 
@@ -215,3 +225,16 @@ class _Kept:
 
     def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
         return self.predict(effects)[self.keep]
+
+
+def model_tolerance(model: ActuatorModel) -> dict[str, float]:
+    """Misfit of a model to the table that it was fitted to: root mean square per channel in which it is known."""
+    misfit, sensor = model.misfit, model.sensor
+    if misfit is None:
+        return {}
+    result = {"force_N": misfit.force_rms_N}
+    if misfit.flux_linkage_rms_Wb is not None:
+        result["flux_linkage_Wb"] = misfit.flux_linkage_rms_Wb
+    if misfit.hall_rms_T is not None and sensor is not None:
+        result["hall_V"] = misfit.hall_rms_T * abs(sensor.sensitivity_V_per_T)
+    return result

@@ -1,25 +1,35 @@
-"""A bench table beside a model, before it is compared: clipped readings, lone outliers, units and signs suspected."""
+"""Looks at a bench table beside a model before it is compared: what is clipped, lone outliers, and wrong columns.
 
+A column is suspected of a wrong unit or sign, of a factor, of the moving part's weight, or of another zero of the
+distance where the readings would then fit the model far better.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
+from scipy import optimize
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
-from femfit.core.text import rounded
+from femfit.core.text import amount, rounded
+from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.estimate.record_checks import suspect_settings
-from femfit.identify.constants import CLEARLY, DOMAIN_SLACK, WELL
-from femfit.identify.readings.settings import current_names, currents_in, with_leading_current
-from femfit.identify.readings.suspected_scales import (
-    Predict,
-    ratio,
-    suspected_dead,
-    suspected_factor,
-    suspected_weight,
-    suspected_zero,
+from femfit.identify.constants import (
+    BEYOND_MOUNTING,
+    CLEARLY,
+    DOMAIN_SLACK,
+    EXACTLY,
+    KEPT_ROWS,
+    LARGEST_SHIFT,
+    NOTHING_LEFT,
+    SAME_READING,
+    SHIFTS,
+    WELL,
+    WRONG_FACTOR,
 )
+from femfit.identify.readings.settings import current_names, currents_in, with_leading_current
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
 from femfit.model.magnetics import CoenergySpline
@@ -29,25 +39,146 @@ from femfit.model.validity import ValidityBox
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from femfit.tables.measurement_checks import without_outliers
-from femfit.tables.units import (
-    LEAST_READINGS,
-    OTHER_SIGN,
-    common_factors,
-    other_sign,
-    suspicion,
-    suspicion_of_rows,
-)
+from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, other_sign, suspicion, suspicion_of_rows
+
+Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
+
+_CAUSES = {
+    "force_N": "a unit, a lever of the scale, or one half of a symmetric drawing",
+    "inductance_H": "the number of turns, a unit, or a bridge's frequency at which eddy currents lower it",
+    "flux_linkage_Wb": "the number of turns, or the flux of one turn",
+    "hall_V": "the sensitivity of the Hall element, or its place",
+}
+
+
+def suspected_dead(name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """Suspect a channel that reads one value while the model's changes by more than a part of it."""
+    values, predicted = read[np.isfinite(read)], usual[np.isfinite(read)]
+    if len(values) < LEAST_READINGS or np.ptp(values) > SAME_READING * np.abs(values).max():
+        return None
+    if not float(np.std(predicted)) > WELL * abs(float(values[0])):
+        return None
+    low, high = (amount(float(end), name) for end in (predicted.min(), predicted.max()))
+    weight = ", or a weight held in balance" if name == "force_N" and values[0] else ""
+    text = (
+        f"{name} reads {amount(float(values[0]), name)} in all {len(values)} rows, where the model's goes from {low} "
+        f"to {high}: a dead channel{weight}."
+    )
+    return Finding("suspected-dead", "warning", text, "Check the sensor and its cable.", float(values[0]), name)
+
+
+def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """Suspect a factor that no tolerance of a drawing makes."""
+    sensor, circuit = model.sensor, model.circuit
+    zero = sensor.quiescent_V if name == "hall_V" and sensor is not None else 0.0
+    factor = ratio(read - zero, usual - zero)
+    if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
+        return None
+    if not _exactly(read, usual, zero + factor * (usual - zero)):
+        return None
+    cause = _CAUSES.get(name, "")
+    if name in {"voltage_V", "resistance_ohm"} and circuit is not None:
+        ohms = amount(factor * circuit.resistance_ohm, "ohm")
+        cause = f"a resistance of {ohms} instead of {amount(circuit.resistance_ohm, 'ohm')}, with leads or a resistor"
+    text = f"{name} is {rounded(factor)} times the model's at every setting: {cause or 'a unit'}."
+    return Finding("suspected-scale", "warning", text, "Correct the column or the drawing.", factor, name)
+
+
+def suspected_weight(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
+    """Suspect that a scale shows the moving part's weight beside the force, or had it taken off."""
+    if name != "force_N" or model.motion is None:
+        return None
+    weight = abs(model.motion.mass_kg * model.motion.gravity_m_s2)
+    for sign, words, remedy in ((1.0, "more", "Subtract it."), (-1.0, "less", "Add it.")):
+        if weight > 0.0 and _exactly(read, usual, usual + sign * weight):
+            text = (
+                f"force_N is {words} than the model's by the weight of the moving part, {amount(weight, 'N')}, at "
+                "every setting: it is the force of a scale, not that of the actuator."
+            )
+            return Finding("suspected-weight", "warning", text, remedy, sign * weight, name)
+    return None
+
+
+def suspected_zero(
+    model: ActuatorModel, d: FloatArray, i: FloatArray, reads: Mapping[str, FloatArray], predict: Predict
+) -> Finding | None:
+    """Suspect that the distance is counted from another place than the electromagnet's face."""
+    box = model.without_effects.validity
+    travel = box.distance_max_m - box.distance_min_m
+    of_the_circuit = {"voltage_V", "resistance_ohm"}
+    reads = {name: read for name, read in reads.items() if name not in of_the_circuit and np.isfinite(read).any()}
+    if not reads:
+        return None
+
+    low, high = box.distance_min_m - DOMAIN_SLACK * travel, box.distance_max_m + DOMAIN_SLACK * travel
+    recorded, usual = (d >= low) & (d <= high), predict(d, i)
+    # Of readings and predictions together: readings alone may be constant, as in hovering
+    spreads = {name: float(np.nanstd(np.append(read, usual[name][recorded]))) for name, read in reads.items()}
+
+    def misfit(rows: BoolArray, predicted: Mapping[str, FloatArray]) -> float:
+        """The largest root mean square error of a channel, over its spread."""
+        errors = {name: read[rows] - predicted[name] for name, read in reads.items()}
+        finite = {name: error[np.isfinite(error)] for name, error in errors.items()}
+        least = float(np.finfo(float).tiny)
+        sizes = [np.sqrt(np.mean(e**2)) / max(spreads[name], least) for name, e in finite.items() if len(e)]
+        return float(max(sizes, default=0.0))
+
+    def left(shift: float) -> float:
+        inside = (d + shift >= low) & (d + shift <= high)
+        if inside.mean() < KEPT_ROWS or (recorded & ~inside).any():
+            return NOTHING_LEFT
+        return misfit(inside, predict(d[inside] + shift, i[inside]))
+
+    before = misfit(np.ones(len(d), dtype=bool), usual)
+    shifts = np.linspace(-LARGEST_SHIFT, LARGEST_SHIFT, SHIFTS) * travel
+    best = float(shifts[np.argmin([left(float(shift)) for shift in shifts])])
+    step = float(shifts[1] - shifts[0])
+    minimum = optimize.minimize_scalar(left, bounds=(best - step, best + step), method="bounded")
+    shift = float(minimum.x)
+    usual_range = max(abs(end) for end in effect_by_name("distance_offset").parameters[0].plausible)
+    if abs(shift) < BEYOND_MOUNTING * usual_range or not minimum.fun < min(WELL, EXACTLY * before):
+        return None
+    text = (
+        f"distance_m seems to be counted from another place: with {amount(shift, 'distance_m')} added to each distance "
+        "the readings would fit the model."
+    )
+    remedy = "Count distances from the electromagnet's face to the nearest face of the moving part."
+    return Finding("suspected-zero", "warning", text, remedy, shift, "distance_m")
+
+
+def _exactly(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> bool:
+    here = np.isfinite(read)
+    if here.sum() < LEAST_READINGS:
+        return False
+    before, after = (float(np.sum((read - values)[here] ** 2)) for values in (usual, candidate))
+    return after < EXACTLY**2 * before
+
+
+def ratio(read: FloatArray, usual: FloatArray) -> float | None:
+    """How many times the prediction the readings are, by least squares; None where nothing is predicted."""
+    here = np.isfinite(read) & np.isfinite(usual)
+    square = float(usual[here] @ usual[here])
+    return float(read[here] @ usual[here]) / square if square > 0.0 else None
 
 
 def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
     """Set aside what contradicts the model's sensors or all neighbours, and suspect wrong units and signs."""
-    known = {finding.column for finding in table.findings if finding.code == "suspected-unit"}
-    suspected = [finding for finding in suspect_units(model, table) if finding.column not in known]
+    doubted = {finding.column for finding in table.findings if finding.code == "suspected-unit"}
+    suspected = [finding for finding in suspect_units(model, table) if finding.column not in doubted]
     rows, clipped = table.rows, list[Finding]()
     if model.sensor is not None and "hall_V" in table.channels:
-        rows, clipped = _within_rails(rows, model.sensor)
+        sensor, values = model.sensor, rows["hall_V"].to_numpy()
+        ended = at_ends_of_range(sensor, values)
+        if count := int(ended.sum()):
+            text = (
+                f"{count} reading{'s' * (count > 1)} of hall_V at the ends of the output's range "
+                f"({sensor.output_min_V:g} to {sensor.output_max_V:g} V) {'were' if count > 1 else 'was'} set aside: "
+                "there it is clipped."
+            )
+            clipped.append(Finding("clipped", "info", text, size=float(count), column="hall_V"))
+            rows = rows.assign(hall_V=np.where(ended, np.nan, values))
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
-    if suspected or known:
+    if suspected or doubted:
         return table
     if current_names(model) or "frequency_Hz" in table.given:  # neighbours are sought over distance and one current
         return table
@@ -83,7 +214,11 @@ def suspect_units(model: ActuatorModel, table: BenchTable) -> list[Finding]:
     if turning and all(_explains(rows[name].to_numpy(), usual[name], turned[name]) for name in turning):
         return [other_sign(f"{', '.join(turning)} would then fit the model")]
     reads = {name: rows[name].to_numpy() for name in names}
-    findings = [one for name in names if (one := _suspected_channel(model, name, reads[name], usual[name])) is not None]
+    findings = [
+        suspected
+        for name in names
+        if (suspected := _suspected_channel(model, name, reads[name], usual[name])) is not None
+    ]
     if findings or "frequency_Hz" in table.given:
         return findings
     zero = suspected_zero(model, d, i, reads, predict)
@@ -98,34 +233,26 @@ def _suspected_channel(model: ActuatorModel, name: str, read: FloatArray, usual:
             why = "it would then fit the model"
             if times:
                 why = f"it is {rounded(times)} times the model's, and would then fit"
-            return _suspected(name, words, why)
+            if words.startswith("in ") and " " not in words[3:]:
+                return suspicion(name, words[3:], why)
+            text = f"{name} seems to be {words}: {why}."
+            return Finding("suspected-unit", "warning", text, "Convert the column.", column=name)
     base = model.without_effects
     dead = suspected_dead(name, read, usual)
     if dead is not None:
         return dead
     for unit, factor in common_factors(name).items():
-        rows = _in_unit(read, usual, usual / factor)
+        converted = usual / factor  # some rows may be the prediction in another unit, and far from it as it stands
+        rows = np.abs(read - converted) < CLEARLY * np.minimum(np.abs(converted), np.abs(read - usual))
         if rows.sum() >= LEAST_READINGS and _explains(read, usual, np.where(rows, usual / factor, usual)):
             return suspicion_of_rows(name, unit, rows, "they would then fit the model")
     weight = suspected_weight(base, name, read, usual)
     return weight or suspected_factor(base, name, read, usual)
 
 
-def _in_unit(read: FloatArray, usual: FloatArray, converted: FloatArray) -> BoolArray:
-    """Rows whose readings are the prediction in another unit, and far from it as it stands."""
-    return np.asarray(np.abs(read - converted) < CLEARLY * np.minimum(np.abs(converted), np.abs(read - usual)))
-
-
-def _suspected(name: str, words: str, why: str) -> Finding:
-    text, remedy = f"{name} seems to be {words}: {why}.", "Convert the column."
-    if words.startswith("in ") and " " not in words[3:]:
-        return suspicion(name, words[3:], why)
-    return Finding("suspected-unit", "warning", text, remedy, column=name)
-
-
 def _predictor(model: ActuatorModel, channels: tuple[str, ...], frequency: FloatArray | float = np.nan) -> Predict:
-    at = Conditions(nominal_of(model), frequency_Hz=frequency)
-    return lambda d, i: predict_readings(model, d, i, at, channels=channels)
+    conditions = Conditions(nominal_of(model), frequency_Hz=frequency)
+    return lambda d, i: predict_readings(model, d, i, conditions, channels=channels)
 
 
 def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> dict[str, FloatArray]:
@@ -154,9 +281,9 @@ def _explains(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> boo
     if here.sum() < LEAST_READINGS:
         return False
     read, usual, candidate = read[here], usual[here], candidate[here]
-    left = float(np.sqrt(np.mean((read - candidate) ** 2)))
+    misfit = float(np.sqrt(np.mean((read - candidate) ** 2)))
     spread = float(np.std(read))
-    return left < CLEARLY * float(np.sqrt(np.mean((read - usual) ** 2))) and left < WELL * spread
+    return misfit < CLEARLY * float(np.sqrt(np.mean((read - usual) ** 2))) and misfit < WELL * spread
 
 
 def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
@@ -165,21 +292,6 @@ def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
     if here.sum() < LEAST_READINGS:
         return False
     return float(np.std((turned - usual)[here])) > WELL * float(np.std(read[here]))
-
-
-def _within_rails(rows: pd.DataFrame, sensor: HallSensor) -> tuple[pd.DataFrame, list[Finding]]:
-    """The Hall output without readings at the ends of its range, where it was clipped."""
-    values = rows["hall_V"].to_numpy()
-    clipped = at_ends_of_range(sensor, values)
-    if not clipped.any():
-        return rows, []
-    count = int(clipped.sum())
-    text = (
-        f"{count} reading{'s' * (count > 1)} of hall_V at the ends of the output's range ({sensor.output_min_V:g} to "
-    )
-    text += f"{sensor.output_max_V:g} V) {'were' if count > 1 else 'was'} set aside: there it is clipped."
-    finding = Finding("clipped", "info", text, size=float(count), column="hall_V")
-    return rows.assign(hall_V=np.where(clipped, np.nan, values)), [finding]
 
 
 def at_ends_of_range(sensor: HallSensor, volts: FloatArray) -> BoolArray:
@@ -227,4 +339,4 @@ def nothing_in_domain(model: ActuatorModel, table: BenchTable) -> str:
     )
     remedy = "Convert the columns, or sweep and fit a wider range."
     suspected = suspect_units(model, table)
-    return " ".join([where, *(str(one) for one in suspected)] if suspected else [where, remedy])
+    return " ".join([where, *(str(finding) for finding in suspected)] if suspected else [where, remedy])

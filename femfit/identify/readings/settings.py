@@ -1,6 +1,4 @@
-"""The currents of a bench table as a model takes them: one, or one of each circuit.
-
-Repeated settings: which readings are repeats of each other, and what scatter they show.
+"""The settings of a bench table: its currents as a model takes them, and which rows repeat a setting.
 
 References
 ----------
@@ -33,9 +31,9 @@ def current_names(model: ActuatorModel) -> tuple[str, ...]:
     return tuple(circuit_currents(getattr(model.without_effects.magnetics, "names", model.circuit_names)))
 
 
-def hall_not_compared(model: ActuatorModel, given: Sequence[str]) -> tuple[Finding, ...]:
+def hall_not_compared(model: ActuatorModel, columns: Sequence[str]) -> tuple[Finding, ...]:
     """That a recorded Hall voltage of several circuits is left out, where it is."""
-    if not model.validity.further_A or "hall_V" not in given:
+    if not model.validity.further_A or "hall_V" not in columns:
         return ()
     text = "hall_V is neither compared nor diagnosed: with several circuits no effect on a Hall element is known."
     return (Finding("hall-not-compared", "info", text, "femfit observe reads it.", column="hall_V"),)
@@ -73,47 +71,8 @@ def without_bias(model: ActuatorModel, table: BenchTable) -> BenchTable:
     currents = currents_in(model, table.rows)
     currents[np.isnan(currents).all(axis=1) & (table.rows["current_A"] == 0.0).to_numpy()] = 0.0
     rows = table.rows.assign(**dict(zip(names, currents.T, strict=True)))
-    known = [name for name in names if name not in table.given and rows[name].notna().any()]
-    return replace(table, rows=rows, given=(*table.given, *known))
-
-
-def _require_currents(model: ActuatorModel, table: BenchTable) -> None:
-    """Refuse a table without currents beside a model with a circuit."""
-    several = current_names(model)
-    if several:
-        lacking = [name for name in several if name not in table.given]
-        if lacking:
-            raise TableError(
-                f"A bench table beside model {model.name!r} must have a current of each circuit; {table.source} lacks "
-                f"{', '.join(lacking)} (it has {', '.join(table.given)}). Add a column of zeros for one that carries "
-                "none."
-            )
-        return
-    if "current_A" in table.given or not model.circuits:
-        return
-    unused = " ".join(str(one) for one in table.findings if one.code == "unused-column")
-    raise TableError(
-        f"A bench table beside model {model.name!r}, which has a circuit, must have current_A with numbers in it; "
-        f"{table.source} has {', '.join(table.given)}. {unused}{' ' * bool(unused)}Rename a column, or say what it is "
-        "with --column HEADER=current_A."
-    )
-
-
-def _require_impedances_of(model: ActuatorModel, table: BenchTable) -> None:
-    """Refuse an impedance of which it is not said to which of several circuits it belongs."""
-    if not current_names(model):
-        return
-    circuits = model.without_effects.circuit_names
-    inductances = list(impedances_by_column(np.eye(len(circuits), dtype=np.complex128), circuits))
-    known = {*inductances, *map(resistance_column, inductances)}
-    other = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in known]
-    if other:
-        raise TableError(
-            f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
-            f"{table.source} has {', '.join(other)}. Name each column after its circuit, all others open "
-            f"({inductances[0]}), or after two: the voltage of one over the current of the other ({inductances[1]}), "
-            f"or the one with the other shorted ({inductances[2]}). For example --column HEADER={inductances[0]}."
-        )
+    filled = [name for name in names if name not in table.given and rows[name].notna().any()]
+    return replace(table, rows=rows, given=(*table.given, *filled))
 
 
 def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
@@ -124,21 +83,45 @@ def with_currents(model: ActuatorModel, table: BenchTable) -> BenchTable:
     TableError
         If a current is missing, or it is not said to which circuit an impedance belongs.
     """
-    table = without_bias(model, table)
-    _require_currents(model, table)
-    _require_impedances_of(model, table)
+    table, names = without_bias(model, table), current_names(model)
+    lacking = [name for name in names if name not in table.given]
+    if lacking:
+        raise TableError(
+            f"A bench table beside model {model.name!r} must have a current of each circuit; {table.source} lacks "
+            f"{', '.join(lacking)} (it has {', '.join(table.given)}). Add a column of zeros for one that carries none."
+        )
+    if not names and model.circuits and "current_A" not in table.given:
+        unused = " ".join(str(finding) for finding in table.findings if finding.code == "unused-column")
+        raise TableError(
+            f"A bench table beside model {model.name!r}, which has a circuit, must have current_A with numbers in it; "
+            f"{table.source} has {', '.join(table.given)}. {unused}{' ' * bool(unused)}Rename a column, or say what "
+            "it is with --column HEADER=current_A."
+        )
+    circuits = model.without_effects.circuit_names
+    if names:
+        inductances = list(impedances_by_column(np.eye(len(circuits), dtype=np.complex128), circuits))
+        impedances = {*inductances, *map(resistance_column, inductances)}
+        foreign = [name for name in table.channels if parts_of(name)[0] in SERIES and name not in impedances]
+        if foreign:
+            raise TableError(
+                f"An impedance beside model {model.name!r} must be that of its circuits {', '.join(circuits)}; "
+                f"{table.source} has {', '.join(foreign)}. Name each column after its circuit, all others open "
+                f"({inductances[0]}), or after two: the voltage of one over the current of the other "
+                f"({inductances[1]}), or the one with the other shorted ({inductances[2]}). For example --column "
+                f"HEADER={inductances[0]}."
+            )
     return with_leading_current(model, table)
 
 
 def inductive(model: ActuatorModel, table: BenchTable) -> BenchTable:
     """The table without what no inductance gives; by its name alone it may take that of ``coil_1`` for one of two."""
     circuits = model.without_effects.circuit_names if "frequency_Hz" in table.given else ()
-    for name in (one for one in map("inductance_{}_H".format, circuits) if one in table.given):
+    for name in (column for column in map("inductance_{}_H".format, circuits) if column in table.given):
         rows, of = table.rows, {SERIES[1]: name, SERIES[0]: resistance_column(name)}
-        found = {one: rows[column].to_numpy() for one, column in of.items() if column in rows}
-        kept, said = without_capacitive(found, rows["frequency_Hz"].to_numpy(), table.source, name)
-        rows = rows.assign(**{of[one]: values for one, values in kept.items()})
-        table = replace(table, rows=rows, findings=(*table.findings, *said))
+        values_of = {quantity: rows[column].to_numpy() for quantity, column in of.items() if column in rows}
+        usable, findings = without_capacitive(values_of, rows["frequency_Hz"].to_numpy(), table.source, name)
+        rows = rows.assign(**{of[quantity]: values for quantity, values in usable.items()})
+        table = replace(table, rows=rows, findings=(*table.findings, *findings))
     return table
 
 
@@ -174,24 +157,24 @@ def _turning_current(observations: Observations) -> FloatArray:
 
     A run's stretch of one branch at one distance begins where the current turned.
     """
-    at, current, branch = observations.covariates, observations.covariates["current_A"].to_numpy(), "branch"
-    if not observations.clocked or not at[branch].to_numpy().any():
+    table, current, branch = observations.covariates, observations.covariates["current_A"].to_numpy(), "branch"
+    if not observations.clocked or not table[branch].to_numpy().any():
         return np.zeros(len(observations.value))
-    order = np.lexsort((at["order"], at["run"]))
-    place = np.stack([levels(at["distance_m"].to_numpy(), SAME_SETTING), at["run"], at[branch]])[:, order]
+    order = np.lexsort((table["order"], table["run"]))
+    place = np.stack([levels(table["distance_m"].to_numpy(), SAME_SETTING), table["run"], table[branch]])[:, order]
     begins = np.append(True, np.any(np.diff(place, axis=1) != 0.0, axis=0))
     turn = np.zeros(len(current))
     turn[order] = levels(current, SAME_LINE)[order[np.flatnonzero(begins)]][np.cumsum(begins) - 1]
-    return np.where(at[branch] == 0.0, 0.0, turn)[observations.row]
+    return np.where(table[branch] == 0.0, 0.0, turn)[observations.row]
 
 
-def levels(x: FloatArray, part: float) -> FloatArray:
+def levels(x: FloatArray, share: float) -> FloatArray:
     """Numbers of the levels that a setting was brought to, each as wide as a part of the setting's range.
 
     A stage or a supply that was meant to return to a value is recorded a little beside it; the misfit of a model hardly
     changes over that distance.
     """
-    tolerance = part * float(np.ptp(x))
+    tolerance = share * float(np.ptp(x))
     order = np.argsort(x, kind="stable")
     level, start, numbers = 0, x[order[0]], np.zeros(len(x))
     for k in order:
@@ -212,5 +195,5 @@ def quantisation_step(values: FloatArray) -> float:
         return 0.0
     steps = gaps / gaps.min()
     near = steps[(steps > 1.5) & (steps < NEAR_STEPS)]
-    whole = np.abs(near - np.round(near)) < WHOLE
-    return float(gaps.min()) if len(near) >= LEAST_GAPS and whole.all() else 0.0
+    is_whole = np.abs(near - np.round(near)) < WHOLE
+    return float(gaps.min()) if len(near) >= LEAST_GAPS and is_whole.all() else 0.0

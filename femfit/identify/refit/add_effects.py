@@ -8,36 +8,32 @@ error on runs left out.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import TableError, UsageError
 from femfit.core.numerics import ABSOLUTE_ZERO_C
-from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.comparison.fall import error_fall
 from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.comparison.patterns import own_misfit_columns
+from femfit.identify.decision.allowances import beyond_noise
 from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.scatter import beyond_noise
 from femfit.identify.noise.whitening import Whitening, chains_of
+from femfit.identify.readings.bench import measurement_of, placed
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import measurement_of, placed
-from femfit.identify.refit.add_result import AddResult, Step
+from femfit.identify.refit.add_result import AddResult, effect_sizes, fit_facts, suspicious_values
 from femfit.identify.refit.checked_refit import (
     Base,
-    CheckedRefit,
     better_alone,
-    channel_rms,
     checked_refit,
     with_tolerances,
 )
 from femfit.identify.refit.filter_fall import filter_fall
 from femfit.identify.refit.refit import Start, refit, starting_point
-from femfit.identify.refit.sizes import effect_sizes, suspicious_values
 from femfit.identify.remainder.add import add_remainder, without_remainder
 from femfit.identify.remainder.parts import NAME as UNEXPLAINED
 from femfit.identify.remainder.result import RemainderResult
@@ -101,63 +97,78 @@ def add_effects(
     say = progress or (lambda _: None)
     say("Reading")
     temperatures = {"coil_temperature_C": coil_temperature_C, "magnet_temperature_C": magnet_temperature_C}
-    _check_temperatures(temperatures)
+    for name, temperature in temperatures.items():
+        if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
+            raise UsageError(
+                f"The {name.split('_')[0]}'s temperature must be above absolute zero, {ABSOLUTE_ZERO_C:g} °C; instead "
+                f"received {temperature:g} °C. Leave it out for what was recorded."
+            )
     model, measured, names = model_of(model), measurement_of(data), _names(effects)
     if runs is None and isinstance(effects, Diagnosis):
-        runs = {one.name: one.runs for one in effects.missing if one.runs}
+        runs = {effect.name: effect.runs for effect in effects.missing if effect.runs}
     if UNEXPLAINED in names:
-        others = [name for name in names if name != UNEXPLAINED]
+        catalogued = [name for name in names if name != UNEXPLAINED]
 
-        def named(one: ActuatorModel) -> AddResult:
-            return add_effects(one, measured, others, base=base, runs=runs, progress=progress, **temperatures)
+        def named(start_model: ActuatorModel) -> AddResult:
+            return add_effects(
+                start_model, measured, catalogued, base=base, runs=runs, progress=progress, **temperatures
+            )
 
-        return _with_remainder(without_remainder(model), measured, named if others else None, others, say)
-    kept, given, new = _split(model, names, measured)
-    whitening = whitening_beside(placed(with_effects(model, kept), measured))
-    observations, wanted = whitening.observations, [*(added.effect for added in given), *new]
+        return _with_remainder(without_remainder(model), measured, named if catalogued else None, catalogued, say)
+    staying, refitted, new = _split(model, names, measured)
+    whitening = whitening_beside(placed(with_effects(model, staying), measured))
+    observations, wanted = whitening.observations, [*(added.effect for added in refitted), *new]
     for effect in wanted:
         if reason := why_untestable(effect, observations):
             raise TableError(f"Effect {effect.name} cannot be fitted to these data: {reason}. {effect.experiment}")
     say("Fitting the effects")
     start = in_their_runs(starting_point(observations, whitening, wanted), whitening, runs or {})
-    partial = [refit(observations, whitening, start[:k]).effects for k in range(len(given) + 1, len(start))]
+    partial = [refit(observations, whitening, start[:k]).effects for k in range(len(refitted) + 1, len(start))]
     alone = checked_refit(whitening, start)
     say("Fitting the tolerances of the drawing beside them")
     fitted, dropped = with_tolerances(whitening, alone, base)
     beside = len(fitted.fit.effects) - len(start)
-    stages = [(effect.name, one) for effect, one in zip(new, [*partial, alone.fit.effects], strict=False)]
+    stages = [("model", refitted), *zip([effect.name for effect in new], [*partial, alone.fit.effects], strict=False)]
     stages += [("tolerances" if beside else "refit", fitted.fit.effects)] if beside or not new else []
     last = observations.runs - 1
-    stay = tuple(replace(one, runs=None) for one in fitted.fit.effects if one.runs is None or one.runs[1] == last)
-    after = with_effects(_at_temperature(model, observations, temperatures), (*kept, *stay))
-    result = _result(
-        after,
-        kept,
-        whitening,
-        fitted,
-        [("model", given), *stages],
-        beside,
-        dropped,
-        better_alone(whitening, alone.fit, fitted.fit.start[:beside]),
+    stay = tuple(
+        replace(added, runs=None) for added in fitted.fit.effects if added.runs is None or added.runs[1] == last
+    )
+    after = with_effects(_at_temperature(model, observations, temperatures), (*staying, *stay))
+    fit, tolerances = fitted.fit, fitted.fit.effects[:beside]
+    sizes, facts = effect_sizes(observations, fit), fit_facts(whitening, stages, fit.jacobian[:, ~fit.active])
+    rms = {channel.channel: channel.rms_after for channel in facts["fall"].channels}
+    result = AddResult(
+        model=after,
+        added=fit.effects[beside:],
+        base=tolerances,
+        kept=tuple(added.effect.name for added in staying),
+        left_out=fitted.error.rms,
+        sizes=sizes,
+        suspicious=suspicious_values(observations, fit, sizes, {added.effect.name for added in tolerances}),
+        findings=(*observations.findings, *fitted.findings, *dropped, *guessed_noises(whitening.noise)),
+        better_alone=better_alone(whitening, alone.fit, fit.start[:beside]),
+        beyond_noise=beyond_noise(observations, whitening.noise, rms),
+        **facts,
     )
     if not isinstance(measured, TimeSeries):
         return result
     say("Running the filter over what was left out")
-    return replace(result, filter=filter_fall(model, after, kept, measured, observations, fitted.error.effects))
+    return replace(result, filter=filter_fall(model, after, staying, measured, observations, fitted.error.effects))
 
 
 def _with_remainder(
     model: ActuatorModel,
     measured: Measurement,
     named: Callable[[ActuatorModel], AddResult] | None,
-    others: Sequence[str],
+    catalogued: Sequence[str],
     say: Callable[[str], None],
 ) -> AddResult:
     """What effects leave, learnt; they are fitted before it and once more beside it, since it bends what they fit."""
 
-    def learnt(one: AddResult) -> RemainderResult:
-        bare = without_remainder(one.model)
-        return add_remainder(bare, measured, whitening_beside(placed(bare, measured)), one, others, say)
+    def learnt(result: AddResult) -> RemainderResult:
+        bare = without_remainder(result.model)
+        return add_remainder(bare, measured, whitening_beside(placed(bare, measured)), result, catalogued, say)
 
     if named is None:
         return add_remainder(model, measured, whitening_beside(placed(model, measured)), progress=say)
@@ -165,55 +176,17 @@ def _with_remainder(
     if not first.parts:
         return first
     again = named(first.model)
-    return learnt(replace(again, added=tuple(one for one in again.added if one.effect.name != UNEXPLAINED)))
-
-
-def _result(
-    model: ActuatorModel,
-    kept: Sequence[AddedEffect],
-    whitening: Whitening,
-    fitted: CheckedRefit,
-    stages: Sequence[tuple[str, Sequence[AddedEffect]]],
-    beside: int,
-    dropped: Sequence[Finding],
-    alone: str,
-) -> AddResult:
-    """The result, with the model as it was as the first of the stages; ``beside`` counts the tolerances."""
-    observations, noise, fit = whitening.observations, whitening.noise, fitted.fit
-    misfits = [(text, observations.value - observations.predict(effects)) for text, effects in stages]
-    sizes, patterns = effect_sizes(observations, fit), pattern_space(observations, whitening)
-    fall = error_fall(observations, observations.predict(stages[0][1]), observations.predict(fit.effects), noise.known)
-    return AddResult(
-        model=model,
-        added=fit.effects[beside:],
-        base=fit.effects[:beside],
-        kept=tuple(added.effect.name for added in kept),
-        fall=fall,
-        left_out=fitted.error.rms,
-        floor=noise.known,
-        floor_source=noise.source,
-        steps=tuple(Step(text, channel_rms(observations, misfit)) for text, misfit in misfits),
-        sizes=sizes,
-        suspicious=suspicious_values(observations, fit, sizes, {added.effect.name for added in fit.effects[:beside]}),
-        lack_of_fit_before=patterns.test(whitening.full(misfits[0][1])),
-        lack_of_fit_after=patterns.test(fit.whitened_residual, fit.jacobian[:, ~fit.active]),
-        readings=len(observations.value),
-        runs=len(np.unique(observations.column("run"))),
-        observations=observations,
-        findings=(*observations.findings, *fitted.findings, *dropped, *guessed_noises(noise)),
-        better_alone=alone,
-        beyond_noise=beyond_noise(observations, noise, {one.channel: one.rms_after for one in fall.channels}),
-    )
+    return learnt(replace(again, added=tuple(effect for effect in again.added if effect.effect.name != UNEXPLAINED)))
 
 
 def _names(effects: str | Sequence[str] | Diagnosis) -> list[str]:
     if isinstance(effects, Diagnosis):
         if not effects.missing:
-            left = f" Add {UNEXPLAINED} to learn what it leaves." if effects.verdict == UNEXPLAINED else ""
+            remedy = f" Add {UNEXPLAINED} to learn what it leaves." if effects.verdict == UNEXPLAINED else ""
             raise TableError(
-                f"The diagnosis names no effect, so there is nothing to add. Give the names of effects.{left}"
+                f"The diagnosis names no effect, so there is nothing to add. Give the names of effects.{remedy}"
             )
-        return [one.name for one in effects.missing]
+        return [effect.name for effect in effects.missing]
     names = [effects] if isinstance(effects, str) else list(effects) if isinstance(effects, Iterable) else []
     if not names:
         raise TableError(
@@ -226,17 +199,17 @@ def in_their_runs(starts: Sequence[Start], whitening: Whitening, runs: Mapping[s
     """Effects with those that began or ended within the campaign in their runs alone, counted from 1."""
     observations = whitening.observations
     result = []
-    for one in starts:
-        first, last = runs.get(one.name, (1, observations.runs))
+    for effect in starts:
+        first, last = runs.get(effect.name, (1, observations.runs))
         if not 1 <= first <= last <= observations.runs:
             raise UsageError(
-                f"{one.name} must act from a run to a later one of 1 to {observations.runs}; instead received "
+                f"{effect.name} must act from a run to a later one of 1 to {observations.runs}; instead received "
                 f"{first} to {last}."
             )
         if (first, last) != (1, observations.runs):
-            columns = one.columns.in_runs((first - 1, last - 1), observations.column("run").astype(int))
-            one = replace(one, columns=columns, whitened=whitening.full(columns.columns))  # noqa: PLW2901
-        result.append(one)
+            columns = effect.columns.in_runs((first - 1, last - 1), observations.column("run").astype(int))
+            effect = replace(effect, columns=columns, whitened=whitening.full(columns.columns))  # noqa: PLW2901
+        result.append(effect)
     return result
 
 
@@ -247,7 +220,7 @@ def _split(
 
     An effect of the model stays where these data cannot show it; one that the user names is never among those.
     """
-    drawn = {name: one.effect for one in model.drawn for name in (one.key, one.subject)}
+    drawn = {name: number.effect for number in model.drawn for name in (number.key, number.subject)}
     wanted = [drawn.get(name) or effect_by_name(name) for name in dict.fromkeys(names)]
     named = {effect.name for effect in wanted}
     bare = placed(with_effects(model, ()), data) if model.effects else None
@@ -255,10 +228,10 @@ def _split(
         bare is not None and added.effect.name not in named and bool(why_untestable(added.effect, bare))
         for added in model.effects
     ]
-    kept = tuple(added for added, stay in zip(model.effects, stays, strict=True) if stay)
-    given = tuple(added for added, stay in zip(model.effects, stays, strict=True) if not stay)
-    present = {added.effect.name for added in given}
-    return kept, given, [effect for effect in wanted if effect.name not in present]
+    staying = tuple(added for added, stay in zip(model.effects, stays, strict=True) if stay)
+    refitted = tuple(added for added, stay in zip(model.effects, stays, strict=True) if not stay)
+    present = {added.effect.name for added in refitted}
+    return staying, refitted, [effect for effect in wanted if effect.name not in present]
 
 
 def whitening_beside(observations: Observations) -> Whitening:
@@ -272,28 +245,10 @@ def whitening_beside(observations: Observations) -> Whitening:
     return whitening
 
 
-def _check_temperatures(given: Mapping[str, float | None]) -> None:
-    for name, temperature in given.items():
-        if temperature is not None and not ABSOLUTE_ZERO_C < temperature < np.inf:
-            raise UsageError(
-                f"The {name.split('_')[0]}'s temperature must be above absolute zero, {ABSOLUTE_ZERO_C:g} °C; instead "
-                f"received {temperature:g} °C. Leave it out for what was recorded."
-            )
-
-
 def _at_temperature(
-    model: ActuatorModel, observations: Observations, given: Mapping[str, float | None]
+    model: ActuatorModel, observations: Observations, temperatures: Mapping[str, float | None]
 ) -> ActuatorModel:
     """The model at the temperatures where it is to run: as given, else as recorded in the mean."""
-
-    def chosen(name: str, own: float) -> float:
-        temperature, recorded = given[name], observations.covariates[name].dropna()
-        if temperature is not None:
-            return temperature
-        return round(float(recorded.mean()), 1) if len(recorded) else own
-
-    return replace(
-        model,
-        coil_temperature_C=chosen("coil_temperature_C", model.coil_temperature_C),
-        magnet_temperature_C=chosen("magnet_temperature_C", model.magnet_temperature_C),
-    )
+    means = observations.covariates[list(temperatures)].mean().dropna()
+    recorded: dict[str, Any] = {str(name): round(float(mean), 1) for name, mean in means.items()}
+    return replace(model, **recorded | {name: t for name, t in temperatures.items() if t is not None})

@@ -1,23 +1,161 @@
-"""What adding effects to a model says: the new model, the effects' sizes, and how far the error fell."""
+"""What adding effects to a model says: the new model, the effects' sizes, whether they are plausible, and the error."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
+import numpy as np
+from scipy import stats
+
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
-from femfit.core.text import probability
-from femfit.effects.effect import AddedEffect
-from femfit.effects.words import describe, titled, titles_of
-from femfit.identify.comparison.fall import ErrorFall
-from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.constants import HARMS, LEVEL_AFTER
-from femfit.identify.noise.scatter import in_words
+from femfit.core.text import amount, amount_in, amount_range, probability, rounded
+from femfit.effects.conditions import Nominal
+from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.effects.words import describe, range_of, size_of, titled, titles_of
+from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
+from femfit.identify.comparison.misfit import ErrorFall, error_fall
+from femfit.identify.constants import COLUMN_STEP, HARMS, LEAST_CHANGE, LEVEL_AFTER
+from femfit.identify.decision.allowances import in_words
+from femfit.identify.noise.whitening import Whitening
+from femfit.identify.readings.bench import notes, suspicions
 from femfit.identify.readings.observations import Observations
-from femfit.identify.readings.place import notes, suspicions
+from femfit.identify.refit.checked_refit import channel_rms
 from femfit.identify.refit.filter_fall import FilterFall
-from femfit.identify.refit.sizes import EffectSize
+from femfit.identify.refit.refit import Refit, at_bounds, is_plausible
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import CHANNEL_WORDS
+
+
+@dataclass(frozen=True)
+class EffectSize:
+    """What an added effect changes of one channel, where it changes it most within the data."""
+
+    effect: str
+    channel: str
+    change: float
+    ci95: tuple[float, float]
+    # ``change`` over the largest magnitude that the base predicts for this channel; None where it predicts nothing
+    of_largest: float | None
+    distance_m: float
+    current_A: float
+
+    def __str__(self) -> str:
+        share = abs(self.of_largest or 0.0)
+        relative = (
+            f", {100.0 * share:.2g} % of its largest" if share <= 1.0 else f", {rounded(share, 2)} times its largest"
+        )
+        return (
+            f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount_in(self.change, *self.ci95, self.channel)} "
+            f"(95 %: {amount_range(*self.ci95, self.channel)}){relative if self.of_largest is not None else ''}, at "
+            f"{amount(self.distance_m, 'distance_m', 3)} and {amount(self.current_A, 'current_A')}"
+        )
+
+
+def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ...]:
+    """The largest change that each effect makes of each channel within the data, with its 95 % interval."""
+    weight = np.ones_like(observations.value) if observations.weight is None else observations.weight
+    base = observations.base / weight
+    result = list[EffectSize]()
+    for k, added in enumerate(fit.effects):
+        # What the predictions gain by the effect, the others in place
+        change = observations.predict(fit.effects) - observations.predict(fit.effects[:k] + fit.effects[k + 1 :])
+        error = partial(_standard_error, observations, fit, k)
+        result += largest_changes(added.effect.name, observations, change / weight, base, error, weight)
+    return tuple(result)
+
+
+def largest_changes(
+    effect: str,
+    observations: Observations,
+    change: FloatArray,
+    base: FloatArray,
+    standard_error: Callable[[int], float],
+    weight: FloatArray,
+) -> Iterator[EffectSize]:
+    """The largest change, (M,), of each channel within the data, with the interval by its standard error.
+
+    The standard error is that of a reading with its weight, by its number.
+    """
+    for c, channel in enumerate(observations.channels):
+        here = np.flatnonzero(observations.channel == c)
+        largest = float(np.abs(base[here]).max(initial=0.0))
+        place = int(here[np.argmax(np.abs(change[here]))]) if len(here) else -1
+        if place < 0 or abs(change[place]) < LEAST_CHANGE * largest:
+            continue
+        half = stats.norm.isf(0.025) * standard_error(place) / weight[place]
+        yield EffectSize(
+            effect=effect,
+            channel=channel,
+            change=float(change[place]),
+            ci95=(float(change[place] - half), float(change[place] + half)),
+            of_largest=float(change[place]) / largest if largest else None,
+            distance_m=float(observations.column("distance_m")[place]),
+            current_A=float(observations.column("current_A")[place]),
+        )
+
+
+def _standard_error(observations: Observations, fit: Refit, k: int, reading: int) -> float:
+    """The variance of the change that effect k makes at one reading, to first order."""
+    free = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
+    here = observations.select(np.arange(len(observations.value)) == reading)
+    slopes = []
+    for j in free:
+        added, p = fit.effects[k], fit.free[j][1]
+        value, step = added.parameters[p.name], COLUMN_STEP * (p.plausible[1] - p.plausible[0])
+        ends = (min(value + step, p.upper), max(value - step, p.lower))
+        moved = [
+            (*fit.effects[:k], replace(added, parameters={**added.parameters, p.name: x}), *fit.effects[k + 1 :])
+            for x in ends
+        ]
+        up, down = (float(here.predict(effects)[0]) for effects in moved)
+        slopes.append((up - down) / (ends[0] - ends[1]) * (p.plausible[1] - p.plausible[0]))
+    slope = np.array(slopes)
+    return float(np.sqrt(max(slope @ fit.covariance[np.ix_(free, free)] @ slope, 0.0))) if free else 0.0
+
+
+def suspicious_values(
+    observations: Observations, fit: Refit, sizes: tuple[EffectSize, ...], beside: Collection[str]
+) -> tuple[str, ...]:
+    """What is unusual of fitted parameters, one sentence each.
+
+    Tolerances of the drawing that were fitted beside the effects may well be zero.
+    """
+    nominal, result = observations.nominal, list[str]()
+    if not fit.converged:
+        result.append("The fit was ended before it had settled: do not trust these sizes. Start from fewer effects.")
+    for added in fit.effects:
+        for p in (_clocked(p, observations) for p in added.effect.parameters if not is_plausible(added, p)):
+            result.append(
+                f"{_words(added, p, nominal)}. That is unusual: {range_of(p, *p.plausible, nominal)} is usual. Check "
+                "it by another measurement."
+            )
+    for k, p in at_bounds(fit):
+        result.append(
+            f"{_words(fit.effects[k], _clocked(p, observations), nominal)}. That is the end of its range, not a "
+            "measured size: do not trust the new model where it matters."
+        )
+    for added in fit.effects:
+        name = added.effect.name
+        if name not in beside and all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name):
+            result.append(f"{name} may be absent: no change of any channel differs from zero with 95 % confidence.")
+    return tuple(result)
+
+
+def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
+    """A time with the unit that these data count it in."""
+    unit = "s" if "time_s" in observations.given else "readings"
+    return replace(p, unit=unit) if p.unit == "readings or s" else p
+
+
+def _words(added: AddedEffect, p: EffectParameter, nominal: Nominal) -> str:
+    """An effect's parameter as a clause."""
+    value = added.parameters[p.name]
+    alone = AddedEffect(added.effect, added.effect.null() | {p.name: value})
+    clauses = [] if p.nonlinear else describe(alone, nominal)
+    what = clauses[0] if clauses else f"{p.description.rstrip('.')}: {size_of(p, value, nominal)}"
+    return f"{added.effect.name}: {what}"
 
 
 @dataclass(frozen=True)
@@ -94,15 +232,24 @@ class AddResult(Printed):
     @property
     def accepted(self) -> bool:
         """Whether the effects help on runs left out: the error falls somewhere, and no filter there is worse."""
-        helps = any(HARMS * self.left_out[one.channel] < one.rms_before for one in self.fall.channels)
+        helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
         return (helps or not self._risen()) and (self.filter is None or self.filter.accepted)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
         names = ("kept", "left_out", "floor", "floor_source", "readings", "runs")
         return {
-            "added": [_effect(one) for one in self.added],
-            "base": [_effect(one) for one in self.base],
+            **{
+                key: [
+                    {
+                        "name": added.effect.name,
+                        "parameters": dict(added.parameters),
+                        "ci95": {name: list(interval) for name, interval in added.ci95.items()},
+                    }
+                    for added in effects
+                ]
+                for key, effects in (("added", self.added), ("base", self.base))
+            },
             **{name: getattr(self, name) for name in names},
             "error_fall": self.fall.to_dict(),
             "steps": [vars(step) for step in self.steps],
@@ -112,7 +259,7 @@ class AddResult(Printed):
             "lack_of_fit_after": vars(self.lack_of_fit_after),
             "coil_temperature_C": self.model.coil_temperature_C,
             "magnet_temperature_C": self.model.magnet_temperature_C,
-            "findings": [one.as_dict() for one in self.findings],
+            "findings": [finding.as_dict() for finding in self.findings],
             "accepted": self.accepted,
             "beyond_noise": dict(self.beyond_noise),
             "filter": self.filter and self.filter.to_dict(),
@@ -134,7 +281,7 @@ class AddResult(Printed):
     def _verdict(self) -> str:
         names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after
         left = in_words(
-            self.observations, self.beyond_noise, {one.channel: one.rms_after for one in self.fall.channels}
+            self.observations, self.beyond_noise, {channel.channel: channel.rms_after for channel in self.fall.channels}
         )
         if after.p_value > LEVEL_AFTER:
             tests = f"({probability(after.p_value)}; before, {probability(self.lack_of_fit_before.p_value)})"
@@ -160,22 +307,23 @@ class AddResult(Printed):
     def _risen(self) -> str:
         """The channels whose error on runs left out is larger than before, in words."""
         return " and ".join(
-            CHANNEL_WORDS[one.channel]
-            for one in self.fall.channels
-            if self.left_out[one.channel] > HARMS * one.rms_before
+            CHANNEL_WORDS[channel.channel]
+            for channel in self.fall.channels
+            if self.left_out[channel.channel] > HARMS * channel.rms_before
         )
 
     def _left_out(self) -> str:
         errors = ", ".join(
-            f"{CHANNEL_WORDS[one.channel]} {one.amount(self.left_out[one.channel])}" for one in self.fall.channels
+            f"{CHANNEL_WORDS[channel.channel]} {channel.amount(self.left_out[channel.channel])}"
+            for channel in self.fall.channels
         )
-        part = f"each of the {self.runs} runs" if self.runs > 1 else "each quarter of the one run"
-        return f"Fitted without {part} in turn, the error there is {errors} rms."
+        omitted = f"each of the {self.runs} runs" if self.runs > 1 else "each quarter of the one run"
+        return f"Fitted without {omitted} in turn, the error there is {errors} rms."
 
     def _circumstances(self) -> list[str]:
         lines = []
         if self.base:
-            words = [clause for one in self.base for clause in describe(one, self.observations.nominal)]
+            words = [clause for effect in self.base for clause in describe(effect, self.observations.nominal)]
             lines.append(f"Fitted beside it, each known to 2 % (one standard deviation): {'; '.join(words)}.")
         if self.kept:
             lines.append(f"Kept as they were, since these data cannot refit them: {', '.join(self.kept)}.")
@@ -197,9 +345,30 @@ class AddResult(Printed):
         return f" and the {kelvin:.3g} K more that were found" if kelvin else ""
 
 
-def _effect(added: AddedEffect) -> dict[str, Any]:
+def fit_facts(
+    whitening: Whitening, stages: Sequence[tuple[str, Sequence[AddedEffect]]], fitted: FloatArray | None
+) -> dict[str, Any]:
+    """The fields of a result that follow from the readings and the effects of each stage, the model's own first.
+
+    Parameters
+    ----------
+    fitted : array, shape (M, k), or None
+        Whitened columns of what the last stage was fitted by.
+    """
+    observations, noise = whitening.observations, whitening.noise
+    predictions = [observations.predict(effects) for _, effects in stages]
+    misfits = [observations.value - prediction for prediction in predictions]
+    patterns = pattern_space(observations, whitening)
     return {
-        "name": added.effect.name,
-        "parameters": dict(added.parameters),
-        "ci95": {name: list(interval) for name, interval in added.ci95.items()},
+        "fall": error_fall(observations, predictions[0], predictions[-1], noise.known),
+        "floor": noise.known,
+        "floor_source": noise.source,
+        "steps": tuple(
+            Step(text, channel_rms(observations, misfit)) for (text, _), misfit in zip(stages, misfits, strict=True)
+        ),
+        "lack_of_fit_before": patterns.test(whitening.full(misfits[0])),
+        "lack_of_fit_after": patterns.test(whitening.full(misfits[-1]), fitted),
+        "readings": len(observations.value),
+        "runs": len(np.unique(observations.column("run"))),
+        "observations": observations,
     }

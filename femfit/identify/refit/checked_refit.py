@@ -1,7 +1,5 @@
 """Refits of what the data show, checked on runs left out, with tolerances of the drawing beside where these help.
 
-The error that effects leave on runs that they were not fitted to.
-
 Each run is left out in turn and the effects are fitted to the others, without any linearisation. Where a body was put
 back and by what a run is offset as a whole no model can know, so these are predicted from the left-out run itself
 before its error is counted: what remains is compared with the scatter of a single reading.
@@ -12,13 +10,13 @@ M. Stone, Journal of the Royal Statistical Society B 36 (1974) 111: cross-valida
 G. K. Robinson, Statistical Science 6 (1991) 15: best linear unbiased prediction of random effects.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.effects.catalogue import effects_of
 from femfit.effects.effect import AddedEffect
@@ -52,22 +50,26 @@ def unseen_error(
     prior_mean: Mapping[str, float] | None = None,
 ) -> UnseenError:
     """Cross-validate effects over the runs of a campaign."""
+
+    def fitted(keep: BoolArray) -> tuple[AddedEffect, ...]:
+        readings = observations.select(keep)
+        whitening = Whitening(readings, noise, chains_of(readings), own_misfit_columns(readings))
+        return refit(readings, whitening, start, fixed, prior_sd, prior_mean).effects
+
+    return cross_validated(observations, noise, fitted)
+
+
+def cross_validated(
+    observations: Observations, noise: NoiseModel, fitted: Callable[[BoolArray], tuple[AddedEffect, ...]]
+) -> UnseenError:
+    """The error on each run by the effects that are fitted to the readings that stay, which have the shape (M,)."""
     group = left_out_groups(observations)
     beside, as_read = np.zeros(len(group)), np.zeros(len(group))
     chi2, effects = 0.0, {}
-    for one in np.unique(group):
-        out = group == one
-        seen, unseen = observations.select(~out), observations.select(out)
-        fit = refit(
-            seen,
-            Whitening(seen, noise, chains_of(seen), own_misfit_columns(seen)),
-            start,
-            fixed=fixed,
-            prior_sd=prior_sd,
-            prior_mean=prior_mean,
-        )
-        effects[int(one)] = fit.effects
-        residual = unseen.value - unseen.predict(fit.effects)
+    for number in np.unique(group):
+        out = group == number
+        unseen, effects[int(number)] = observations.select(out), fitted(~out)
+        residual = unseen.value - unseen.predict(effects[int(number)])
         whitening = Whitening(unseen, noise, chains_of(unseen))
         as_read[out], beside[out] = residual, beside_random(residual, whitening)
         white = whitening.full(residual)
@@ -113,7 +115,9 @@ class CheckedRefit:
 def with_tolerances(whitening: Whitening, alone: CheckedRefit, base: Base) -> tuple[CheckedRefit, list[Finding]]:
     """The refit with the tolerances beside the effects, where wanted, and what was dropped."""
     observations = whitening.observations
-    tolerances = effects_of({one.name: one for one in TOLERANCES}, observations.nominal.circuits).values()
+    tolerances = effects_of(
+        {tolerance.name: tolerance for tolerance in TOLERANCES}, observations.nominal.circuits
+    ).values()
     testable = [e for e in tolerances if e.name not in alone.fit.names and not why_untestable(e, observations)]
     visible = [effect for effect in testable if effect_columns(effect, observations)]
     dropped = [
@@ -141,7 +145,7 @@ def checked_refit(
     if fixed:
         fit = refit(observations, whitening, _restart(fit), fixed=fixed, prior_sd=prior_sd)
     identified = _identified(fit)
-    if any(one.count < whole.count for one, whole in zip(identified, fit.start, strict=True)):
+    if any(start_kept.count < start_full.count for start_kept, start_full in zip(identified, fit.start, strict=True)):
         fit = refit(observations, whitening, identified, fixed=fixed, prior_sd=prior_sd)
     error = unseen_error(observations, whitening.noise, _restart(fit), fixed, prior_sd)
     findings = tuple(
@@ -162,17 +166,17 @@ def better_alone(whitening: Whitening, effects: Refit, beside: Sequence[Start]) 
     if not beside:
         return ""
     observations = whitening.observations
-    prior = {one.name: TOLERANCE_SD for one in beside}
-    start = starting_point(observations, whitening, [one.columns.effect for one in beside])
+    prior = {tolerance.name: TOLERANCE_SD for tolerance in beside}
+    start = starting_point(observations, whitening, [tolerance.columns.effect for tolerance in beside])
     fit = refit(observations, whitening, start, prior_sd=prior)
     if fit.chi2 >= effects.chi2:
         return ""
-    return "; ".join(clause for one in fit.effects for clause in describe(one, observations.nominal))
+    return "; ".join(clause for effect in fit.effects for clause in describe(effect, observations.nominal))
 
 
 def _restart(fit: Refit) -> list[Start]:
     """A fit as the start of another."""
-    return [one.continued(added) for one, added in zip(fit.start, fit.effects, strict=True)]
+    return [start.continued(added) for start, added in zip(fit.start, fit.effects, strict=True)]
 
 
 def _unsettled(observations: Observations, fit: Refit) -> dict[str, dict[str, float]]:
@@ -198,11 +202,11 @@ def _identified(fit: Refit) -> list[Start]:
     Their interval holds the null and more than their plausible range.
     """
     result = []
-    for one, added in zip(_restart(fit), fit.effects, strict=True):
+    for start, added in zip(_restart(fit), fit.effects, strict=True):
         keep = []
-        for k, p in enumerate(one.columns.amplitudes):
+        for k, p in enumerate(start.columns.amplitudes):
             low, high = added.ci95.get(p.name, (np.nan, np.nan))
             if not (low < p.null < high and high - low > p.plausible[1] - p.plausible[0]):
                 keep.append(k)
-        result.append(one.part(keep) if keep else one)
+        result.append(start.part(keep) if keep else start)
     return result

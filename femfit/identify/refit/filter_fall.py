@@ -21,7 +21,7 @@ from femfit.core.results import Printed
 from femfit.core.text import amount, counted, rounded
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.consistency import FilterScore, can_be_filtered, filter_score
-from femfit.estimate.noise import FilterNoise, default_noise
+from femfit.estimate.noise import default_noise
 from femfit.identify.constants import (
     FILTER_BLOCK,
     FILTER_CHANCE,
@@ -65,7 +65,7 @@ class FilterFall(Printed):
     @property
     def accepted(self) -> bool:
         """Whether nothing of it is worse with the effects than without."""
-        return not (self.less_likely or any(one.worse for one in (*self.lost.values(), *self.unread.values())))
+        return not (self.less_likely or any(change.worse for change in (*self.lost.values(), *self.unread.values())))
 
     @property
     def better(self) -> bool:
@@ -74,16 +74,16 @@ class FilterFall(Printed):
         return self.accepted and self.gain > FILTER_WORSE * self.gain_error and bool(after <= before)
 
     def __str__(self) -> str:
-        part = counted(self.runs, "quarter" if self.single else "run")
+        stretches = counted(self.runs, "quarter" if self.single else "run")
         square = " -> ".join(map(rounded, self.mean_square))
-        text = f"The filter on {counted(self.samples, 'sample')} of {part} left out: "
+        text = f"The filter on {counted(self.samples, 'sample')} of {stretches} left out: "
         text += f"innovations' mean square {square} (should be 1), log-likelihood {self.gain:+.3g} a sample"
-        for name, one in self.unread.items():
-            text += f"; {name} not read, error {amount(one.before, name, 3)} -> {amount(one.after, name, 3)} rms"
-        for name, one in self.lost.items():
-            if one.before or one.after:
+        for name, change in self.unread.items():
+            text += f"; {name} not read, error {amount(change.before, name, 3)} -> {amount(change.after, name, 3)} rms"
+        for name, change in self.lost.items():
+            if change.before or change.after:
                 how = f"without {name}" if name else "with every sensor"
-                text += f"; {how} lost in {one.before:g} -> {one.after:g} of {part}"
+                text += f"; {how} lost in {change.before:g} -> {change.after:g} of {stretches}"
         return f"{text}: {'worse' if not self.accepted else 'better' if self.better else 'no better'}."
 
     def to_dict(self) -> dict[str, Any]:
@@ -96,15 +96,15 @@ class FilterFall(Printed):
             "less_likely": self.less_likely,
             "log_likelihood_gain": self.gain,
             "log_likelihood_gain_error": self.gain_error,
-            "unread": {name: vars(one) for name, one in self.unread.items()},
-            "lost": {f"without_{name}" if name else "every_sensor": vars(one) for name, one in self.lost.items()},
+            "unread": {name: vars(change) for name, change in self.unread.items()},
+            "lost": {f"without_{name}" if name else "every_sensor": vars(change) for name, change in self.lost.items()},
         }
 
 
 def filter_fall(
     before: ActuatorModel,
     after: ActuatorModel,
-    kept: Sequence[AddedEffect],
+    staying: Sequence[AddedEffect],
     series: TimeSeries,
     observations: Observations,
     left_out: Mapping[int, tuple[AddedEffect, ...]],
@@ -120,15 +120,18 @@ def filter_fall(
     """
     if not can_be_filtered(before, series):
         return None
-    noise, seen, checked = default_noise(before), [], []
+    noise, all_sensors, checked = default_noise(before), [], []
     groups = sorted(left_out)[-FILTER_RUNS:]
-    for one in groups:
-        run = _liveliest(_left_out(series, observations, one), FILTER_SAMPLES // len(groups))
-        models = before, with_effects(after, (*kept, *left_out[one]))
-        seen.append(_pair(models, run, (), noise))
+    for group in groups:
+        run = _liveliest(_left_out(series, observations, group), FILTER_SAMPLES // len(groups))
+        models = before, with_effects(after, (*staying, *left_out[group]))
+        all_sensors.append([filter_score(model, run, (), noise) for model in models])
         if {"current_A", "hall_V"} & set(series.given):
-            checked.append(_pair(models, run, ("distance_m",), noise))
-    pairs = [pair for pair in seen if pair is not None]
+            checked.append([filter_score(model, run, ("distance_m",), noise) for model in models])
+    pairs, beside = (
+        [(first, second) for first, second in scores if first is not None and second is not None]
+        for scores in (all_sensors, checked)
+    )
     if not pairs:
         return None
     gain = np.concatenate([after.likelihood - before.likelihood for before, after in pairs])
@@ -136,56 +139,44 @@ def filter_fall(
     squares = [float(np.mean([pair[k].mean_square for pair in pairs])) for k in (0, 1)]
     domain = before.validity
     unknowing = (domain.distance_max_m - domain.distance_min_m) / np.sqrt(12.0)  # deviation of an even spread
-    beside = [pair for pair in checked if pair is not None]
+
     return FilterFall(
         runs=len(pairs),
         samples=sum(len(pair[0].likelihood) for pair in pairs),
         single=observations.column("run").max() == observations.column("run").min(),
         mean_square=(squares[0], squares[1]),
-        less_likely=_less_likely(gain),
+        less_likely=less_likely(gain),
         gain=mean,
         gain_error=error,
         unread=_unread(beside, unknowing),
-        lost={"": _lost(pairs)} | ({"distance_m": _lost(beside)} if beside else {}),
+        lost={"": lost_runs(pairs)} | ({"distance_m": lost_runs(beside)} if beside else {}),
     )
 
 
-def _less_likely(gain: FloatArray) -> bool:
-    """Whether the innovations of the second filter are less likely: in the mean, and by a sign test over blocks at 5 %.
+def less_likely(gain: FloatArray) -> bool:
+    """Whether the innovations of the second filter are less likely: in the mean, and in more blocks than chance gives.
 
     The mean alone is that of the few blocks in which a filter is lost for a moment, whatever the model.
     """
     means = _block_means(gain)
-    worse, better = int(np.sum(means < 0.0)), int(np.sum(means > 0.0))
-    if worse <= better or means.mean() >= 0.0:
-        return False
-    return bool(binomtest(worse, worse + better, alternative="greater").pvalue < FILTER_CHANCE)
+    return bool(means.mean() < 0.0) and _outnumber(int(np.sum(means < 0.0)), int(np.sum(means > 0.0)))
 
 
-def _lost(pairs: Sequence[_Pair]) -> Change:
-    """In how many runs each filter is lost."""
-    before, after = (float(sum(pair[k].lost_at_s is not None for pair in pairs)) for k in (0, 1))
-    return Change(before, after, worse=_lost_more_often(pairs))
-
-
-def _lost_more_often(pairs: Sequence[_Pair]) -> bool:
-    """Whether runs that only the second filter loses outnumber the others beyond chance: a sign test at 5 %.
+def lost_runs(pairs: Sequence[_Pair]) -> Change:
+    """In how many runs each filter is lost, and whether the second loses more than chance gives.
 
     A filter is lost for a moment in one run or another of a body that bounces, whatever the model; how likely the
     innovations are counts beside this.
     """
-    newly = sum(before.lost_at_s is None and after.lost_at_s is not None for before, after in pairs)
-    regained = sum(before.lost_at_s is not None and after.lost_at_s is None for before, after in pairs)
-    if newly <= regained:
-        return False
-    return bool(binomtest(newly, newly + regained, alternative="greater").pvalue < FILTER_CHANCE)
+    lost = [[score.lost_at_s is not None for score in pair] for pair in pairs]
+    newly, regained = (sum(after is new and before is not new for before, after in lost) for new in (True, False))
+    before, after = (float(sum(pair[k] for pair in lost)) for k in (0, 1))
+    return Change(before, after, worse=_outnumber(newly, regained))
 
 
-def _pair(
-    models: tuple[ActuatorModel, ActuatorModel], run: TimeSeries, without: Sequence[str], noise: FilterNoise
-) -> _Pair | None:
-    before, after = (filter_score(model, run, without, noise) for model in models)
-    return None if before is None or after is None else (before, after)
+def _outnumber(worse: int, better: int) -> bool:
+    """Whether the worse ones outnumber the better ones beyond chance: a sign test at 5 %."""
+    return worse > better and bool(binomtest(worse, worse + better, alternative="greater").pvalue < FILTER_CHANCE)
 
 
 def _unread(pairs: Sequence[_Pair], unknowing_m: float) -> dict[str, Change]:
@@ -196,19 +187,19 @@ def _unread(pairs: Sequence[_Pair], unknowing_m: float) -> dict[str, Change]:
     unknowing_m : float
         Error of a distance of which only the travel is known, in m.
     """
-    ran = [pair for pair in pairs if all(one.lost_at_s is None for one in pair)]
-    ran = [pair for pair in ran if not all(_error(one, "distance_m") > unknowing_m for one in pair)]
-    found = {}
+    ran = [pair for pair in pairs if all(score.lost_at_s is None for score in pair)]
+    ran = [pair for pair in ran if not all(_error(score, "distance_m") > unknowing_m for score in pair)]
+    result = {}
     for name in sorted({name for pair in ran for name in pair[0].unread}):
         squares = [np.concatenate([pair[k].unread[name] for pair in ran]) ** 2 for k in (0, 1)]
         if not np.isfinite(squares[0] + squares[1]).any():  # both claim to be blind throughout
             continue
         mean, error = _mean(squares[1] - squares[0])
-        sizes = [float(np.sqrt(np.nanmean(one))) for one in squares]
-        found[name] = Change(
+        sizes = [float(np.sqrt(np.nanmean(square))) for square in squares]
+        result[name] = Change(
             sizes[0], sizes[1], worse=mean > FILTER_WORSE * error and sizes[1] > FILTER_GREW * sizes[0]
         )
-    return found
+    return result
 
 
 def _error(score: FilterScore, name: str) -> float:
@@ -228,7 +219,7 @@ def _mean(values: FloatArray) -> tuple[float, float]:
 def _block_means(values: FloatArray) -> FloatArray:
     """Means of blocks of a series that have a value."""
     count = max(2, len(values) // FILTER_BLOCK)
-    return np.array([float(np.nanmean(one)) for one in np.array_split(values, count) if np.isfinite(one).any()])
+    return np.array([float(np.nanmean(block)) for block in np.array_split(values, count) if np.isfinite(block).any()])
 
 
 def _left_out(series: TimeSeries, observations: Observations, group: int) -> TimeSeries:
@@ -239,8 +230,8 @@ def _left_out(series: TimeSeries, observations: Observations, group: int) -> Tim
         here = (rows["run"] == label).to_numpy()
     else:
         order = observations.column("order")[left_out_groups(observations) == group]
-        span, whole = (order.min(), order.max()), observations.column("order").max()
-        place = np.arange(len(rows)) / len(rows) * (whole + 1.0)
+        span, last = (order.min(), order.max()), observations.column("order").max()
+        place = np.arange(len(rows)) / len(rows) * (last + 1.0)
         here = (place >= span[0]) & (place < span[1] + 1.0)
     return _rows(series, here)
 

@@ -1,6 +1,6 @@
 """Fits effects to whitened readings within their bounds, nonlinear parameters included.
 
-An effect with its columns for given readings, and amplitudes from which a fit starts.
+A fit starts from effects with their columns for given readings, and amplitudes.
 
 References
 ----------
@@ -44,9 +44,11 @@ class Start:
         """The starts of many effects, whitened at once, which is several times faster."""
         if not every:
             return ()
-        whitened = whitening.full(np.concatenate([one.columns for one in every], axis=1))
-        parts = np.split(whitened, np.cumsum([one.columns.shape[1] for one in every])[:-1], axis=1)
-        return tuple(cls(one, part, np.zeros(part.shape[1])) for one, part in zip(every, parts, strict=True))
+        whitened = whitening.full(np.concatenate([variant.columns for variant in every], axis=1))
+        parts = np.split(whitened, np.cumsum([variant.columns.shape[1] for variant in every])[:-1], axis=1)
+        return tuple(
+            cls(variant, columns, np.zeros(columns.shape[1])) for variant, columns in zip(every, parts, strict=True)
+        )
 
     @property
     def name(self) -> str:
@@ -81,25 +83,25 @@ def starting_point(
     target = whitening.full(observations.residual)
     chosen: list[Start] = []
     for effect in effects:
-        variants = [Start.at_null(one, whitening) for one in effect_columns(effect, observations)]
+        variants = [Start.at_null(variant, whitening) for variant in effect_columns(effect, observations)]
         if not variants:
             raise TableError(
                 f"Effect {effect.name} changes no reading at these settings, so it cannot be fitted to them. "
                 f"{effect.experiment}"
             )
-        tries = [fitted_together(target, [*chosen, one]) for one in variants]
+        tries = [fitted_together(target, [*chosen, variant]) for variant in variants]
         chosen = tries[first_best([fall for _, fall in tries])][0]
-    return [replace(one, amplitude=np.zeros(one.count)) for one in chosen] if at_null else chosen
+    return [replace(start, amplitude=np.zeros(start.count)) for start in chosen] if at_null else chosen
 
 
 def fitted_together(target: FloatArray, starts: Sequence[Start]) -> tuple[list[Start], float]:
     """Starts with the bounded amplitudes that together fit a whitened target best, and the fall of its square."""
-    columns = np.concatenate([one.whitened for one in starts], axis=1)
+    columns = np.concatenate([start.whitened for start in starts], axis=1)
     amplitude, fall = bounded_amplitudes(
-        target, columns, np.concatenate([one.columns.bounds for one in starts], axis=1)
+        target, columns, np.concatenate([start.columns.bounds for start in starts], axis=1)
     )
-    parts = np.split(amplitude, np.cumsum([one.count for one in starts])[:-1])
-    return [replace(one, amplitude=part) for one, part in zip(starts, parts, strict=True)], fall
+    parts = np.split(amplitude, np.cumsum([start.count for start in starts])[:-1])
+    return [replace(start, amplitude=values) for start, values in zip(starts, parts, strict=True)], fall
 
 
 def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArray) -> tuple[FloatArray, float]:
@@ -125,8 +127,8 @@ def bounded_amplitudes(target: FloatArray, columns: FloatArray, bounds: FloatArr
     """
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
-    left, triangle = np.linalg.qr(columns / size)
-    y = left.T @ target
+    orthonormal, triangle = np.linalg.qr(columns / size)
+    y = orthonormal.T @ target
     scaled = np.linalg.lstsq(triangle, y, rcond=1e-9)[0]
     if np.any(scaled < bounds[0] * size) or np.any(scaled > bounds[1] * size):
         low, high = bounds[0] * size, bounds[1] * size
@@ -203,17 +205,19 @@ def refit(
     nulls or as far from these as ``prior_mean`` says.
     """
     fixed, prior_sd, prior_mean = fixed or {}, prior_sd or {}, prior_mean or {}
-    initial = [one.columns.parameters(one.amplitude) for one in start]
+    initial = [effect.columns.parameters(effect.amplitude) for effect in start]
     free = tuple(
         (k, p)
-        for k, one in enumerate(start)
-        for p in (*one.columns.amplitudes, *_seen_nonlinear(one, observations))
-        if p.name not in fixed.get(one.name, {})
+        for k, effect in enumerate(start)
+        for p in (*effect.columns.amplitudes, *_seen_nonlinear(effect, observations))
+        if p.name not in fixed.get(effect.name, {})
     )
-    for k, one in enumerate(start):  # nonlinear parameters that nothing depends on stand where they usually are
-        initial[k] |= fixed.get(one.name, {})
-        seen = {p.name for number, p in free if number == k} | set(fixed.get(one.name, {}))
-        initial[k] |= {p.name: p.null for p in one.columns.effect.parameters if p.nonlinear and p.name not in seen}
+    for k, effect in enumerate(start):  # nonlinear parameters that nothing depends on stand where they usually are
+        initial[k] |= fixed.get(effect.name, {})
+        moved_names = {p.name for number, p in free if number == k} | set(fixed.get(effect.name, {}))
+        initial[k] |= {
+            p.name: p.null for p in effect.columns.effect.parameters if p.nonlinear and p.name not in moved_names
+        }
     width = np.array([p.plausible[1] - p.plausible[0] for _, p in free])
     low = np.array([p.lower for _, p in free]) / width
     high = np.array([p.upper for _, p in free]) / width
@@ -226,7 +230,8 @@ def refit(
         for (k, p), scaled, w in zip(free, x, width, strict=True):
             values[k][p.name] = float(scaled * w)
         return tuple(
-            AddedEffect(one.columns.effect, v, runs=one.columns.runs) for one, v in zip(start, values, strict=True)
+            AddedEffect(effect.columns.effect, v, runs=effect.columns.runs)
+            for effect, v in zip(start, values, strict=True)
         )
 
     last: list[tuple[FloatArray, FloatArray]] = []  # slopes are asked for where the residual was
@@ -306,8 +311,8 @@ def _seen_nonlinear(start: Start, observations: Observations) -> list[EffectPara
 
     def seen(p: EffectParameter) -> bool:
         step = 0.1 * (p.plausible[1] - p.plausible[0])
-        other = values[p.name] + (step if values[p.name] + step <= p.upper else -step)
-        moved = observations.predict([AddedEffect(columns.effect, values | {p.name: other})])
+        changed = values[p.name] + (step if values[p.name] + step <= p.upper else -step)
+        moved = observations.predict([AddedEffect(columns.effect, values | {p.name: changed})])
         return bool(np.any(moved != usual))
 
     return [p for p in columns.effect.parameters if p.nonlinear and seen(p)]
@@ -321,3 +326,13 @@ def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[Added
         k, p = fit.free[j]
         intervals[k][p.name] = (float((x[j] - half[j]) * width[j]), float((x[j] + half[j]) * width[j]))
     return tuple(replace(a, ci95=ci) for a, ci in zip(fit.effects, intervals, strict=True))
+
+
+def at_bounds(fit: Refit) -> list[tuple[int, EffectParameter]]:
+    """Parameters that stand at a bound other than their null, each with the number of its effect."""
+    ends = [fit.free[j] for j in np.flatnonzero(fit.active)]
+    return [
+        (k, p)
+        for k, p in ends
+        if abs(fit.effects[k].parameters[p.name] - p.null) > 1e-3 * (p.plausible[1] - p.plausible[0])
+    ]

@@ -35,22 +35,22 @@ class Gram:
     @classmethod
     def of(cls, columns: Sequence[FloatArray], target: FloatArray) -> "Gram":
         """From the whitened columns of each part and the whitened readings."""
-        ends = np.cumsum([0, *(one.shape[1] for one in columns)])
+        ends = np.cumsum([0, *(block.shape[1] for block in columns)])
         every = np.concatenate(columns, axis=1)
         slices = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
         return cls(every.T @ every, every.T @ target, slices)
 
-    def beside(self, part: int, others: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    def beside(self, number: int, roots: Mapping[int, FloatArray]) -> tuple[FloatArray, FloatArray]:
         """X'X and X'y of a part beside others that are known to N(0, L L'), given their roots L."""
-        own = self.parts[part]
-        products, target = self.products[own, own], self.target[own]
-        kept = {k: root for k, root in others.items() if k != part}
-        if not kept:
+        place = self.parts[number]
+        products, target = self.products[place, place], self.target[place]
+        rest = {k: root for k, root in roots.items() if k != number}
+        if not rest:
             return products, target
-        where = np.concatenate([np.arange(self.parts[k].start, self.parts[k].stop) for k in kept])
-        root = linalg.block_diag(*kept.values())
+        where = np.concatenate([np.arange(self.parts[k].start, self.parts[k].stop) for k in rest])
+        root = linalg.block_diag(*rest.values())
         factor = linalg.cho_factor(np.eye(len(where)) + root.T @ self.products[np.ix_(where, where)] @ root)
-        cross = self.products[own][:, where] @ root
+        cross = self.products[place][:, where] @ root
         return (
             products - cross @ linalg.cho_solve(factor, cross.T),
             target - cross @ linalg.cho_solve(factor, root.T @ self.target[where]),
@@ -59,12 +59,12 @@ class Gram:
 
 def sets_that_pay(gram: Gram, roots: Sequence[Sequence[FloatArray]]) -> list[dict[int, FloatArray]]:
     """Sets of parts, begun with each part that says much by itself, each part with the root of its prior covariance."""
-    alone = {k: _best_root(*gram.beside(k, {}), own) for k, own in enumerate(roots)}
+    alone = {k: _best_root(*gram.beside(k, {}), of_part) for k, of_part in enumerate(roots)}
     most = max((gain for _, gain in alone.values()), default=0.0)
     if most < PRICE:
         return []
     begun = [k for k, (_, gain) in alone.items() if gain >= max(PRICE, BEGUN * most)]
-    sets = {frozenset(one): one for one in (_grown(gram, roots, {k: alone[k][0]}) for k in begun)}
+    sets = {frozenset(chosen): chosen for chosen in (_grown(gram, roots, {k: alone[k][0]}) for k in begun)}
     return list(sets.values())
 
 
@@ -72,12 +72,12 @@ def _grown(gram: Gram, roots: Sequence[Sequence[FloatArray]], first: Mapping[int
     """Add the part that adds most evidence, size each anew beside the others, and drop what no longer pays."""
     chosen, tried, total = dict(first), set(first), evidence(gram, first)
     while len(tried) < len(roots):
-        found = {k: _best_root(*gram.beside(k, chosen), roots[k]) for k in range(len(roots)) if k not in tried}
-        best = max(found, key=lambda k: found[k][1])
-        if found[best][1] < max(PRICE, LEAST_SHARE * total):
+        candidates = {k: _best_root(*gram.beside(k, chosen), roots[k]) for k in range(len(roots)) if k not in tried}
+        best = max(candidates, key=lambda k: candidates[k][1])
+        if candidates[best][1] < max(PRICE, LEAST_SHARE * total):
             break
         tried.add(best)
-        chosen = sized_anew(gram, roots, {**chosen, best: found[best][0]})
+        chosen = sized_anew(gram, roots, {**chosen, best: candidates[best][0]})
         total = evidence(gram, chosen)
     return chosen
 

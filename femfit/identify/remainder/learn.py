@@ -9,9 +9,9 @@ import numpy as np
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
+from femfit.identify.noise.whitening import Whitening, chains_of, orthonormal_basis
 from femfit.identify.readings.observations import Observations
-from femfit.identify.refit.checked_refit import UnseenError, beside_random, channel_rms, left_out_groups
+from femfit.identify.refit.checked_refit import UnseenError, cross_validated
 from femfit.identify.remainder.constants import HALVINGS, POSSIBLE, PRICE, ROUNDS
 from femfit.identify.remainder.evidence import Gram, complexity, posterior, sets_that_pay
 from femfit.identify.remainder.parts import BRAKE, Part, added, effect_of, parts_of
@@ -36,10 +36,10 @@ class Learnt:
     def own(self, part: Part) -> slice:
         """Where a part's coefficients stand among all."""
         before = 0
-        for one in self.coefficients:
-            if one is part:
+        for earlier in self.coefficients:
+            if earlier is part:
                 return slice(before, before + part.count)
-            before += one.count
+            before += earlier.count
         raise KeyError(part.kind)
 
 
@@ -51,10 +51,10 @@ def columns_at(
     base = observations.predict([added(effect_of(here))]) if here else observations.base
     result = []
     for part in parts:
-        own = here.get(part, np.zeros(part.count))
+        free = here.get(part, np.zeros(part.count))
         columns = np.empty((len(base), part.count))
         for k in range(part.count):
-            moved = own.copy()
+            moved = free.copy()
             moved[k] += part.step
             columns[:, k] = (observations.predict([added(effect_of({**here, part: moved}))]) - base) / part.step
         result.append(columns)
@@ -89,18 +89,20 @@ def learn(whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray
     Sets of parts are found to first order; where a part bends what it acts on, the likelihood at the fit counts
     (Laplace's).
     """
-    whitened = [whitening.full(one) for one in columns]
+    whitened = [whitening.full(block) for block in columns]
     gram = Gram.of(whitened, whitening.full(whitening.observations.residual))
     sets = [
         _fitted(whitening, [parts[k] for k in chosen], [columns[k] for k in chosen], [*chosen.values()])
         for chosen in sets_that_pay(gram, [part.roots for part in parts])
     ]
-    worth = [one.evidence - PRICE * len(one.coefficients) for one in sets]
+    worth = [candidate.evidence - PRICE * len(candidate.coefficients) for candidate in sets]
     if max(worth, default=0.0) <= 0.0:
         return Learnt({}, np.zeros((0, 0)), np.zeros((len(gram.target), 0)), 0.0)
     best = int(np.argmax(worth))
-    near = (one for k, one in enumerate(sets) if k != best and worth[k] > worth[best] - POSSIBLE)
-    return replace(sets[best], alternatives=tuple(tuple(part.kind for part in one.coefficients) for one in near))
+    near = (candidate for k, candidate in enumerate(sets) if k != best and worth[k] > worth[best] - POSSIBLE)
+    return replace(
+        sets[best], alternatives=tuple(tuple(part.kind for part in candidate.coefficients) for candidate in near)
+    )
 
 
 def _fitted(
@@ -113,14 +115,14 @@ def _fitted(
     for step in range(ROUNDS if any(part.bends for part in parts) else 1):
         columns = columns_at(observations, parts, coefficients) if step else columns
         residual = _misfit(observations, coefficients)
-        linear = residual + sum(one @ coefficients[part] for part, one in zip(parts, columns, strict=True))
-        gram = Gram.of([whitening.full(one) for one in columns], whitening.full(linear))
-        found = posterior(gram, chosen, not_negative)
-        wanted = {part: found.mean[k] for k, part in enumerate(parts)}
+        linear = residual + sum(block @ coefficients[part] for part, block in zip(parts, columns, strict=True))
+        gram = Gram.of([whitening.full(block) for block in columns], whitening.full(linear))
+        estimate = posterior(gram, chosen, not_negative)
+        wanted = {part: estimate.mean[k] for k, part in enumerate(parts)}
         coefficients = _stepped(whitening, roots, coefficients, wanted)
     fall = float(np.sum(whitening.full(observations.residual) ** 2)) - _cost(whitening, roots, coefficients)
     return Learnt(
-        coefficients, found.covariance, np.concatenate(columns, axis=1), 0.5 * (fall - complexity(gram, chosen))
+        coefficients, estimate.covariance, np.concatenate(columns, axis=1), 0.5 * (fall - complexity(gram, chosen))
     )
 
 
@@ -128,12 +130,12 @@ def _cost(whitening: Beside, roots: Sequence[FloatArray], coefficients: Mapping[
     """Penalised sum of squares."""
     misfit = whitening.full(_misfit(whitening.observations, coefficients))
     sizes = zip(roots, coefficients.values(), strict=True)
-    return float(misfit @ misfit) + sum(float(np.sum(np.linalg.solve(root, one) ** 2)) for root, one in sizes)
+    return float(misfit @ misfit) + sum(float(np.sum(np.linalg.solve(root, free) ** 2)) for root, free in sizes)
 
 
 def _misfit(observations: Observations, coefficients: Mapping[Part, FloatArray]) -> FloatArray:
     """Recorded less predicted with a remainder, shape (M,)."""
-    if not any(np.any(one) for one in coefficients.values()):
+    if not any(np.any(free) for free in coefficients.values()):
         return observations.residual
     return observations.value - observations.predict([added(effect_of(coefficients))])
 
@@ -183,48 +185,23 @@ def learn_checked(whitening: Whitening, named: FloatArray | None = None) -> Chec
         clean = observations.with_values(observations.value - observations.predict(first.effects) + observations.base)
         noise = estimate_noise(clean)
         whitening = whitening if noise is None else Whitening(observations, noise, whitening.chains)
-    before, best = unseen_before(whitening), None
-    for some in (range(len(parts)), [k for k, part in enumerate(parts) if not part.bends]):
-        picked = [parts[k] for k in some], [columns[k] for k in some]
-        learnt = learn(Beside(whitening, named), *picked)
-        error = learnt_unseen(Beside(whitening, named), *picked) if learnt.effects else before
-        one = Checked(learnt, whitening, error, before)
-        best = one if best is None or one.error.chi2 < best.error.chi2 else best
+    noise = whitening.noise
+    before, tried = cross_validated(observations, noise, lambda _: ()), list[Checked]()
+    for numbers in (range(len(parts)), [k for k, part in enumerate(parts) if not part.bends]):
+        some, changes = [parts[k] for k in numbers], [columns[k] for k in numbers]
+        learnt = learn(Beside(whitening, named), some, changes)
+        error = before
+        if learnt.effects:  # by what is learnt without each run, choice of parts and smoothness included
+
+            def learnt_from(
+                keep: BoolArray, some: Sequence[Part] = some, changes: Sequence[FloatArray] = changes
+            ) -> tuple[AddedEffect, ...]:
+                readings = observations.select(keep)
+                beside = Beside(Whitening(readings, noise, chains_of(readings)), named[keep])
+                return learn(beside, some, [change[keep] for change in changes]).effects
+
+            error = cross_validated(observations, noise, learnt_from)
+        tried.append(Checked(learnt, whitening, error, before))
         if not any(part.bends for part in learnt.coefficients):
             break
-    assert best is not None  # noqa: S101  two were tried
-    return best
-
-
-def learnt_unseen(whitening: Beside, parts: Sequence[Part], columns: Sequence[FloatArray]) -> UnseenError:
-    """The error on each run by what was learnt without it, choice of parts and smoothness included."""
-    observations, noise = whitening.observations, whitening.whitening.noise
-    group = left_out_groups(observations)
-    as_read, beside = np.zeros(len(group)), np.zeros(len(group))
-    chi2, effects = 0.0, {}
-    for one in np.unique(group):
-        out = group == one
-        seen, unseen = _part(observations, noise, ~out), _part(observations, noise, out)
-        effects[int(one)] = learn(Beside(seen, whitening.named[~out]), parts, [each[~out] for each in columns]).effects
-        residual = unseen.observations.value - unseen.observations.predict(effects[int(one)])
-        as_read[out], beside[out] = residual, beside_random(residual, unseen)
-        chi2 += float(np.sum(unseen.full(residual) ** 2))
-    return UnseenError(channel_rms(observations, as_read), channel_rms(observations, beside), chi2, effects)
-
-
-def unseen_before(whitening: Whitening) -> UnseenError:
-    """The same of the model as it is."""
-    observations, noise = whitening.observations, whitening.noise
-    group, residual = left_out_groups(observations), observations.residual
-    beside, chi2 = np.zeros(len(group)), 0.0
-    for one in np.unique(group):
-        out = group == one
-        own = _part(observations, noise, out)
-        beside[out] = beside_random(residual[out], own)
-        chi2 += float(np.sum(own.full(residual[out]) ** 2))
-    return UnseenError(channel_rms(observations, residual), channel_rms(observations, beside), chi2, {})
-
-
-def _part(observations: Observations, noise: NoiseModel, keep: BoolArray) -> Whitening:
-    some = observations.select(keep)
-    return Whitening(some, noise, chains_of(some))
+    return min(tried, key=lambda checked: checked.error.chi2)

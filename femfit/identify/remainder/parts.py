@@ -181,13 +181,15 @@ def parts_of(observations: Observations) -> list[Part]:
     result: list[Part] = []
 
     def add(kind: str, axes: Sequence[Axis | None], size: float, coordinate: DistanceCoordinate = _PLAIN) -> None:
-        known = [axis for axis in axes if axis is not None]
-        if len(known) == len(axes) and np.isfinite(size) and size > 0.0:
-            result.append(Part(kind, tuple(known), LINEAR_STEP * size, coordinate))
+        varying = [axis for axis in axes if axis is not None]
+        if len(varying) == len(axes) and np.isfinite(size) and size > 0.0:
+            result.append(Part(kind, tuple(varying), LINEAR_STEP * size, coordinate))
 
     field_of = DistanceCoordinate(float(d.max()), 0.0) if d.min() > 0.2 * np.ptp(d) else _PLAIN
     over_d = _axis(field_of.of(d), FIELD_CELLS[0], FIELD_SCALES[0])
-    over_i = _axis(i, FIELD_CELLS[1], FIELD_SCALES[1]) or _single(i)
+    first = float(i[0])  # a constant, where the current never varied
+    constant = Axis(first, first, np.array([first - 1.0, first + 1.0]), 0, np.ones((1, 1)), (1.0,))
+    over_i = _axis(i, FIELD_CELLS[1], FIELD_SCALES[1]) or constant
     add(COENERGY, (over_d, over_i), nominal.force_N * nominal.travel_m, field_of)
     if "hall_V" in channels:
         add(HALL_FIELD, (over_d, over_i), abs(nominal.hall_T_per_A) * nominal.peak_current_A, field_of)
@@ -218,9 +220,3 @@ def _axis(values: FloatArray, cells: int = CURVE_CELLS, scales: tuple[float, ...
         return None
     knots, expand = bounded_basis(low, high, cells, DEGREE)
     return Axis(low, high, knots, DEGREE, expand, scales)
-
-
-def _single(values: FloatArray) -> Axis:
-    """A constant, where the variable never varied."""
-    at = float(values[0])
-    return Axis(at, at, np.array([at - 1.0, at + 1.0]), 0, np.ones((1, 1)), (1.0,))

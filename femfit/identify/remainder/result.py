@@ -1,27 +1,161 @@
-"""What learning a remainder says.
+"""What learning a remainder says: the short law of each part, and the measurement that would refute it.
 
-The measurement that would refute a remainder: where it and nothing differ most, and nobody has measured yet.
+Each candidate of a law has one shape at most and one or two factors. It is projected on the part's splines, so that its
+columns are those of the part, and fitted to what the part changes of the whitened readings; its share is that of the
+square. A remainder is refuted where it and nothing differ most, and nobody has measured yet.
 """
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount, probability, rounded
 from femfit.effects.conditions import Conditions
 from femfit.identify.constants import HELPS, LEVEL_AFTER
-from femfit.identify.noise.whitening import NoiseModel
+from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult
-from femfit.identify.remainder.constants import LEVELS, UNMEASURED
-from femfit.identify.remainder.law import DEFINITIONS, ShortLaw
-from femfit.identify.remainder.parts import WORDS
+from femfit.identify.remainder.constants import LEVELS, PER_FACTOR, SAID, UNMEASURED
+from femfit.identify.remainder.learn import Learnt
+from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, RESISTANCE, UNITS, WORDS, Part
 from femfit.identify.series.balances import FORCE_BALANCE
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.tables.measurement import CHANNEL_WORDS
+
+_DISTANCE = "distance_m"
+_SYMBOLS = {_DISTANCE: ("d", "m"), "current_A": ("i", "A"), RESISTANCE: ("|i|", "A"), BRAKE: ("|v|", "m/s")} | {
+    "force_N": ("F", "N"),
+    FORCE_BRANCH: ("F", "N"),
+    "flux_linkage_Wb": ("flux", "Wb"),
+    "hall_V": ("V", "V"),
+}
+_POWERS = ("", " i/{i}", " (i/{i})^2")
+
+
+@dataclass(frozen=True)
+class ShortLaw:
+    """A formula in place of a part."""
+
+    kind: str
+    text: str
+    share: float  # Of the square of what the part changes of the whitened readings
+
+    @property
+    def fits(self) -> bool:
+        """Whether it may be said to be the part."""
+        return self.share >= SAID
+
+    def __str__(self) -> str:
+        share = f"{100.0 * max(self.share, 0.0):.0f} %"
+        if not self.fits:
+            return f"No short law says the {DEFINITIONS[self.kind]}: the nearest has {share} of it."
+        return f"A short law says {share} of it: {DEFINITIONS[self.kind]} = {self.text}."
+
+
+_Form = tuple[Callable[[FloatArray], str], tuple[FloatArray, ...]]
+"""The text for the factors of functions, and the functions at points, each of shape (n,)."""
+
+
+def short_law(whitening: Whitening, learnt: Learnt, part: Part) -> ShortLaw:
+    """The candidate of largest share, with a small price for a second factor."""
+    points = _points(part)
+    forms = _field_forms(part, *points) if len(points) == 2 else _curve_forms(part, points[0])
+    onto = np.linalg.pinv(part.rows(*points))
+    columns = whitening.full(learnt.columns[:, learnt.own(part)])
+    target = columns @ learnt.coefficients[part]
+    square, best = float(target @ target), (ShortLaw(part.kind, "", 0.0), 0.0)
+    for text, functions in forms:
+        candidate = columns @ (onto @ np.stack(functions, axis=1))
+        factors = np.asarray(np.linalg.lstsq(candidate, target, rcond=1e-10)[0], np.float64)
+        share = 1.0 - float(np.sum((target - candidate @ factors) ** 2)) / max(square, 1e-300)
+        worth = share - PER_FACTOR * len(functions)
+        if worth > best[1]:
+            best = ShortLaw(part.kind, text(factors), share), worth
+    return best[0]
+
+
+def _points(part: Part) -> tuple[FloatArray, ...]:
+    """Points over the data, of each of the part's variables, the first in its coordinate."""
+    count = 25 if len(part.axes) == 2 else 400
+    axes = [np.linspace(axis.low, axis.high, count) for axis in part.axes]
+    return tuple(grid.ravel() for grid in np.meshgrid(*axes, indexing="ij"))
+
+
+def _field_forms(part: Part, u: FloatArray, i: FloatArray) -> Iterator[_Form]:
+    """Products of a function of the distance and a power of the current."""
+    d, peak = part.coordinate.distance(u), float(np.abs(i).max())
+    near, travel, unit = float(d.min()), float(np.ptp(d)), UNITS[part.kind]
+    nearest = amount(near, "m")
+    shapes = [(np.ones_like(d), ""), (d / np.abs(d).max(), f" d/({amount(float(np.abs(d).max()), 'm')})")]
+    shapes += [
+        (np.exp((near - d) / a), f" exp(-(d - {nearest}) / {amount(float(a), 'm')})")
+        for a in np.geomspace(travel / 30.0, 3.0 * travel, 40)
+    ]
+    if near > 0.0:
+        for power in (1, 2, 3, 4):
+            for a in (0.0, *np.geomspace(0.05 * near, 3.0 * near, 12)):
+                beside = f"(d + {amount(float(a), 'm')})" if a else "d"
+                shapes.append((((near + a) / (d + a)) ** power, f" ({amount(near + a, 'm')} / {beside})^{power}"))
+    for shape, of_distance in shapes:
+        for power, of_current in enumerate(_POWERS):
+            if power and peak == 0.0:
+                continue
+            words = of_current.format(i=f"({amount(peak, 'A')})") + of_distance
+            yield partial(_sum, unit, (words,)), (shape * (i / max(peak, 1e-300)) ** power,)
+
+
+def _sum(unit: str, words: Sequence[str], factors: FloatArray) -> str:
+    """Functions in words, each with its factor."""
+    return " + ".join(f"{amount(float(factor), unit)}{word}" for factor, word in zip(factors, words, strict=True))
+
+
+def _wave(unit: str, period: float, factors: FloatArray) -> str:
+    """A sine and a cosine as one wave."""
+    size, phase = float(np.hypot(*factors)), float(np.arctan2(factors[1], factors[0]))
+    return f"{amount(size, unit)} sin(2 pi d / {amount(period, 'm', 3)} {phase:+.2f})"
+
+
+def _curve_forms(part: Part, x: FloatArray) -> Iterator[_Form]:
+    """Powers, pairs of powers, a decay, a limit, and over the distance a period."""
+    symbol, of = _SYMBOLS[part.kind]
+    unit, most, span = UNITS[part.kind], float(np.abs(x).max()), float(np.ptp(x))
+    over = f"({symbol} / {amount(most, of)})"
+    powers = ["", f" {over}", f" {over}^2", f" {over}^3"]
+    each = [(x / most) ** n for n in range(4)]
+    for n, words in enumerate(powers):
+        yield partial(_sum, unit, (words,)), (each[n],)
+    for n, m in ((0, 1), (0, 2), (1, 2), (1, 3)):
+        yield partial(_sum, unit, (powers[n], powers[m])), (each[n], each[m])
+    for a in np.geomspace(span / 30.0, 3.0 * span, 40).tolist():
+        words = f" exp(-({symbol} - {amount(float(x.min()), of)}) / {amount(a, of)})"
+        yield partial(_sum, unit, (words,)), (np.exp((x.min() - x) / a),)
+        yield partial(_sum, unit, (f" tanh({symbol} / {amount(a, of)})",)), (np.tanh(x / a),)
+    if part.kind == _DISTANCE:
+        for period in span / np.arange(1.0, 16.0, 0.05):
+            phase = 2.0 * np.pi * x / period
+            yield partial(_wave, unit, float(period)), (np.sin(phase), np.cos(phase))
+
+
+DEFINITIONS = {
+    COENERGY: "dW'",
+    HALL_FIELD: "dB",
+    BRAKE: "brake",
+    RESISTANCE: "further resistance",
+    "distance_m": "true less recorded distance",
+    "current_A": "true less recorded current",
+    "force_N": "recorded less true force",
+    FORCE_BRANCH: "recorded less true force while the current rises, the other way round while it falls",
+    "flux_linkage_Wb": "recorded less true flux linkage",
+    "hall_V": "recorded less true Hall output",
+}
+"""What each part's function is, as the left side of its law."""
+
 
 _READS = {FORCE_BALANCE: "force_N", "voltage_balance_V": "voltage_V"}
 
@@ -60,9 +194,12 @@ def refutation(
     braked = any(added.effect.force is not None for added in after.effects[len(before.effects) :])
     d, i = (np.ravel(x) for x in np.meshgrid(*(np.linspace(*e, n) for e, n in zip(ends, LEVELS, strict=True))))
     velocity = float(speed) if braked else 0.0
-    at = Conditions(observations.nominal, velocity_m_s=velocity)
-    readings = [predict_readings(one, d, i, at) for one in (before, after)]
-    far = _farness(d, i, measured, ends)
+    conditions = Conditions(observations.nominal, velocity_m_s=velocity)
+    readings = [predict_readings(model, d, i, conditions) for model in (before, after)]
+    # Distance of settings from the nearest that was measured, over the ranges of the data
+    spans = [max(high - low, 1e-300) for low, high in ends]
+    visited = np.unique(np.round(np.stack([x / s for x, s in zip(measured, spans, strict=True)], axis=1), 3), axis=0)
+    far = np.asarray(cKDTree(visited).query(np.stack([d / spans[0], i / spans[1]], axis=1))[0])
     best: tuple[float, Refutation] | None = None
     for name, sigma in noise.floor.items():
         read = _READS.get(name, name)
@@ -76,14 +213,6 @@ def refutation(
             values = (float(d[k]), float(i[k]), velocity, float(change[k]), sigma, not bool(new[k]))
             best = float(score[k]), Refutation(read, *values)
     return None if best is None else best[1]
-
-
-def _farness(d: FloatArray, i: FloatArray, measured: list[FloatArray], ends: list[tuple[float, float]]) -> FloatArray:
-    """Distance of settings from the nearest that was measured, over the ranges of the data."""
-    spans = [max(high - low, 1e-300) for low, high in ends]
-    seen = np.unique(np.round(np.stack([x / s for x, s in zip(measured, spans, strict=True)], axis=1), 3), axis=0)
-    here = np.stack([d / spans[0], i / spans[1]], axis=1)
-    return np.asarray([np.sqrt(np.min(np.sum((seen - one) ** 2, axis=1))) for one in here])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +262,7 @@ class RemainderResult(AddResult):
         return super().to_dict() | {
             "remainder": {
                 "parts": list(self.parts),
-                "alternatives": [list(one) for one in self.alternatives],
+                "alternatives": [list(kinds) for kinds in self.alternatives],
                 "laws": [vars(law) for law in self.laws],
                 "fall_unseen": self.fall_unseen,
                 "refutation": None if self.refutation is None else vars(self.refutation),
@@ -146,25 +275,31 @@ class RemainderResult(AddResult):
         lines = [] if self.beside is None else [str(self.beside)]
         if not self.parts:
             return "\n".join([*lines, "Nothing was added: beyond the noise no remainder is left that could be learnt."])
-        head, *others = super().__str__().split("\n")
-        said = self.sentences
+        head, *body = super().__str__().split("\n")
+        sentences = self.sentences
         return "\n".join(
-            [*lines, head, *(f"  {one}" for one in said[: len(self.laws)]), *others, *said[len(self.laws) :]]
+            [
+                *lines,
+                head,
+                *(f"  {sentence}" for sentence in sentences[: len(self.laws)]),
+                *body,
+                *sentences[len(self.laws) :],
+            ]
         )
 
     @property
     def sentences(self) -> list[str]:
         """The short law of each part, what else it may be, and the measurement that would refute it."""
-        others = [" and ".join(WORDS[kind] for kind in one) for one in self.alternatives]
-        also = [f"These readings also allow {'; or '.join(others)}."] if others else []
-        return [*map(_law_sentence, self.laws), *also, *([] if self.refutation is None else [str(self.refutation)])]
+        alternatives = [" and ".join(WORDS[kind] for kind in kinds) for kinds in self.alternatives]
+        also = [f"These readings also allow {'; or '.join(alternatives)}."] if alternatives else []
+        return [*map(str, self.laws), *also, *([] if self.refutation is None else [str(self.refutation)])]
 
     def _circumstances(self) -> list[str]:
         return []
 
     def _verdict(self) -> str:
         after = self.lack_of_fit_after.p_value
-        left = "what is left is noise" if after > LEVEL_AFTER else "the misfit that is left is not noise"
+        rest = "what is left is noise" if after > LEVEL_AFTER else "the misfit that is left is not noise"
         what = " and ".join(WORDS[kind] for kind in self.parts)
         if self.named_instead:
             return f"Not accepted: {self.named_instead}, a named effect, explains as much. Add that."
@@ -172,18 +307,11 @@ class RemainderResult(AddResult):
             return f"Not accepted: with {what} learnt, the error on runs left out does not fall."
         if not self.accepted:
             return f"Not accepted: with {what} learnt, the filter is worse on runs left out."
-        return f"Added as unexplained, for no cause is known: {what}; {left} ({probability(after)})."
-
-
-def _law_sentence(law: ShortLaw) -> str:
-    share = f"{100.0 * max(law.share, 0.0):.0f} %"
-    if not law.fits:
-        return f"No short law says the {DEFINITIONS[law.kind]}: the nearest has {share} of it."
-    return f"A short law says {share} of it: {DEFINITIONS[law.kind]} = {law.text}."
+        return f"Added as unexplained, for no cause is known: {what}; {rest} ({probability(after)})."
 
 
 def words_of(laws: tuple[ShortLaw, ...], parts: tuple[str, ...]) -> str:
     """What the effect is, as the clause that is printed wherever it is described."""
-    said = {law.kind: law.text for law in laws if law.fits}
-    each = (f"{DEFINITIONS[kind]} near {said[kind]}" if kind in said else WORDS[kind] for kind in parts)
+    texts = {law.kind: law.text for law in laws if law.fits}
+    each = (f"{DEFINITIONS[kind]} near {texts[kind]}" if kind in texts else WORDS[kind] for kind in parts)
     return f"of no known cause; {' and '.join(each)}"

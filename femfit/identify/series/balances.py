@@ -91,7 +91,11 @@ def model_balances(
         share, inertia = _inertia(base.motion, motion, weights, point.distance, effects)
         result[FORCE_BALANCE] = share * (weights.mean @ point.force) + inertia
     for k, (circuit, name) in enumerate(zip(base.circuits, voltage_balances(base), strict=True)):
-        drop, current = _drop(base, k, motion, point, effects)
+        several = bool(point.at.nominal.circuits)
+        current, volts = (values[:, k] if several else values for values in (point.current, motion.voltage_V))
+        of_circuit = [added for added in effects if added.effect.of == circuit.name] if several else effects
+        ohms, applied = circuit_of(of_circuit, np.full_like(current, circuit.resistance_ohm), volts, current, point.at)
+        drop = ohms * current + volts - applied  # with what the driver loses of its command
         result[name] = weights.mean @ drop + weights.slope @ (point.flux[:, k] + circuit.inductance_H * current)
     return result
 
@@ -119,10 +123,10 @@ def model_readings(
 
 
 def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
-    base, coenergy, at = points.base, points.coenergy, motion.at
-    d, i = true_setting(effects, motion.distance_m, motion.current_A, at)
+    base, coenergy, conditions = points.base, points.coenergy, motion.at
+    d, i = true_setting(effects, motion.distance_m, motion.current_A, conditions)
     eddy = eddy_with_sources(base, effects)
-    if at.nominal.circuits:
+    if conditions.nominal.circuits:
         magnetics, u, pull = with_sources(base, effects), i, np.zeros_like(d)
         if eddy is not None:
             inductance = magnetics.slopes_of_circuits(d, i).inductance
@@ -130,27 +134,27 @@ def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[Added
             induced = induced_along(along, motion.time_s, motion.first, magnetics.flux_linkage(d, i), inductance)
             u = along.acting(i, induced)
             pull = pull_of(along, magnetics.flux_linkage(d, u), induced)
-        force = with_further_force(effects, magnetics.force(d, u) + pull, d, _first(i), at)
-        return _Point(d, i, at, force, magnetics.flux_linkage(d, u), None)
+        force = with_further_force(effects, magnetics.force(d, u) + pull, d, _first(i), conditions)
+        return _Point(d, i, conditions, force, magnetics.flux_linkage(d, u), None)
     constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
     memory: dict[str, FloatArray] = {}
     for added in effects:
-        memory |= states_along(added, motion.time_s, d, i, constant, at, motion.first)
-    at = replace(at, memory=memory)
-    changed = changed_coenergy(coenergy, effects, at)
+        memory |= states_along(added, motion.time_s, d, i, constant, conditions, motion.first)
+    conditions = replace(conditions, memory=memory)
+    changed = changed_coenergy(coenergy, effects, conditions)
     if eddy is not None:
         still = changed(d, i, 0, 2)
         flux, inductance = still.derivative(0, 1)[:, None], still.derivative(0, 2)[:, None, None]
         along = points.eddies(eddy, d)
         induced = induced_along(along, motion.time_s, motion.first, flux, inductance)
         u = along.acting(i[:, None], induced)[:, 0]
-        series, seen = changed(d, u, 1, 1), (along.forms.hall * induced).sum(axis=1)
+        series, seen_T = changed(d, u, 1, 1), (along.forms.hall * induced).sum(axis=1)
         pull = pull_of(along, series.derivative(0, 1)[:, None], induced)
     else:
-        series, pull, seen = changed(d, i, 1, 1), np.zeros_like(d), np.zeros_like(d)
-    at = replace(at, motional_V=-series.derivative(1, 1) * np.asarray(at.velocity_m_s))
-    force = with_further_force(effects, -series.derivative(1, 0) + pull, d, i, at)
-    return _Point(d, i, at, force, series.derivative(0, 1)[:, None], series, seen)
+        series, pull, seen_T = changed(d, i, 1, 1), np.zeros_like(d), np.zeros_like(d)
+    conditions = replace(conditions, motional_V=-series.derivative(1, 1) * np.asarray(conditions.velocity_m_s))
+    force = with_further_force(effects, -series.derivative(1, 0) + pull, d, i, conditions)
+    return _Point(d, i, conditions, force, series.derivative(0, 1)[:, None], series, seen_T)
 
 
 def _first(current: FloatArray) -> FloatArray:
@@ -168,22 +172,11 @@ def _inertia(
     share = base.mass_kg / moving_mass(effects, base.mass_kg)
     lacking = base.mass_kg * (weights.curvature @ (distance - motion.distance_m))
     if share != 1.0:
-        further = base.beside_weight(distance) + base.friction(
+        beside = base.beside_weight(distance) + base.friction(
             np.asarray(motion.at.velocity_m_s), motion.at.nominal.sample_time_s
         )
-        lacking = lacking + (1.0 - share) * (weights.mean @ (further + np.zeros_like(distance)))
+        lacking = lacking + (1.0 - share) * (weights.mean @ (beside + np.zeros_like(distance)))
     return share, np.asarray(lacking)
-
-
-def _drop(
-    base: ActuatorModel, k: int, motion: Motion, point: _Point, effects: Sequence[AddedEffect]
-) -> tuple[FloatArray, FloatArray]:
-    """R i of the circuit with the place k and what its driver loses of its command, and its current."""
-    circuit, several = base.circuits[k], bool(point.at.nominal.circuits)
-    current, volts = (one[:, k] if several else one for one in (point.current, motion.voltage_V))
-    own = [added for added in effects if added.effect.of == circuit.name] if several else effects
-    ohms, applied = circuit_of(own, np.full_like(current, circuit.resistance_ohm), volts, current, point.at)
-    return np.asarray(ohms * current + volts - applied), current
 
 
 def states_along(
@@ -192,7 +185,7 @@ def states_along(
     distance: FloatArray,
     current: FloatArray,
     motional_constant: FloatArray,
-    at: Conditions,
+    conditions: Conditions,
     first: BoolArray,
 ) -> dict[str, FloatArray]:
     """The states of one effect at every node, at rest where a stretch begins (``first``); empty where it needs none."""
@@ -204,15 +197,15 @@ def states_along(
     velocity, rate = (np.divide(np.diff(x), step, out=np.zeros_like(step), where=moves) for x in (distance, current))
     i, constant = (0.5 * (x[1:] + x[:-1]) for x in (current, motional_constant))
     moving = replace(
-        at,
+        conditions,
         branch=np.sign(rate),
         velocity_m_s=velocity,
         current_rate_A_s=rate,
         motional_V=constant * velocity,
-        coil_temperature_C=_between(at.coil_temperature_C),
-        magnet_temperature_C=_between(at.magnet_temperature_C),
-        time_s=_between(at.time_s),
-        elapsed=_between(at.elapsed),
+        coil_temperature_C=_between(conditions.coil_temperature_C),
+        magnet_temperature_C=_between(conditions.magnet_temperature_C),
+        time_s=_between(conditions.time_s),
+        elapsed=_between(conditions.elapsed),
     )
     at_zero, at_one = (
         memory.rate({name: np.full_like(i, z) for name in memory.names}, i, moving, added.parameters)
@@ -221,9 +214,9 @@ def states_along(
     result = {}
     for name in memory.names:
         decay = np.maximum((at_zero[name] - at_one[name]) * np.where(moves, step, 0.0), SLOWEST)
-        kept = np.where(fresh, 0.0, np.exp(-decay))
+        factor = np.where(fresh, 0.0, np.exp(-decay))
         gained = np.where(moves, at_zero[name] * step * -np.expm1(-decay) / decay, 0.0)
-        result[name] = _recurrence(np.append(0.0, kept), np.append(0.0, gained))
+        result[name] = _recurrence(np.append(0.0, factor), np.append(0.0, gained))
     return result
 
 
@@ -233,9 +226,9 @@ def _between(condition: FloatArray | float) -> FloatArray | float:
     return 0.5 * (values[1:] + values[:-1]) if values.ndim else condition
 
 
-def _recurrence(kept: FloatArray, gained: FloatArray) -> FloatArray:
+def _recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
     """x_k = kept_k x_(k-1) + gained_k from x_(-1) = 0, by doubling."""
-    factor, total, span = kept.copy(), gained.copy(), 1
+    factor, total, span = factors.copy(), gained.copy(), 1
     while span < len(total):
         total[span:] = total[span:] + factor[span:] * total[:-span]
         factor[span:] = factor[span:] * factor[:-span]
@@ -288,24 +281,17 @@ class RememberedPoints:
 
     def eddies(self, eddy: EddyCurrents, distance: FloatArray) -> EddiesAlong:
         """Eddy currents along distances, worked out once for these very arrays."""
-        if not any(one.eddy is eddy and one.distance is distance for one in self.still):
+        if not any(along.eddy is eddy and along.distance is distance for along in self.still):
             self.still[:] = [EddiesAlong.at(eddy, distance)]
         return self.still[0]
 
     def at(self, motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
         """The motion with the effects that act on it."""
-        acting = [one for one in effects if _moves(one)]
-        key = id(motion), *((id(one.effect), *one.parameters.items()) for one in acting)
-        found = self.known.pop(key, None) or (motion, acting, _excited(self, motion, acting))
-        self.known[key] = found
+        stages = ("setting", "coenergy", "force", "memory", "eddy")  # the others leave the motion as it is
+        acting = [added for added in effects if any(getattr(added.effect, stage) is not None for stage in stages)]
+        key = id(motion), *((id(added.effect), *added.parameters.items()) for added in acting)
+        point = self.known.pop(key, None) or (motion, acting, _excited(self, motion, acting))
+        self.known[key] = point
         if len(self.known) > _LAST_POINTS:
             self.known.pop(next(iter(self.known)))
-        return found[2]
-
-
-def _moves(added: AddedEffect) -> bool:
-    """Whether an effect changes setting, co-energy, further force, states or eddy currents."""
-    effect = added.effect
-    return any(
-        stage is not None for stage in (effect.setting, effect.coenergy, effect.force, effect.memory, effect.eddy)
-    )
+        return point[2]

@@ -16,7 +16,7 @@ from femfit.identify.series.balances import FORCE_BALANCE, voltage_balances
 from femfit.identify.series.constants import METHOD_ACCURACY
 from femfit.identify.series.noise import EddiesAlong, SensorNoise, carried, induced_along, propagated, pull_of
 from femfit.identify.series.samples import Samples, between_samples, held_from
-from femfit.identify.series.weights import Windows, held_weights, window_weights
+from femfit.identify.series.weights import Weights, Windows, held_weights, window_weights
 from femfit.model.actuator_model import ActuatorModel
 
 
@@ -52,19 +52,19 @@ def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
     slopes, series = base.magnetics.slopes_of_circuits(d, each), np.zeros((each.shape[1],) * 2)
     if base.circuits:
         series = base.series_inductances_H
-    flux, pull, seen = base.magnetics.flux_linkage(d, i).reshape(each.shape), np.zeros_like(d), np.zeros_like(d)
+    flux, pull, seen_T = base.magnetics.flux_linkage(d, i).reshape(each.shape), np.zeros_like(d), np.zeros_like(d)
     if base.eddy is not None:
         first = np.diff(samples.run[here], prepend=np.nan) != 0.0
         along = EddiesAlong.at(base.eddy, d)
         induced = induced_along(along, samples.time[here], first, flux, slopes.inductance)
         i = along.acting(each, induced).reshape(i.shape)
         flux = base.magnetics.flux_linkage(d, i).reshape(each.shape)
-        pull, seen = pull_of(along, flux, induced), (along.forms.hall * induced).sum(axis=1)
+        pull, seen_T = pull_of(along, flux, induced), (along.forms.hall * induced).sum(axis=1)
     flux = flux + each @ series
     hall = [np.zeros_like(d)] * 3
     if base.sensor is not None and i.ndim == 1:  # as on a bench, a Hall element of several circuits is not compared
-        hall = [base.sensor.sensitivity_V_per_T * part for part in base.sensor.field.derivatives(d, i)]
-        hall[0] = hall[0] + base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * seen
+        hall = [base.sensor.sensitivity_V_per_T * derivative for derivative in base.sensor.field.derivatives(d, i)]
+        hall[0] = hall[0] + base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * seen_T
     force, inductance = base.magnetics.force(d, i) + pull, slopes.inductance + series
     parts = force, slopes.force_gradient, slopes.motional_constant, flux, inductance, *hall
     return SampleField(*(everywhere(values) for values in parts))
@@ -77,19 +77,22 @@ def sensor_noise(
 
     For the current the driving voltage says it; no noise is smaller than the converter's step over sqrt(12).
     """
-    known = np.where(samples.usable, 0.0, np.nan)
+    usable = np.where(samples.usable, 0.0, np.nan)
     explained = {
-        "distance_m": known,
-        **{name: known + one for name, one in zip(samples.currents, _driven(base, samples, field).T, strict=True)},
-        "hall_V": known + field.hall,
-        "force_N": known + field.force,
+        "distance_m": usable,
+        **{
+            name: usable + current
+            for name, current in zip(samples.currents, _driven(base, samples, field).T, strict=True)
+        },
+        "hall_V": usable + field.hall,
+        "force_N": usable + field.force,
     }
     result = {}
     for name, model in explained.items():
         values = samples.columns[name]
         step = converter_step(values)
-        seen = max(white_noise(values - model, samples.segment), step / np.sqrt(12.0))
-        result[name] = SensorNoise(float(declared.get(name, seen)), step, values)
+        white = max(white_noise(values - model, samples.segment), step / np.sqrt(12.0))
+        result[name] = SensorNoise(float(declared.get(name, white)), step, values)
     return result
 
 
@@ -109,9 +112,6 @@ def _driven(base: ActuatorModel, samples: Samples, field: SampleField) -> FloatA
     # The inverse of a force law's inductance, which is none, is none
     result[here] = (np.linalg.pinv(field.inductance[here]) @ np.nan_to_num(linked[here])[..., None])[..., 0]
     return np.cumsum(result, axis=0)
-
-
-Noise = Mapping[str, SensorNoise]
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,104 +143,88 @@ class MeasuredChannel:
     valid: BoolArray
 
 
-def measure_balances(
-    base: ActuatorModel, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
-) -> list[MeasuredChannel]:
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A record beside a model without effects, of which the balances and sensors of windows are measured."""
+
+    base: ActuatorModel
+    nominal: Nominal
+    samples: Samples
+    field: SampleField
+    noise: Mapping[str, SensorNoise]
+
+    def weights(self, windows: Windows, rows: BoolArray) -> Weights:
+        """Weights over the usable samples among some rows, of shape (N,)."""
+        return window_weights(windows, self.samples.time, self.samples.segment, self.samples.usable & rows)
+
+    def of_currents(self, weights: sparse.csr_array, slope: FloatArray) -> list[tuple[sparse.csr_array, SensorNoise]]:
+        """What each ammeter's noise makes of a weighted sum that changes by slopes (N, n) with the currents."""
+        currents = zip(self.samples.currents, slope.T, strict=True)
+        return [(carried(weights, along), self.noise[name]) for name, along in currents]
+
+
+def measure_balances(record: Recorded, windows: Windows) -> list[MeasuredChannel]:
     """Both sides of every balance that record and model allow."""
-    result = []
-    if base.motion is not None:
-        result.append(_force_balance(base.motion, nominal, samples, field, noise, windows))
-    for k, name in enumerate(voltage_balances(base)):
+    result, samples = [], record.samples
+    if record.base.motion is not None:
+        result.append(_force_balance(record, record.base.motion, windows))
+    for k, name in enumerate(voltage_balances(record.base)):
         if np.isfinite(samples.columns[samples.commands[k]]).any():
-            result.append(_voltage_balance(base, name, k, nominal, samples, field, noise, windows))
+            result.append(_voltage_balance(record, name, k, windows))
     return [channel for channel in result if channel.valid.any()]
 
 
-def measure_sensors(
-    base: ActuatorModel, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
-) -> list[MeasuredChannel]:
-    """What every sensor read that the record and the model have, and what it should have read."""
+def measure_sensors(record: Recorded, windows: Windows) -> list[MeasuredChannel]:
+    """What every sensor read that the record and the model have, and what it should have read.
+
+    Where the body rests on a stop, the recorded distance should be where that is drawn.
+    """
+    nominal, samples, field, noise = record.nominal, record.samples, record.field, record.noise
     parts: list[tuple[str, Literal["force", "hall"], FloatArray, FloatArray, float]]
     parts = [("force_N", "force", field.force_d, field.force_i, nominal.force_N)]
-    if base.sensor is not None and not nominal.circuits:
+    if record.base.sensor is not None and not nominal.circuits:
         parts.append(("hall_V", "hall", field.hall_d, field.hall_i[:, None], nominal.hall_swing_V))
     result = []
-    for name, part, along_distance, along_current, scale in parts:
+    for name, kind, along_distance, along_current, scale in parts:
         values = samples.columns[name]
         if not np.isfinite(values).any():
             continue
-        weights = window_weights(windows, samples.time, samples.segment, samples.usable & np.isfinite(values))
-        sigma = propagated(
-            weights.mean,
-            (weights.mean, noise[name]),
-            (carried(weights.mean, along_distance), noise["distance_m"]),
-            *_of_currents(weights.mean, along_current, samples, noise),
-        )
+        weights = record.weights(windows, np.isfinite(values))
+        of_distance = carried(weights.mean, along_distance), noise["distance_m"]
+        of_currents = record.of_currents(weights.mean, along_current)
+        sigma = propagated(weights.mean, (weights.mean, noise[name]), of_distance, *of_currents)
         measured = weights.mean @ np.nan_to_num(values)
-        predict, sigma = Prediction(0.0, weights.mean, part), np.hypot(sigma, METHOD_ACCURACY * scale)
+        predict, sigma = Prediction(0.0, weights.mean, kind), np.hypot(sigma, METHOD_ACCURACY * scale)
         result.append(MeasuredChannel(name, measured, predict, sigma, weights.valid))
-    return [channel for channel in (*result, _rest(nominal, samples, noise, windows)) if channel.valid.any()]
-
-
-def _rest(nominal: Nominal, samples: Samples, noise: Noise, windows: Windows) -> MeasuredChannel:
-    """The recorded distance while the body rests on a stop, and where that is drawn."""
-    at_rest = samples.usable & np.isfinite(samples.stop_m)
-    weights = window_weights(windows, samples.time, samples.segment, at_rest)
+    weights = record.weights(windows, np.isfinite(samples.stop_m))
     sigma = propagated(weights.mean, (weights.mean, noise["distance_m"]))
-    return MeasuredChannel(
-        REST,
-        weights.mean @ np.nan_to_num(samples.columns["distance_m"]),
-        Prediction(weights.mean @ np.nan_to_num(samples.stop_m), sparse.csr_array(weights.mean.shape), "force"),
-        np.hypot(sigma, METHOD_ACCURACY * nominal.travel_m),
-        weights.valid,
-    )
+    stop = Prediction(weights.mean @ np.nan_to_num(samples.stop_m), sparse.csr_array(weights.mean.shape), "force")
+    measured, least = weights.mean @ np.nan_to_num(samples.columns["distance_m"]), METHOD_ACCURACY * nominal.travel_m
+    result.append(MeasuredChannel(REST, measured, stop, np.hypot(sigma, least), weights.valid))
+    return [channel for channel in result if channel.valid.any()]
 
 
-def _force_balance(
-    motion: Mechanics, nominal: Nominal, samples: Samples, field: SampleField, noise: Noise, windows: Windows
-) -> MeasuredChannel:
-    state = window_weights(windows, samples.time, samples.segment, samples.usable & samples.free)
+def _force_balance(record: Recorded, motion: Mechanics, windows: Windows) -> MeasuredChannel:
+    samples, field, nominal = record.samples, record.field, record.nominal
+    state = record.weights(windows, samples.free)
     distance = np.nan_to_num(samples.columns["distance_m"])
     stiffness = field.force_d - motion.static_gradient(distance)
-    sigma = propagated(
-        state.mean,
-        (motion.mass_kg * state.curvature + carried(state.mean, stiffness), noise["distance_m"]),
-        *_of_currents(state.mean, field.force_i, samples, noise),
-    )
+    of_distance = motion.mass_kg * state.curvature + carried(state.mean, stiffness), record.noise["distance_m"]
+    sigma = propagated(state.mean, of_distance, *record.of_currents(state.mean, field.force_i))
     friction = motion.friction(state.slope @ distance, nominal.sample_time_s)
-    further = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + friction
-    measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance) + further
-    return MeasuredChannel(
-        FORCE_BALANCE,
-        measured,
-        Prediction(0.0, state.mean, "force"),
-        np.hypot(sigma, METHOD_ACCURACY * nominal.force_N),
-        state.valid,
-    )
+    load = state.mean @ (motion.beside_weight(distance) + np.zeros_like(distance)) + friction
+    measured = motion.mass_kg * (motion.gravity_m_s2 - state.curvature @ distance) + load
+    predict, sigma = Prediction(0.0, state.mean, "force"), np.hypot(sigma, METHOD_ACCURACY * nominal.force_N)
+    return MeasuredChannel(FORCE_BALANCE, measured, predict, sigma, state.valid)
 
 
-def _of_currents(
-    weights: sparse.csr_array, slope: FloatArray, samples: Samples, noise: Noise
-) -> list[tuple[sparse.csr_array, SensorNoise]]:
-    """What each ammeter's noise makes of a weighted sum that changes by slopes (N, n) with the currents."""
-    return [(carried(weights, along), noise[name]) for name, along in zip(samples.currents, slope.T, strict=True)]
-
-
-def _voltage_balance(
-    base: ActuatorModel,
-    name: str,
-    k: int,
-    nominal: Nominal,
-    samples: Samples,
-    field: SampleField,
-    noise: Noise,
-    windows: Windows,
-) -> MeasuredChannel:
+def _voltage_balance(record: Recorded, name: str, k: int, windows: Windows) -> MeasuredChannel:
     """Of the circuit with the place k."""
+    base, nominal, samples, field, noise = record.base, record.nominal, record.samples, record.field, record.noise
     ohms, held = base.circuits[k].resistance_ohm, held_from(samples, k)
     each = samples.current.reshape(len(held), -1)
     driven, mean, slope, valid = held_weights(windows, samples.time, samples.segment, samples.usable, held)
-    of_currents = _of_currents(slope, field.inductance[:, k], samples, noise)
+    of_currents = record.of_currents(slope, field.inductance[:, k])
     of_currents[k] = (ohms * mean + of_currents[k][0], of_currents[k][1])
     sigma = propagated(mean, *of_currents, (carried(slope, field.force_i[:, k]), noise["distance_m"]))
     volts, variance = between_samples(samples, k, held, nominal.sample_time_s)
@@ -252,10 +236,5 @@ def _voltage_balance(
     rate = np.linalg.pinv(np.median(field.inductance[here], axis=0))[k] * base.resistances_ohm
     settling = ohms * step**2 / 12.0 * (each @ rate)
     fixed = ohms * (mean @ each[:, k]) + slope @ settling
-    return MeasuredChannel(
-        name,
-        driven @ volts,
-        Prediction(fixed, slope, "flux", k),
-        np.hypot(sigma, METHOD_ACCURACY * nominal.voltage_V),
-        valid,
-    )
+    predict, sigma = Prediction(fixed, slope, "flux", k), np.hypot(sigma, METHOD_ACCURACY * nominal.voltage_V)
+    return MeasuredChannel(name, driven @ volts, predict, sigma, valid)

@@ -1,9 +1,8 @@
-"""Noise of a recorded series: of each sensor's sample, and what it becomes in the balances of short windows.
+"""What acts on a record beside the model's states: the noise of its sensors, and eddy currents of the drawing.
 
-Eddy currents of the drawing along a recorded motion.
-
-At given distances and currents the patterns' flux linkages beside a current of their own are b = C^T phi + lambda, and
-with A = C^T L C + Q
+The noise of each sensor's sample becomes one of the balances of short windows. Of the eddy currents, at given distances
+and currents the patterns' flux linkages beside a current of their own are b = C^T phi + lambda, and with A = C^T L C +
+Q
 
     d(b + A e)/dt = -R e.
 
@@ -125,40 +124,40 @@ def induced_along(
     flux_linkage, inductance : array, shapes (N, n) and (N, n, n)
         Of the circuits, without eddy currents.
     """
-    at, root, n = along.forms, 1.0 / np.sqrt(along.eddy.resistances_ohm), len(along.eddy.circuits)
-    turned = np.swapaxes(at.coupling, -1, -2)
-    beside = root * ((turned @ flux_linkage[:, :n, None])[..., 0] + at.flux_linkage)
-    own = root[:, None] * (turned @ inductance[:, :n, :n] @ at.coupling + at.inductance) * root
-    kept, gained = _steps(np.diff(time), 0.5 * (own[1:] + own[:-1]), -np.diff(beside, axis=0))
-    kept[first[1:]], gained[first[1:]] = 0.0, 0.0
-    linked = _recurrence(kept, gained)
-    return np.asarray(root * np.linalg.solve(own, linked[..., None])[..., 0])
+    forms, root, n = along.forms, 1.0 / np.sqrt(along.eddy.resistances_ohm), len(along.eddy.circuits)
+    turned = np.swapaxes(forms.coupling, -1, -2)
+    beside = root * ((turned @ flux_linkage[:, :n, None])[..., 0] + forms.flux_linkage)
+    matrix = root[:, None] * (turned @ inductance[:, :n, :n] @ forms.coupling + forms.inductance) * root
+    factors, gained = _steps(np.diff(time), 0.5 * (matrix[1:] + matrix[:-1]), -np.diff(beside, axis=0))
+    factors[first[1:]], gained[first[1:]] = 0.0, 0.0
+    linked = _recurrence(factors, gained)
+    return np.asarray(root * np.linalg.solve(matrix, linked[..., None])[..., 0])
 
 
 def pull_of(along: EddiesAlong, flux_linkage: FloatArray, induced: FloatArray) -> FloatArray:
     """What induced currents (N, r) add to the force beside the static one, at the currents that act together."""
     rising, n = along.rising, len(along.eddy.circuits)
     acting = (rising.coupling @ induced[..., None])[..., 0]
-    own = rising.flux_linkage + 0.5 * (rising.inductance @ induced[..., None])[..., 0]
-    return -np.asarray((flux_linkage[:, :n] * acting).sum(axis=-1) + (own * induced).sum(axis=-1))
+    linkage = rising.flux_linkage + 0.5 * (rising.inductance @ induced[..., None])[..., 0]
+    return -np.asarray((flux_linkage[:, :n] * acting).sum(axis=-1) + (linkage * induced).sum(axis=-1))
 
 
-def _recurrence(kept: FloatArray, gained: FloatArray) -> FloatArray:
+def _recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
     """x_k = K_k x_(k-1) + g_k from x_0 = 0: a triangular system of bandwidth 2 r, which LAPACK solves in one pass."""
     steps, r = gained.shape
     below = np.zeros((2 * r, steps + 1, r))  # Entry (d, j) stands d rows below the diagonal in column j
     row, column = np.indices((r, r)).reshape(2, -1)
-    below[r + row - column, :-1, column] = -kept[:, row, column].T
+    below[r + row - column, :-1, column] = -factors[:, row, column].T
     right = np.concatenate([np.zeros(r), gained.ravel()])
-    found, _ = lapack.dtbtrs(below.reshape(2 * r, -1), right[:, None], uplo="L", diag="U")
-    return np.asarray(found).reshape(steps + 1, r)
+    solution, _ = lapack.dtbtrs(below.reshape(2 * r, -1), right[:, None], uplo="L", diag="U")
+    return np.asarray(solution).reshape(steps + 1, r)
 
 
-def _steps(step: FloatArray, own: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _steps(step: FloatArray, matrix: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What is left of A e after each step in s, and of a flux linkage that grows evenly within it."""
-    delay, modes = np.linalg.eigh(own)
+    delay, modes = np.linalg.eigh(matrix)
     decay = np.maximum(np.maximum(step, 0.0)[:, None] / delay, SLOWEST)
     turned = np.swapaxes(modes, -1, -2)
     mean = -np.expm1(-decay) / decay
-    kept = (modes * np.exp(-decay)[:, None]) @ turned
-    return kept, (modes @ (mean[..., None] * (turned @ gained[..., None])))[..., 0]
+    factors = (modes * np.exp(-decay)[:, None]) @ turned
+    return factors, (modes @ (mean[..., None] * (turned @ gained[..., None])))[..., 0]

@@ -28,8 +28,7 @@ from femfit.effects.friction import REST
 from femfit.estimate.record import with_distance
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
-from femfit.identify.readings.bench import model_tolerance
-from femfit.identify.readings.observations import InTheirRuns, Observations
+from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.readings.settings import hall_not_compared
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
@@ -42,6 +41,7 @@ from femfit.identify.series.balances import (
 from femfit.identify.series.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
     MeasuredChannel,
+    Recorded,
     measure_balances,
     measure_sensors,
     sample_field,
@@ -54,12 +54,6 @@ from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
 from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
-
-
-def _shown_by(model: ActuatorModel) -> dict[str, str]:
-    """What a bench would have to read to show as much as each balance does."""
-    fluxes = zip(voltage_balances(model), flux_columns(model.circuit_names), strict=True)
-    return {FORCE_BALANCE: "force_N", **dict(fluxes)}
 
 
 def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:
@@ -86,10 +80,10 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
     sampled = sample_field(base, samples)
     noise = sensor_noise(base, samples, sampled, series.declared_noise)
     views = balance_view(samples, windows, nominal), sensor_view(samples, windows, nominal)
-    given, (balances, sensors) = (base, nominal, samples, sampled, noise), views
+    record, (balances, sensors) = Recorded(base, nominal, samples, sampled, noise), views
     channels = [
-        *((balances, one) for one in measure_balances(*given, balances.windows)),
-        *((sensors, one) for one in measure_sensors(*given, sensors.windows)),
+        *((balances, channel) for channel in measure_balances(record, balances.windows)),
+        *((sensors, channel) for channel in measure_sensors(record, sensors.windows)),
     ]
     if not channels:
         raise TableError(
@@ -99,7 +93,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
         )
     findings = (*series.findings, *samples.findings, *hall_not_compared(model, series.given))
     exact = _Exact(base, samples, [channel for _, channel in channels])
-    exact.found[1.0] = {one.name: one.predict(sampled) for one in exact.channels}
+    exact.found[1.0] = {channel.name: channel.predict(sampled) for channel in exact.channels}
     return _with_scatter(_assembled(model, series, findings, views, channels, nominal, exact))
 
 
@@ -119,7 +113,7 @@ class _Exact:
             if len(self.found) >= REMEMBERED:
                 self.found.pop(next(iter(self.found)))
             sampled = sample_field(replace(self.model, eddy=eddy), self.samples)
-            self.found[faster] = {one.name: one.predict(sampled) for one in self.channels}
+            self.found[faster] = {channel.name: channel.predict(sampled) for channel in self.channels}
         return self.found[faster]
 
 
@@ -150,10 +144,12 @@ def _assembled(
         dict(zip(names, pieces, strict=True)),
         dict(zip(names, scale, strict=True)),
     )
-    change, own = predict.change, model.effects
+    change, present = predict.change, model.effects
     step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
-    tolerance, shown = _tolerance(model, covariates), _shown_by(model.without_effects)
+    # What a bench would have to read to show as much as each balance does
+    fluxes = zip(voltage_balances(model.without_effects), flux_columns(model.circuit_names), strict=True)
+    tolerance, shown = _tolerance(model, covariates), {FORCE_BALANCE: "force_N", **dict(fluxes)}
     row = np.concatenate([piece + start for piece, start in zip(pieces, offset, strict=True)])
     return Observations(
         channels=names,
@@ -163,14 +159,14 @@ def _assembled(
         covariates=covariates,
         given=(*series.given, *(shown[name] for name in names if name in shown)),
         predict=InTheirRuns(predict, covariates["run"].to_numpy(dtype=int)[row]),
-        distance_slope=(change(own, step) - change(own, -step)) / (2.0 * step),
-        distance_curvature=(change(own, step) - 2.0 * change(own) + change(own, -step)) / step**2,
+        distance_slope=(change(present, step) - change(present, -step)) / (2.0 * step),
+        distance_curvature=(change(present, step) - 2.0 * change(present) + change(present, -step)) / step**2,
         nominal=nominal,
         declared_noise={name: s for name, s in zip(names, sigma, strict=True) if np.isfinite(s)},
         tolerance=np.array([tolerance.get(name, 0.0) for name in names])[number],
         setting_columns=np.zeros((len(number), 2)),
         findings=findings,
-        present=tuple(added.effect.name for added in own),
+        present=tuple(added.effect.name for added in present),
         noise_source="samples",
     )
 
@@ -189,9 +185,9 @@ class _SeriesPrediction:
 
     def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
         together = (*self.model.effects, *effects)
-        faster = prod(one.effect.eddy(one.parameters) for one in together if one.effect.eddy is not None)
-        others = tuple(one for one in together if one.effect.eddy is None)
-        return self.stacked(self.exact(faster)) + self.change(others)
+        faster = prod(added.effect.eddy(added.parameters) for added in together if added.effect.eddy is not None)
+        slow = tuple(added for added in together if added.effect.eddy is None)
+        return self.stacked(self.exact(faster)) + self.change(slow)
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the windows as one vector, channel after channel."""
@@ -203,10 +199,10 @@ class _SeriesPrediction:
 
     def _at(self, effects: Sequence[AddedEffect], shift: float) -> FloatArray:
         values: dict[str, FloatArray] = {}
-        for view, points, side, seen in zip(
+        for view, points, side, recorded in zip(
             self.views, self._points, (model_balances, model_readings), self._seen, strict=True
         ):
-            if not seen:
+            if not recorded:
                 continue
             motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
             values |= side(points, motion, view.weights, effects)
@@ -236,16 +232,16 @@ class _SeriesPrediction:
 
 def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:
     """Misfit of the model to its own source in each channel; of the flux linkage as fast as it changes here."""
-    known, box = model_tolerance(model), model.validity
-    result = {name: value for name, value in known.items() if name in ("force_N", "hall_V")}
-    if "force_N" in known:
-        result[FORCE_BALANCE] = known["force_N"]
-    if "flux_linkage_Wb" in known:
+    misfits, box = model_tolerance(model), model.validity
+    result = {name: value for name, value in misfits.items() if name in ("force_N", "hall_V")}
+    if "force_N" in misfits:
+        result[FORCE_BALANCE] = misfits["force_N"]
+    if "flux_linkage_Wb" in misfits:
         rates = np.hypot(
             covariates["velocity_m_s"] / (box.distance_max_m - box.distance_min_m),
             covariates["current_rate_A_s"] / (box.current_max_A - box.current_min_A),
         )
-        misfit = TURNS_OF_MISFIT * known["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
+        misfit = TURNS_OF_MISFIT * misfits["flux_linkage_Wb"] * float(np.sqrt(np.mean(rates**2)))
         result |= dict.fromkeys(voltage_balances(model), misfit)
     return result
 
@@ -260,15 +256,15 @@ def _with_scatter(observations: Observations) -> Observations:
         basis = orthonormal_basis(patterns.columns[np.ix_(here, np.flatnonzero(patterns.channel == c))])
         scatter = residual[here] - basis @ (basis.T @ residual[here])
         follows = 1 + np.flatnonzero((np.diff(order[here]) == 1.0) & (np.diff(run[here]) == 0.0))
-        seen, known = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
-        if np.isfinite(seen) and not seen <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * known:
-            noise[name] = seen
-            more = f", {seen / known:.1f} times what the sensors' noise makes" if np.isfinite(known) else ""
+        shown, declared = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
+        if np.isfinite(shown) and not shown <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * declared:
+            noise[name] = shown
+            more = f", {shown / declared:.1f} times what the sensors' noise makes" if np.isfinite(declared) else ""
             findings.append(
                 Finding(
                     "restless",
                     "info",
-                    f"The {CHANNEL_WORDS[name]} scatters by {amount(seen, name)} from one short window to the next"
+                    f"The {CHANNEL_WORDS[name]} scatters by {amount(shown, name)} from one short window to the next"
                     f"{more}; this was taken as its noise.",
                     column=name,
                 )

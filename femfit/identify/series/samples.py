@@ -1,6 +1,4 @@
-"""The samples of a time series at which a model can be evaluated.
-
-What a recorded command was from each sample to the next one.
+"""The samples of a time series at which a model can be evaluated, and what its command was between them.
 
 A controller gives its command at a sample and holds it to the next, and changes it at most samples. A command that
 mostly is what it was a sample before is switched, and its edges come anywhere between two samples. In a record slower
@@ -84,11 +82,11 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     if not model.has_winding:
         columns["current_A"] = np.zeros(len(rows))
     distance, current = columns["distance_m"], currents_in(model, pd.DataFrame(columns))
-    known = np.isfinite(distance) & np.isfinite(current).reshape(len(rows), -1).all(axis=1)
-    usable = known & within_domain(model, distance, current)
+    recorded = np.isfinite(distance) & np.isfinite(current).reshape(len(rows), -1).all(axis=1)
+    usable = recorded & within_domain(model, distance, current)
     if not usable.any():
-        raise TableError(_nowhere(model, series, distance[known], current[known]))
-    outside = int((known & ~usable).sum())
+        raise TableError(_nowhere(model, series, distance[recorded], current[recorded]))
+    outside = int((recorded & ~usable).sum())
     if outside:
         findings.append(
             Finding(
@@ -106,9 +104,9 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     rests = find_rests(model, time, segment, distance, current, noise_m)
     findings += rests.findings
     for k, command in enumerate(commands):
-        given = given_voltage(model, time, segment, columns[command], current, distance, (noises_A[k], noise_m), k)
-        findings += given.findings
-        columns[command] = np.where(given.unsure, np.nan, given.voltage_V)
+        command_V = given_voltage(model, time, segment, columns[command], current, distance, (noises_A[k], noise_m), k)
+        findings += command_V.findings
+        columns[command] = np.where(command_V.unsure, np.nan, command_V.voltage_V)
     columns["current_A"] = columns[leading_current(model, columns)]
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])

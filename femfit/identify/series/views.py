@@ -58,11 +58,11 @@ def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
         )[order]
         for order, span in enumerate((SPAN, SLOPE_SPAN))
     ]
-    own = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
-    weights = window_weights(own, time, row, np.ones(len(time), dtype=bool))
-    whole = window_weights(windows, samples.time, samples.segment, samples.usable)
-    rates = whole.slope @ _known(samples, "distance_m"), whole.slope @ _known(samples, "current_A")
-    covariates = _covariates(samples, windows, whole.mean, rates, nominal)
+    rows = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
+    weights = window_weights(rows, time, row, np.ones(len(time), dtype=bool))
+    over_samples = window_weights(windows, samples.time, samples.segment, samples.usable)
+    rates = over_samples.slope @ _known(samples, "distance_m"), over_samples.slope @ _known(samples, "current_A")
+    covariates = _covariates(samples, windows, over_samples.mean, rates, nominal)
     return View(windows, covariates, _motion(samples, windows, covariates, nominal, *smooth), weights)
 
 
@@ -108,8 +108,8 @@ def _path(samples: Samples, level: sparse.csr_array) -> FloatArray:
 
 def _nodes(windows: Windows) -> tuple[FloatArray, IntArray]:
     """Times of the nodes, and the window of each."""
-    part = np.linspace(-0.5, 0.5, NODES + 1)
-    time = (windows.centre_s[:, None] + windows.length_s * part).ravel()
+    offsets = np.linspace(-0.5, 0.5, NODES + 1)
+    time = (windows.centre_s[:, None] + windows.length_s * offsets).ravel()
     return time, np.repeat(np.arange(len(windows.centre_s)), NODES + 1)
 
 
@@ -164,11 +164,11 @@ def _branch(current: FloatArray, new: BoolArray, play: float) -> FloatArray:
 
 def _nearest(samples: Samples, windows: Windows) -> IntArray:
     """The sample at the middle of each window."""
-    found = []
+    result = []
     for number, centre in zip(windows.segment, windows.centre_s, strict=True):
         first, last = np.searchsorted(samples.segment, [number, number + 1])
-        found.append(min(first + np.searchsorted(samples.time[first:last], centre), last - 1))
-    return np.array(found, dtype=int)
+        result.append(min(first + np.searchsorted(samples.time[first:last], centre), last - 1))
+    return np.array(result, dtype=int)
 
 
 def _mean_where_known(samples: Samples, mean: sparse.csr_array, name: str) -> FloatArray:
@@ -227,7 +227,7 @@ def local_polynomials(
     node_stretch: IntArray,
     time: FloatArray,
     stretch: IntArray,
-    known: BoolArray,
+    usable: BoolArray,
     *,
     centre_s: FloatArray,
     behind_s: float,
@@ -240,7 +240,7 @@ def local_polynomials(
     to so far ahead, by the weight (1 - s^2)^2; more, on the same sides, where there are too few of them. All stand in
     the node's stretch: no path is smooth across an impact. Where it begins, what lacks behind is taken ahead.
     """
-    here = np.flatnonzero(known)
+    here = np.flatnonzero(usable)
     # One clock for all stretches, far enough apart that no node sees another stretch
     span = float(time.max() - time.min()) + 10.0 * (behind_s + ahead_s)
     clock, asked = time[here] - time.min() + span * stretch[here], centre_s - time.min() + span * node_stretch

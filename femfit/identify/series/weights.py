@@ -59,14 +59,15 @@ class Weights:
     valid: BoolArray  # Whether the window holds samples enough and no gap; its rows are zero otherwise; shape (n,)
 
 
-def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray) -> Weights:
+def window_weights(windows: Windows, time: FloatArray, segment: IntArray, usable: BoolArray) -> Weights:
     """Weights for samples of any spacing, in segments that never fall and in which time grows.
 
     Trapezoidal, corrected so that the moments up to the fifth are those of the integrals: <x>, <x'> and <x''> of a
     quintic are then exact and consistent with each other.
     """
-    moments = _moments(EXACT_DEGREE + 1)
     powers = np.arange(EXACT_DEGREE + 1)
+    even = 1.0 / (powers + 1) - 2.0 / (powers + 3) + 1.0 / (powers + 5)
+    moments = np.where(powers % 2 == 0, even / (1.0 - 2.0 / 3.0 + 1.0 / 5.0), 0.0)  # int s^k phi ds / int phi ds
     wanted = np.stack(
         [
             moments[: EXACT_DEGREE + 1],
@@ -78,7 +79,7 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known:
     scale = np.array([1.0, 2.0 / windows.length_s, (2.0 / windows.length_s) ** 2])
     valid = np.zeros(len(windows.centre_s), dtype=bool)
     entries: list[tuple[IntArray, FloatArray]] = []
-    for k, here in enumerate(_samples(windows, time, segment, known)):
+    for k, here in enumerate(_samples(windows, time, segment, usable)):
         s = 2.0 * (time[here] - windows.centre_s[k]) / windows.length_s
         valid[k] = _covered(s)
         if not valid[k]:
@@ -102,7 +103,7 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, known:
 
 
 def held_weights(
-    windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray, held: BoolArray
+    windows: Windows, time: FloatArray, segment: IntArray, usable_samples: BoolArray, held: BoolArray
 ) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array, BoolArray]:
     """Weights of a balance x' = u with u held from each sample to the next, exact for a piecewise constant phi.
 
@@ -115,23 +116,24 @@ def held_weights(
     rows: list[IntArray] = []
     columns: list[IntArray] = []
     values: list[FloatArray] = []
-    for k, here in enumerate(_samples(windows, time, segment, known)):
+    for k, here in enumerate(_samples(windows, time, segment, usable_samples)):
         s = 2.0 * (time[here] - windows.centre_s[k]) / windows.length_s
         valid[k] = _covered(s)
         if not valid[k]:
             continue
         spacing, usable = np.diff(s), held[here[:-1]]
-        bump = np.where(usable, np.diff(_primitive(s)) / spacing, 0.0)
+        primitive = s - 2.0 * s**3 / 3.0 + s**5 / 5.0  # of phi
+        bump = np.where(usable, np.diff(primitive) / spacing, 0.0)
         area = float(np.sum(bump * spacing))
         valid[k] = area > 0.5 * 16.0 / 15.0
         if not valid[k]:
             continue
-        part = bump * spacing / area
+        share = bump * spacing / area
         jump = (np.append(0.0, bump) - np.append(bump, 0.0)) * (2.0 / windows.length_s / area)
-        middle = 0.5 * (np.append(part, 0.0) + np.append(0.0, part))
+        middle = 0.5 * (np.append(share, 0.0) + np.append(0.0, share))
         rows.append(np.full(len(here), k))
         columns.append(here)
-        values.append(np.stack([np.append(part, 0.0), middle, jump], axis=1))
+        values.append(np.stack([np.append(share, 0.0), middle, jump], axis=1))
     shape = (len(valid), len(time))
     if not rows:
         empty = sparse.csr_array(shape)
@@ -141,7 +143,7 @@ def held_weights(
     return driven, mean, slope, valid
 
 
-def _samples(windows: Windows, time: FloatArray, segment: IntArray, known: BoolArray) -> list[IntArray]:
+def _samples(windows: Windows, time: FloatArray, segment: IntArray, usable: BoolArray) -> list[IntArray]:
     """Known samples of each window."""
     result = []
     for number, centre in zip(windows.segment, windows.centre_s, strict=True):
@@ -150,7 +152,7 @@ def _samples(windows: Windows, time: FloatArray, segment: IntArray, known: BoolA
         start, stop = first + np.searchsorted(
             time[first:last], [centre - 0.5 * windows.length_s - slack, centre + 0.5 * windows.length_s + slack]
         )
-        result.append(start + np.flatnonzero(known[start:stop]))
+        result.append(start + np.flatnonzero(usable[start:stop]))
     return result
 
 
@@ -159,17 +161,6 @@ def _covered(s: FloatArray) -> bool:
     if len(s) < LEAST_SAMPLES:
         return False
     return bool(np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * WIDEST_GAP)
-
-
-def _moments(count: int) -> FloatArray:
-    """Int s^k phi ds / int phi ds for k = 0 ... count - 1."""
-    k = np.arange(count)
-    even = 1.0 / (k + 1) - 2.0 / (k + 3) + 1.0 / (k + 5)
-    return np.where(k % 2 == 0, even / (1.0 - 2.0 / 3.0 + 1.0 / 5.0), 0.0)
-
-
-def _primitive(s: FloatArray) -> FloatArray:
-    return np.asarray(s - 2.0 * s**3 / 3.0 + s**5 / 5.0)
 
 
 def lay_windows(

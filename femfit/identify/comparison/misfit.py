@@ -1,21 +1,102 @@
-"""Averages of recorded minus predicted over what was set and recorded: distance x current, temperature, time, run.
+"""How far a model is from the readings: per channel before and after, averaged over the settings, and as curves.
 
-The picture that an engineer expects first: measured points on the model's curves, before and after, as arrays.
+The error is, for every command, file, report and picture, the root mean square per channel of recorded minus predicted
+over all readings that were used, in the channel's unit. No run's or mount's freedom is taken out of it. Averages and
+curves are what an engineer expects to see first: measured points on the model's curves, before and after.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.text import counted, weighed_amount
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement import CHANNEL_WORDS
+
+
+@dataclass(frozen=True)
+class ChannelFall:
+    """The error of one channel before and after."""
+
+    channel: str
+    readings: int
+    # Root mean square of recorded minus predicted, in the channel's unit
+    rms_before: float
+    rms_after: float
+    noise: float | None  # Standard deviation of one reading, from repeats or as declared; None where neither says it
+    magnitude: float | None = None  # Of impedances: |Z| in the channel's unit at which all of them are given
+
+    @property
+    def before_over_noise(self) -> float | None:
+        """The error before, in standard deviations of one reading."""
+        return None if self.noise is None else self.rms_before / self.noise
+
+    @property
+    def after_over_noise(self) -> float | None:
+        """The error after, in standard deviations of one reading."""
+        return None if self.noise is None else self.rms_after / self.noise
+
+    def amount(self, rms: float) -> str:
+        """In the channel's unit, of an impedance as a share of its magnitude."""
+        return weighed_amount(rms, self.channel, self.magnitude, 3)
+
+    def __str__(self) -> str:
+        before, after, count = (
+            self.amount(self.rms_before),
+            self.amount(self.rms_after),
+            counted(self.readings, "reading"),
+        )
+        times = "" if self.noise is None else f"{self.after_over_noise:.3g} times the noise of one"
+        if before == after:
+            text = f"{CHANNEL_WORDS[self.channel]}: the error is unchanged, {after} rms in {count}"
+            return f"{text}, {times}" if times else text
+        change = "rises" if self.rms_after > self.rms_before else "falls"
+        text = f"{CHANNEL_WORDS[self.channel]}: the error {change} from {before} to {after} rms in {count}"
+        return f"{text}, from {self.before_over_noise:.3g} to {times}" if times else text
+
+
+@dataclass(frozen=True)
+class ErrorFall:
+    """The fall of the error in every channel that was compared."""
+
+    channels: tuple[ChannelFall, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(str(channel) for channel in self.channels)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, channel by channel, with the errors over the noise."""
+        return {
+            channel.channel: {
+                **{key: value for key, value in asdict(channel).items() if key not in {"channel", "magnitude"}},
+                **({"magnitude": channel.magnitude} if channel.magnitude else {}),
+                "before_over_noise": channel.before_over_noise,
+                "after_over_noise": channel.after_over_noise,
+            }
+            for channel in self.channels
+        }
+
+
+def error_fall(
+    observations: Observations, before: FloatArray, after: FloatArray, noise: Mapping[str, float]
+) -> ErrorFall:
+    """The fall of the error between two predictions of the same readings, both of shape (M,) and in their units."""
+    misfits = (observations.value - before, observations.value - after)
+    rows = []
+    for name in observations.channels:
+        rms = [float(np.sqrt(np.mean(misfit[observations.of(name)] ** 2))) for misfit in misfits]
+        count, magnitude = int(observations.of(name).sum()), observations.magnitude.get(name)
+        rows.append(ChannelFall(name, count, rms[0], rms[1], noise.get(name), magnitude))
+    return ErrorFall(tuple(rows))
+
 
 PLANE = ("distance_m", "current_A")
 LINES = ("frequency_Hz", "coil_temperature_C", "magnet_temperature_C", "order", "elapsed", "branch", "run", "mount")
@@ -74,17 +155,12 @@ def _map(observations: Observations, channel: str, here: IntArray, along: tuple[
     codes = np.stack(
         [_bins(x, keep=name in {"run", "mount", "branch"}) for name, x in zip(along, coordinates, strict=True)]
     )
-    _, cell = np.unique(codes, axis=1, return_inverse=True)
-    return MisfitMap(channel, along, tuple(_cells(coordinates, residual, cell)))
-
-
-def _cells(coordinates: FloatArray, residual: FloatArray, cell: IntArray) -> Iterable[MapCell]:
+    cell = np.unique(codes, axis=1, return_inverse=True)[1]
     count = np.bincount(cell)
-    mean = np.bincount(cell, residual) / count
-    rms = np.sqrt(np.bincount(cell, residual**2) / count)
-    at = np.stack([np.bincount(cell, x) / count for x in coordinates])
-    for k in range(len(count)):
-        yield MapCell(tuple(float(v) for v in at[:, k]), float(mean[k]), float(rms[k]), int(count[k]))
+    mean, rms = np.bincount(cell, residual) / count, np.sqrt(np.bincount(cell, residual**2) / count)
+    centres = np.stack([np.bincount(cell, x) / count for x in coordinates], axis=1)
+    rows = zip(centres.tolist(), mean.tolist(), rms.tolist(), count.tolist(), strict=True)
+    return MisfitMap(channel, along, tuple(MapCell(tuple(centre), *values) for centre, *values in rows))
 
 
 def _bins(x: FloatArray, *, keep: bool) -> IntArray:
@@ -131,12 +207,11 @@ class MeasuredCurves:
 def measured_curves(
     model: ActuatorModel,
     observations: Observations,
-    before: Sequence[AddedEffect] = (),
     after: Sequence[AddedEffect] = (),
     noise: dict[str, float] | None = None,
 ) -> tuple[MeasuredCurves, ...]:
-    """The data of the picture, one for each channel."""
-    misfits = [observations.value - observations.predict(effects) for effects in (before, after)]
+    """The data of the picture, one for each channel: of the model, and with the effects after it was fitted."""
+    misfits = [observations.residual, observations.value - observations.predict(after)]
     result = []
     for name in observations.channels:
         here = np.flatnonzero(observations.of(name))
@@ -151,7 +226,7 @@ def measured_curves(
             levels = np.quantile(settings[over], np.linspace(0.0, 1.0, _MOST_CURVES))
         spaced = np.geomspace if along == "frequency_Hz" else np.linspace
         axis = spaced(settings[along].min(), settings[along].max(), _POINTS)
-        curves = [_curves(model, observations, name, (over, levels), (along, axis), e) for e in (before, after)]
+        curves = [_curves(model, observations, name, (over, levels), (along, axis), e) for e in ((), after)]
         result.append(
             MeasuredCurves(
                 channel=name,
