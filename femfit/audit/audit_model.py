@@ -90,7 +90,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
         findings += [*_signs(model, d, i), _reciprocity(model.magnetics, d, i)]
     findings += _bounds(model)
     findings += _single_precision(model.without_effects.magnetics, d, i)
-    if model.circuits and model.motion is not None and not any(one.code == "positive" for one in findings):
+    if model.circuits and model.motion is not None and not any(finding.code == "positive" for finding in findings):
         findings += held_by_several(model) if several else held_body(model)
     if model.sensor is not None:
         findings += _hall(model.sensor, reading_of(model, HALL).rounding, d, i)
@@ -123,10 +123,10 @@ def _require_within(rows: FitRows | CircuitRows, model: ActuatorModel, table: st
         limits[1:] = np.abs(limits[1:]).max(axis=1, keepdims=True) * (-1.0, 1.0)
     values = np.column_stack([rows.distance, currents])
     more = _ROUNDING * np.ptp(limits, axis=1)
-    for (low, high), beyond, given, unit in zip(limits, more, values.T, ("m", *"A" * (len(limits) - 1)), strict=True):
-        if given.min() < low - beyond or given.max() > high + beyond:
+    for (low, high), beyond, column, unit in zip(limits, more, values.T, ("m", *"A" * (len(limits) - 1)), strict=True):
+        if column.min() < low - beyond or column.max() > high + beyond:
             raise TableError(
-                f"{table} goes from {amount(float(given.min()), unit, 3)} to {amount(float(given.max()), unit, 3)}; "
+                f"{table} goes from {amount(float(column.min()), unit, 3)} to {amount(float(column.max()), unit, 3)}; "
                 f"the model holds from {amount(float(low), unit, 3)} to {amount(float(high), unit, 3)}. Give the table "
                 "that it was fitted to."
             )
@@ -137,12 +137,12 @@ def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | CircuitRow
         return None
     rows = _rows_of(directory, model)
     domain = model.validity
-    own = np.array([[domain.distance_min_m, domain.distance_max_m], *domain.current_limits_A])
+    limits = np.array([[domain.distance_min_m, domain.distance_max_m], *domain.current_limits_A])
     columns = rows.currents.T if isinstance(rows, CircuitRows) else [rows.currents]
-    ends = np.array([[one.min(), one.max()] for one in (rows.distances, *columns)])
+    ends = np.array([[axis.min(), axis.max()] for axis in (rows.distances, *columns)])
     if isinstance(rows, CircuitRows):  # currents of one sign may hold for the other one
-        own[1:], ends[1:] = (np.abs(one[1:]).max(axis=1, keepdims=True) for one in (own, ends))
-    return rows if own.shape == ends.shape and np.allclose(own, ends) else None
+        limits[1:], ends[1:] = (np.abs(ranges[1:]).max(axis=1, keepdims=True) for ranges in (limits, ends))
+    return rows if limits.shape == ends.shape and np.allclose(limits, ends) else None
 
 
 def _worst_point(model: ActuatorModel, rows: CircuitRows) -> AuditFinding:
@@ -150,7 +150,7 @@ def _worst_point(model: ActuatorModel, rows: CircuitRows) -> AuditFinding:
     force = model.without_effects.magnetics.force(rows.distance, rows.currents)
     missed = np.abs(force - rows.force) / rows.force_scale
     k = int(np.argmax(missed))
-    currents = ", ".join(amount(float(one), "A", 3) for one in rows.currents[k])
+    currents = ", ".join(amount(float(current), "A", 3) for current in rows.currents[k])
     text = f"it misses a point of its table by at most {amount(float(missed[k]), '')} of the force there: at "
     text += f"{amount(float(rows.distance[k]), 'm', 3)} and {currents} it is {amount(float(force[k]), 'N', 3)}, "
     text += f"{amount(float(rows.force[k]), 'N', 3)} in the table."
@@ -203,24 +203,30 @@ def _misfit(
     if rows is None or stated is None:
         return findings
     for about, name in _RMS.items():
-        said, found = getattr(stated, name), getattr(misfit, name)
-        if said is not None and found is not None and found > _STATED * said + _ROUNDING * found / shares[about]:
-            text = f"the file states {amount(said, name, 3)} rms; read back it misses its table by "
-            text += f"{amount(found, name, 3)}."
-            findings.append(AuditFinding("stated_misfit", "wrong", f"stated misfit of the {about}", text, said, found))
+        stated_rms, rms_now = getattr(stated, name), getattr(misfit, name)
+        if (
+            stated_rms is not None
+            and rms_now is not None
+            and rms_now > _STATED * stated_rms + _ROUNDING * rms_now / shares[about]
+        ):
+            text = f"the file states {amount(stated_rms, name, 3)} rms; read back it misses its table by "
+            text += f"{amount(rms_now, name, 3)}."
+            findings.append(
+                AuditFinding("stated_misfit", "wrong", f"stated misfit of the {about}", text, stated_rms, rms_now)
+            )
     return findings
 
 
 def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) -> dict[str, float]:
     """Rms misfits over the quantities' rms; in files that do not state these, over that of the model itself."""
-    given = {
+    quantities = {
         "force": (misfit.force_share, misfit.force_rms_N, magnetics.force),
         "flux linkage": (misfit.flux_linkage_share, misfit.flux_linkage_rms_Wb, magnetics.flux_linkage),
         "inductance": (misfit.inductance_share, misfit.inductance_rms_H, magnetics.inductance),
     }
     return {
         about: error / max(rms(quantity(d, i)), 1e-300) if share is None else share
-        for about, (share, error, quantity) in given.items()
+        for about, (share, error, quantity) in quantities.items()
         if error is not None
     }
 
@@ -266,9 +272,9 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
 
 def _definite(inductance: FloatArray) -> AuditFinding:
     """Whether the currents of several circuits have energy, whatever they are."""
-    least, own = float(np.linalg.eigvalsh(inductance).min()), np.diagonal(inductance, axis1=1, axis2=2)
-    text = f"the inductances are {amount(float(own.min()), 'H', 3)} to {amount(float(own.max()), 'H', 3)}, and any "
-    text += "currents together store energy."
+    least, diagonal = float(np.linalg.eigvalsh(inductance).min()), np.diagonal(inductance, axis1=1, axis2=2)
+    text = f"the inductances are {amount(float(diagonal.min()), 'H', 3)} to {amount(float(diagonal.max()), 'H', 3)}, "
+    text += "and any currents together store energy."
     if least <= 0.0:
         text = f"their matrix must be positive definite; its least eigenvalue is {amount(least, 'H', 3)}. Sweep again."
     return AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkages", text, None, least)

@@ -1,7 +1,4 @@
-"""Where the supply can balance the moving part's weight, as audit and report say it, and how well it is held there.
-
-Where the currents of several circuits can hold the body, as an audit says it.
-"""
+"""Where a supply, or the currents of several circuits, balance the moving part's weight, and how well it is held."""
 
 from dataclasses import dataclass
 
@@ -9,9 +6,9 @@ import numpy as np
 
 from femfit.audit.conclusions import AuditFinding, Severity
 from femfit.core.errors import DomainError
-from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
-from femfit.device.parts import REFERENCE_TEMPERATURE
+from femfit.device.parts import REFERENCE_TEMPERATURE, copper_growth
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
 
@@ -32,25 +29,32 @@ def held_by_several(model: ActuatorModel) -> list[AuditFinding]:
             held.append((distance, holding_currents(model, float(distance), bias)))
         except DomainError:
             continue
-    near = f"about a bias of {', '.join(amount(float(one), 'A') for one in bias)}"
+    near = f"about a bias of {', '.join(amount(float(current), 'A') for current in bias)}"
     if not held:
         text = f"no currents {near} balance weight, springs and load anywhere."
         return [AuditFinding("held_range", "note", about, text)]
     low, high = held[0][0], held[-1][0]
     text = f"currents {near} hold the body from {amount(low, 'm', 3)} to {amount(high, 'm', 3)}."
-    beyond = [one for one in model.reference_distances_m if not low <= one <= high]
-    if beyond:
-        text = f"{text[:-1]}; the reference asks for {', '.join(amount(one, 'm', 3) for one in beyond)}."
-    found = [AuditFinding("held_range", "wrong" if beyond else "holds", about, text, None, high)]
-    at, currents = np.array([d for d, _ in held]), np.array([i for _, i in held])
-    slope = model.magnetics.slopes_of_circuits(at, currents).force_gradient - motion.static_gradient(at)
+    beyond = [distance for distance in model.reference_distances_m if not low <= distance <= high]
+    findings = [_held_range(about, text, beyond, high)]
+    places, currents = np.array([d for d, _ in held]), np.array([i for _, i in held])
+    slope = model.magnetics.slopes_of_circuits(places, currents).force_gradient - motion.static_gradient(places)
     rate = float(np.sqrt(np.maximum(-slope, 0.0).max() / motion.mass_kg))
-    if rate > 0.0:
-        turn = rate * model.sample_time_s
-        text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
-        severity: Severity = "holds" if turn < FASTEST else "wrong"
-        found.append(AuditFinding("sample_time", severity, "sample time", text, model.sample_time_s, rate))
-    return found
+    return [*findings, _sample_time(rate, model.sample_time_s)] if rate > 0.0 else findings
+
+
+def _held_range(about: str, text: str, beyond: list[float], high: float) -> AuditFinding:
+    """The range in which the body is held, wrong where reference distances lie beyond it."""
+    if beyond:
+        text = f"{text[:-1]}; the reference asks for {', '.join(amount(distance, 'm', 3) for distance in beyond)}."
+    return AuditFinding("held_range", "wrong" if beyond else "holds", about, text, None, high)
+
+
+def _sample_time(rate: float, sample_time_s: float) -> AuditFinding:
+    """How fast the held body leaves its place, in rad/s, against the sample time."""
+    turn = rate * sample_time_s
+    text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
+    return AuditFinding("sample_time", "holds" if turn < FASTEST else "wrong", "sample time", text, sample_time_s, rate)
 
 
 COLD_C = REFERENCE_TEMPERATURE
@@ -95,15 +99,10 @@ class CarriedRange:
         return f"{feed} can balance {weight} from {amount(self.low_m, 'm', 3)} to {amount(self.high_m, 'm', 3)}"
 
 
-def resistance_at(cold_ohm: float, celsius: float) -> float:
-    """Resistance of a copper winding, from that at 20 degC."""
-    return cold_ohm * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (celsius - REFERENCE_TEMPERATURE))
-
-
 def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange:
     """Where some current of the supply makes the force equal the weight."""
     circuit, motion, box = model.require_circuit(), model.require_motion(), model.validity
-    ohm = resistance_at(circuit.resistance_ohm, celsius)
+    ohm = circuit.resistance_ohm * float(copper_growth(celsius))
     lowest = float(np.clip(circuit.voltage_min_V / ohm, box.current_min_A, box.current_max_A))
     highest = float(np.clip(circuit.voltage_max_V / ohm, box.current_min_A, box.current_max_A))
     d = np.linspace(*model.travel_m, _DISTANCES)
@@ -133,25 +132,24 @@ def held_body(model: ActuatorModel) -> list[AuditFinding]:
     if not hangs:
         return [AuditFinding("held_range", "holds", about, text, None, cold.high_m)]
     slack = 2.0 * cold.step_m
-    beyond = [one for one in model.reference_distances_m if not cold.low_m - slack <= one <= cold.high_m + slack]
-    if beyond:
-        text = f"{text[:-1]}; the reference asks for {', '.join(amount(one, 'm', 3) for one in beyond)}."
-    findings = [AuditFinding("held_range", "wrong" if beyond else "holds", about, text, None, cold.high_m)]
+    beyond = [
+        distance
+        for distance in model.reference_distances_m
+        if not cold.low_m - slack <= distance <= cold.high_m + slack
+    ]
+    findings = [_held_range(about, text, beyond, cold.high_m)]
     held = np.linspace(cold.low_m, cold.high_m, 101)
-    current = np.array([_current_at(model, float(one), cold) for one in held])
+    current = np.array([_current_at(model, float(distance), cold) for distance in held])
     fall = np.maximum(-model.magnetics.force_gradient(held, current), 0.0)
     rate = float(np.sqrt(fall.max() / model.require_motion().mass_kg))
-    turn = rate * model.sample_time_s
-    text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
-    severity: Severity = "holds" if turn < FASTEST else "wrong"
-    findings.append(AuditFinding("sample_time", severity, "sample time", text, model.sample_time_s, rate))
+    findings.append(_sample_time(rate, model.sample_time_s))
     misfit = model.without_effects.misfit
     if misfit is not None and np.median(fall) > 0.0:
         off = misfit.force_rms_N / float(np.median(fall))
         stroke = float(np.ptp(model.travel_m))
         text = f"the force's misfit moves the place where the body is held by {amount(off, 'm')}, "
         text += f"{amount(off / stroke, '')} of the stroke."
-        severity = "note" if off > _OFF_PLACE * stroke else "holds"
+        severity: Severity = "note" if off > _OFF_PLACE * stroke else "holds"
         findings.append(AuditFinding("held_place", severity, "held body", text, None, off))
     return findings
 

@@ -32,7 +32,7 @@ class Audit(Printed):
 
     def count(self, severity: Severity) -> int:
         """How many findings have a severity."""
-        return sum(one.severity == severity for one in self.findings)
+        return sum(finding.severity == severity for finding in self.findings)
 
     def __str__(self) -> str:
         """The lines that ``femfit audit`` prints: the count, then what is wrong first."""
@@ -41,9 +41,9 @@ class Audit(Printed):
         )
         if self.count("stated"):
             total += f", {self.count('stated')} only as the file states"
-        ordered = [one for severity in _SEVERITIES for one in self.findings if one.severity == severity]
-        return "\n".join([total, *(f"{one.severity}: {one.about}: {one.sentence}" for one in ordered)])
+        ordered = [finding for severity in _SEVERITIES for finding in self.findings if finding.severity == severity]
+        return "\n".join([total, *(f"{finding.severity}: {finding.about}: {finding.sentence}" for finding in ordered)])
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {"findings": [asdict(one) for one in self.findings]}
+        return {"findings": [asdict(finding) for finding in self.findings]}

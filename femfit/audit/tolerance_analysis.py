@@ -73,24 +73,24 @@ class ToleranceAnalysis(Printed):
         return asdict(self)
 
     def __str__(self) -> str:
-        currents = " and ".join(amount(one, "A", 3) for one in self.currents_A)
-        at = f"At {amount(self.distance_m, 'm', 3)}" + (f" and {currents}" if self.currents_A else "")
+        currents = " and ".join(amount(current, "A", 3) for current in self.currents_A)
+        place = f"At {amount(self.distance_m, 'm', 3)}" + (f" and {currents}" if self.currents_A else "")
         relative = f" ({rounded(100.0 * self.scatter / abs(self.value), 2)} %)" if self.value else ""
         value, scatter = amount(self.value, self.quantity, 3), amount(self.scatter, self.quantity)
         batch = f"In a batch of devices its standard deviation is {scatter}{relative}."
         lines = [
-            f"{at} the {_words(self.quantity)} is {value}. {batch}",
+            f"{place} the {_words(self.quantity)} is {value}. {batch}",
             "Of its variance, per number of the drawing (+- one standard deviation), with the gradient:",
         ]
-        shown = [one for one in self.shares if one.share >= SHOWN]
-        for one in shown:
-            facts = one.number
-            per = f"{amount(one.gradient, self.quantity)} per {facts.unit or 'one whole'}"
+        shown = [entry for entry in self.shares if entry.share >= SHOWN]
+        for entry in shown:
+            facts = entry.number
+            per = f"{amount(entry.gradient, self.quantity)} per {facts.unit or 'one whole'}"
             lines.append(
-                f"  {rounded(100.0 * one.share, 2)} %  {facts.title} +- {amount(facts.tolerance, facts.unit)}: {per}"
+                f"  {rounded(100.0 * entry.share, 2)} %  {facts.title} +- {amount(facts.tolerance, facts.unit)}: {per}"
             )
-        if left := len(self.shares) - len(shown):
-            lines.append(f"  {counted(left, 'further number')}: less than {rounded(100.0 * SHOWN, 1)} % each")
+        if fewer := len(self.shares) - len(shown):
+            lines.append(f"  {counted(fewer, 'further number')}: less than {rounded(100.0 * SHOWN, 1)} % each")
         return "\n".join(lines)
 
 
@@ -133,17 +133,19 @@ def analyse_tolerances(
     rows = table.valid_rows()
     names = current_names(rows)
     point = _nearest(rows, names, distance_m, currents_A)
-    known = [*table.signatures.channels, FORCE_CONSTANT]
-    if quantity not in known:
-        raise UsageError(f"quantity must be one of {', '.join(known)}; got {quantity!r}.")
+    quantities = [*table.signatures.channels, FORCE_CONSTANT]
+    if quantity not in quantities:
+        raise UsageError(f"quantity must be one of {', '.join(quantities)}; got {quantity!r}.")
     value = _at(rows, names, point, quantity)
-    numbers = [one for one in table.signatures.numbers if not one.is_contour]  # their corners are numbers themselves
-    gradients = [_at(table.signatures.of(one), names, point, quantity) for one in numbers]
-    scatters = [abs(g) * one.tolerance for g, one in zip(gradients, numbers, strict=True)]
+    numbers = [
+        number for number in table.signatures.numbers if not number.is_contour
+    ]  # their corners are numbers themselves
+    gradients = [_at(table.signatures.of(number), names, point, quantity) for number in numbers]
+    scatters = [abs(g) * number.tolerance for g, number in zip(gradients, numbers, strict=True)]
     variance = float(np.sum(np.square(scatters)))
     shares = [
-        NumberShare(one, g, s, s**2 / variance if variance else 0.0)
-        for one, g, s in zip(numbers, gradients, scatters, strict=True)
+        NumberShare(number, g, s, s**2 / variance if variance else 0.0)
+        for number, g, s in zip(numbers, gradients, scatters, strict=True)
     ]
     return ToleranceAnalysis(
         quantity,
@@ -151,7 +153,7 @@ def analyse_tolerances(
         tuple(point[1:].tolist()),
         value,
         float(np.sqrt(variance)),
-        tuple(sorted(shares, key=lambda one: -one.share)),
+        tuple(sorted(shares, key=lambda share: -share.share)),
     )
 
 
@@ -164,10 +166,10 @@ def _nearest(rows: "pd.DataFrame", names: list[str], distance_m: float, currents
     wanted = swept[0].copy()
     wanted[varied if len(currents_A) == len(varied) - 1 else slice(None)] = [distance_m, *currents_A]
     low, high = swept.min(axis=0), swept.max(axis=0)
-    for name, given, least, most in zip(("distance_m", *names), wanted, low, high, strict=True):
-        if not least <= given <= most:
+    for name, value, least, most in zip(("distance_m", *names), wanted, low, high, strict=True):
+        if not least <= value <= most:
             limits = f"{amount(least, name, 4)} to {amount(most, name, 4)}"
-            raise UsageError(f"{name} must lie within the sweep, {limits}; got {amount(given, name, 4)}.")
+            raise UsageError(f"{name} must lie within the sweep, {limits}; got {amount(value, name, 4)}.")
     away = (swept - wanted) / np.where(high > low, high - low, 1.0)
     return np.asarray(swept[int(np.argmin(np.sum(away**2, axis=1)))])
 

@@ -17,7 +17,7 @@ def add(
     data: Path,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    others: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
+    effects: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
     base: Literal["auto", "always", "never"] = "auto",
     from_run: int | None = None,
     until_run: int | None = None,
@@ -33,31 +33,33 @@ def add(
     Parameters
     ----------
     model : Path
-        Model file. Effects that it has already are refitted where the data can show them.
+        Model file, whose earlier effects are refitted where the data can show them.
     effect : str
-        Name in the catalogue, as femfit diagnose gives it; or unexplained, which learns what all effects leave.
+        Name of the effect in the catalogue, as femfit diagnose gives it; or unexplained, which learns what all effects
+        leave.
     data : Path
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
         sidecar .toml beside it where noise is declared.
     output : Path
         New model file, which simulates, filters and exports like any other.
-    others : tuple of str
-        A further effect; repeat for more, in the order of adding.
+    effects : tuple of str
+        Further effect, fitted after the first; repeat for more, in the order of adding.
     base : str
-        Whether the base's own amplitudes (magnet strength, turns, resistance, known to 2 %) are fitted beside the
-        effect: where that helps on runs left out, always or never.
+        Fit of the base's own amplitudes (magnet strength, turns, resistance, known to 2 %) beside the effect: auto
+        (where that helps on runs left out), always or never.
     from_run : int
-        Run in which the effect begins, counted from 1, as femfit diagnose gives it; default: the first.
+        First run in which the effect acts, counted from 1, as femfit diagnose gives it; default: the first.
     until_run : int
-        Run after which it ends; default: the last. The new model is that of the last run.
+        Last run in which the effect acts, whose state the new model has; default: the last.
     coil_temperature_C : float
-        Of the winding, at which the new model runs; default: the mean that was recorded.
+        Temperature of the winding in degC at which the new model runs; default: the recorded mean.
     magnet_temperature_C : float
-        Of the magnet, likewise.
+        Temperature of the magnet in degC at which the new model runs; default: the recorded mean.
     report : Path
-        HTML file: measured points on the curves before and after, and how far the error fell.
+        HTML file with the measured points on the curves before and after, and how far the error fell.
     picture : Path
-        PNG, SVG or PDF: the distance of a record as filters without it tell it, before and after.
+        PNG, SVG or PDF with the distance of a record as filters without a distance sensor estimate it, before and
+        after.
     json : Path
         File for the result as JSON.
     """
@@ -75,7 +77,7 @@ def add(
         result = add_effects(
             actuator,
             measured,
-            (effect, *others),
+            (effect, *effects),
             base=base,
             runs=_runs(effect, measured, from_run, until_run),
             coil_temperature_C=coil_temperature_C,

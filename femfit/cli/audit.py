@@ -11,7 +11,7 @@ def audit(model: Path, *, table: Path | None = None, json: Path | None = None) -
     model : Path
         Model file (.json).
     table : Path
-        Sweep table that it was fitted to, or its directory; by default the one that lies beside the model.
+        Sweep table that the model was fitted to, or its directory; default: the one beside the model.
     json : Path
         File for the findings as JSON.
 

@@ -31,28 +31,29 @@ def bench(
     Parameters
     ----------
     record : Path
-        CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, current_A and distance_m, and any other
-        column of a bench table (run, mount, force_N, ...), which is averaged on the plateaus. Each run is integrated on
-        its own.
+        Record as CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, current_A and distance_m,
+        whose runs are integrated one by one and whose other columns (run, mount, force_N, ...) are averaged on the
+        plateaus.
     output : Path
-        Bench table, .csv; its sidecar .toml, with noise and notes, is written beside it.
+        Bench table (.csv), with a sidecar .toml for noise and notes beside it.
     resistance_ohm : float
-        Of the excitation winding, where the voltage is its own: R i is taken off. Not for a separate sensing coil.
+        Resistance of the excitation winding in ohm, whose R i is taken off where the voltage is that winding's own; not
+        for a separate sensing coil.
     turns_ratio : float
         Turns of the excitation winding over those of the sensing coil.
     method : str
-        plateaus (offset voltage from each settled plateau, linear between), ffa1 (from each run's first plateau), or
-        trapezoid (none: drifts).
+        Method for the offset voltage: plateaus (from each settled plateau, linear between), ffa1 (from each run's first
+        plateau), or trapezoid (none: drifts).
     settling_s : float
-        Seconds left out after each change, until the eddy currents have decayed.
+        Time in s left out after each change, until the eddy currents have decayed.
     still_A : float
-        A current that moves by less from sample to sample is on a plateau.
+        Largest change of the current in A from sample to sample on a plateau.
     still_um : float
-        The same for the distance.
+        Largest change of the distance in um from sample to sample on a plateau.
     model : Path
         Model file that gives the flux linkage on each run's first plateau.
     initial_flux_Wb : float
-        That flux linkage, where it is known; default 0.
+        Flux linkage in Wb on each run's first plateau, where it is known; default: 0.
     json : Path
         File for the result as JSON.
     """

@@ -25,21 +25,21 @@ def calibrate(
     Parameters
     ----------
     drawing : Path
-        Actuator file (.toml); its [tolerances] say how far its numbers may be off.
+        Actuator file (.toml), whose [tolerances] say how far its numbers may be off.
     data : Path
         Bench tables, or records over time, whose runs count together: CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with
         their sidecars .toml beside them where noise is declared.
     output : Path
-        The drawing as the data have it, with the comments and the layout of the old one.
+        Actuator file for the drawing as the data have it, with the comments and the layout of the old one.
     numbers : str
-        Key paths with commas between them, or all; default: those that femfit diagnose names.
+        Key paths of the numbers with commas between them, or all; default: those that femfit diagnose names.
     effects : str
-        An effect of the catalogue that is fitted beside the numbers; repeat for more. Default: those that femfit
-        diagnose names.
+        Effect of the catalogue that is fitted beside the numbers; repeat for more; default: those that femfit diagnose
+        names.
     runs : Path
-        Directory of the sweeps; runs/NAME-calibration by default. What was solved there is not solved again.
+        Directory of the sweeps, in which nothing is solved twice; runs/NAME-calibration by default.
     workers : int
-        Processes of this machine; one a core by default.
+        Number of processes on this machine; one a core by default.
     json : Path
         File for the result as JSON, with the covariance.
     """
@@ -62,14 +62,14 @@ def calibrate(
     with status("Reading") as say:
         result = calibrated(
             drawing,
-            [read_measurement(one, **table_options.keywords) for one in data],
+            [read_measurement(file, **table_options.keywords) for file in data],
             directory,
             numbers=None if numbers is None else tuple(key.strip() for key in numbers.split(",") if key.strip()),
             effects=effects or None,
             workers=workers or len(os.sched_getaffinity(0)),
             progress=say,
         )
-    names = [one.name for one in data]
+    names = [file.name for file in data]
     write_text(output, heading(result, drawing.name, names) + result.drawing)
     write_model(result.model, model)
     write_model(result.model_as_drawn, as_drawn)

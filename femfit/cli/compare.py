@@ -22,18 +22,17 @@ def compare(
     Parameters
     ----------
     model : Path
-        Model file (co-energy or law), or a sweep table (Parquet, CSV or its directory): its co-energy is
-        fitted on the fly. For a probe scan the actuator file (.toml), whose field is solved at the places of the probe.
+        Model file (co-energy or law), or a sweep table (Parquet, CSV or its directory) whose co-energy is fitted on the
+        fly; for a probe scan the actuator file (.toml), whose field is solved at the places of the probe.
     data : Path
-        Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV. A .toml
-        beside it may declare the noise. A probe scan has the columns distance, current, r, z and field: distance_mm,
-        current_A, r_mm, z_mm, field_mT.
+        Bench table, record over time (with a column time_s) or probe scan (distance_mm, current_A, r_mm, z_mm,
+        field_mT): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its sidecar .toml beside it where noise is declared.
     pictures : Path
         Directory for pictures of the misfit over distance and current, and over what else it changes with.
     json : Path
         File for the result as JSON, with the maps.
     """
-    from femfit.cli.output import status, write_json
+    from femfit.cli.output import conclude, status
     from femfit.core.files import RESULT, require_outputs
     from femfit.identify.comparison.compare import compare as compared
     from femfit.tables.measurement_file import read_measurement
@@ -50,17 +49,14 @@ def compare(
         from femfit.report.bench_report import save_comparison_pictures
 
         written = save_comparison_pictures(comparison, pictures)
-    write_json(json, comparison.to_dict())
-    print(comparison)
-    for file in written:
-        print(f"written: {file}")
+    conclude(comparison, json, written)
 
 
 def _field_scan(
     drawing: Path, data: Path, pictures: Path | None, table_options: MeasurementOptions, json: Path | None
 ) -> None:
     """Compare a probe scan with the field of a drawing."""
-    from femfit.cli.output import status, write_json
+    from femfit.cli.output import conclude, status
     from femfit.core.errors import UsageError
     from femfit.device.load import read_actuator
     from femfit.identify.comparison.field_scan import compare_field_scan
@@ -71,8 +67,7 @@ def _field_scan(
     scan = read_field_scan(data, columns=table_options.columns, units=table_options.units, table=table_options.table)
     with status("Solving the field at the places of the probe"):
         comparison = compare_field_scan(read_actuator(drawing), scan)
-    write_json(json, comparison.to_dict())
-    print(comparison)
+    conclude(comparison, json)
 
 
 def _model(path: Path) -> "ActuatorModel":

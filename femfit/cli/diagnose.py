@@ -30,17 +30,17 @@ def diagnose(
         Bench table, or record over time (with a column time_s): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its
         sidecar .toml beside it where noise is declared.
     exclude : tuple of str
-        Effects that are not considered; repeat for more.
+        Effect that is not considered; repeat for more.
     bootstrap : int
-        Clean campaigns that are simulated to count how often something is named in them; 0 for none.
+        Number of clean campaigns that are simulated to count how often something is named in them; 0 for none.
     seed : int
         Seed of that simulation.
     report : Path
-        HTML file: what was measured, where the model fails, what would explain it, what to measure next.
+        HTML file with what was measured, where the model fails, what would explain it, and what to measure next.
     json : Path
         File for the result as JSON.
     """
-    from femfit.cli.output import status, write_json
+    from femfit.cli.output import conclude, status
     from femfit.core.files import PAGE, RESULT, require_outputs
     from femfit.identify.decision.diagnose import diagnose as diagnosed
     from femfit.model.json_file import read_model
@@ -59,7 +59,6 @@ def diagnose(
             advice = suggest(result.model, measured, result, progress=say).suggestions
             say("Writing the report")
             write_page(render_diagnosis(result, measured, suggestions=advice, hashes=hashes((model, data))), report)
-    write_json(json, result.to_dict())
-    print(result)
+    conclude(result, json)
     if report is not None:
         print(f"written: {report}")

@@ -22,7 +22,7 @@ def export(
     to : str
         Kind of export: estimator (filters and simulator as a package that needs numpy alone).
     output : Path
-        Directory; absent, empty, or an earlier export.
+        Directory that is absent, empty, or an earlier export.
     json : Path
         File for the result as JSON.
     """

@@ -35,14 +35,14 @@ def fit(
         Sweep table, or the directory that holds it; or a table of measured inductances without forces (distance_mm,
         current_A, inductance_mH), to which --model fits a law.
     model : str
-        coenergy, the name of a force law, or all: rank every law and write the recommended one.
+        Kind of model: coenergy, the name of a force law, or all, which ranks every law and writes the recommended one.
     where : tuple of str
-        Which variant of a parameter sweep, for example variant=3, coil.turns=250 or
+        Variant of a parameter sweep, for example variant=3, coil.turns=250 or
         moving.regions.plunger.material=steel_1010; repeat for more parameters.
     output : Path
         Model file; beside the table by default.
     bound : tuple of str
-        Bounds of one of a law's coefficients, for example "d^-4=0:1e-8"; repeat for more; either end may be empty.
+        Bounds of one of a law's coefficients, either of which may be empty, for example "d^-4=0:1e-8"; repeat for more.
     functions : str
         Coefficient functions of the current, one a column, for example constant,through-origin; default: by held-out
         error among constant, through-origin, square, affine and quadratic.
@@ -50,15 +50,15 @@ def fit(
         Shape constraints of the co-energy, any of inductance,decreasing,attracting, or none; default: those that the
         data obey.
     inductance_H : float
-        Inductance at the largest distance, for a table without flux linkage.
+        Inductance in H at the largest distance, for a table without flux linkage.
     actuator : Path
         Actuator file with circuit, mass and sensor, for an imported table.
     mass_g : float
-        Mass of the moving part.
+        Mass of the moving part in g.
     resistance_ohm : float
-        Resistance of the winding.
+        Resistance of the winding in ohm.
     supply_V : str
-        Lowest and highest voltage of the driver, for example 0:12.
+        Lowest and highest voltage of the driver in V, for example 0:12.
     json : Path
         File for the result as JSON.
     """
@@ -120,11 +120,11 @@ _FOR_SWEEPS = {
 }
 
 
-def _require_of_inductances(given: dict[str, object]) -> None:
+def _require_of_inductances(options: dict[str, object]) -> None:
     """Refuse options that do nothing for a table of inductances."""
     from femfit.core.errors import FitError
 
-    for option, value in given.items():
+    for option, value in options.items():
         if value not in (None, ()):
             raise FitError(
                 f"{option} {_FOR_SWEEPS[option]}; a fit to measured inductances has no use for it. Leave it out, or "

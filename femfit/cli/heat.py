@@ -23,31 +23,32 @@ def heat(
     Parameters
     ----------
     actuator : Path
-        Actuator file (.toml); its table [thermal] says what surrounds the actuator.
+        Actuator file (.toml), whose table [thermal] says what surrounds the actuator.
     current_A : tuple of float
-        Held current, one for each circuit; default: the most that the supply gives.
+        Held current in A, once for each circuit; default: the most that the supply gives.
     voltage : tuple of float
-        Held voltage in V in place of it.
+        Held voltage in V in place of a current, once for each circuit.
     distance_mm : float
-        Where the moving part is held; default: the first reference distance, or the shortest that it can have.
+        Distance in mm at which the moving part is held; default: the first reference distance, or the shortest that it
+        can have.
     alternating_A : tuple of float
-        Rms value of a sinusoidal current beside the held one.
+        Rms value in A of a sinusoidal current beside the held one, once for each circuit.
     frequency_Hz : float
-        Of that current, for its eddy currents; it needs --sweep.
+        Frequency in Hz of the alternating current, for its eddy currents from --sweep.
     sweep : Path
         Run directory of a sweep with [solver] frequency_Hz.
     model : Path
-        Model of this drawing (.json), for what the force loses.
+        Model file (.json) of this drawing, for what the force loses.
     json : Path
         File for the result as JSON, with the thermal network.
     """
-    from femfit.cli.output import write_json
+    from femfit.cli.output import conclude
     from femfit.core.files import RESULT, require_outputs
     from femfit.heat.find_temperatures import find_temperatures
 
-    given = [file for file in (actuator, sweep, model) if file is not None]
-    require_outputs(given, (json, RESULT))
-    found = find_temperatures(
+    inputs = [file for file in (actuator, sweep, model) if file is not None]
+    require_outputs(inputs, (json, RESULT))
+    temperatures = find_temperatures(
         actuator,
         current_A=current_A or None,
         voltage_V=voltage or None,
@@ -57,5 +58,4 @@ def heat(
         sweep=sweep,
         model=model,
     )
-    write_json(json, found.to_dict())
-    print(found)
+    conclude(temperatures, json)

@@ -31,37 +31,37 @@ def import_fem(
     Parameters
     ----------
     model : Path
-        The .fem file.
+        FEMM model (.fem).
     output : Path
-        The actuator .toml to write.
+        Actuator file (.toml) to write.
     moving_group : tuple of int
-        Group of the blocks that move; may be repeated. Inferred by default.
+        Group of the blocks that move; may be repeated; inferred by default.
     moving_block : tuple of str
         Material name of the blocks that move; may be repeated.
     moving_label : tuple of int
         Place in the file's list, from 1, of a block label in the body that moves; may be repeated.
     distance_mm : str
-        Distances of the sweep, start:stop:step or separated by commas; the file's own is added.
+        Distances of the sweep in mm beside the file's own, start:stop:step or separated by commas.
     current_A : str
-        Currents of the sweep in each circuit, start:stop:step or separated by commas; the file's own is added.
+        Currents of the sweep in A in each circuit beside the file's own, start:stop:step or separated by commas.
     circuit : tuple of str
-        A circuit to take; may be repeated. By default those with current.
+        Circuit to take; may be repeated; default: those with current.
     mover_side : str
-        Where the moving part stands from the fixed parts in the file, higher or lower z.
+        Side of the fixed parts on which the moving part stands in the file: higher or lower z.
     face_mm : float
-        The file's z, in mm, of the fixed parts' face, from which distances are counted.
+        Height z in mm, in the file, of the fixed parts' face from which distances are counted.
     mass_g : float
-        Mass of the moving body.
+        Mass of the moving body in g.
     density_g_per_cm3 : float
-        Density of the moving part, for its mass from its volume.
+        Density of the moving part in g/cm3, for its mass from its volume.
     resistance_ohm : float
-        Resistance of the winding, where there is one.
+        Resistance of the winding in ohm, where there is one.
     wire_diameter_mm : float
-        Bare copper diameter of the wire.
+        Bare copper diameter of the wire in mm.
     arc_degrees : float
-        Largest angle of the chords that stand for arcs where other lines cross them.
+        Largest angle in degrees of the chords that stand for arcs where other lines cross them.
     name : str
-        Name of the actuator; from the file's by default.
+        Name of the actuator; default: the one from the file's name.
     json : Path
         File for the findings as JSON.
     """

@@ -37,8 +37,8 @@ def import_table(
     Parameters
     ----------
     tables : tuple of Path
-        Text, Parquet, XLSX, MAT, HDF5 or TDMS files, or directories of them (one file a current, named as in
-        force_0.4A.csv).
+        Files (text, Parquet, XLSX, MAT, HDF5 or TDMS), or directories of them with one file a current, named as in
+        force_0.4A.csv.
     output : Path
         Directory of the sweep table.
     without : str
@@ -46,31 +46,31 @@ def import_table(
     columns : str
         Names of the columns of a table without header, separated by commas; of a matrix, its first row with units.
     form : str
-        One row a point (long), or force(distance, current) with its axes (matrix).
+        Form of the table: one row a point (long), or force(distance, current) with its axes (matrix).
     matrix_rows : str
-        What the first column of a matrix holds.
+        Quantity in the first column of a matrix.
     decimal : str
-        Decimal mark.
+        Decimal mark of the numbers.
     delimiter : str
-        One character, or the word blanks or tab.
+        Delimiter of the columns: one character, or the word blanks or tab.
     encoding : str
-        Python's name of the encoding.
+        Encoding of the text, by its name in Python.
     file_current_A : str
-        Current of each file, separated by commas.
+        Current of each file in A, separated by commas.
     file_distance_mm : str
-        Distance of each file, separated by commas.
+        Distance of each file in mm, separated by commas.
     distance_step_mm : float
-        Size of a step, for a distance column that counts steps.
+        Size of a step in mm, for a distance column that counts steps.
     distance_start_mm : float
-        Distance at position (or step) zero.
+        Distance in mm at position (or step) zero.
     flip_distance : bool
-        Positions count towards the electromagnet.
+        Positions that count towards the electromagnet, turned round.
     flip_current : bool
-        Negate current and flux linkage.
+        Current and flux linkage with the other sign.
     flip_force : bool
-        Negate the force.
+        Force with the other sign.
     keep_force : bool
-        Leave the sign of the force as it is.
+        Force with the sign that it has.
     accept : str
         Codes of errors that shall not stop the import, separated by commas.
     actuator : Path

@@ -47,51 +47,52 @@ def integrate(
     Parameters
     ----------
     record : Path
-        CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, and hall_T or current_A; or raw float32
-        (.bin, .raw, .f32) with a sidecar .toml or .json that has sample_rate_Hz and columns.
+        Record as CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, and hall_T or current_A; or
+        raw float32 (.bin, .raw, .f32) with a sidecar .toml or .json that has sample_rate_Hz and columns.
     output : Path
-        .csv, .parquet, .bin, .raw or .f32.
+        File of the integrated record: .csv, .parquet, .bin, .raw or .f32.
     coil_area : float
-        Total area of the coil in m2; filters need it.
+        Total area of the coil in m2, which the filters need.
     method : str
-        trapezoid; ffa1 (offset from an initial zero reading); ffa2 (mean on each plateau); cs1-offset (Kalman filter
-        with a Hall probe, which estimates the offset voltage too); cs2, cs2-identified (the same with the current, by
-        a ratio, by a field model). Default: cs1-offset where the record has a Hall probe and an area is given, else
-        ffa2.
+        Method of integration: trapezoid; ffa1 (offset from an initial zero reading); ffa2 (mean on each plateau);
+        cs1-offset (Kalman filter with a Hall probe, which estimates the offset voltage too); cs2, cs2-identified (the
+        same with the current, by a ratio, by a field model); default: cs1-offset where the record has a Hall probe and
+        an area is given, else ffa2.
     initial_field_T : float
-        Field at the record's begin (flux linkage in Wb without an area); default: 0, or the reference's first reading.
+        Field in T at the record's begin (flux linkage in Wb without an area); default: 0, or the reference's first
+        reading.
     zero_reading_s : float
-        Zero reading of ffa1: how long nothing moves at the record's begin.
+        Time in s at the record's begin in which nothing moves, for the zero reading of ffa1.
     settling_s : float
-        Of ffa2 after each ramp, until the eddy currents have decayed; default 1 s.
+        Time in s left out after each ramp until the eddy currents have decayed, for ffa2; default: 1.
     still_A : float
-        Of ffa2: a current that moves by less in a second is on a plateau; default 0.1 A.
+        Largest change of the current in A within a second on a plateau of ffa2; default: 0.1.
     current_to_field : float
-        Of cs2, in A/T: the magnet's current over its field. Say by --reference-gain-sigma how well it is known.
+        Ratio of the magnet's current to its field in A/T for cs2, as sure as --reference-gain-sigma says.
     lab : Path
-        Of cs2-identified: a record with Hall probe and current of a cycled magnet, to identify its field from.
+        Record with Hall probe and current of a cycled magnet, from which cs2-identified identifies its field.
     field_model : Path
-        Of cs2-identified: JSON file of the identified field; written with --lab, read without.
+        JSON file of the identified field for cs2-identified, written with --lab and read without.
     model : Path
-        Of cs2-identified: femfit model file, whose swept field at the Hall element (without an area, flux linkage)
-        takes the place of an identified one; the coil must sit where the Hall element does.
+        Model file for cs2-identified, whose swept field at the Hall element (without an area, flux linkage) takes the
+        place of an identified one where the coil sits at the Hall element.
     distance_mm : float
-        Of the moving part, with --model.
+        Distance of the moving part in mm, with --model.
     model_sigma : float
-        Standard uncertainty of the model's field in T (flux linkage in Wb), with --model: remanence and eddy currents,
-        which a sweep does not know, included; default 1 % of its largest.
+        Standard uncertainty of the model's field in T (flux linkage in Wb), remanence and eddy currents included, with
+        --model; default: 1 % of its largest.
     smooth : bool
-        Let the whole record speak for every sample, offline: a Kalman smoother after the filter. Needs all of the
-        record in memory, 0.3 GB for a million samples.
+        Kalman smoother over the whole record after the filter, which needs all of the record in memory: 0.3 GB for a
+        million samples.
     coil_area_sigma : float
         Standard uncertainty of the area in m2.
     reference_gain_sigma : float
         Relative standard uncertainty of the Hall probe's (or the current-to-field ratio's) gain.
     reference_offset_sigma_T : float
-        Standard uncertainty of the reference's zero.
+        Standard uncertainty of the reference's zero in T.
     offset_sigma_uV : float
-        Of the offset voltage that a method leaves; default 20 (trapezoid), 5 (ffa1, ffa2) and 0 (the filters, which
-        estimate it).
+        Standard uncertainty in uV of the offset voltage that a method leaves; default: 20 (trapezoid), 5 (ffa1, ffa2)
+        and 0 (the filters, which estimate it).
     coverage : float
         Coverage factor of the printed uncertainty.
     json : Path

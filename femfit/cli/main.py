@@ -162,11 +162,11 @@ class _Reader(io.FileIO):
 def _print_what_the_terminal_can_show() -> None:
     """Let a character that the terminal's encoding lacks be replaced instead of ending the command."""
     codecs.register_error("femfit", _plain)
-    own = sys.__stdout__
-    if own is not None and sys.stdout is own:
-        reader = io.BufferedWriter(_Reader(own.fileno(), "w", closefd=False))
-        at_once = own.line_buffering or own.write_through
-        sys.stdout = io.TextIOWrapper(reader, own.encoding, line_buffering=at_once)
+    stdout = sys.__stdout__
+    if stdout is not None and sys.stdout is stdout:
+        reader = io.BufferedWriter(_Reader(stdout.fileno(), "w", closefd=False))
+        at_once = stdout.line_buffering or stdout.write_through
+        sys.stdout = io.TextIOWrapper(reader, stdout.encoding, line_buffering=at_once)
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="femfit")

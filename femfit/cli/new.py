@@ -18,9 +18,9 @@ def new(
     Parameters
     ----------
     kind : str
-        The kind of actuator that is nearest to yours.
+        Kind of actuator that is nearest to yours.
     output : Path
-        The file; KIND.toml by default. A file that is there already is kept, and the command refused.
+        File to write, which must not be there yet; KIND.toml by default.
     """
     import re
 

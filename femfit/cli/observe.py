@@ -1,5 +1,6 @@
 """``femfit observe``: a recorded log through the filters of a model."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -31,24 +32,24 @@ def observe(
     record : Path
         Record over time with the commanded voltage: CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV.
     filters : str
-        ukf, ekf, ukf4 or ekf4 (with a bias as a further state); several with commas are placed side by side.
+        Filters with commas between them, placed side by side: ukf, ekf, ukf4 or ekf4 (with a bias as a further state).
     sensors : str
-        Names of the sensors that the filters read, with commas; all that the record has if left out. Those that they
-        do not read check the estimate.
+        Names of the sensors that the filters read, with commas; default: all in the record; the others check the
+        estimate.
     biases : str
         Sensors whose bias ukf4 and ekf4 estimate, with commas.
     keep_noise : bool
-        Do not look for the noise that the record shows.
+        Noise of the model as it is, without a look at the noise in the record.
     write_noise : Path
         Model file to write, with the noise found in the record.
     picture : Path
-        PNG, SVG or PDF: estimates beside the record, and normalised innovations.
+        PNG, SVG or PDF with the estimates beside the record, and normalised innovations.
     csv : Path
         File for record, estimates, their deviations and normalised innovations.
     json : Path
         File for the result as JSON.
     """
-    from femfit.cli.output import status, write_json
+    from femfit.cli.output import conclude, status
     from femfit.core.errors import TableError, UsageError
     from femfit.core.files import MODEL, PICTURE, REPLAYED, RESULT, require_outputs, write_text
     from femfit.estimate.found_noise import with_noise
@@ -62,7 +63,7 @@ def observe(
     require_outputs([model, record], (write_noise, MODEL), (picture, PICTURE), (csv, REPLAYED), (json, RESULT))
     with status("Filtering"):
         measured = read_measurement(record, **table_options.keywords)
-        seen = observed(
+        observation = observed(
             model,
             measured,
             filter=_names(filters) or (),
@@ -72,22 +73,20 @@ def observe(
         )
     written = []
     if write_noise is not None:
-        if seen.noise is None:
+        if observation.noise is None:
             raise TableError(f"--write-noise needs a noise that the record shows. {NO_NOISE_FOUND}")
-        write_model(with_noise(seen.model, seen.noise), write_noise)
+        write_model(with_noise(observation.model, observation.noise), write_noise)
         written.append(write_noise)
     if picture is not None:
-        from femfit.report.motion_figures import write_replay_picture
+        from femfit.report.motion_figures import replay_figure
+        from femfit.report.style import write_picture
 
-        write_replay_picture(seen, picture)
+        write_picture(partial(replay_figure, observation), picture)
         written.append(picture)
     if csv is not None:
-        write_text(csv, seen.table.to_csv(index=False))
+        write_text(csv, observation.table.to_csv(index=False))
         written.append(csv)
-    write_json(json, seen.to_dict())
-    print(seen)
-    for file in written:
-        print(f"written: {file}")
+    conclude(observation, json, written)
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:

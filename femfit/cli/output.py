@@ -1,23 +1,22 @@
-"""What commands share: results as JSON, what is being done on standard error.
+"""What commands share: results as JSON, progress on standard error, and an end by signals.
 
-How far a piece of work is, on standard error: a bar on a terminal, a line now and then elsewhere.
+Progress is a bar on a terminal, and a line now and then elsewhere.
 
-SIGTERM and Ctrl-C end a command wherever it is, in the mesher and in a factorisation too.
-
-Python hands a signal on when the main thread comes back from C, which may be never where a drawing takes the mesher
-hours. So a second thread reads the signals, and ends the process where the first one has not heard of one in time.
+SIGTERM and Ctrl-C end a command wherever it is, in the mesher and in a factorisation too. Python hands a signal on when
+the main thread comes back from C, which may be never where a drawing takes the mesher hours. So a second thread reads
+the signals, and ends the process where the first one has not heard of one in time.
 """
 
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from threading import Event, Thread
 from time import monotonic
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from femfit import __version__
 from femfit.core import files as atomic
@@ -32,6 +31,13 @@ INTERVAL_S = 10.0
 
 Show = Callable[[int, int], None]
 """Takes how much is done, and of how much."""
+
+
+class Outcome(Protocol):
+    """What a command prints."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
 
 
 @contextmanager
@@ -52,13 +58,13 @@ def progress(text: str, unit: str) -> Iterator[Show]:
 @contextmanager
 def sweep_progress(name: str) -> "Iterator[Callable[[SweepProgress], None]]":
     """Show how far the sweep of an actuator is, and say what changed where it begins anew."""
-    said = False
+    shown = False
     with progress(f"sweep {name}", "points") as show:
 
         def update(state: "SweepProgress") -> None:
-            nonlocal said
-            if state.changed and not said:
-                said = True
+            nonlocal shown
+            if state.changed and not shown:
+                shown = True
                 text = f"not as in this directory's last sweep: {', '.join(state.changed)}"
                 print(f"sweep {name}: {text}; it is solved anew", file=sys.stderr, flush=True)
             show(state.points_done, state.points)
@@ -73,11 +79,11 @@ def loop_progress(name: str) -> "Iterator[LoopProgress]":
         shown = ""
         show: Show | None = None
 
-        def update(part: str, done: int, total: int) -> None:
+        def update(stage: str, done: int, total: int) -> None:
             nonlocal shown, show
-            if show is None or part != shown:
+            if show is None or stage != shown:
                 parts.close()
-                shown, show = part, parts.enter_context(progress(f"{part} of {name}", "samples"))
+                shown, show = stage, parts.enter_context(progress(f"{stage} of {name}", "samples"))
                 show(0, total)
             show(done, total)
 
@@ -103,10 +109,10 @@ class _Lines:
         new = done - self._before
         if new <= 0 or done >= total:
             return
-        left = (now - self._start) * (total - done) / new
-        if now - self._last >= INTERVAL_S or (not self._told and left > INTERVAL_S):
+        remaining = (now - self._start) * (total - done) / new
+        if now - self._last >= INTERVAL_S or (not self._told and remaining > INTERVAL_S):
             self._last, self._told = now, True
-            self._print(f"{done} of {total} {self._unit}, about {duration(left)} left")
+            self._print(f"{done} of {total} {self._unit}, about {duration(remaining)} left")
 
     def _print(self, text: str) -> None:
         print(f"{self._text}: {text}", file=sys.stderr, flush=True)
@@ -123,6 +129,14 @@ def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
     """Write a command's JSON-ready result where ``--json FILE`` asked for it."""
     if path is not None:
         atomic.write_json(path, {**result, "written_by": f"femfit {__version__}"})
+
+
+def conclude(result: Outcome, json: Path | None, files: Iterable[Path] = ()) -> None:
+    """Write a result's JSON where it was asked for, and print the result with the other files that were written."""
+    write_json(json, result.to_dict())
+    print(result)
+    for file in files:
+        print(f"written: {file}")
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """``femfit run``: the whole main job in turn."""
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -46,12 +46,12 @@ def run(
     output : Path
         Run directory; runs/NAME by default.
     workers : int
-        Processes of the sweep; one a core by default.
+        Number of processes for the sweep; one a core by default.
     seed : int
-        Of the noise in the closed loop.
+        Seed of the noise in the closed loop.
     signatures : bool
-        Solve what each number of the drawing changes, too, so that a diagnosis can ask for them. What the directory
-        has of them stays without it.
+        Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
+        stay without it.
     json : Path
         File for the results as JSON.
     """
@@ -70,12 +70,14 @@ def run(
     model_file, law_file, page = (directory / name for name in ("model.json", "model_law.json", "report.html"))
     require_outputs([actuator], (model_file, MODEL), (law_file, MODEL), (page, PAGE), (json, RESULT))
     steps = _Steps()
-    _print_lines(remarks(parts))
+    for line in remarks(parts):
+        print(line)
     table, summary = _sweep(steps, actuator, parts, directory, workers or len(os.sched_getaffinity(0)), signatures)
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
-    _print_lines(reference.notes)
+    for line in reference.notes:
+        print(line)
     with process_pool(1) as pool:
         loop = pool.submit(_close_loop, reference.model, seed, model_file)  # beside the ranking: each takes a core
         motion, heat = _at_supply(steps, reference.model, parts)
@@ -102,7 +104,7 @@ def run(
             no_study=no_study,
             unfinished=False,
             timings_s=tuple(steps.times.items()),
-            hashes=hashes([one for one in (directory / "sweep.parquet", model_file, law_file) if one.is_file()]),
+            hashes=hashes([file for file in (directory / "sweep.parquet", model_file, law_file) if file.is_file()]),
         )
         write_page(render_report(content, draw_figures(content, drawn=drawn)), page)
     steps.say(f"{page}, {page.stat().st_size / 1e6:.1f} MB")
@@ -123,15 +125,6 @@ def run(
     )
 
 
-def _solved(summary: Mapping[str, Any]) -> str:
-    from femfit.core.text import amount
-
-    return (
-        f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most "
-        f"{amount(summary['force_error_relative_max'], '')}"
-    )
-
-
 def _single_actuator(path: Path) -> "Actuator":
     """The file's actuator, refused before the sweep where the fit would refuse it after."""
     from femfit.core.errors import ActuatorFileError
@@ -148,8 +141,8 @@ def _single_actuator(path: Path) -> "Actuator":
         raise ActuatorFileError(str(path), [problem])
     axes = sweep.actuator.sweep
     # Without a circuit the co-energy depends on the distance alone; that of several is a quadratic form.
-    one = len(sweep.actuator.circuits) == 1
-    check_grid(len(axes.currents_A) if one else FEWEST_CURRENTS, len(axes.distances_m))
+    single = len(sweep.actuator.circuits) == 1
+    check_grid(len(axes.currents_A) if single else FEWEST_CURRENTS, len(axes.distances_m))
     return sweep.actuator
 
 
@@ -160,14 +153,14 @@ class _Steps:
         self.times: dict[str, float] = {}
 
     @contextmanager
-    def timed(self, name: str, *, told: bool = True) -> Iterator[None]:
+    def timed(self, name: str, *, shown: bool = True) -> Iterator[None]:
         """Time a step; one that does not tell by itself how far it is says now and then that it goes on."""
         from time import perf_counter
 
         from femfit.cli.output import status
 
         start = perf_counter()
-        with status(name) if told else nullcontext():
+        with status(name) if shown else nullcontext():
             yield
         self.times[name] = perf_counter() - start
 
@@ -180,21 +173,19 @@ def _sweep(
     steps: _Steps, actuator: Path, parts: "Actuator", directory: Path, workers: int, signatures: bool
 ) -> "tuple[SweepTable, dict[str, Any]]":
     from femfit.cli.output import sweep_progress
+    from femfit.core.text import amount
     from femfit.device.rewrite import only
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, failed_points, summarise
 
-    with steps.timed("sweep", told=False), sweep_progress(parts.name) as progress:
+    with steps.timed("sweep", shown=False), sweep_progress(parts.name) as progress:
         table = run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
     summary = summarise(table)
-    steps.say(_solved(summary))
-    _print_lines([*failed_points(table), *clipped_hall(only(parts), table)])
-    return table, summary
-
-
-def _print_lines(lines: Iterable[str]) -> None:
-    for line in lines:
+    error = amount(summary["force_error_relative_max"], "")
+    steps.say(f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most {error}")
+    for line in (*failed_points(table), *clipped_hall(only(parts), table)):
         print(line)
+    return table, summary
 
 
 def _at_supply(
@@ -225,7 +216,7 @@ def _heat_line(heat: "Temperatures | None", parts: "Actuator") -> str:
     if heat is None:
         return f"none: {'the supply has no limits' if parts.circuits else NO_COIL}"
     first, *_ = str(heat).splitlines()
-    currents = " and ".join(f"{one:.3g}" for one in heat.allowed_A)
+    currents = " and ".join(f"{current:.3g}" for current in heat.allowed_A)
     return first if heat.lasts else f"{first} {currents} A may last."
 
 
@@ -245,11 +236,11 @@ def _close_loop(model: "ActuatorModel", seed: int, file: Path) -> "tuple[ClosedL
     from femfit.model.sensors import HALL, sensors_of
     from femfit.simulation.study import closed_loop_study
 
-    known = sensors_of(model)
-    if not (model.has_winding and known):
+    sensors = sensors_of(model)
+    if not (model.has_winding and sensors):
         return None, NO_SENSOR if model.has_winding else NO_COIL
-    if HALL not in known and not any(isinstance(one, PositionSensor) for one in known.values()):
-        return None, NO_DISTANCE.format(model=file, sensors=" and ".join(known))
+    if HALL not in sensors and not any(isinstance(sensor, PositionSensor) for sensor in sensors.values()):
+        return None, NO_DISTANCE.format(model=file, sensors=" and ".join(sensors))
     try:
         return closed_loop_study(model, seed), ""
     except (DomainError, FilterError, MissingPartError) as error:

@@ -1,5 +1,6 @@
 """``femfit sense``: how well sensors tell the distance without a sensor of position."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -30,31 +31,31 @@ def sense(
     sensors : str
         Names of the sensors that the filter reads, or their kinds (current, position), with commas.
     voltage : float
-        Step of the command in V, after 20 ms of rest; default: the supply's largest.
+        Height of the command's step in V, after 20 ms of rest; default: the supply's largest voltage.
     drive : Path
         Table with the columns time_s and voltage_V in place of that step.
     test_voltage : float
         Amplitude in V of a square wave on top of the command.
     test_frequency_Hz : float
-        Of that square wave; default: a twentieth of the sampling rate.
+        Frequency in Hz of the square wave; default: a twentieth of the sampling rate.
     runs : int
-        Simulated runs, each with its own noise.
+        Number of simulated runs, each with its own noise.
     seed : int
-        Of the noise.
+        Seed of the noise.
     picture : Path
-        PNG, SVG or PDF: the motion with the filter's error, and its bound.
+        PNG, SVG or PDF with the motion, the filter's error and its bound.
     csv : Path
         File for time, distance, the filter's error, what it claims, and the bound.
     json : Path
         File for the result as JSON.
     """
-    from femfit.cli.output import status, write_json
+    from femfit.cli.output import conclude, status
     from femfit.core.files import PICTURE, REPLAYED, RESULT, require_outputs, write_text
     from femfit.simulation.sense import sense as sensed
 
     require_outputs([model], (picture, PICTURE), (csv, REPLAYED), (json, RESULT))
     with status("Simulating"):
-        found = sensed(
+        sensing = sensed(
             model,
             sensors=[name.strip() for name in sensors.split(",") if name.strip()],
             drive=drive,
@@ -66,14 +67,12 @@ def sense(
         )
     written = []
     if picture is not None:
-        from femfit.report.motion_figures import write_sense_picture
+        from femfit.report.motion_figures import sense_figure
+        from femfit.report.style import write_picture
 
-        write_sense_picture(found, picture)
+        write_picture(partial(sense_figure, sensing), picture)
         written.append(picture)
     if csv is not None:
-        write_text(csv, found.table.to_csv(index=False))
+        write_text(csv, sensing.table.to_csv(index=False))
         written.append(csv)
-    write_json(json, found.to_dict())
-    print(found)
-    for file in written:
-        print(f"written: {file}")
+    conclude(sensing, json, written)

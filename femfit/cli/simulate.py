@@ -1,6 +1,7 @@
 """``femfit simulate``: close the loop around a model, or drive it in open loop."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -59,65 +60,68 @@ def simulate(
     model : Path
         Model file with circuit and motion, and for a closed loop a sensor.
     voltage : str
-        Constant command in V: open loop. Of several circuits by their names, as bias=2,diff=1.
+        Constant command in V in open loop; for several circuits by their names, as bias=2,diff=1.
     current : str
-        Constant command in A of a current amplifier: open loop; of several by their names.
+        Constant command in A of a current amplifier in open loop; for several circuits by their names.
     drive : Path
-        Table with the columns time_s and voltage_V or current_A (voltage_NAME_V or current_NAME_A): open loop.
+        Table with the columns time_s and voltage_V or current_A (voltage_NAME_V or current_NAME_A) for the open loop.
     interpolation : str
-        Of that table: held (each value up to the next time) or linear.
+        Interpolation of the drive table: held (each value up to the next time) or linear.
     duration_ms : float
-        Of the open loop; default: up to the table's last time, or 100.
+        Duration of the open loop in ms; default: up to the table's last time, or 100.
     start_mm : float
-        Where the body begins in open loop; default: where it rests without current.
+        Distance in mm at which the body begins in open loop; default: where it rests without current.
     step_ms : float
-        Between two rows of the open loop's table; default: a 2000th of its duration.
+        Time in ms between two rows of the open loop's table; default: a 2000th of its duration.
     extrapolate : bool
-        Go on in open loop where distance or current leave the validity domain.
+        Motion in open loop that goes on where distance or current leave the validity domain.
     picture : Path
-        File for a picture of the open loop, or of one run of the closed one (.png, .svg, .pdf).
+        Picture of the open loop, or of one run of the closed one (.png, .svg, .pdf).
     controller : str
-        pid, state-feedback or backstepping; default: the one whose linear loop keeps the largest margin, or pid where
-        gains are given; all of them where no option asks for a loop of one.
+        Controller: pid, state-feedback or backstepping; default: the one whose linear loop keeps the largest margin, or
+        pid where gains are given; all of them where no option asks for a single loop.
     observer : str
-        ukf4 (default of one loop) or ekf4, which estimate the first sensor's bias as a state more; ukf or ekf, which do
-        not; or direct, which inverts the first sensor's characteristic without a filter.
+        Filter: ukf4 (default of one loop) or ekf4, which estimate the first sensor's bias as a further state; ukf or
+        ekf, which do not; or direct, which inverts the first sensor's characteristic without a filter.
     sensor : list of str
-        Sensor that the loop reads, by its name in the drawing; may be repeated. Default: the Hall element, or all.
+        Sensor that the loop reads, by its name in the drawing; may be repeated; default: the Hall element, or all.
     gain : list of str
-        Gain of the controller in place of the designed one, as in kp=2000; may be repeated. PID: kp, ki, kd,
-        filter_rad_s; backstepping: position, velocity, current; state feedback: distance, velocity, current, integral.
+        Gain of the controller in place of the designed one, as in kp=2000; may be repeated; of pid: kp, ki, kd,
+        filter_rad_s; of backstepping: position, velocity, current; of state-feedback: distance, velocity, current,
+        integral.
     bandwidth_rad_s : float
-        Of the controller, in place of the one that its margins and the noise allow.
+        Bandwidth of the controller in rad/s, in place of the one that its margins and the noise allow.
     pole_rad_s : list of complex
-        Pole of state feedback, as in -40 or -40+30j; once for each of distance, velocity, current and integral.
+        Pole of state feedback in rad/s, as in -40 or -40+30j; once for each of distance, velocity, current and
+        integral.
     latency : int
-        Samples from a reading to the command that it leads to.
+        Number of samples from a reading to the command that it leads to.
     noise : list of str
         White noise of a sensor's sample in its unit, as in laser=0.002, or a number alone for the first sensor; may be
-        repeated. Default: the model's.
+        repeated; default: the model's.
     faulty : str
-        Sensor that offset, drift, sticking and dropouts are of; default: the first.
+        Sensor with the offset, drift, sticking and dropouts; default: the first.
     offset : float
-        Of its reading, in its unit, which the model does not know.
+        Constant error of the faulty sensor in its unit, which the model does not know.
     drift_per_s : float
-        Ramp of that offset.
+        Growth of the faulty sensor's offset in its unit per second.
     force_scale : float
-        True force over the model's.
+        Ratio of the true force to the model's.
     stuck_after_s : float
-        From then on the sensor repeats its last reading.
+        Time in s from which the faulty sensor repeats its last reading.
     dropout : float
-        Probability of a reading at the lower end of the sensor's range.
+        Probability of a reading at the lower end of the faulty sensor's range.
     runs : int
-        Repeats of one loop with different noise; default 1.
+        Number of repeats of one loop with different noise; default: 1.
     seconds : float
-        Of one loop; default 1 a reference distance, or 2000 samples and a step's time where that is less.
+        Duration of one loop in s; default: 1 a reference distance, or 2000 samples and a step's time where that is
+        less.
     seed : int
-        Of the noise.
+        Seed of the noise.
     plant : Path
         Model file of what truly moves and is truly sensed, while controller and filter believe in MODEL.
     csv : Path
-        File for the time series: of the open loop, or of up to ten runs.
+        File for the time series of the open loop, or of up to ten runs.
     json : Path
         File for the result as JSON.
     """
@@ -193,9 +197,10 @@ def simulate(
         summary.write_csv(csv)
         print(f"written: {csv}")
     if picture is not None:
-        from femfit.report.loop_report import write_closed_loop_picture
+        from femfit.report.loop_report import closed_loop_figure
+        from femfit.report.style import write_picture
 
-        write_closed_loop_picture(summary, picture)
+        write_picture(partial(closed_loop_figure, summary), picture)
         print(f"written: {picture}")
 
 
@@ -206,7 +211,7 @@ def _constant(option: str, text: str | None) -> float | dict[str, float] | None:
     try:
         if "=" not in text:
             return float(text)
-        pairs = (part.partition("=") for part in text.split(","))
+        pairs = (pair.partition("=") for pair in text.split(","))
         return {name.strip(): float(value) for name, _, value in pairs}
     except ValueError as error:
         raise UsageError(
@@ -226,13 +231,13 @@ def named_number(text: str) -> tuple[str, float]:
         ) from error
 
 
-def noise_of(given: list[str] | None) -> dict[str, float] | float | None:
+def noise_of(texts: list[str] | None) -> dict[str, float] | float | None:
     """Noise by the sensors' names; a number alone is the first sensor's."""
-    if not given:
+    if not texts:
         return None
-    if len(given) == 1 and "=" not in given[0]:
-        return named_number(f"first={given[0]}")[1]
-    return dict(map(named_number, given))
+    if len(texts) == 1 and "=" not in texts[0]:
+        return named_number(f"first={texts[0]}")[1]
+    return dict(map(named_number, texts))
 
 
 def _open_loop(
@@ -257,7 +262,8 @@ def _open_loop(
         motion.write_csv(csv)
         print(f"written: {csv}")
     if picture is not None:
-        from femfit.report.motion_figures import write_open_loop_picture
+        from femfit.report.motion_figures import open_loop_figure
+        from femfit.report.style import write_picture
 
-        write_open_loop_picture(motion, picture)
+        write_picture(partial(open_loop_figure, motion), picture)
         print(f"written: {picture}")

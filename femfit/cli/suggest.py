@@ -23,12 +23,12 @@ def suggest(
     data : Path
         Bench table, or record over time, that was diagnosed.
     plan : Path
-        Planned bench table: settings, and a column (its cells may be empty) for each channel to be read. Says what such
-        a campaign could never separate.
+        Planned bench table with settings and a column (its cells may be empty) for each channel to be read, examined
+        for what it could never separate.
     json : Path
         File for the result as JSON.
     """
-    from femfit.cli.output import status, write_json
+    from femfit.cli.output import conclude, status
     from femfit.core.files import RESULT, require_outputs
     from femfit.identify.experiments.plan import PlanReport, examine_plan
     from femfit.identify.experiments.suggest import Advice
@@ -46,5 +46,4 @@ def suggest(
             result = examine_plan(actuator, read_bench_table(plan, planned=True, **table_options.keywords))
         else:
             raise UsageError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    write_json(json, result.to_dict())
-    print(result)
+    conclude(result, json)

@@ -28,13 +28,13 @@ def sweep(
     output : Path
         Run directory; runs/NAME by default.
     workers : int
-        Processes of this machine; one a core by default.
+        Number of processes on this machine; one a core by default.
     scheduler : str
-        Address of a Dask scheduler (tcp://host:port), whose workers solve instead. A worker that hangs is waited for:
-        end it, and another one gets its task.
+        Address of a Dask scheduler (tcp://host:port) whose workers solve instead; a worker that hangs is waited for
+        until you end it.
     signatures : bool
-        Solve what each number of the drawing changes, too, about as long again at most; femfit fit keeps it in the
-        model, and a diagnosis asks whether one of them is wrong. What the directory has of them stays without it.
+        Signatures of the drawing's numbers, solved too (about as long again at most), with which a diagnosis asks
+        whether one of them is wrong; those in the directory stay without it.
     json : Path
         File for a summary as JSON.
     """
@@ -77,7 +77,7 @@ def sweep(
     if table.eddy is not None:
         print(f"  {table.eddy}; what an ampere does at each frequency: {directory / IMPEDANCE}")
     if table.still_mm:
-        places = ", ".join(f"{one:g}" for one in table.still_mm)
+        places = ", ".join(f"{distance:g}" for distance in table.still_mm)
         print(f"  Eddy currents could not be solved at {places} mm; a model takes them from the distances beside.")
     if table.signatures is not None:
         print("  By one standard deviation of each number of the drawing, root mean square over the sweep:")

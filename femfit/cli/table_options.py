@@ -23,10 +23,10 @@ class TableOptions:
     """What a table's columns are, where their headers do not say it."""
 
     column: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
-    """HEADER=COLUMN, for example "Kanal 3=force_N"; once for each column."""
+    """Column of a header as HEADER=COLUMN, for example "Kanal 3=force_N"; may be repeated."""
 
     unit: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
-    """HEADER=UNIT (Kraft=gf), HEADER=FACTOR to SI, or a unit alone (gf) for the only column that it can be of."""
+    """Unit of a header as HEADER=UNIT (Kraft=gf), HEADER=FACTOR to SI, or alone (gf) for the only fitting column."""
 
     table: Annotated[str | None, Parameter(show_default=False)] = None
     """Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS)."""
@@ -61,10 +61,10 @@ class MeasurementOptions(TableOptions):
     """What a measurement's columns are, and how large their noise is."""
 
     noise: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
-    """CHANNEL=STANDARD DEVIATION of one reading (force_N=2e-4); it counts before what the sidecar says."""
+    """Noise of one reading as CHANNEL=STANDARD DEVIATION (force_N=2e-4), which counts before the sidecar's."""
 
     setting: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = ()
-    """COLUMN=NUMBER of what was the same throughout and has no column, in any unit (distance_mm=2)."""
+    """Setting without a column that was the same throughout, as COLUMN=NUMBER in any unit (distance_mm=2)."""
 
     @property
     def keywords(self) -> MeasurementKeywords:

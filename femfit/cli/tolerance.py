@@ -21,19 +21,18 @@ def tolerance(
     sweep : Path
         Directory of a sweep with --signatures.
     distance_mm : float
-        The swept point next to it is taken.
+        Distance in mm, of which the nearest swept point is taken.
     current_A : tuple of float
-        One for each circuit whose current was swept.
+        Current in A, once for each circuit whose current was swept.
     of : str
-        force_N, flux_linkage_Wb, hall_T, or force_constant_N_per_A (the force's slope over the current).
+        Quantity: force_N, flux_linkage_Wb, hall_T, or force_constant_N_per_A (the force's slope over the current).
     json : Path
         File for the result as JSON.
     """
     from femfit.audit.tolerance_analysis import analyse_tolerances
-    from femfit.cli.output import write_json
+    from femfit.cli.output import conclude
     from femfit.core.files import RESULT, require_outputs
 
     require_outputs([sweep], (json, RESULT))
     result = analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of)
-    write_json(json, result.to_dict())
-    print(result)
+    conclude(result, json)

@@ -28,11 +28,11 @@ def trial(
     output : Path
         Directory for campaigns, what was hidden in them, diagnoses and results; field solutions in it are used again.
     cases : int
-        How many campaigns; 60 take some minutes.
+        Number of campaigns; 60 take some minutes.
     seed : int
-        Of the campaigns.
+        Seed of the campaigns.
     workers : int
-        Processes.
+        Number of processes.
     json : Path
         File for the results as JSON; results.json in the directory by default.
     """

@@ -36,16 +36,16 @@ def view(
     source : Path
         Actuator file (.toml), or the run directory of a sweep.
     output : Path
-        Directory for everything, or one file: .png, .svg or .pdf (|B| with flux lines unless --what says
-        otherwise), .vtu (the field for ParaView); NAME-view by default.
+        Directory for everything, or one file: .png, .svg or .pdf (|B| with flux lines unless --what says otherwise),
+        .vtu (the field for ParaView); NAME-view by default.
     distance_mm : float
-        Distance within the sweep; the middle one by default.
+        Distance in mm within the sweep; the middle one by default.
     current_A : tuple of float
-        Current; the sweep's largest by default. Repeated for each of several circuits.
+        Current in A, once for each circuit; the sweep's largest by default.
     row : int
-        Row of the sweep's table instead, counted from 0.
+        Row of the sweep's table in place of distance and current, counted from 0.
     what : tuple of str
-        Which pictures; may be repeated. All by default.
+        Picture to draw; may be repeated; all by default.
     json : Path
         File for the point, its force, and the files written, as JSON.
     """
@@ -82,8 +82,8 @@ def view(
     print(f"{actuator.name}: {point_title(sample)}")
     if numbers and "geometry" in dict(files):
         print("Numbers of the drawing, as the picture marks them:")
-        for k, one in enumerate(numbers, 1):
-            print(f"  {k}  {one.title} [{one.key}]")
+        for k, number in enumerate(numbers, 1):
+            print(f"  {k}  {number.title} [{number.key}]")
     for _, path in files:
         print(f"written: {path}")
     write_json(
@@ -95,7 +95,7 @@ def view(
             "force_N": sample.force_N,
             "part_flux_density_T": sample.part_flux_density_T,
             "unknowns": sample.unknowns,
-            "numbers": [{"key": one.key, "title": one.title, "at_mm": one.at} for one in numbers],
+            "numbers": [{"key": number.key, "title": number.title, "at_mm": number.at} for number in numbers],
             "files": {kind: str(path) for kind, path in files},
         },
     )
@@ -107,7 +107,7 @@ def _numbers(drawing: Path) -> "tuple[NumberFacts, ...]":
     from femfit.device.drawn_numbers import in_picture, read_numbers
 
     try:
-        return in_picture(one.facts for one in read_numbers(drawing))
+        return in_picture(number.facts for number in read_numbers(drawing))
     except ActuatorFileError:
         return ()
 
@@ -140,7 +140,7 @@ def _swept(
         if inputs is None:
             raise DomainError(f"Row {row} has no drawing: {chosen['status']}.")
     actuator = actuator_from_record(inputs, str(directory))
-    currents = [float(chosen[name]) for name in current_columns([one.name for one in actuator.circuits])]
+    currents = [float(chosen[name]) for name in current_columns([circuit.name for circuit in actuator.circuits])]
     return actuator, settings, (float(chosen["distance_m"]), _current(currents))
 
 
@@ -166,11 +166,11 @@ def _within(
         )
     each = (axes.currents_A, *axes.further_A)
     if currents and len(currents) != len(each):
-        names = ", ".join(one.name for one in actuator.circuits)
+        names = ", ".join(circuit.name for circuit in actuator.circuits)
         raise UsageError(
             f"--current-A must be given once for each circuit ({names}); instead received it {len(currents)} times."
         )
-    return distance, _current(currents or [max(one) for one in each])
+    return distance, _current(currents or [max(axis) for axis in each])
 
 
 def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:

@@ -56,13 +56,13 @@ class EntryCatalogue(Generic[Item]):
         for item in (*self.built_in, *self.unlisted):
             if item.name == name:
                 return item
-        others = list(entries())
-        for entry in others:
+        extensions = list(entries())
+        for entry in extensions:
             if entry.name == name:
                 return self._loaded(entry)
-        known = [item.name for item in self.built_in] + [entry.name for entry in others]
+        names = [item.name for item in self.built_in] + [entry.name for entry in extensions]
         raise UsageError(
-            f"{self.title} must be one of {', '.join(known)}; instead received {name!r}. If another package gives it, "
+            f"{self.title} must be one of {', '.join(names)}; instead received {name!r}. If another package gives it, "
             "install that package."
         )
 

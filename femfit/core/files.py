@@ -1,15 +1,11 @@
-"""Files that are written whole or not at all.
+"""Files: their paths, how they are written whole or not at all, and which ones a command may replace.
 
 What is written goes to a file beside the target and takes its place when it is complete: a kill, a full disk or an
 error in between leaves an earlier file of that name as it was.
 
-What a caller gives as the path of a file or directory.
-
-Which files a command may write to: never one that it reads, and never a file of another kind.
-
-An earlier result of femfit is replaced; JSON, pages, tables and sidecars that femfit did not write are not. What an
-existing file is, is told by its content, not by its name: a drawing that lies where a bench table's sidecar would go
-stays.
+A command never writes to a file that it reads, nor to a file of another kind. An earlier result of femfit is replaced;
+JSON, pages, tables and sidecars that femfit did not write are not. What an existing file is, is told by its content,
+not by its name: a drawing that lies where a bench table's sidecar would go stays.
 """
 
 import errno
@@ -100,7 +96,7 @@ def json_ready(value: Any) -> Any:
     return value
 
 
-def path_of(given: object, what: str) -> Path:
+def path_of(value: object, what: str) -> Path:
     """Make a path of a text or a path; anything else is a UsageError that says ``what`` it was to be.
 
     Examples
@@ -108,12 +104,12 @@ def path_of(given: object, what: str) -> Path:
     >>> path_of("runs/rig", "A run directory").name
     'rig'
     """
-    if not isinstance(given, str | Path):
+    if not isinstance(value, str | Path):
         raise UsageError(
-            f"{what} must be given as a path, a str or a Path; instead received {type(given).__name__}. Give where the "
+            f"{what} must be given as a path, a str or a Path; instead received {type(value).__name__}. Give where the "
             "file is."
         )
-    return Path(given)
+    return Path(value)
 
 
 MODEL, FIELD_MODEL, RESULT, MANIFEST = "a model file", "a field model", "a JSON result", "the manifest of a sweep"
@@ -203,12 +199,12 @@ def require_outputs(inputs: Iterable[Path | None], *outputs: tuple[Path | None, 
             raise OutputError(
                 f"{path} holds {present}, and {wanted} would replace it. Choose another name, or delete that file."
             )
-        own = _own_table(path, present) if present in _OF_COLUMNS else None
-        if own and columns and own != kind:
+        table_kind = _own_table(path, present) if present in _OF_COLUMNS else None
+        if table_kind and columns and table_kind != kind:
             raise OutputError(
-                f"{path} holds {own}, and {kind} would replace it. Choose another name, or delete that file."
+                f"{path} holds {table_kind}, and {kind} would replace it. Choose another name, or delete that file."
             )
-        if present is not None and own is None and not _is_own(path, present):
+        if present is not None and table_kind is None and not _is_own(path, present):
             raise OutputError(f"{path} was not written by femfit. Choose another name, or delete that file.")
 
 
@@ -260,7 +256,7 @@ def _own_table(path: Path, kind: str | None) -> str | None:
         names = file.read(_NAMES)
         file.seek(-min(_NAMES, named.stat().st_size), os.SEEK_END)  # where Parquet has them
         names = (names.split(b"\n")[0] if kind == TABLE else names + file.read()).lower()
-    return next((own for own, column in _OWN_COLUMNS.items() if column in names), None)
+    return next((table_kind for table_kind, column in _OWN_COLUMNS.items() if column in names), None)
 
 
 def _kind_of_text(path: Path, start: bytes) -> str:

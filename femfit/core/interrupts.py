@@ -64,5 +64,5 @@ def _handled_by(handle: Callable[[Handler, int, FrameType | None], None]) -> Ite
     try:
         yield
     finally:
-        for number, own in before.items():
-            signal.signal(number, own)
+        for number, handler in before.items():
+            signal.signal(number, handler)

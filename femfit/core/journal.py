@@ -107,22 +107,22 @@ class Journal:
         """Put a journal of another configuration aside, and take this one's up again where it was put aside."""
         self._file.seek(0)
         first = _header(self._file.readline())
-        own = _kept(directory, header.configuration_hash)
+        aside = _kept(directory, header.configuration_hash)
         if first is None and (end := self._file.tell()):
             self._file.seek(end - 1)
             cut_short = self._file.read(1) != b"\n"
-            self.changed = () if cut_short or own.exists() else ("the journal's first line, which is damaged",)
+            self.changed = () if cut_short or aside.exists() else ("the journal's first line, which is damaged",)
             self._file.truncate(0)
         elif first is not None and first.configuration_hash != header.configuration_hash:
-            self.changed = () if own.exists() else _changed(header, first.parts)
+            self.changed = () if aside.exists() else _changed(header, first.parts)
             self._file.seek(0)
             _kept(directory, first.configuration_hash).write_bytes(self._file.read())
             self._file.truncate(0)
             first = None
-        if first is None and own.exists():
+        if first is None and aside.exists():
             self._file.truncate(0)
-            self._file.write(own.read_bytes())  # into the same file, which is the locked one
-            own.unlink()
+            self._file.write(aside.read_bytes())  # into the same file, which is the locked one
+            aside.unlink()
 
     def _read(self) -> int:
         """Fill ``finished`` from an existing journal; return the length of its complete lines."""
@@ -146,8 +146,8 @@ def holds(directory: Path, configuration_hash: str) -> bool:
             first = _header(file.readline())
     except FileNotFoundError:
         return False
-    own = first is not None and first.configuration_hash == configuration_hash
-    return own or _kept(directory, configuration_hash).exists()
+    current = first is not None and first.configuration_hash == configuration_hash
+    return current or _kept(directory, configuration_hash).exists()
 
 
 def _changed(header: JournalHeader, parts: Mapping[str, str]) -> tuple[str, ...]:

@@ -1,12 +1,6 @@
-"""The array types of every signature, and places along an axis.
+"""Numbers that all rooms share: array types, constants in SI units, scales, differences and ranking.
 
-Physical constants, SI.
-
-The scale on which distances are compared: steps along it change a magnetic force about evenly.
-
-Jacobians by central differences.
-
-Orders what is equal up to rounding as it was given, so that no result depends on the processor's last bit.
+Ranking leaves what is equal up to rounding in its order, so that no result depends on the processor's last bit.
 
 References
 ----------
@@ -73,11 +67,11 @@ def even_scale(distance: FloatArray) -> FloatArray:
     >>> even_scale(np.array([-1e-3, 9e-3])).round(2).tolist()
     [-6.91, -4.51]
     """
-    known = distance[np.isfinite(distance)]
-    if not len(known) or known.min() > 0.0:
+    finite = distance[np.isfinite(distance)]
+    if not len(finite) or finite.min() > 0.0:
         return np.log(distance)
-    stroke = float(np.ptp(known)) or 1.0
-    return np.log(distance - float(known.min()) + _NEAR * stroke)
+    stroke = float(np.ptp(finite)) or 1.0
+    return np.log(distance - float(finite.min()) + _NEAR * stroke)
 
 
 def central_differences(
@@ -127,9 +121,9 @@ def first_best(values: Sequence[float], least: float = 0.0) -> int:
 
 def ranked(items: Sequence[Item], value: Callable[[Item], float], least: float = 0.0) -> list[Item]:
     """Items with the largest value first; those that are equal up to rounding stay in the order given."""
-    left, values, result = list(items), [value(item) for item in items], []
-    while left:
+    waiting, values, result = list(items), [value(item) for item in items], []
+    while waiting:
         best = first_best(values, least)
-        result.append(left.pop(best))
+        result.append(waiting.pop(best))
         values.pop(best)
     return result

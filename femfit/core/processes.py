@@ -1,12 +1,10 @@
-"""Worker processes.
+"""Worker processes, and calls in a process of their own.
 
 loky's processes do not import the script that started them, which therefore needs no ``__main__`` guard, and they can
 be ended at once, in the middle of a solution, when the user interrupts.
 
-A function in a process of its own, for libraries in C that a damaged file makes crash, hang or fill the memory.
-
-Such a library holds the interpreter's lock while it hangs: neither a thread nor a signal's handler could end it from
-inside.
+A process of its own is for libraries in C that a damaged file makes crash, hang or fill the memory. Such a library
+holds the interpreter's lock while it hangs: neither a thread nor a signal's handler could end it from inside.
 """
 
 import math
@@ -36,12 +34,14 @@ Result = TypeVar("Result")
 class ProcessPool(ProcessPoolExecutor):  # type: ignore[misc]  # loky has no types
     """Processes that a Ctrl-C reaches through this one alone: a block that an error leaves kills them."""
 
-    def submit(self, function: Callable[Given, Result], *given: Given.args, **by_name: Given.kwargs) -> Future[Result]:
+    def submit(
+        self, function: Callable[Given, Result], *arguments: Given.args, **by_name: Given.kwargs
+    ) -> Future[Result]:
         """Hand out a task; a process that starts for it inherits that Ctrl-C, which a terminal sends to all, waits."""
         resource_tracker.ensure_running()  # its start, which belongs to that of a process, would end the blocking
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            return super().submit(function, *given, **by_name)  # type: ignore[no-any-return]
+            return super().submit(function, *arguments, **by_name)  # type: ignore[no-any-return]
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

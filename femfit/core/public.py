@@ -1,7 +1,4 @@
-"""Around every public function: a wrong argument is named, and linear algebra has one thread.
-
-The random generator that a caller asks for: by a seed, by a generator, or none.
-"""
+"""Around every public function: wrong arguments are named, linear algebra has one thread, seeds make generators."""
 
 import functools
 import inspect
@@ -93,12 +90,8 @@ def _wrong_argument(name: str, signature: inspect.Signature, keywords: dict[str,
             near = get_close_matches(keyword, accepted, n=1)
             hint = f"Did you mean {near[0]}?" if near else f"It takes {', '.join(accepted)}."
             return f"{name}() has no argument {keyword}. {hint}"
-    return f"{name}(): {problem}. It is {name}{_without_types(signature)}."
-
-
-def _without_types(signature: inspect.Signature) -> str:
     bare = [parameter.replace(annotation=inspect.Parameter.empty) for parameter in signature.parameters.values()]
-    return str(inspect.Signature(bare))
+    return f"{name}(): {problem}. It is {name}{inspect.Signature(bare)}."
 
 
 def random_generator(rng: int | np.random.Generator | None, default: int = 0) -> np.random.Generator:

@@ -1,8 +1,6 @@
-"""How a result shows itself: all of its lines where it is printed, one where it stands in something else.
+"""How results are shown, what is remarked on data, and values that are remembered with their object.
 
-A remark about data: a code that programs match, and a sentence that people read.
-
-What follows from an object, worked out once and forgotten with the object.
+A remark has a code that programs match, and a sentence that people read.
 """
 
 from collections.abc import Callable, Iterable
@@ -80,15 +78,15 @@ def remembered(function: Callable[[Given], Found]) -> Callable[[Given], Found]:
     >>> ohms(coil) is ohms(coil)
     True
     """
-    known: WeakKeyDictionary[Given, Found] = WeakKeyDictionary()
+    results: WeakKeyDictionary[Given, Found] = WeakKeyDictionary()
 
     @wraps(function)
-    def once(given: Given) -> Found:
-        if given not in known:
-            found = function(given)
-            if isinstance(found, np.ndarray):
-                found.flags.writeable = False
-            known[given] = found
-        return known[given]
+    def once(subject: Given) -> Found:
+        if subject not in results:
+            result = function(subject)
+            if isinstance(result, np.ndarray):
+                result.flags.writeable = False
+            results[subject] = result
+        return results[subject]
 
     return once

@@ -66,9 +66,9 @@ def inductance_columns(circuits: Sequence[str]) -> dict[str, tuple[int, int]]:
     >>> list(inductance_columns(["upper", "lower"]))
     ['inductance_upper_H', 'inductance_lower_H', 'inductance_upper_lower_H']
     """
-    own = {name: (k, k) for k, name in enumerate(_named("inductance_H", circuits))}
+    columns = {name: (k, k) for k, name in enumerate(_named("inductance_H", circuits))}
     pairs = combinations(range(len(circuits)), 2)
-    return own | {f"inductance_{circuits[j]}_{circuits[k]}_H": (j, k) for j, k in pairs}
+    return columns | {f"inductance_{circuits[j]}_{circuits[k]}_H": (j, k) for j, k in pairs}
 
 
 def resistance_column(inductance: str) -> str:
@@ -93,13 +93,13 @@ def pickup_column(coil: str) -> str:
 
 def sweep_columns(circuits: Sequence[str], pickups: Sequence[str] = ()) -> list[str]:
     """All columns of a sweep of these circuits and pickup coils, in their order."""
-    own = {
+    columns = {
         "current_A": current_columns(circuits),
         "flux_linkage_Wb": flux_columns(circuits),
         "inductance_H": list(inductance_columns(circuits)),
         "hall_T": ["hall_T", *map(pickup_column, pickups)],
     }
-    return [name for column in COLUMNS for name in own.get(column, [column])]
+    return [name for column in COLUMNS for name in columns.get(column, [column])]
 
 
 def _named(column: str, circuits: Sequence[str]) -> list[str]:

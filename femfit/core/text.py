@@ -1,15 +1,14 @@
 """A quantity as people say it: ``0.20 mm``, ``12 mN``, ``4.2 %``.
 
-All that femfit prints or writes for readers is rounded and prefixed here.
-
-Foreign text as it may stand in a message: without control characters, and short.
+All that femfit prints or writes for readers is rounded and prefixed here; foreign text loses its control characters,
+and is cut short.
 """
 
 import math
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from femfit.core.numerics import FloatArray
+if TYPE_CHECKING:
+    from femfit.core.numerics import FloatArray
 
 _PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M"}
 _PREFIXED = {*("m", "s", "A", "N", "Wb", "V", "T", "H", "Hz", "W", "J", "ohm", "g"), "V s"}
@@ -90,7 +89,7 @@ def _in_common(low: float, high: float, unit: str, digits: int) -> tuple[float, 
         return None
     # A digit of the width where the ends are near each other, and one of an end that is far smaller
     wanted = [(factor * largest, digits), (factor * width, 1), *((factor * abs(end), 1) for end in (low, high) if end)]
-    places = max(0, -max(min(_place(*one) for one in wanted), _place(factor * largest, _MOST_DIGITS)))
+    places = max(0, -max(min(_place(*place) for place in wanted), _place(factor * largest, _MOST_DIGITS)))
     return factor, places, prefixed
 
 
@@ -99,8 +98,10 @@ def _place(value: float, digits: int) -> int:
     return math.floor(math.log10(value) + 1e-12) - digits + 1
 
 
-def axis_scale(values: FloatArray, unit: str) -> tuple[float, str]:
+def axis_scale(values: "FloatArray", unit: str) -> tuple[float, str]:
     """Factor and prefixed unit in which values of one axis are drawn, after the largest of them."""
+    import numpy as np  # noqa: PLC0415  the command line's help needs none
+
     sizes = np.abs(np.asarray(values, dtype=float))
     return _scale(float(np.max(sizes[np.isfinite(sizes)], initial=0.0)), _unit_of(unit))
 
@@ -130,7 +131,7 @@ def rounded(value: float, digits: int = 3) -> str:
     return f"{float(written):.{max(digits - 1 - exponent, 0)}f}"
 
 
-def counted(number: int, one: str, many: str = "") -> str:
+def counted(number: int, singular: str, many: str = "") -> str:
     """A number with its noun, and its verb where one is given: ``1 reading lies``, ``1,200 readings lie``.
 
     Parameters
@@ -143,7 +144,7 @@ def counted(number: int, one: str, many: str = "") -> str:
     >>> counted(1, "reading lies", "readings lie"), counted(1200, "reading")
     ('1 reading lies', '1,200 readings')
     """
-    return f"{number:,} {one if number == 1 else many or one + 's'}"
+    return f"{number:,} {singular if number == 1 else many or singular + 's'}"
 
 
 def probability(value: float) -> str:
@@ -164,6 +165,6 @@ def quoted(text: object, longest: int = _LONGEST) -> str:
     >>> quoted(1000 * "x", longest=5)
     'xxxxx...'
     """
-    whole = str(text)
-    start = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in whole[:longest])
-    return start if len(whole) <= longest else f"{start}..."
+    characters = str(text)
+    start = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in characters[:longest])
+    return start if len(characters) <= longest else f"{start}..."

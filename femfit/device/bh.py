@@ -2,9 +2,8 @@
 
 Between the points H(B) is the monotone cubic of Fritsch and Carlson, so that dH/dB is continuous and H never turns
 back; H is odd, which fixes its slope at B = 0. Beyond the last point dH/dB rises linearly to nu_0 over a fifth of the
-last B and stays there: a saturated material takes up field like air. No slope exceeds nu_0.
-
-The points of a magnetisation curve as users give them, a CSV file or two lists, checked before they are used.
+last B and stays there: a saturated material takes up field like air. No slope exceeds nu_0. Points from users, a CSV
+file or two lists, are checked before they are used.
 
 References
 ----------
@@ -137,15 +136,15 @@ def without_flat_end(b: Sequence[float], h: Sequence[float]) -> tuple[Points, st
     slopes = [
         (b1 - b0) / (h1 - h0) / MU_0 if h1 > h0 else 0.0 for (b0, h0), (b1, h1) in pairwise(zip(b, h, strict=True))
     ]
-    kept = len(b)
-    while kept > MIN_POINTS and LITTLE_BELOW <= slopes[kept - 2] < 1.0 - SLOPE_TOLERANCE:
-        kept -= 1
-    points = tuple(b[:kept]), tuple(h[:kept])
-    if kept == len(b):
+    length = len(b)
+    while length > MIN_POINTS and LITTLE_BELOW <= slopes[length - 2] < 1.0 - SLOPE_TOLERANCE:
+        length -= 1
+    points = tuple(b[:length]), tuple(h[:length])
+    if length == len(b):
         return points, ""
     return points, (
-        f"the B-H curve is cut at {b[kept - 1]:g} T: above, it rises with less than mu_0 (down to "
-        f"{min(slopes[kept - 1 :]):.2g} mu_0), as no material does"
+        f"the B-H curve is cut at {b[length - 1]:g} T: above, it rises with less than mu_0 (down to "
+        f"{min(slopes[length - 1 :]):.2g} mu_0), as no material does"
     )
 
 

@@ -22,8 +22,8 @@ def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
     """
     corners = list(polygon.exterior.coords)
     tracks = [
-        MultiPoint([(r, z + shift) for r, z in (one, other) for shift in (start, stop)]).convex_hull
-        for one, other in pairwise(corners)
+        MultiPoint([(r, z + shift) for r, z in (corner, end) for shift in (start, stop)]).convex_hull
+        for corner, end in pairwise(corners)
     ]
     return unary_union([translate(polygon, yoff=start), translate(polygon, yoff=stop), *tracks])
 
@@ -56,22 +56,22 @@ class DrawnPart:
 
 def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:
     """Report each pair of parts, which stand still relative to each other, that share an area."""
-    for one, other in combinations(parts, 2):
-        shared = one.polygon.intersection(other.polygon)
+    for first, second in combinations(parts, 2):
+        shared = first.polygon.intersection(second.polygon)
         if shared.area > MIN_AREA:
             problems.append(
-                f"{one.path} and {other.path} must not overlap; they share {_place(shared)}. Change one outline."
+                f"{first.path} and {second.path} must not overlap; they share {_place(shared)}. Change one outline."
             )
 
 
 def check_thickness(parts: Sequence[DrawnPart], problems: list[str]) -> None:
     """Report parts that are too thin for their length to be meshed: their elements are as large as they are thick."""
-    for part in parts:
-        inner, lower, outer, upper = part.polygon.bounds
+    for body in parts:
+        inner, lower, outer, upper = body.polygon.bounds
         thin, long = sorted((outer - inner, upper - lower))
         if long > LARGEST_ASPECT * thin:
             problems.append(
-                f"{part.path} must be at least 1/{LARGEST_ASPECT:g} as thick as it is long; it is {thin:.3g} mm by "
+                f"{body.path} must be at least 1/{LARGEST_ASPECT:g} as thick as it is long; it is {thin:.3g} mm by "
                 f"{long:.3g} mm, and the field solver would need {long / thin:.0f} elements along it. Draw it at least "
                 f"{long / LARGEST_ASPECT:.2g} mm thick, or leave it out."
             )
@@ -84,7 +84,7 @@ def check_zero_heights(
 
     ``reference_face`` says whether the fixed part must have a face there, as in schema 1.
     """
-    heights = [z for part in fixed for _, z in part.polygon.exterior.coords]
+    heights = [z for body in fixed for _, z in body.polygon.exterior.coords]
     if reference_face and heights and all(abs(z) > CONTACT for z in heights):
         problems.append(
             "electromagnet must have its face at z = 0, from which distances are counted; no corner of it or of the "
@@ -109,27 +109,27 @@ def check_collisions(
         return
     for mover in moving:
         way = swept(mover.polygon, distances[0], distances[-1])
-        for part in fixed:
-            if way.distance(part.polygon) > CONTACT:
+        for body in fixed:
+            if way.distance(body.polygon) > CONTACT:
                 continue
-            hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(part.polygon) <= CONTACT)
+            hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(body.polygon) <= CONTACT)
             first = next(hits, None)
             when = "between two swept distances" if first is None else f"first at {first:g} mm"
             problems.append(
-                f"sweep.distance_mm must keep parts apart; {mover.path} collides with {part.path} {when}. "
+                f"sweep.distance_mm must keep parts apart; {mover.path} collides with {body.path} {when}. "
                 "Leave a clearance around the moving part, or leave these distances out."
             )
 
 
 def check_moving_body(moving: Sequence[DrawnPart], coils: Sequence[DrawnPart], problems: list[str]) -> None:
     """Report a moving part in pieces, and one on which no magnetic force can act; ``coils`` are those that move."""
-    pieces = unary_union([part.polygon for part in (*moving, *coils)])
+    pieces = unary_union([body.polygon for body in (*moving, *coils)])
     if pieces.geom_type == "MultiPolygon":
         problems.append(
             f"moving.regions must touch each other along an edge; they form {len(pieces.geoms)} separate bodies. "
             "Join them, if need be by a region of air."
         )
-    materials = [part.material for part in moving if part.material is not None]
+    materials = [body.material for body in moving if body.material is not None]
     if len(materials) < len(moving) or not moving or coils:
         return
     if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):

@@ -38,14 +38,14 @@ def read_part(entry: type[AnyEntry], table: object) -> AnyEntry | None:
     """
     if not isinstance(table, Mapping):
         return None
-    part = {key: table[key] for key in entry.model_fields if key in table}
-    return None if _errors(entry, part) else entry.model_validate(part)
+    values = {key: table[key] for key in entry.model_fields if key in table}
+    return None if _errors(entry, values) else entry.model_validate(values)
 
 
-def did_you_mean(given: str, known: Iterable[str]) -> str:
+def did_you_mean(name: str, names: Iterable[str]) -> str:
     """`` Did you mean 'x'?`` for the closest known word, or nothing."""
-    by_lower = {word.lower(): word for word in known}
-    close = difflib.get_close_matches(given.lower()[:100], by_lower, n=1)
+    by_lower = {word.lower(): word for word in names}
+    close = difflib.get_close_matches(name.lower()[:100], by_lower, n=1)
     return f" Did you mean {by_lower[close[0]]!r}?" if close else ""
 
 

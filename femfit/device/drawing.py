@@ -43,12 +43,12 @@ class Drawing:
     @property
     def standing(self) -> tuple[DrawnPart, ...]:
         """All that stands still: regions and windings."""
-        return (*self.fixed, *(one.part for one in self.windings if not one.moves))
+        return (*self.fixed, *(winding.part for winding in self.windings if not winding.moves))
 
     @property
     def mover(self) -> tuple[DrawnPart, ...]:
         """All that moves: regions and windings."""
-        return (*self.moving, *(one.part for one in self.windings if one.moves))
+        return (*self.moving, *(winding.part for winding in self.windings if winding.moves))
 
 
 def read_drawing(data: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
@@ -60,10 +60,12 @@ def read_drawing(data: Mapping[str, Any], directory: Path, problems: list[str]) 
     problems += [
         f"{part.path} must have a name of its own; {body}.regions has one of the same name. Rename one of them."
         for part in moving
-        if part.name in {other.name for other in fixed}
+        if part.name in {body.name for body in fixed}
     ]
     tables = dict(coil_tables(data))
-    windings = tuple(one for path, table in tables.items() if (one := _winding(path, table, problems)) is not None)
+    windings = tuple(
+        winding for path, table in tables.items() if (winding := _winding(path, table, problems)) is not None
+    )
     regions = len(table_at(data, body, "regions")) + len(table_at(data, "moving", "regions"))
     complete = len(fixed) + len(moving) == regions and len(windings) == len(tables)
     return Drawing(fixed, moving, windings, complete)
@@ -84,10 +86,10 @@ def coil_tables(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 def table_at(data: Mapping[str, Any], *keys: str) -> dict[str, Any]:
     """The table at a key path, empty if there is none."""
-    found: Any = data
+    data_at_path: Any = data
     for key in keys:
-        found = found.get(key) if isinstance(found, dict) else None
-    return found if isinstance(found, dict) else {}
+        data_at_path = data_at_path.get(key) if isinstance(data_at_path, dict) else None
+    return data_at_path if isinstance(data_at_path, dict) else {}
 
 
 def _materials(tables: Mapping[str, Any], directory: Path, problems: list[str]) -> dict[str, Material | None]:
@@ -102,9 +104,9 @@ def _materials(tables: Mapping[str, Any], directory: Path, problems: list[str]) 
         if entry is None:
             materials[name] = None
             continue
-        known = ThermalMaterial(working_temperature_C=entry.working_temperature_C)
+        thermal = ThermalMaterial(working_temperature_C=entry.working_temperature_C)
         linear = LinearMaterial(
-            name, entry.relative_permeability, entry.remanence_T, entry.remanence_coefficient_per_K, thermal=known
+            name, entry.relative_permeability, entry.remanence_T, entry.remanence_coefficient_per_K, thermal=thermal
         )
         materials[name] = _conducting(linear, entry, path, problems)
     return materials
@@ -131,9 +133,9 @@ def _conducting(material: Material, entry: ConductorEntry, path: str, problems: 
 
 def _curve(named: str, directory: Path) -> tuple[Points | None, list[str]]:
     """B and H of a material of the library, or of a file, as of :func:`read_bh_csv`."""
-    known = LIBRARY.get(named)
-    if known is not None and isinstance(known.material, NonlinearMaterial):
-        return (known.material.flux_density_T, known.material.field_A_per_m), []
+    library_material = LIBRARY.get(named)
+    if library_material is not None and isinstance(library_material.material, NonlinearMaterial):
+        return (library_material.material.flux_density_T, library_material.material.field_A_per_m), []
     return read_bh_csv(directory / named)
 
 
@@ -151,7 +153,7 @@ def _saturating(
             )
             return None
         path = f"{path}.bh_curve"
-        points, found = _curve(entry.bh_curve, directory)
+        points, curve = _curve(entry.bh_curve, directory)
     elif entry.B_T is None or entry.H_A_per_m is None:
         missing = "B_T" if entry.B_T is None else "H_A_per_m"
         problems.append(
@@ -159,14 +161,14 @@ def _saturating(
         )
         return None
     else:
-        points, found = (tuple(entry.B_T), tuple(entry.H_A_per_m)), []
+        points, curve = (tuple(entry.B_T), tuple(entry.H_A_per_m)), []
     remark = ""
     if points is not None:
         if len(points[0]) == len(points[1]):
             points, remark = without_flat_end(*points)
-        found = curve_problems(*points)
-    problems += [f"{path} {problem}" for problem in found]
-    if points is None or found:
+        curve = curve_problems(*points)
+    problems += [f"{path} {problem}" for problem in curve]
+    if points is None or curve:
         return None
     return _conducting(NonlinearMaterial(name, *points, remark=remark), entry, path.removesuffix(".bh_curve"), problems)
 
@@ -242,15 +244,15 @@ def _magnet(entry: RegionEntry, path: str, material: LinearMaterial, problems: l
     return replace(material, remanence_T=-material.remanence_T) if direction in {"-z", "-r"} else material
 
 
-def unit_vector(given: list[float], path: str, problems: list[str]) -> tuple[float, float] | None:
+def unit_vector(values: list[float], path: str, problems: list[str]) -> tuple[float, float] | None:
     """A direction [r, z] of length one; None where it has no length."""
-    length = math.hypot(*given)
+    length = math.hypot(*values)
     if length == 0.0:
         problems.append(
             f"{path} must have a direction; [0, 0] has none. Give for example [1, 0] for radially outwards."
         )
         return None
-    return given[0] / length, given[1] / length
+    return values[0] / length, values[1] / length
 
 
 def _winding(path: str, table: Any, problems: list[str]) -> DrawnWinding | None:

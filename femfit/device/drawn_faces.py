@@ -62,24 +62,24 @@ def drawn_faces(data: Mapping[str, Any]) -> list[Face]:
     """
     parts = list(_parts(data))
     names = {part.path: part.name for part in parts}
-    found = [face for part in parts for face in _faces(part)]
-    faces = [face for face in found if not face.key and (face.axis == 1 or abs(face.value) > COINCIDENT)]
+    drawn = [face for part in parts for face in _faces(part)]
+    faces = [face for face in drawn if not face.key and (face.axis == 1 or abs(face.value) > COINCIDENT)]
     group = list(range(len(faces)))
-    for one, other in combinations(range(len(faces)), 2):
-        if _touch(faces[one], faces[other]):
-            first, second = sorted((group[one], group[other]))
+    for i, j in combinations(range(len(faces)), 2):
+        if _touch(faces[i], faces[j]):
+            first, second = sorted((group[i], group[j]))
             group = [first if place == second else place for place in group]
     merged = []
     for place, face in enumerate(faces):
         if group[place] == place:
-            members = [one for one, own in zip(faces, group, strict=True) if own == place]
-            locations = tuple(chain.from_iterable(one.locations for one in members))
-            beside = dict.fromkeys(names[one.part] for one in members if one.part != face.part)
+            members = [face for face, number in zip(faces, group, strict=True) if number == place]
+            locations = tuple(chain.from_iterable(member.locations for member in members))
+            beside = dict.fromkeys(names[member.part] for member in members if member.part != face.part)
             touching = f" on {' and '.join(beside)}" if beside else ""
             merged.append(replace(face, locations=locations, label=f"{_label(face, parts)}{touching}"))
-    contours = [face for face in found if face.key]
+    contours = [face for face in drawn if face.key]
     for k, face in enumerate(merged):
-        over = [one for one in contours if one.flat in face.locations]
+        over = [contour for contour in contours if contour.flat in face.locations]
         if over:
             merged[k] = replace(face, label=f"{face.label} without {over[0].slope}")
     named = merged + [_completed(face, merged, parts) for face in contours]
@@ -107,19 +107,19 @@ def _label(face: Face, parts: Sequence[_Part]) -> str:
     """What a machinist calls a face."""
     if face.label or face.span is None:
         return face.label
-    own = next(part for part in parts if part.path == face.part)
+    owner = next(part for part in parts if part.path == face.part)
     axis, words = "rz"[face.axis], "face"
     if face.axis == 0:
         words = "bore" if face.side > 0 else "outer surface"
     elif _is_pole(face, parts):
         words = "pole face"
-    return f"{own.name}: {words} at {axis} = {face.value:g} mm"
+    return f"{owner.name}: {words} at {axis} = {face.value:g} mm"
 
 
 def _is_pole(face: Face, parts: Sequence[_Part]) -> bool:
     """Whether a face of a fixed part that conducts flux looks at the moving part, with nothing fixed between."""
-    own = next(part for part in parts if part.path == face.part)
-    if face.body != "fixed" or face.span is None or not own.conducts_flux:
+    owner = next(part for part in parts if part.path == face.part)
+    if face.body != "fixed" or face.span is None or not owner.conducts_flux:
         return False
     towards = -face.side
     for part in parts:
@@ -127,28 +127,28 @@ def _is_pole(face: Face, parts: Sequence[_Part]) -> bool:
         ahead = [towards * z for z in part.box[1]]
         if part.path[0] == "moving" and shared and max(ahead) > towards * face.value:
             return not any(
-                other.body == "fixed"
-                and other.path != face.part
-                and _shared(shared, other.box[0])
-                and max(towards * z for z in other.box[1]) > towards * face.value + COINCIDENT
-                and min(towards * z for z in other.box[1]) < max(ahead)
-                for other in parts
+                neighbour.body == "fixed"
+                and neighbour.path != face.part
+                and _shared(shared, neighbour.box[0])
+                and max(towards * z for z in neighbour.box[1]) > towards * face.value + COINCIDENT
+                and min(towards * z for z in neighbour.box[1]) < max(ahead)
+                for neighbour in parts
             )
     return False
 
 
-def _shared(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float] | None:
-    low, high = max(one[0], other[0]), min(one[1], other[1])
+def _shared(first: tuple[float, float], second: tuple[float, float]) -> tuple[float, float] | None:
+    low, high = max(first[0], second[0]), min(first[1], second[1])
     return (low, high) if high - low > COINCIDENT else None
 
 
-def _touch(one: Face, other: Face) -> bool:
-    if one.span is None or other.span is None or (one.body, one.axis) != (other.body, other.axis):
+def _touch(first: Face, second: Face) -> bool:
+    if first.span is None or second.span is None or (first.body, first.axis) != (second.body, second.axis):
         return False
     return (
-        one.side == -other.side
-        and abs(one.value - other.value) < COINCIDENT
-        and _shared(one.span, other.span) is not None
+        first.side == -second.side
+        and abs(first.value - second.value) < COINCIDENT
+        and _shared(first.span, second.span) is not None
     )
 
 
@@ -189,10 +189,10 @@ def _faces(part: _Part) -> Iterator[Face]:
     elif entry.circle_mm is not None:
         yield from _of_circle(entry.circle_mm, part)
     elif entry.r_mm is not None and entry.z_mm is not None:
-        for axis, key, own, across in ((0, "r_mm", entry.r_mm, entry.z_mm), (1, "z_mm", entry.z_mm, entry.r_mm)):
+        for axis, key, extent, across in ((0, "r_mm", entry.r_mm, entry.z_mm), (1, "z_mm", entry.z_mm, entry.r_mm)):
             for end, side in ((0, 1), (1, -1)):
-                at = _place(axis, own[end], 0.5 * (across[0] + across[1]))
-                yield Face(axis, own[end], ((*path, key, end),), body, (across[0], across[1]), side, path, at=at)
+                middle = _place(axis, extent[end], 0.5 * (across[0] + across[1]))
+                yield Face(axis, extent[end], ((*path, key, end),), body, (across[0], across[1]), side, path, at=middle)
 
 
 def _place(axis: int, value: float, across: float) -> tuple[float, float]:
@@ -230,8 +230,8 @@ def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Fac
     for axis in (0, 1):
         across, flat = 1 - axis, []
         for run in _runs(joins[axis]):
-            locations = tuple((*path, place, axis) for one in run for place in places[one])
-            along, value = [corners[one][across] for one in run], corners[run[0]][axis]
+            locations = tuple((*path, place, axis) for corner in run for place in places[corner])
+            along, value = [corners[corner][across] for corner in run], corners[run[0]][axis]
             if len(run) == 1:
                 r, z = corners[run[0]][:2]
                 label = f"{part.name}: corner at r = {r:g} and z = {z:g} mm along {'rz'[axis]}"
@@ -241,18 +241,18 @@ def _of_polygon(corners: Sequence[Sequence[float]], part: _Part) -> Iterator[Fac
                 # The inside lies to the left of an outline that runs counter-clockwise
                 side = sense * (1 if rising == (axis == 1) else -1)
                 ends = min(along), max(along)
-                at = _place(axis, value, 0.5 * (along[0] + along[-1]))
-                face = Face(axis, value, locations, part.body, ends, side, part.path, at=at)
+                middle = _place(axis, value, 0.5 * (along[0] + along[-1]))
+                face = Face(axis, value, locations, part.body, ends, side, part.path, at=middle)
                 flat.append((run, face))
             yield face
-        for run in _runs([not one for one in joins[across]]):
+        for run in _runs([not is_joined for is_joined in joins[across]]):
             if 1 < len(run) < count and not all(joins[axis][k] for k in run[:-1]):
-                yield _contour(corners, places, run, axis, [face for own, face in flat if own[0] in run], part)
+                yield _contour(corners, places, run, axis, [face for place, face in flat if place[0] in run], part)
 
 
-def _is_across(one: Sequence[float], other: Sequence[float], axis: int) -> bool:
+def _is_across(start: Sequence[float], end: Sequence[float], axis: int) -> bool:
     """Whether the edge between two corners is straight and lies at one coordinate."""
-    return abs(one[axis] - other[axis]) < COINCIDENT and not (len(one) == 3 and bool(one[2]))
+    return abs(start[axis] - end[axis]) < COINCIDENT and not (len(start) == 3 and bool(start[2]))
 
 
 def _runs(joins: Sequence[bool]) -> Iterator[list[int]]:
@@ -277,7 +277,7 @@ def _contour(
 ) -> Face:
     """All corners of a run, named by its longest flat face, or by its ends where it has none."""
     path = (*part.path, "polygon_mm")
-    locations = tuple((*path, place, axis) for one in run for place in places[one])
+    locations = tuple((*path, place, axis) for corner in run for place in places[corner])
     key = f"{joined('', *path)}[{run[0]}{CONTOUR}{run[-1]}][{axis}]"
     values, along = [corners[k][axis] for k in run], [corners[k][1 - axis] for k in run]
     curved = any(len(corners[k]) == 3 and corners[k][2] for k in run[:-1])
@@ -288,8 +288,8 @@ def _contour(
             label = f"{part.name}: rounded edge at {'rz'[axis]} = {values[0]:g} mm"
         elif curved:
             label = f"{part.name}: rounded edge from {ends}"
-        at = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
-        return Face(axis, values[0], locations, part.body, part=part.path, label=label, key=key, at=at)
+        middle = _place(axis, 0.5 * (values[0] + values[-1]), 0.5 * (along[0] + along[-1]))
+        return Face(axis, values[0], locations, part.body, part=part.path, label=label, key=key, at=middle)
     longest = max(flat, key=lambda face: face.span[1] - face.span[0] if face.span else 0.0)
     return replace(
         longest,

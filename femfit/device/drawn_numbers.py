@@ -63,8 +63,8 @@ class NumberFacts:
     @property
     def subject(self) -> str:
         """The number as the subject of a sentence."""
-        part, colon, face = self.label.partition(": ")
-        words = f"the {part}'s {face}" if colon else f"the {part}"
+        body, colon, face = self.label.partition(": ")
+        words = f"the {body}'s {face}" if colon else f"the {body}"
         name = self.key.split(".")[1] if "." in self.key else ""
         return KINDS[self.kind].words.format(key=words if self.label else self.key, name=name)
 
@@ -90,9 +90,9 @@ class NumberFacts:
             key: value for key, value in asdict(self).items() if key not in {"label", "stands_for", "declared", "at"}
         }
 
-    def overlaps(self, other: "NumberFacts") -> bool:
+    def overlaps(self, number: "NumberFacts") -> bool:
         """Whether the two move the same place of the drawing."""
-        return bool({*self.paths} & {*other.paths})
+        return bool({*self.paths} & {*number.paths})
 
 
 class Words(NamedTuple):
@@ -116,8 +116,8 @@ class DrawnNumber:
 def in_picture(numbers: Iterable[NumberFacts]) -> tuple[NumberFacts, ...]:
     """The lengths that a picture of the drawing marks, in its order; a face with its cone for the one without."""
     numbers = tuple(numbers)
-    replaced = {one.stands_for for one in numbers}
-    return tuple(one for one in numbers if one.at is not None and one.key not in replaced)
+    replaced = {number.stands_for for number in numbers}
+    return tuple(number for number in numbers if number.at is not None and number.key not in replaced)
 
 
 def read_numbers(path: str | Path, *, harmonic: bool = False) -> tuple[DrawnNumber, ...]:
@@ -147,22 +147,22 @@ def numbers_from_toml(
         raise ActuatorFileError(
             source, ["sweep.parameters must be absent where signatures are asked for. Take one variant's drawing."]
         )
-    given, general = read_tolerances(data, [])
-    found = [
+    tolerances, general = read_tolerances(data, [])
+    numbers = [
         *_lengths(data, source, directory),
         *_materials(actuator),
         *_hall_places(data, source, directory),
         *_turns(data, actuator),
     ]
     return tuple(
-        replace(one, facts=_with_tolerance(one.facts, given, general))
-        for one in found
-        if harmonic or KINDS[one.facts.kind].at_rest
+        replace(number, facts=_with_tolerance(number.facts, tolerances, general))
+        for number in numbers
+        if harmonic or KINDS[number.facts.kind].at_rest
     )
 
 
-def _with_tolerance(number: NumberFacts, given: Mapping[str, float], general: float | None) -> NumberFacts:
-    named = [given[key] for key in dict.fromkeys((number.key, *number.also)) if key in given]
+def _with_tolerance(number: NumberFacts, tolerances: Mapping[str, float], general: float | None) -> NumberFacts:
+    named = [tolerances[key] for key in dict.fromkeys((number.key, *number.also)) if key in tolerances]
     if named:
         return replace(number, tolerance=named[0] / number.per(number.value), declared=True)
     if number.unit == "mm" and general is not None:
@@ -206,7 +206,7 @@ def _place(
         )
     except ActuatorFileError:
         return
-    paths = [joined("", *one) for one in locations]
+    paths = [joined("", *location) for location in locations]
     name, *also = dict.fromkeys([key, *paths] if key else paths)
     facts = NumberFacts(name, tuple(also), kind, value, "mm", length_tolerance(value), **words._asdict())
     yield DrawnNumber(facts, step, larger, smaller)
@@ -215,7 +215,7 @@ def _place(
 def _hall_places(data: dict[str, Any], source: str, directory: Path | None) -> Iterator[DrawnNumber]:
     """Of the first Hall element, whose field the sweep solves."""
     tables: list[tuple[tuple[str, ...], Any]] = [(("hall",), data.get("hall"))]
-    tables += [(("sensors", name), one) for name, one in table_at(data, "sensors").items()]
+    tables += [(("sensors", name), sensor) for name, sensor in table_at(data, "sensors").items()]
     for path, table in tables:
         if isinstance(table, dict) and table.get("kind", path[0]) == "hall":
             for key in ("r_mm", "z_mm"):
@@ -232,14 +232,14 @@ def _turns(data: dict[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]:
             replace(actuator, coils=_with(actuator.coils, place, replace(coil, turns=coil.turns * (1.0 + change))))
             for change in (SHARE_STEP, -SHARE_STEP)
         ]
-        alone = sum(one.circuit == coil.circuit for one in actuator.coils) == 1
+        alone = sum(winding.circuit == coil.circuit for winding in actuator.coils) == 1
         key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
         effect = "turns" if len(actuator.circuits) == 1 else f"turns:{coil.circuit}"
         yield _share(key, "turns", coil.turns, *ends, effect=effect if alone else "")
 
 
-def _with(parts: tuple[Any, ...], place: int, part: Any) -> tuple[Any, ...]:
-    return (*parts[:place], part, *parts[place + 1 :])
+def _with(parts: tuple[Any, ...], place: int, replacement: Any) -> tuple[Any, ...]:
+    return (*parts[:place], replacement, *parts[place + 1 :])
 
 
 def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator, *, effect: str = "") -> DrawnNumber:
@@ -250,7 +250,7 @@ def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuato
 
 def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
     """Permeability and remanence of linear materials, the scales of B and of H of curves, and how each conducts."""
-    used = {region.material.name: region.material for region in (*actuator.fixed, *actuator.moving.regions)}
+    used = {region.material.name: region.material for region in actuator.regions}
     magnets = [name for name, material in used.items() if material.remanence_T]
     for name, material in used.items():
         if isinstance(material, NonlinearMaterial):
@@ -281,7 +281,7 @@ def _of_material(actuator: Actuator, name: str, key: str, kind: str, value: floa
     ends = []
     for change in (SHARE_STEP, -SHARE_STEP):
         fixed, moving = (
-            tuple(changed(one, 1.0 + change) for one in regions)
+            tuple(changed(region, 1.0 + change) for region in regions)
             for regions in (actuator.fixed, actuator.moving.regions)
         )
         ends.append(replace(actuator, fixed=fixed, moving=replace(actuator.moving, regions=moving)))

@@ -1,10 +1,8 @@
-"""A winding and what feeds it: a bridge, a one-sided driver with a freewheel diode, or a current amplifier.
+"""Circuits with their drivers, and sensors, as drawn and in SI units.
 
-What a lab reads of an actuator: sensors as drawn, in SI units.
-
-Every reading is characteristic + noise, kept within a range, rounded to the converter's steps, and late by a delay.
-
-Where the output of a Hall element leaves its range: there it says nothing of the distance.
+A winding is fed by a bridge, a one-sided driver with a freewheel diode, or a current amplifier. Every reading of a
+sensor is characteristic + noise, kept within a range, rounded to the converter's steps, and late by a delay;
+where the output of a Hall element leaves its range, it says nothing of the distance.
 """
 
 from dataclasses import dataclass
@@ -165,7 +163,7 @@ def where_clipped(hall: Any, distance: FloatArray, current: FloatArray, field: F
         chosen = dict.fromkeys(tuple(i[row].tolist()) for row in (np.argmin(size), np.lexsort((size, -d))[0]))
         places = []
         for each in chosen:
-            at, amperes = d[np.all(i == each, axis=1)], " and ".join(amount(one, "A") for one in each)
-            places.append(f"from {amount_range(at.min(), at.max(), 'm', 3)} at {amperes}")
+            distances, amperes = d[np.all(i == each, axis=1)], " and ".join(amount(current, "A") for current in each)
+            places.append(f"from {amount_range(distances.min(), distances.max(), 'm', 3)} at {amperes}")
         clauses.append(f"clipped at {end:g} V {', and '.join(places) if i.shape[1] > 1 else ' and '.join(places)}")
     return ", ".join(clauses)

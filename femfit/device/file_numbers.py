@@ -122,9 +122,9 @@ def why_no_number(path: str) -> str:
 
 def nearest_numbers(path: str, data: Mapping[str, Any]) -> list[str]:
     """The key paths closest to one that does not exist, closest first."""
-    known = [*numbers_of(data), *material_keys(data)]
-    inside = [name for name in known if path and name.startswith((f"{path}.", f"{path}["))]
-    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], known, n=4, cutoff=0.4)]))[:4]
+    numbers = [*numbers_of(data), *material_keys(data)]
+    inside = [name for name in numbers if path and name.startswith((f"{path}.", f"{path}["))]
+    return list(dict.fromkeys([*inside, *difflib.get_close_matches(path[:200], numbers, n=4, cutoff=0.4)]))[:4]
 
 
 def unit_of(name: str) -> str:
@@ -202,15 +202,15 @@ def library_table(name: str) -> dict[str, Any]:
     } | _thermal(material.thermal)
     if isinstance(material, NonlinearMaterial):
         return {"B_T": list(material.flux_density_T), "H_A_per_m": list(material.field_A_per_m), **conduction}
-    own = ("relative_permeability", "remanence_T", "remanence_coefficient_per_K")
-    return {key: getattr(material, key) for key in own} | conduction
+    properties = ("relative_permeability", "remanence_T", "remanence_coefficient_per_K")
+    return {key: getattr(material, key) for key in properties} | conduction
 
 
-def _thermal(known: ThermalMaterial) -> dict[str, float]:
-    capacity = known.heat_capacity_J_per_m3_K
+def _thermal(material: ThermalMaterial) -> dict[str, float]:
+    capacity = material.heat_capacity_J_per_m3_K
     table = {
-        "thermal_conductivity_W_per_m_K": known.conductivity_W_per_m_K,
+        "thermal_conductivity_W_per_m_K": material.conductivity_W_per_m_K,
         "heat_capacity_MJ_per_m3_K": capacity and scaled(capacity, -MEGA_EXPONENT),
-        "working_temperature_C": known.working_temperature_C,
+        "working_temperature_C": material.working_temperature_C,
     }
     return {key: value for key, value in table.items() if value is not None}

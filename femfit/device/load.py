@@ -1,7 +1,4 @@
-"""Read an actuator file: every problem at once, or the actuator in SI units.
-
-Drawings to start from.
-"""
+"""Read an actuator file: every problem at once, or the actuator in SI units; and drawings to start from."""
 
 import tomllib
 from collections.abc import Sequence
@@ -148,9 +145,6 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     )
 
 
-SHORT_FORMS = ("electromagnet", "coil", "hall")
-"""Tables of schema 1, which schema 2 takes as well."""
-
 SINCE_SCHEMA_2 = ("fixed", "coils", "circuits", "mechanics", "sensors")
 
 
@@ -183,9 +177,9 @@ def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: li
 def _surroundings(entry: ThermalEntry | None) -> Surroundings:
     if entry is None:
         return STILL_AIR
-    given = entry.model_dump()
-    lengths = {f"{name}_m": scaled(given.pop(f"{name}_mm")) for name in ("joint", "winding_joint")}
-    return Surroundings(**lengths, **given)
+    values = entry.model_dump()
+    lengths = {f"{name}_m": scaled(values.pop(f"{name}_mm")) for name in ("joint", "winding_joint")}
+    return Surroundings(**lengths, **values)
 
 
 def _check_reference(reference: ReferenceEntry | None, distances: Sequence[float], problems: list[str]) -> None:
@@ -214,7 +208,7 @@ def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[f
                 "fixed.regions must hold a part; nothing stands still. Give [fixed.regions.NAME] or a coil."
             )
         check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
-        check_moving_body(drawing.moving, [one.part for one in drawing.windings if one.moves], problems)
+        check_moving_body(drawing.moving, [winding.part for winding in drawing.windings if winding.moves], problems)
     check_collisions(standing, moving, distances, problems)
     for path, place in hall_places(data):
         check_hall_place(path, place, standing, moving, distances, problems)
@@ -227,8 +221,8 @@ def _region(part: DrawnPart) -> Region:
 
 def starter_names() -> tuple[str, ...]:
     """Names of the drawings, in alphabetical order."""
-    found = (entry.name for entry in files("femfit.device.examples").iterdir())
-    return tuple(sorted(name.removesuffix(".toml") for name in found if name.endswith(".toml")))
+    entries = (entry.name for entry in files("femfit.device.examples").iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in entries if name.endswith(".toml")))
 
 
 def starter_text(name: str, title: str | None = None) -> str:

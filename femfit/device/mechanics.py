@@ -86,10 +86,10 @@ class Mechanics:
         self, distance: FloatArray, velocity: FloatArray, force: FloatArray, sample_time_s: float
     ) -> FloatArray:
         """Acceleration along growing distance in m/s^2 under a magnetic force in N; stops are not part of it."""
-        further = self.beside_weight(distance)
+        beside = self.beside_weight(distance)
         if self.viscous_N_s_per_m or self.coulomb_N:
-            further = further + self.friction(velocity, sample_time_s)
-        return self.gravity_m_s2 + (further - force) / self.mass_kg
+            beside = beside + self.friction(velocity, sample_time_s)
+        return self.gravity_m_s2 + (beside - force) / self.mass_kg
 
     def force_to_accelerate(
         self, distance: FloatArray, velocity: FloatArray | float, acceleration: FloatArray | float
@@ -116,8 +116,10 @@ class Mechanics:
         springs = [spring for spring in self.springs if isinstance(spring, Spring)]
         if self.coulomb_N or len(springs) < len(self.springs):
             return None
-        constant = sum((one.preload_N + one.stiffness_N_per_m * one.distance_m for one in springs), self.load_N)
-        return constant, -sum(one.stiffness_N_per_m for one in springs), -self.viscous_N_s_per_m
+        constant = sum(
+            (spring.preload_N + spring.stiffness_N_per_m * spring.distance_m for spring in springs), self.load_N
+        )
+        return constant, -sum(spring.stiffness_N_per_m for spring in springs), -self.viscous_N_s_per_m
 
     def beside_weight(self, distance: FloatArray) -> FloatArray | float:
         """Springs and load along growing distance, in N."""
@@ -131,7 +133,11 @@ class Mechanics:
 
     def energy_of_springs(self, distance: FloatArray, order: int = 0) -> FloatArray:
         """Energy of all springs in J at distances in m of any shape, or a derivative: the first is minus their push."""
-        derivative = (spring_energy, lambda one, d: -spring_force(one, d), lambda one, d: -spring_gradient(one, d))
+        derivative = (
+            spring_energy,
+            lambda spring, d: -spring_force(spring, d),
+            lambda spring, d: -spring_gradient(spring, d),
+        )
         zero = np.zeros(np.shape(distance))
         return np.asarray(sum((derivative[order](spring, distance) for spring in self.springs), zero))
 
@@ -150,9 +156,9 @@ def spring_gradient(spring: Spring | ForceTable, distance: FloatArray) -> FloatA
     """Slope of :func:`spring_force` in N/m; of a table, that of the piece above each distance."""
     if isinstance(spring, Spring):
         return np.full(np.shape(distance), -spring.stiffness_N_per_m)
-    at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
-    slopes = np.concatenate([[0.0], np.diff(force) / np.diff(at), [0.0]])
-    return np.asarray(slopes[np.searchsorted(at, distance, side="right")])
+    distances, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
+    slopes = np.concatenate([[0.0], np.diff(force) / np.diff(distances), [0.0]])
+    return np.asarray(slopes[np.searchsorted(distances, distance, side="right")])
 
 
 def spring_energy(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
@@ -160,10 +166,10 @@ def spring_energy(spring: Spring | ForceTable, distance: FloatArray) -> FloatArr
     if isinstance(spring, Spring):
         stretched = distance - spring.distance_m
         return np.asarray(0.5 * spring.stiffness_N_per_m * stretched**2 - spring.preload_N * stretched)
-    at, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
-    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(at))])
-    inside = np.clip(distance, at[0], at[-1])
-    k = np.clip(np.searchsorted(at, inside, side="right") - 1, 0, len(at) - 2)
-    there = np.interp(inside, at, force)
-    done = work[k] + 0.5 * (force[k] + there) * (inside - at[k]) + there * (distance - inside)
+    distances, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(distances))])
+    inside = np.clip(distance, distances[0], distances[-1])
+    k = np.clip(np.searchsorted(distances, inside, side="right") - 1, 0, len(distances) - 2)
+    there = np.interp(inside, distances, force)
+    done = work[k] + 0.5 * (force[k] + there) * (inside - distances[k]) + there * (distance - inside)
     return np.asarray(-done)

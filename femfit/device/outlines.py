@@ -1,9 +1,7 @@
-"""Closed outlines of straight edges and arcs, in the unit that they are given in.
+"""Closed outlines of straight edges and arcs, which a file draws as a box, a polygon with arcs or a circle.
 
 An edge's bulge is tan(angle / 4) of its arc's angle, positive where the arc turns counter-clockwise from its corner to
-the next, and zero for a straight edge.
-
-Outlines as the file draws them: a box, a polygon with arcs or a circle.
+the next, and zero for a straight edge. Lengths stay in the unit that they are given in.
 
 References
 ----------
@@ -102,7 +100,7 @@ def outline(entry: OutlineEntry, path: str, problems: list[str]) -> DrawnOutline
     key, corners, bulges = read
     points = flattened(corners, bulges)
     inner = min(r for r, _ in points)
-    if inner < -_rounding(points):
+    if inner < -(1e-12 * max(max(abs(r), abs(z)) for r, z in points)):
         problems.append(f"{key} must have r >= 0, the axis being r = 0; it goes down to {inner:g}. Draw one half only.")
         return None
     polygon = Polygon([(max(r, 0.0), z) for r, z in points])
@@ -128,10 +126,6 @@ def outline(entry: OutlineEntry, path: str, problems: list[str]) -> DrawnOutline
     return DrawnOutline(tuple(corners), tuple(bulges), polygon)
 
 
-def _rounding(points: list[Corner]) -> float:
-    return 1e-12 * max(max(abs(r), abs(z)) for r, z in points)
-
-
 Drawn = tuple[str, list[Corner], list[float]]
 """Key path, corners and bulges."""
 
@@ -142,9 +136,9 @@ def _drawn(entry: OutlineEntry, path: str, problems: list[str]) -> Drawn | None:
         "circle_mm": entry.circle_mm is not None,
         "r_mm and z_mm": entry.r_mm is not None or entry.z_mm is not None,
     }
-    given = [way for way, there in ways.items() if there]
-    if len(given) > 1:
-        problems.append(f"{path} must have either {' or '.join(given)}; it has both. Remove one.")
+    ways_given = [way for way, there in ways.items() if there]
+    if len(ways_given) > 1:
+        problems.append(f"{path} must have either {' or '.join(ways_given)}; it has both. Remove one.")
         return None
     if entry.polygon_mm is not None:
         return _polygon(entry.polygon_mm, joined(path, "polygon_mm"), problems)
@@ -185,8 +179,8 @@ def _polygon(polygon: list[list[float]], key: str, problems: list[str]) -> Drawn
     return key, corners, bulges if any(bulges) else []
 
 
-def _circle(given: list[float], key: str, problems: list[str]) -> Drawn | None:
-    r, z, radius = given
+def _circle(values: list[float], key: str, problems: list[str]) -> Drawn | None:
+    r, z, radius = values
     if radius <= 0.0:
         problems.append(f"{key} must have a radius > 0; it is {radius:g}. Give [r, z, radius].")
         return None
@@ -211,4 +205,4 @@ def _box(r: list[float], z: list[float], path: str, problems: list[str]) -> Draw
 def _touches_axis_in_a_point(polygon: Polygon) -> bool:
     _, lower, _, upper = polygon.bounds
     contact = polygon.intersection(LineString([(0.0, lower - 1.0), (0.0, upper + 1.0)]))
-    return any(part.geom_type == "Point" for part in getattr(contact, "geoms", [contact]) if not part.is_empty)
+    return any(piece.geom_type == "Point" for piece in getattr(contact, "geoms", [contact]) if not piece.is_empty)

@@ -62,13 +62,13 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
         unused = [key for key in ("design", "samples", "seed") if key in data["sweep"]]
         problems += [f"sweep.{key} must be left out without [sweep.parameters]. Remove it." for key in unused]
         return None
-    found = len(problems)
+    count = len(problems)
     read = [_parameter(name, table, data, problems) for name, table in _flat(entry.parameters).items()]
-    known = [one for one in read if one is not None]
-    parameters, values = tuple(parameter for parameter, _ in known), [column for _, column in known]
+    readable = [parameter for parameter in read if parameter is not None]
+    parameters, values = tuple(parameter for parameter, _ in readable), [column for _, column in readable]
     _check_names(parameters, data, problems)
-    points = _points(entry, parameters, values, problems) if len(problems) == found else ()
-    return ParameterDesign(parameters, points) if len(problems) == found else None
+    points = _points(entry, parameters, values, problems) if len(problems) == count else ()
+    return ParameterDesign(parameters, points) if len(problems) == count else None
 
 
 def _flat(tables: Mapping[str, Any], path: str = "") -> dict[str, Any]:
@@ -109,9 +109,9 @@ def _named(
     entry = read_table(NamedParameterEntry, table, path, problems)
     if entry is None:
         return None
-    keys = [_following(given, f"{path}.keys[{n}]", data, problems) for n, given in enumerate(entry.keys)]
-    known = tuple(key for key in keys if key is not None)
-    materials = [key.location in material_keys(data).values() for key in known]
+    keys = [_following(text, f"{path}.keys[{n}]", data, problems) for n, text in enumerate(entry.keys)]
+    readable = tuple(key for key in keys if key is not None)
+    materials = [key.location in material_keys(data).values() for key in readable]
     if any(materials) and not all(materials):
         problems.append(f"{path}.keys must all be materials or all be numbers; they are both. Make two parameters.")
         return None
@@ -120,9 +120,9 @@ def _named(
         if any(materials)
         else _values(entry.values, f"{path}.values", name, problems)
     )
-    if values is None or len(known) < len(keys):
+    if values is None or len(readable) < len(keys):
         return None
-    units = sorted({unit_of(_last_name(key.location)) for key in known})
+    units = sorted({unit_of(_last_name(key.location)) for key in readable})
     if len(units) > 1:
         problems.append(
             f"{path}.keys must all be in one unit; they are in {' and '.join(unit or 'none' for unit in units)}. "
@@ -133,11 +133,11 @@ def _named(
         problems.append(
             f"{path} must be named with letters, digits and _, beginning with a letter, and {needed}. Rename it."
         )
-    return SweptParameter(name, known), values
+    return SweptParameter(name, readable), values
 
 
-def _following(given: object, path: str, data: Mapping[str, Any], problems: list[str]) -> FollowingKey | None:
-    entry = read_table(KeyEntry, {"key": given} if isinstance(given, str) else given, path, problems)
+def _following(value: object, path: str, data: Mapping[str, Any], problems: list[str]) -> FollowingKey | None:
+    entry = read_table(KeyEntry, {"key": value} if isinstance(value, str) else value, path, problems)
     if entry is None:
         return None
     material = material_keys(data).get(entry.key)
@@ -160,37 +160,37 @@ def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]
     return location
 
 
-def _values(given: object, path: str, name: str, problems: list[str]) -> Values | None:
-    if isinstance(given, list):
-        values = read_table(ValuesEntry, {"values": given}, path, problems)
+def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
+    if isinstance(value, list):
+        values = read_table(ValuesEntry, {"values": value}, path, problems)
         return None if values is None else tuple(values.values)
-    if isinstance(given, dict) and given.keys() & {"min", "max"}:
-        entry = read_table(SampledEntry, given, path, problems)
+    if isinstance(value, dict) and value.keys() & {"min", "max"}:
+        entry = read_table(SampledEntry, value, path, problems)
         return None if entry is None else _checked_range(entry, path, problems)
-    if isinstance(given, dict):
-        stepped = read_table(RangeEntry, given, path, problems)
+    if isinstance(value, dict):
+        stepped = read_table(RangeEntry, value, path, problems)
         return None if stepped is None else axis_values(stepped, path, problems) or None
     problems.append(
         f"{path} must be a list of numbers, {{ start, stop, step }}, or {{ min, max }} for a latin_hypercube; it is "
-        f"{str(given)[:60]!r}. Write for example {name[:60]} = [1, 2]."
+        f"{str(value)[:60]!r}. Write for example {name[:60]} = [1, 2]."
     )
     return None
 
 
-def _names(given: object, path: str, data: Mapping[str, Any], problems: list[str]) -> tuple[str, ...] | None:
-    known = known_materials(data)
-    if not isinstance(given, list):
+def _names(value: object, path: str, data: Mapping[str, Any], problems: list[str]) -> tuple[str, ...] | None:
+    materials = known_materials(data)
+    if not isinstance(value, list):
         problems.append(
-            f"{path} must be a list of names of materials, for every design; it is {str(given)[:60]!r}. Write for "
-            f'example ["{known[0]}", "{known[-1]}"].'
+            f"{path} must be a list of names of materials, for every design; it is {str(value)[:60]!r}. Write for "
+            f'example ["{materials[0]}", "{materials[-1]}"].'
         )
         return None
-    entry = read_table(NamesEntry, {"values": given}, path, problems)
-    wrong = [] if entry is None else [name for name in entry.values if name not in known]
+    entry = read_table(NamesEntry, {"values": value}, path, problems)
+    wrong = [] if entry is None else [name for name in entry.values if name not in materials]
     if wrong:
         problems.append(
             f"{path} must name materials of [materials] or of the library; {wrong[0][:60]!r} is none."
-            f"{did_you_mean(wrong[0], known)} Known: {', '.join(known)}."
+            f"{did_you_mean(wrong[0], materials)} Known: {', '.join(materials)}."
         )
     return None if entry is None or wrong else tuple(entry.values)
 

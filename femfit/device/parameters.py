@@ -141,14 +141,14 @@ class ParameterDesign:
                 if parameter.name == AXES[1]:
                     tables.pop("reference", None)  # its distances lie within the sweep, not within one point of it
             for key in parameter.keys:
-                own = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
-                with_value(tables, key.location, own)
+                number = value if isinstance(value, str) else decimal_sum(key.offset, key.factor, value)
+                with_value(tables, key.location, number)
         return tables
 
     def axes(self, data: Mapping[str, Any]) -> dict[str, Any]:
         """``[sweep]`` with each axis that is a parameter as a list of all its values, for the file's own checks."""
-        own = dict(data["sweep"])
+        sweep = dict(data["sweep"])
         for place, parameter in enumerate(self.parameters):
             if parameter.name in AXES:
-                own[parameter.name] = sorted({float(point[place]) for point in self.points})
-        return own
+                sweep[parameter.name] = sorted({float(point[place]) for point in self.points})
+        return sweep

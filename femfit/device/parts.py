@@ -2,11 +2,8 @@
 
 Coordinates are cylindrical (r, z). The electromagnet's face, from which distances are counted, lies at
 z = 0; the moving part is drawn with its own nearest face at z = 0 and extends towards positive z. At the
-distance d it stands shifted by +d.
-
-What follows from a winding's wire: its resistance, and whether it fits.
-
-How deep a field enters a part that conducts.
+distance d it stands shifted by +d. From a winding's wire follow its resistance and whether it fits; from a part's
+conductivity, how deep a field enters it.
 """
 
 import math
@@ -15,7 +12,7 @@ from dataclasses import dataclass, replace
 from math import isfinite
 
 from femfit.core.errors import MissingPartError
-from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, MU_0
+from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, MU_0, FloatArray
 from femfit.core.results import Printed
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import AnySensor, Circuit, HallElement
@@ -84,6 +81,14 @@ class NonlinearMaterial:
 Material = LinearMaterial | NonlinearMaterial
 
 AIR = LinearMaterial("air")
+
+IRON_FROM = 1.5
+"""Relative permeability from which a material without remanence counts as iron; magnets recoil with 1.05."""
+
+
+def is_iron(material: Material) -> bool:
+    """Whether a material is soft iron, ferrite or steel rather than a magnet or something not magnetic."""
+    return not material.remanence_T and material.relative_permeability >= IRON_FROM
 
 
 @dataclass(frozen=True)
@@ -184,9 +189,14 @@ class Actuator(Printed):
     eddy_bias_A: tuple[float, ...] = ()
 
     @property
+    def regions(self) -> tuple[Region, ...]:
+        """Fixed and moving ones, without windings."""
+        return (*self.fixed, *self.moving.regions)
+
+    @property
     def saturates(self) -> bool:
         """Whether any part does."""
-        return any(isinstance(one.material, NonlinearMaterial) for one in (*self.fixed, *self.moving.regions))
+        return any(isinstance(region.material, NonlinearMaterial) for region in self.regions)
 
     @property
     def coil(self) -> Coil:
@@ -212,7 +222,7 @@ class Actuator(Printed):
     @property
     def supplies_V(self) -> tuple[tuple[float, float], ...]:  # noqa: N802  the unit
         """Lowest and highest voltages behind the circuits, each pair once, where they are known."""
-        limits = ((one.voltage_min_V, one.voltage_max_V) for one in self.circuits)
+        limits = ((circuit.voltage_min_V, circuit.voltage_max_V) for circuit in self.circuits)
         return tuple(dict.fromkeys(pair for pair in limits if isfinite(pair[1] - pair[0])))
 
     def __str__(self) -> str:
@@ -225,8 +235,8 @@ class Actuator(Printed):
         lines = [
             f"{self.name}{': ' * bool(self.description)}{self.description}",
             *(
-                f"{part}: {', '.join(f'{one.name} ({one.material.name})' for one in regions) or 'windings alone'}"
-                for part, regions in (("fixed", self.fixed), ("moving", self.moving.regions))
+                f"{body}: {', '.join(f'{r.name} ({r.material.name})' for r in regions) or 'windings alone'}"
+                for body, regions in (("fixed", self.fixed), ("moving", self.moving.regions))
             ),
             f"moving mass {amount(self.mechanics.mass_kg, 'kg', 3)}",
             *(
@@ -234,10 +244,15 @@ class Actuator(Printed):
                 for coil in self.coils
             ),
             f"supply {', '.join(supplies)}" if supplies else "no supply",
-            f"sensors: {', '.join(f'{one.name} ({one.kind})' for one in self.sensors) or 'none'}",
+            f"sensors: {', '.join(f'{sensor.name} ({sensor.kind})' for sensor in self.sensors) or 'none'}",
             f"sweep: {currents}, {distances}",
         ]
         return "\n".join(lines)
+
+
+def copper_growth(celsius: FloatArray | float) -> FloatArray | float:
+    """Copper's resistance over that at 20 degC."""
+    return 1.0 + COPPER_TEMPERATURE_COEFFICIENT * (celsius - REFERENCE_TEMPERATURE)
 
 
 def wire_resistance(turns: float, mean_radius: float, wire_diameter: float, temperature: float = 20.0) -> float:
@@ -249,7 +264,7 @@ def wire_resistance(turns: float, mean_radius: float, wire_diameter: float, temp
     ----------
     IEC 60028 for the resistivity of annealed copper and its temperature coefficient.
     """
-    resistivity = COPPER_RESISTIVITY_20C * (1.0 + COPPER_TEMPERATURE_COEFFICIENT * (temperature - 20.0))
+    resistivity = COPPER_RESISTIVITY_20C * float(copper_growth(temperature))
     return resistivity * turns * 2.0 * math.pi * mean_radius / (math.pi * wire_diameter**2 / 4.0)
 
 
@@ -274,7 +289,7 @@ def thick_sheets(actuator: Actuator) -> Iterator[str]:
     if not actuator.frequencies_Hz:
         return
     highest = actuator.frequencies_Hz[-1]
-    for material in {one.material.name: one.material for one in (*actuator.fixed, *actuator.moving.regions)}.values():
+    for material in {region.material.name: region.material for region in actuator.regions}.values():
         sheet = material.lamination_m
         if material.conductivity_S_per_m and sheet > skin_depth(material, highest):
             up_to = highest * (skin_depth(material, highest) / sheet) ** 2

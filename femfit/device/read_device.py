@@ -1,7 +1,4 @@
-"""Windings, circuits and the driver of an actuator file.
-
-The mass, springs, friction, stops and loads of an actuator file.
-"""
+"""Windings, circuits, driver and mechanics of an actuator file."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -86,70 +83,72 @@ def read_circuits(
         return tuple(Circuit(coil.resistance_ohm, *limits, drive, coil.name) for coil in coils), tuple(coils)
     by_name = {coil.name: coil for coil in coils}
     connected: dict[str, Coil] = {}
-    circuits, found = [], len(problems)
+    circuits, count = [], len(problems)
     for name, table in tables.items():
         path = joined("circuits", name)
         check_name(name, path, problems)
         entry = read_table(CircuitEntry, table, path, problems)
         if entry is None:
             continue
-        own = _connect(entry, name, by_name, connected, problems)
+        members = _connect(entry, name, by_name, connected, problems)
         limits = _voltages(entry, path, supply, "supply" in data, problems)
         drive = _drive(entry, path, limits[0], diode_V, problems)
-        resistance = sum(coil.resistance_ohm for coil in own) + entry.external_resistance_ohm
+        resistance = sum(coil.resistance_ohm for coil in members) + entry.external_resistance_ohm
         circuits.append(Circuit(resistance, *limits, drive, name, scaled(entry.external_inductance_mH)))
-    left = [coil for coil in by_name if coil not in connected]
-    if left and len(problems) == found:
-        problems.append(f"circuits must connect every coil; {', '.join(left)} is in none. Name it in one of them.")
+    unconnected = [coil for coil in by_name if coil not in connected]
+    if unconnected and len(problems) == count:
+        problems.append(
+            f"circuits must connect every coil; {', '.join(unconnected)} is in none. Name it in one of them."
+        )
     return tuple(circuits), tuple(connected.get(coil.name, coil) for coil in coils)
 
 
 def check_circuit_names(names: Sequence[str], problems: list[str]) -> None:
     """Report names of which two readings of impedances, as of :mod:`femfit.model.impedance`, have one column."""
     of_reading = {name: f"circuit {name}" for name in names}
-    for one, other in permutations(names, 2):
-        for column, said in (
-            (f"{one}_{other}", f"{one} together with {other}"),
-            (f"{one}_{other}_shorted", f"{one} with {other} shorted"),
+    for first, second in permutations(names, 2):
+        for column, description in (
+            (f"{first}_{second}", f"{first} together with {second}"),
+            (f"{first}_{second}_shorted", f"{first} with {second} shorted"),
         ):
             if column in of_reading:
                 problems.append(
                     f"Names of circuits must keep columns apart; inductance_{column}_H would be that of "
-                    f"{of_reading[column]} and that of {said}. Rename one of them."
+                    f"{of_reading[column]} and that of {description}. Rename one of them."
                 )
                 return
-            of_reading[column] = said
+            of_reading[column] = description
 
 
 def _connect(
-    entry: CircuitEntry, circuit: str, known: Mapping[str, Coil], connected: dict[str, Coil], problems: list[str]
+    entry: CircuitEntry, circuit: str, coils: Mapping[str, Coil], connected: dict[str, Coil], problems: list[str]
 ) -> list[Coil]:
     """The coils of a circuit, which join those that are connected already."""
-    path, own = joined("circuits", circuit), []
-    for given in entry.coils:
-        name, sign = (given[1:], -1.0) if given.startswith("-") else (given, 1.0)
-        if name not in known:
+    path, members = joined("circuits", circuit), []
+    for entry_coil in entry.coils:
+        name, sign = (entry_coil[1:], -1.0) if entry_coil.startswith("-") else (entry_coil, 1.0)
+        if name not in coils:
             problems.append(
-                f"{path}.coils must name coils of this file; {given[:60]!r} is none.{did_you_mean(name, known)} "
-                f"Known: {', '.join(known) or 'none'}."
+                f"{path}.coils must name coils of this file; {entry_coil[:60]!r} is none.{did_you_mean(name, coils)} "
+                f"Known: {', '.join(coils) or 'none'}."
             )
         elif name in connected:
             owner = joined("circuits", connected[name].circuit)
             problems.append(f"{path}.coils must leave out {name}, which is in {owner}. Name it in one alone.")
         else:
-            connected[name] = replace(known[name], circuit=circuit, sign=sign)
-            own.append(connected[name])
-    return own
+            connected[name] = replace(coils[name], circuit=circuit, sign=sign)
+            members.append(connected[name])
+    return members
 
 
 def _voltages(
-    entry: CircuitEntry, path: str, supply: SupplyEntry | None, given: bool, problems: list[str]
+    entry: CircuitEntry, path: str, supply: SupplyEntry | None, has_voltage: bool, problems: list[str]
 ) -> tuple[float, float]:
     """The limits of a circuit, or else the supply's; behind a current amplifier they may be open."""
     low = entry.voltage_min_V if entry.voltage_min_V is not None or supply is None else supply.voltage_min_V
     high = entry.voltage_max_V if entry.voltage_max_V is not None or supply is None else supply.voltage_max_V
     if low is None or high is None:
-        if entry.drive == "voltage" and (supply is not None or not given):
+        if entry.drive == "voltage" and (supply is not None or not has_voltage):
             problems.append(
                 f"{path} must have voltage_min_V and voltage_max_V, or the file [supply]. Give one of them."
             )
@@ -203,14 +202,14 @@ def read_mechanics(data: Mapping[str, Any], body: MovingEntry | None, problems: 
         return None if mass is None else Mechanics(scaled(mass))
     if mass is not None and "mass_g" in table:
         problems.append("mechanics.mass_g must be left out beside moving.mass_g. Remove one of them.")
-    found = len(problems)
+    count = len(problems)
     entry = read_table(MechanicsEntry, ({} if mass is None else {"mass_g": mass}) | table, "mechanics", problems)
     if entry is None:
         return None
-    springs = [_spring(joined("mechanics.springs", name), one, problems) for name, one in entry.springs.items()]
+    springs = [_spring(joined("mechanics.springs", name), spring, problems) for name, spring in entry.springs.items()]
     near, far = _stops(entry, problems)
     gravity = _gravity(entry, problems)
-    if len(problems) > found:
+    if len(problems) > count:
         return None
     return Mechanics(
         mass_kg=scaled(entry.mass_g),

@@ -33,9 +33,9 @@ DIRECTIONS = {"z": (0.0, 1.0), "r": (1.0, 0.0)}
 
 def read_sensors(data: Mapping[str, Any], circuits: Sequence[Circuit], problems: list[str]) -> tuple[AnySensor, ...]:
     """All sensors in the file's order, ``[hall]`` first."""
-    found: list[AnySensor | None] = []
+    sensors: list[AnySensor | None] = []
     if isinstance(data.get("hall"), dict):
-        found.append(_hall("hall", "hall", data["hall"], problems))
+        sensors.append(_hall("hall", "hall", data["hall"], problems))
     for name, table in table_at(data, "sensors").items():
         path = joined("sensors", name)
         check_name(name, path, problems)
@@ -48,17 +48,17 @@ def read_sensors(data: Mapping[str, Any], circuits: Sequence[Circuit], problems:
                 f"{did_you_mean(str(kind), KINDS)} Give one of them."
             )
         elif kind == "hall":
-            found.append(_hall(path, name, table, problems))
+            sensors.append(_hall(path, name, table, problems))
         elif kind == "current":
-            found.append(_current(path, name, table, circuits, problems))
+            sensors.append(_current(path, name, table, circuits, problems))
         else:
-            found.append(_READ[kind](path, name, table, problems))
-    names = [sensor.name for sensor in found if sensor is not None]
+            sensors.append(_READ[kind](path, name, table, problems))
+    names = [sensor.name for sensor in sensors if sensor is not None]
     problems += [
         f"sensors.{name} must have a name of its own; [hall] is named {name}. Rename it."
         for name in sorted({name for name in names if names.count(name) > 1})
     ]
-    return tuple(sensor for sensor in found if sensor is not None)
+    return tuple(sensor for sensor in sensors if sensor is not None)
 
 
 def hall_places(data: Mapping[str, Any]) -> Iterator[tuple[str, HallPlace]]:
@@ -78,8 +78,8 @@ def _hall(path: str, name: str, table: dict[str, Any], problems: list[str]) -> H
     if entry is None:
         return None
     _check_hall_output(path, entry, problems)
-    given = entry.direction
-    direction = DIRECTIONS[given] if isinstance(given, str) else unit_vector(given, f"{path}.direction", problems)
+    vector = entry.direction
+    direction = DIRECTIONS[vector] if isinstance(vector, str) else unit_vector(vector, f"{path}.direction", problems)
     electrical = entry.model_dump(exclude={"r_mm", "z_mm", "kind", "direction", "delay_ms", "sample_time_ms"})
     return HallElement(
         radius_m=scaled(entry.r_mm),
@@ -113,19 +113,19 @@ def _current(
     entry = read_table(CurrentSensorEntry, table, path, problems)
     if entry is None:
         return None
-    known = [circuit.name for circuit in circuits]
-    if entry.circuit is None and len(known) != 1:
-        problems.append(f"{path}.circuit is missing; there are {len(known)}. Name one of {', '.join(known) or 'none'}.")
+    names = [circuit.name for circuit in circuits]
+    if entry.circuit is None and len(names) != 1:
+        problems.append(f"{path}.circuit is missing; there are {len(names)}. Name one of {', '.join(names) or 'none'}.")
         return None
-    if entry.circuit is not None and entry.circuit not in known:
+    if entry.circuit is not None and entry.circuit not in names:
         problems.append(
             f"{path}.circuit must name a circuit of this file; it is {entry.circuit[:60]!r}."
-            f"{did_you_mean(entry.circuit, known)} Known: {', '.join(known) or 'none'}."
+            f"{did_you_mean(entry.circuit, names)} Known: {', '.join(names) or 'none'}."
         )
         return None
     return CurrentSensor(
         **_common(path, name, entry, entry.noise_A, entry.range_A, "range_A", problems),
-        circuit=entry.circuit or known[0],
+        circuit=entry.circuit or names[0],
     )
 
 
@@ -162,18 +162,18 @@ def _characteristic(
             problems.append(f"{path}.gain_V_per_mm must not be 0; nothing would be seen. Give the sensor's slope.")
             return None
         return (0.0, 1.0), (entry.offset_V, entry.offset_V + 1e3 * entry.gain_V_per_mm)
-    at, read = entry.distance_mm, entry.output_V
-    if at is None or read is None or len(at) != len(read):
+    distances, read = entry.distance_mm, entry.output_V
+    if distances is None or read is None or len(distances) != len(read):
         problems.append(f"{path} must have distance_mm and output_V of one length. Give both lists.")
         return None
     rises = {after > before for before, after in pairwise(read)}
-    if any(b <= a for a, b in pairwise(at)) or len(rises) > 1 or any(b == a for a, b in pairwise(read)):
+    if any(b <= a for a, b in pairwise(distances)) or len(rises) > 1 or any(b == a for a, b in pairwise(read)):
         problems.append(
             f"{path}.distance_mm must ascend and output_V rise or fall throughout, so that an output means one "
             "distance. Leave the part out where it turns."
         )
         return None
-    return tuple(scaled(d) for d in at), tuple(read)
+    return tuple(scaled(d) for d in distances), tuple(read)
 
 
 def _pickup(path: str, name: str, table: dict[str, Any], problems: list[str]) -> PickupCoil | None:

@@ -1,6 +1,6 @@
-"""The text of an actuator file with other numbers in it, its comments and its layout kept.
+"""The text of an actuator file with other numbers in it, its comments and its layout kept; and the variants of a sweep.
 
-The variants of a parameter sweep: each one a file of its own, checked as such.
+Each variant of a parameter sweep is a file of its own, checked as such.
 """
 
 import math
@@ -60,18 +60,18 @@ def rewritten(
     """
     drawn = parse(text, source)
     locations, tables = numbers_of(drawn), tomlkit.parse(text)
-    for one, value in values:
-        if value == one.value:
+    for key, value in values:
+        if value == key.value:
             continue
-        if one.kind.startswith("curve_"):
-            _scale_curve(tables, one.key, value, actuator_from_tables(drawn, source, directory))
-        elif one.unit:
-            for path in one.paths:
+        if key.kind.startswith("curve_"):
+            _scale_curve(tables, key.key, value, actuator_from_tables(drawn, source, directory))
+        elif key.unit:
+            for path in key.paths:
                 before = _at(drawn, locations[path])
-                with_value(tables, locations[path], decimal_sum(decimal_sum(before, -1.0, one.value), 1.0, value))
+                with_value(tables, locations[path], decimal_sum(decimal_sum(before, -1.0, key.value), 1.0, value))
         else:
-            before = _at(drawn, locations[one.key])
-            with_value(tables, locations[one.key], math.copysign(value, one.value if before is None else before))
+            before = _at(drawn, locations[key.key])
+            with_value(tables, locations[key.key], math.copysign(value, key.value if before is None else before))
     return tomlkit.dumps(tables)
 
 
@@ -88,7 +88,7 @@ def _at(tables: Mapping[str, Any], location: Location) -> Any:
 
 def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Actuator) -> None:
     """One list of a magnetisation curve times a factor, both lists written where the file has neither."""
-    used = (region.material for region in (*actuator.fixed, *actuator.moving.regions))
+    used = (region.material for region in actuator.regions)
     curves = [material for material in used if isinstance(material, NonlinearMaterial)]
     by_path = {joined("materials", curve.name, key): (curve, key) for curve in curves for key in ("B_T", "H_A_per_m")}
     curve, key = by_path[path]
@@ -177,8 +177,8 @@ def _variant(
     built = _built(design.variant(data, point), directory)
     if isinstance(built, Actuator):
         return Variant(values, built.sweep, built)
-    own = dict(zip((parameter.name for parameter in design.parameters), point, strict=True))
-    current, distance = (own.get(name) for name in AXES)
+    parameters = dict(zip((parameter.name for parameter in design.parameters), point, strict=True))
+    current, distance = (parameters.get(name) for name in AXES)
     axes = SweepAxes(
         base.sweep.currents_A if current is None else (float(current),),
         base.sweep.distances_m if distance is None else (scaled(float(distance)),),

@@ -86,10 +86,10 @@ def _direction(*names: str) -> PlainValidator:
     def checked(value: object) -> str | list[float] | None:
         if value is None or (isinstance(value, str) and value in names):
             return value
-        if isinstance(value, list) and len(value) == 2 and all(_is_number(one) for one in value):
-            return [float(one) for one in value]
-        known = " or ".join(repr(name) for name in names)
-        raise PydanticCustomError("direction", "Input should be {known} or a direction [r, z]", {"known": known})
+        if isinstance(value, list) and len(value) == 2 and all(_is_number(number) for number in value):
+            return [float(number) for number in value]
+        choices = " or ".join(repr(name) for name in names)
+        raise PydanticCustomError("direction", "Input should be {known} or a direction [r, z]", {"known": choices})
 
     return PlainValidator(checked, json_schema_input_type=Literal[*names] | list[float])
 

@@ -1,10 +1,7 @@
-"""The tables of schema 2 that say how an actuator is wired, moves and is read; as in :mod:`femfit.device.schema`.
+"""Tables of the actuator file beside the drawing: wiring, motion, sensors, materials, ``[solver]`` and ``[thermal]``.
 
-The tables of materials; as in :mod:`femfit.device.schema`.
-
-The table ``[solver]``; as in :mod:`femfit.device.schema`.
-
-The table ``[thermal]``; as in :mod:`femfit.device.schema`, with the defaults of :mod:`femfit.device.thermal`.
+They are read as those of :mod:`femfit.device.schema`; defaults of ``[thermal]`` are those of
+:mod:`femfit.device.thermal`.
 """
 
 from typing import Annotated, Any, Literal

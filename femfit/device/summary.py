@@ -10,11 +10,8 @@ from pydantic import TypeAdapter, ValidationError
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import json_ready
 from femfit.device.electrics import HallElement
-from femfit.device.parts import Actuator, NonlinearMaterial, Region, thick_sheets
+from femfit.device.parts import Actuator, NonlinearMaterial, is_iron, thick_sheets
 from femfit.device.schema import NAME_PATTERN
-
-IRON_FROM = 1.5
-"""Relative permeability from which a material without remanence counts as iron; magnets recoil with 1.05."""
 
 
 def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
@@ -28,18 +25,16 @@ def sweep_manifest_entry(actuator: Actuator) -> dict[str, Any]:
         "reference_distances_m": list(actuator.reference_distances_m),
         "hall": None if actuator.hall is None else asdict(actuator.hall),
         "circuits": [json_ready(asdict(circuit)) for circuit in actuator.circuits],
-        "coils": [{"name": one.name, "turns": one.turns, "moves": one.moves} for one in actuator.coils],
+        "coils": [{"name": coil.name, "turns": coil.turns, "moves": coil.moves} for coil in actuator.coils],
         "mechanics": asdict(actuator.mechanics),
         "sensors": [asdict(sensor) for sensor in actuator.sensors],
         "kind": {
-            "fixed_magnet": any(map(is_magnet, actuator.fixed)),
-            "moving_magnet": any(map(is_magnet, actuator.moving.regions)),
-            "fixed_iron": any(map(is_iron, actuator.fixed)),
-            "moving_iron": any(map(is_iron, actuator.moving.regions)),
+            "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
+            "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
+            "fixed_iron": any(is_iron(region.material) for region in actuator.fixed),
+            "moving_iron": any(is_iron(region.material) for region in actuator.moving.regions),
             "coil": bool(actuator.coils),
-            "saturates": any(
-                isinstance(region.material, NonlinearMaterial) for region in (*actuator.fixed, *actuator.moving.regions)
-            ),
+            "saturates": actuator.saturates,
         },
     }
 
@@ -64,31 +59,21 @@ def _of_one_circuit(actuator: Actuator) -> dict[str, Any]:
 
 def remarks(actuator: Actuator) -> list[str]:
     """What was left out of a drawing's materials, too thick sheets, and a Hall element of which the place is known."""
-    materials = {region.material for region in (*actuator.fixed, *actuator.moving.regions)}
-    said = sorted(
+    materials = {region.material for region in actuator.regions}
+    problems = sorted(
         f"Material {material.name}: {material.remark}."
         for material in materials
         if isinstance(material, NonlinearMaterial) and material.remark
     )
-    said += thick_sheets(actuator)
+    problems += thick_sheets(actuator)
     hall = actuator.hall
     if hall is not None and hall == HallElement(hall.radius_m, hall.height_m):
-        said.append(
+        problems.append(
             f"Hall element: taken with {hall.sensitivity_V_per_T:g} V/T, {hall.quiescent_V:g} V without field, an "
             f"output of {hall.output_min_V:g} to {hall.output_max_V:g} V, {hall.adc_bits} bits and no noise. Give "
             "[sensors.hall] your own sensor's values."
         )
-    return said
-
-
-def is_magnet(region: Region) -> bool:
-    """Whether a region has a remanence."""
-    return region.material.remanence_T != 0.0
-
-
-def is_iron(region: Region) -> bool:
-    """Whether a region is soft iron, ferrite or steel rather than a magnet or something not magnetic."""
-    return not is_magnet(region) and region.material.relative_permeability >= IRON_FROM
+    return problems
 
 
 def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
@@ -99,8 +84,10 @@ def actuator_from_record(record: Mapping[str, Any], source: str) -> Actuator:
         problems = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}." for fault in error.errors()]
         raise ActuatorFileError(source, [*problems, "Sweep again, or give the actuator file."]) from error
     if re.fullmatch(NAME_PATTERN, actuator.name) is None:  # directories are named after it
-        given = f"instead received {actuator.name[:64]!r}. Sweep again."
-        raise ActuatorFileError(source, [f"name: must begin with a letter and hold letters, digits, - and _; {given}"])
+        received = f"instead received {actuator.name[:64]!r}. Sweep again."
+        raise ActuatorFileError(
+            source, [f"name: must begin with a letter and hold letters, digits, - and _; {received}"]
+        )
     return actuator
 
 
@@ -109,14 +96,18 @@ def _of_this_version(record: dict[str, Any]) -> dict[str, Any]:
     if isinstance(record.get("coil"), Mapping):
         record = _of_one_coil(record)
     circuits, coils, supply = record.get("circuits") or (), record.get("coils") or (), record.pop("supply", None) or {}
-    if not all(isinstance(one, Mapping) for one in (*circuits, *coils, supply)):
+    if not all(isinstance(circuit, Mapping) for circuit in (*circuits, *coils, supply)):
         return record
-    own = {name: {"circuit": one.get("name"), "sign": sign} for one in circuits for name, sign in one.get("coils", ())}
+    connections = {
+        name: {"circuit": circuit.get("name"), "sign": sign}
+        for circuit in circuits
+        for name, sign in circuit.get("coils", ())
+    }
     limits = (supply["voltage_min_V"], supply["voltage_max_V"]) if supply else None
     return record | {
         "sample_time_s": supply.get("sample_time_s", record.get("sample_time_s")),
-        "coils": [{**coil, **own.get(coil.get("name"), {})} for coil in coils],
-        "circuits": [circuit_of_this_version(one, limits) for one in circuits],
+        "coils": [{**coil, **connections.get(coil.get("name"), {})} for coil in coils],
+        "circuits": [circuit_of_this_version(circuit, limits) for circuit in circuits],
     }
 
 
@@ -135,8 +126,8 @@ def circuit_of_this_version(record: Mapping[str, Any], supply_V: Sequence[float]
             drive |= {"current_min_A": low, "current_max_A": high}
             low, high = supply_V or (None, None)
         limits = {"voltage_min_V": low, "voltage_max_V": high}
-    known = {**limits, **record, "drive": drive}
-    return {key: value for key, value in known.items() if value is not None and key != "coils"}
+    circuit = {**limits, **record, "drive": drive}
+    return {key: value for key, value in circuit.items() if value is not None and key != "coils"}
 
 
 def _of_one_coil(record: dict[str, Any]) -> dict[str, Any]:

@@ -65,5 +65,5 @@ def thermal_of(material: "Material") -> ThermalMaterial:
         usual = ThermalMaterial(LORENZ_NUMBER * ROOM_K * material.conductivity_S_per_m, METAL_CAPACITY)
     else:
         usual = CERAMIC if material.relative_permeability > 1.0 else PLASTIC
-    given = {name: value for name, value in vars(material.thermal).items() if value is not None}
-    return replace(usual, **given)
+    values = {name: value for name, value in vars(material.thermal).items() if value is not None}
+    return replace(usual, **values)

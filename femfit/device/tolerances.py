@@ -1,9 +1,7 @@
-"""Standard deviations of a drawing's numbers where the drawing gives none, by kind of number.
+"""How far a drawing's numbers may be off: as its ``[tolerances]`` say, or else by the kind of number.
 
 Limits that a standard or a maker guarantees are read as two standard deviations. They are conventional: a drawing's own
-``[tolerances]`` replace them.
-
-[tolerances]: how far numbers of the file may be off, by their key paths.
+``[tolerances]``, by key paths, replace them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -64,17 +62,17 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     table = data.get("tolerances")
     if not isinstance(table, dict):
         return {}, None
-    own = {key: value for key, value in table.items() if key in ToleranceEntry.model_fields}
-    general = read_table(ToleranceEntry, own, "tolerances", problems)
-    known, given = {*numbers_of(data), *_curve_keys(data)}, {}
+    entries = {key: value for key, value in table.items() if key in ToleranceEntry.model_fields}
+    general = read_table(ToleranceEntry, entries, "tolerances", problems)
+    keys, tolerances = {*numbers_of(data), *_curve_keys(data)}, {}
     for key, value in table.items():
-        if key in own:
+        if key in entries:
             continue
         if CONTOUR in key and any(face.key == key for face in drawn_faces(data)):
-            known.add(key)
-        if key not in known and (why := why_no_number(key)):
+            keys.add(key)
+        if key not in keys and (why := why_no_number(key)):
             problems.append(f"tolerances.{key!r} cannot be given: {why}. Leave it out.")
-        elif key not in known:
+        elif key not in keys:
             near = ", ".join(nearest_numbers(key, data))
             problems.append(f"tolerances.{key!r} must be a key path of this file in quotes. Near it: {near}.")
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < LARGEST:
@@ -83,13 +81,15 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
                 "deviation."
             )
         else:
-            given[key] = float(value)
-    return given, None if general is None else general.length_mm
+            tolerances[key] = float(value)
+    return tolerances, None if general is None else general.length_mm
 
 
 def _curve_keys(data: Mapping[str, Any]) -> Iterator[str]:
     """The lists of magnetisation curves, each of which is scaled as a whole: their tolerances are shares."""
     bodies = (fixed_key(data), "moving")
-    for material in {str(one.get("material")) for body in bodies for one in table_at(data, body, "regions").values()}:
+    for material in {
+        str(region.get("material")) for body in bodies for region in table_at(data, body, "regions").values()
+    }:
         for key in ("B_T", "H_A_per_m"):
             yield joined("materials", material, key)

@@ -18,8 +18,8 @@ CurrentsLike: TypeAlias = float | Sequence[float] | FloatArray
 
 def current_points(currents: CurrentsLike, circuits: int) -> FloatArray:
     """Currents in A of shape (points, circuits); without a circuit the zeros that stand for it are left out."""
-    given = np.atleast_1d(np.asarray(currents, dtype=np.float64))
-    return np.zeros((len(given), 0)) if circuits == 0 else given.reshape(-1, circuits)
+    values = np.atleast_1d(np.asarray(currents, dtype=np.float64))
+    return np.zeros((len(values), 0)) if circuits == 0 else values.reshape(-1, circuits)
 
 
 def sources(currents: CurrentsLike, circuits: Sequence[str]) -> FloatArray:
@@ -38,9 +38,9 @@ def weakest(points: FloatArray) -> int:
     return int(np.argmin(np.linalg.norm(points, axis=1))) if points.size else 0
 
 
-def between(points: FloatArray, one: FloatArray, other: FloatArray) -> BoolArray:
+def between(points: FloatArray, start: FloatArray, end: FloatArray) -> BoolArray:
     """Which points lie between two others, each current between theirs; shape (points,)."""
-    low, high = np.minimum(one, other), np.maximum(one, other)
+    low, high = np.minimum(start, end), np.maximum(start, end)
     return np.asarray(np.all((low <= points) & (points <= high), axis=-1))
 
 
@@ -57,14 +57,14 @@ def bias_currents(actuator: Actuator, rows: "pd.DataFrame") -> dict[float, tuple
     if actuator.eddy_bias_A:
         return dict.fromkeys(swept, actuator.eddy_bias_A)
     axes = (actuator.sweep.currents_A, *actuator.sweep.further_A)[: len(actuator.circuits)]
-    found = dict.fromkeys(swept, tuple(0.5 * (min(axis) + max(axis)) for axis in axes))
-    magnet = any(region.material.remanence_T for region in (*actuator.fixed, *actuator.moving.regions))
+    bias = dict.fromkeys(swept, tuple(0.5 * (min(axis) + max(axis)) for axis in axes))
+    magnet = any(region.material.remanence_T for region in actuator.regions)
     if magnet or len(axes) != 1:
-        return found
+        return bias
     current, linked = rows["current_A"].to_numpy(), np.abs(rows["flux_linkage_Wb"].to_numpy())
     for distance in swept:
         here = np.flatnonzero((rows["distance_m"] == distance) & (rows["status"] == "ok"))
         here = here[np.argsort(linked[here])]
         if len(here):
-            found[distance] = (float(np.interp(BIAS_SHARE * np.nanmax(linked), linked[here], current[here])),)
-    return found
+            bias[distance] = (float(np.interp(BIAS_SHARE * np.nanmax(linked), linked[here], current[here])),)
+    return bias

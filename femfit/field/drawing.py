@@ -85,8 +85,10 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
         *_regions("moving", actuator.moving.regions, distance, layout, settings),
         *_coils(actuator, distance, settings, moves=True),
     ]
-    outlines = [shapely.affinity.translate(one, 0.0, distance) for one in layer_outlines(actuator, layout)]
-    inner, outer = (_face(tuple(one.exterior.coords)[:-1]) for one in outlines)
+    outlines = [
+        shapely.affinity.translate(layer_outline, 0.0, distance) for layer_outline in layer_outlines(actuator, layout)
+    ]
+    inner, outer = (_face(tuple(outline.exterior.coords)[:-1]) for outline in outlines)
     halo, layer = _without(inner, mover), outer - inner
     halo.faces.name, layer.faces.name = "halo", "layer"
     _grade(halo, layer, outlines, THIN * layout.radius)
@@ -108,8 +110,8 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
 
 def _mark_skins(shape: Any, actuator: Actuator, layout: Layout, settings: SolverSettings) -> int:
     """Mark the surfaces of what conducts; into how many layers the elements at them are to be split."""
-    parts = [(f"fixed:{one.name}", one) for one in actuator.fixed]
-    parts += [(f"moving:{one.name}", one) for one in actuator.moving.regions]
+    parts = [(f"fixed:{region.name}", region) for region in actuator.fixed]
+    parts += [(f"moving:{region.name}", region) for region in actuator.moving.regions]
     frequency = settings.skin_frequency_Hz
     layers = {
         name: skin_layers(part, _largest_element(part, layout, settings), frequency) if frequency else 0
@@ -128,12 +130,12 @@ def _mark_skins(shape: Any, actuator: Actuator, layout: Layout, settings: Solver
 def _hall_size(actuator: Actuator, hall: HallElement, layout: Layout) -> float:
     """Radius in m of the finely meshed disc round a Hall element, without slivers between it and a part beside it."""
     size, place = HALL_SIZE * layout.clearance, shapely.Point(hall.radius_m, hall.height_m)
-    room = min((polygon(part).distance(place) for part in fixed_parts(actuator)), default=math.inf)
+    room = min((polygon(fixed_part).distance(place) for fixed_part in fixed_parts(actuator)), default=math.inf)
     return 0.5 * room if 0.2 * size < room < 1.5 * size else size
 
 
-def _without(face: Face, others: Sequence[Face]) -> Any:
-    return reduce(lambda left, right: left - right, others, face)
+def _without(face: Face, tools: Sequence[Face]) -> Any:
+    return reduce(lambda left, right: left - right, tools, face)
 
 
 def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon], longest: float) -> None:
@@ -189,8 +191,8 @@ def _largest_element(region: Region, layout: Layout, settings: SolverSettings) -
     return max(size, min(THIN * layout.radius, settings.region_fraction * float(max(r1 - r0, z1 - z0))))
 
 
-def _extent(part: Region | Coil) -> float:
-    r0, z0, r1, z1 = polygon(part).bounds
+def _extent(shape: Region | Coil) -> float:
+    r0, z0, r1, z1 = polygon(shape).bounds
     return float(min(r1 - r0, z1 - z0))
 
 

@@ -1,16 +1,15 @@
-"""What the field does at a distance when currents or the moving part change: the material of reduced models.
+"""What the field does at a distance when currents or the moving part change, and patterns of induced currents.
 
 Induced currents that are worth keeping are those of harmonic fields, of fields at real shifts s (a current that decays
 or rises at its own rate), and those that the motion induces, dw/dd at held currents, at rest and at real shifts. The
 direct harmonic solutions are also what a reduced model is held against.
 
-Patterns of induced currents as further, short-circuited windings, at every distance.
-
-A pattern is a distribution of current that is fixed to the conducting parts; e_k times the k-th one flows. Each is
-scaled to a resistance of 1 ohm and is orthogonal to the others in power, so that 0 = e_k + d(flux linkage_k)/dt. The
-co-energy is a quadratic form in (1, i_1 .. i_n, e_1 .. e_q) and gives force, flux linkages and Hall field as for wound
-circuits: Galerkin's method for the induced currents. Where parts saturate, the form is that of small currents about
-the bias (:mod:`femfit.field.nonlinear_system`).
+Patterns of induced currents serve as further, short-circuited windings, at every distance. A pattern is a distribution
+of current that is fixed to the conducting parts; e_k times the k-th one flows. Each is scaled to a resistance of 1 ohm
+and is orthogonal to the others in power, so that 0 = e_k + d(flux linkage_k)/dt. The co-energy is a quadratic form in
+(1, i_1 .. i_n, e_1 .. e_q) and gives force, flux linkages and Hall field as for wound circuits: Galerkin's method for
+the induced currents. Where parts saturate, the form is that of small currents about the bias
+(:mod:`femfit.field.nonlinear_system`).
 
 References
 ----------
@@ -61,17 +60,17 @@ class EddyProbe:
 
     def transfers(self, frequencies: FloatArray) -> tuple[Transfers, FieldArray]:
         """The direct harmonic solutions at frequencies in Hz, and the fields themselves, (f, circuits, unknowns)."""
-        system, found, fields = self._static, [], []
+        system, solutions, fields = self._static, [], []
         with self._moving.at(self.distance):
             system.solve()
             self._harmonic.move()
             for frequency in frequencies:
                 fields.append(self._harmonic.solve(2j * np.pi * frequency, system.loads[1:]))
-                found.append(self._responses(2j * np.pi * frequency, fields[-1]))
-        flux, force, hall = (np.array(one) for one in zip(*found, strict=True))
+                solutions.append(self._responses(2j * np.pi * frequency, fields[-1]))
+        flux, force, hall = (np.array(values) for values in zip(*solutions, strict=True))
         return Transfers(frequencies, flux, force, None if self._hall is None else hall), np.array(fields)
 
-    def patterns(self, fields: FieldArray, shifts: FloatArray, at: ConductorPoints, tolerance: float) -> FloatArray:
+    def patterns(self, fields: FieldArray, shifts: FloatArray, places: ConductorPoints, tolerance: float) -> FloatArray:
         """Rows (k, n) of induced currents at the points of another mesh.
 
         Principal components of those of harmonic fields, of each source at shifts in 1/s, and of motion, each taken at
@@ -88,10 +87,10 @@ class EddyProbe:
         rows = self.points.rows(np.array(states))
         power = (self.points.weight * rows**2).sum(axis=1)
         alike = np.array(states)[power > 0.0] / np.sqrt(power[power > 0.0])[:, None]
-        kept = principal(self.points.products(self.points.rows(alike)), tolerance) @ alike
-        if at.space.mesh is system.mesh:
-            return self.points.rows(kept)
-        return at.rows_of(kept, system.space, self._moving.reference)
+        basis = principal(self.points.products(self.points.rows(alike)), tolerance) @ alike
+        if places.space.mesh is system.mesh:
+            return self.points.rows(basis)
+        return places.rows_of(basis, system.space, self._moving.reference)
 
     def braking(self) -> FloatArray:
         """Power of the currents that the motion induces over speed squared, of each pair of sources, in N s/m; (m, m).
@@ -111,28 +110,30 @@ class EddyProbe:
     def _responses(self, s: complex, fields: FieldArray) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
         system, hall = self._static, self._hall
-        own = [self._function(np.zeros(system.space.ndof)) for _ in fields]
+        source_fields = [self._function(np.zeros(system.space.ndof)) for _ in fields]
         forces, halls = [], []
-        for part in (np.real, np.imag):
-            totals = [self._function(part(field)) for field in fields]
-            loads = [part(-s * self._mass(field)) for field in fields]
-            if part is np.real:
+        for component in (np.real, np.imag):
+            totals = [self._function(component(field)) for field in fields]
+            loads = [component(-s * self._mass(field)) for field in fields]
+            if component is np.real:
                 loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
-            system.find_own(totals, loads, own)
-            forces.append([self._force_beside(source, totals, own) for source in self._beside])
-            halls.append([0.0 if hall is None else hall_field(hall, system.mesh, one) for one in totals])
-        found, field_at_hall = (np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls))
+            system.find_own(totals, loads, source_fields)
+            forces.append([self._force_beside(source, totals, source_fields) for source in self._beside])
+            halls.append([0.0 if hall is None else hall_field(hall, system.mesh, total) for total in totals])
+        forces_of_fields, field_at_hall = (
+            np.array(real) + 1j * np.array(imaginary) for real, imaginary in (forces, halls)
+        )
         force = np.zeros((len(system.total), len(fields)), dtype=np.complex128)
-        force[: len(found)] = found
+        force[: len(forces_of_fields)] = forces_of_fields
         return system.loads[1:] @ fields.T, force, field_at_hall
 
-    def _force_beside(self, source: int, totals: list[GridFunction], own: list[GridFunction]) -> list[float]:
+    def _force_beside(self, source: int, totals: list[GridFunction], source_fields: list[GridFunction]) -> list[float]:
         """What fields add to the force beside a source at rest."""
         system = self._static
-        total, alone = (system.layer_force.image(one[source]) for one in (system.total, system.own))
+        total, alone = (system.layer_force.image(functions[source]) for functions in (system.total, system.own))
         return [
             2.0 * float(InnerProduct(total, a.vec) - InnerProduct(alone, b.vec))
-            for a, b in zip(totals, own, strict=True)
+            for a, b in zip(totals, source_fields, strict=True)
         ]
 
     def _mass(self, field: FieldArray) -> FieldArray:

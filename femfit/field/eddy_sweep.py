@@ -87,21 +87,21 @@ def eddy_sweep(
         journal.record(task.key, result)
         return []
 
-    solve([one for one in tasks if journal.finished.get(one.key, {AGAIN: True}).get(AGAIN)], record)
+    solve([task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)], record)
     results = {task.distance: journal.finished[task.key] for task in tasks}
-    found = {distance: one for distance, one in results.items() if one["status"] == "ok"}
-    if not found:
+    solved = {distance: result for distance, result in results.items() if result["status"] == "ok"}
+    if not solved:
         raise FieldSolverError(_reason(next(iter(results.values()))))
-    force, flux = (np.array([one[name] for one in found.values()]) for name in ("force", "flux_linkage"))
-    hall = None if actuator.hall is None else np.array([one["hall"] for one in found.values()])
+    force, flux = (np.array([result[name] for result in solved.values()]) for name in ("force", "flux_linkage"))
+    hall = None if actuator.hall is None else np.array([result["hall"] for result in solved.values()])
     conductivities = {  # in the order of the points' materials
-        one.material.name: one.material.conductivity_S_per_m
-        for one in (*actuator.fixed, *actuator.moving.regions)
-        if one.material.conductivity_S_per_m
+        region.material.name: region.material.conductivity_S_per_m
+        for region in actuator.regions
+        if region.material.conductivity_S_per_m
     }
     table = EddyTable(
-        circuits=tuple(one.name for one in actuator.circuits),
-        distances_m=np.array(list(found)),
+        circuits=tuple(circuit.name for circuit in actuator.circuits),
+        distances_m=np.array(list(solved)),
         frequencies_Hz=np.array(actuator.frequencies_Hz),
         force=force,
         flux_linkage=flux,
@@ -113,19 +113,19 @@ def eddy_sweep(
         conductivities_S_per_m=np.array([*conductivities.values()]),
         resistances=probed.resistances,
         asked_error=actuator.eddy_error,
-        bias_A=np.array([plan.biases[d] for d in found]) if actuator.saturates else None,
-        rest=np.array([one["rest"] for one in found.values()]) if actuator.saturates else None,
+        bias_A=np.array([plan.biases[d] for d in solved]) if actuator.saturates else None,
+        rest=np.array([result["rest"] for result in solved.values()]) if actuator.saturates else None,
     )
     errors, braking_error = probed.errors(table)
-    facts = tuple(one.facts for one in numbers)
+    facts = tuple(number.facts for number in numbers)
     slopes = ImpedanceSlopes(facts, probed.distances, table.checked_Hz, probed.slopes) if facts else None
     return replace(table, errors=errors, braking_error=braking_error), slopes
 
 
 def induces(actuator: Actuator) -> bool:
     """Whether frequencies are asked for, and a part conducts."""
-    parts = (*actuator.fixed, *actuator.moving.regions)
-    return bool(actuator.frequencies_Hz) and any(one.material.conductivity_S_per_m for one in parts)
+    conducts = any(region.material.conductivity_S_per_m for region in actuator.regions)
+    return bool(actuator.frequencies_Hz) and conducts
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,10 @@ class _Plan:
             probes,
             tuple(between[k] for k in evenly_spread(len(between), CHECKS)),
             _decades(low, high, MOST_FREQUENCIES),
-            tuple(2.0 * math.pi * one for one in _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)),
+            tuple(
+                2.0 * math.pi * frequency
+                for frequency in _decades(low / SHIFTS_BEYOND, high * SHIFTS_BEYOND, MOST_SHIFTS)
+            ),
             biases,
         )
 
@@ -183,9 +186,9 @@ class _Probed:
         for k, (distance, braking) in enumerate(zip(self.distances, self.braking, strict=True)):
             hall = None if self.hall is None else self.hall[k]
             exact = Transfers(self.frequencies, self.flux_linkage[k], self.force[k], hall)
-            for at in np.flatnonzero(table.distances_m == distance):
-                departures.append(table.transfers(int(at), self.frequencies).departures(exact))
-                pull = table.force[at, :n, n:]
+            for place in np.flatnonzero(table.distances_m == distance):
+                departures.append(table.transfers(int(place), self.frequencies).departures(exact))
+                pull = table.force[place, :n, n:]
                 braked.append(np.abs(4.0 * pull @ pull.T - braking).max() / np.abs(braking).max())
         return self.discretisation + np.max(departures, axis=0), float(np.fmax.reduce(braked))
 
@@ -196,8 +199,8 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
     for d in (*plan.probes, *plan.checks):
         shifts = plan.shifts if d in plan.probes else ()
         coarse = d == plan.probes[0] or d in plan.checks
-        at = plan.meshes[d], plan.reference, d, plan.frequencies
-        tasks.append(ProbeTask(*at, shifts, coarse, numbers, plan.biases.get(d, ())))
+        settings = plan.meshes[d], plan.reference, d, plan.frequencies
+        tasks.append(ProbeTask(*settings, shifts, coarse, numbers, plan.biases.get(d, ())))
     results: dict[float, dict[str, Any]] = {}
 
     def record(task: ProbeTask, result: dict[str, Any]) -> list[Any]:
@@ -205,29 +208,29 @@ def _probe(plan: _Plan, solve: Solve, numbers: tuple[DrawnNumber, ...]) -> _Prob
         return []
 
     solve(tasks, record)
-    found = {task.distance: results[task.distance] for task in tasks if results[task.distance]["status"] == "ok"}
-    made = [one for one in found.values() if "rows" in one]
+    solved = {task.distance: results[task.distance] for task in tasks if results[task.distance]["status"] == "ok"}
+    made = [result for result in solved.values() if "rows" in result]
     if not made:
         raise FieldSolverError(_reason(results[plan.probes[0]]))
-    weight, rows = made[0]["weight"], np.concatenate([one["rows"] for one in made])
-    kept = principal((weight * rows) @ rows.T, plan.reference.actuator.eddy_error) @ rows
-    both = [one for one in found.values() if "coarse" in one]
+    weight, rows = made[0]["weight"], np.concatenate([result["rows"] for result in made])
+    basis = principal((weight * rows) @ rows.T, plan.reference.actuator.eddy_error) @ rows
+    both = [result for result in solved.values() if "coarse" in result]
     discretisation = [np.zeros((len(plan.frequencies), 3))]
-    discretisation += [one["coarse"].departures(one["transfers"]) for one in both]
-    rows = kept / np.sqrt((weight * kept**2).sum(axis=1))[:, None]
+    discretisation += [result["coarse"].departures(result["transfers"]) for result in both]
+    rows = basis / np.sqrt((weight * basis**2).sum(axis=1))[:, None]
     inside = np.arange(made[0]["material"].max() + 1)[:, None] == made[0]["material"]
-    exact = [one["transfers"] for one in found.values()]
+    exact = [result["transfers"] for result in solved.values()]
     return _Probed(
         rows,
-        np.array([(one * weight * rows) @ rows.T for one in inside]),
-        np.array(list(found)),
+        np.array([(weights * weight * rows) @ rows.T for weights in inside]),
+        np.array(list(solved)),
         exact[0].frequencies_Hz,
-        np.array([one.flux_linkage for one in exact]),
-        np.array([one.force for one in exact]),
-        None if exact[0].hall is None else np.array([one.hall for one in exact]),
+        np.array([transfer.flux_linkage for transfer in exact]),
+        np.array([transfer.force for transfer in exact]),
+        None if exact[0].hall is None else np.array([transfer.hall for transfer in exact]),
         np.max(discretisation, axis=0),
-        np.array([one["braking"] for one in found.values()]),
-        np.array([one.get("slopes", ()) for one in found.values()]).swapaxes(0, 1),
+        np.array([result["braking"] for result in solved.values()]),
+        np.array([result.get("slopes", ()) for result in solved.values()]).swapaxes(0, 1),
     )
 
 

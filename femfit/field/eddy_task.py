@@ -1,7 +1,4 @@
-"""The tasks of the harmonic part of a sweep, as workers solve them: probes of some distances, and forms of each.
-
-Principal components of induced currents, by their power.
-"""
+"""The tasks of the harmonic part of a sweep, as workers solve them: probes of some distances, and forms of each."""
 
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -85,9 +82,9 @@ class ProbeTask:
             result["slopes"] = slopes.at(self.distance, frequencies, fields)
         if not self.shifts:
             return result
-        at = probe.points if self.reference == self.mesh else _points(self.reference)
-        rows = probe.patterns(fields, np.array(self.shifts), at, actuator.eddy_error)
-        return result | {"rows": rows, "weight": at.weight, "material": at.material_rows}
+        places = probe.points if self.reference == self.mesh else _points(self.reference)
+        rows = probe.patterns(fields, np.array(self.shifts), places, actuator.eddy_error)
+        return result | {"rows": rows, "weight": places.weight, "material": places.material_rows}
 
 
 @dataclass(frozen=True)
@@ -156,5 +153,5 @@ def principal(products: FloatArray, tolerance: float) -> FloatArray:
     What is left out of all rows together has less than the tolerance's square of their power.
     """
     powers, directions = np.linalg.eigh(products)
-    kept = np.cumsum(np.maximum(powers, 0.0)) > tolerance**2 * powers.sum()
-    return np.asarray(directions[:, kept].T[::-1])
+    retained = np.cumsum(np.maximum(powers, 0.0)) > tolerance**2 * powers.sum()
+    return np.asarray(directions[:, retained].T[::-1])

@@ -92,7 +92,7 @@ class ExplicitSlopes:
         self._velocities = velocities.reshape(len(numbers), -1)
         self._loads = self._coil_slopes(motion, velocities)
         self._named = materials(actuator)
-        self._media = [(self.points.of_region(name), _Medium.of(one)) for name, one in self._named.items()]
+        self._media = [(self.points.of_region(name), _Medium.of(material)) for name, material in self._named.items()]
         self._changes = [self._changed_media(number) for number in numbers]
         self._left = motion.remainder(velocities)
         self._sides = [
@@ -113,13 +113,13 @@ class ExplicitSlopes:
         points, (count, edge) = self.points, (3 * len(self.points.weight), 3 * len(self._left.points))
         parts = np.split(samples, [count, count + edge, count + 2 * edge])
         w, w_r, w_z = points.split(parts[0])
-        shear, b = (one[:, None] for one in points.stretched(stretch))
+        shear, b = (values[:, None] for values in points.stretched(stretch))
         r = points.radius[:, None]
         w_r, w_z = w_r - shear * w_z, w_z / b
         density = flux_density_of(r, w, w_r, w_z)
         (field, u), rings = in_air(density), np.zeros_like(w)
-        for at, medium in self._media:
-            field[:, at], u[at], rings[at] = medium.respond(density[:, at], (r * w)[at], s)
+        for places, medium in self._media:
+            field[:, places], u[places], rings[places] = medium.respond(density[:, places], (r * w)[places], s)
         h_r, h_z = field * r
         weight = 2.0 * math.pi * points.weight[:, None] * b
         values, u = h_z * w_r - h_r * w_z + u + 3.0 * rings, r * (u + rings)  # the rings' r^3 has the slope 3 r^2
@@ -130,17 +130,17 @@ class ExplicitSlopes:
         result = -self._velocities @ np.concatenate(nodal)
         result += np.einsum("pck,kc->pk", parts[3].reshape(*self._loads.shape[:2], samples.shape[1]), currents)
         for k, changes in enumerate(self._changes):
-            for at, larger, smaller in changes:
-                ends = [one.respond(density[:, at], (r * w)[at], s) for one in (larger, smaller)]
+            for places, larger, smaller in changes:
+                ends = [medium.respond(density[:, places], (r * w)[places], s) for medium in (larger, smaller)]
                 change = ends[0][1] + ends[0][2] - ends[1][1] - ends[1][2]
-                result[k] -= (weight[at] * r[at] * change).sum(axis=0) / (2.0 * self._numbers[k].step)
+                result[k] -= (weight[places] * r[places] * change).sum(axis=0) / (2.0 * self._numbers[k].step)
         return np.asarray((result + self._along_edges(parts[1], parts[2], stretch, s)).T)
 
     def largest_in_parts(self, samples: FloatArray) -> float:
         """The largest slope of w in a part with a material, or anywhere where there is none."""
         _, w_r, w_z = self.points.split(samples[: 3 * len(self.points.weight)])
-        at = np.concatenate([at for at, _ in self._media]) if self._media else slice(None)
-        return float(max(np.abs(w_r[at]).max(), np.abs(w_z[at]).max()))
+        indices = np.concatenate([indices for indices, _ in self._media]) if self._media else slice(None)
+        return float(max(np.abs(w_r[indices]).max(), np.abs(w_z[indices]).max()))
 
     def _coil_slopes(self, motion: OutlineMotion, velocities: FloatArray) -> FloatArray:
         """Slopes of the loads of 1 A; shape (numbers, circuits, unknowns)."""
@@ -148,17 +148,17 @@ class ExplicitSlopes:
         circuits = [circuit.name for circuit in actuator.circuits]
         result = np.zeros((len(self._numbers), len(circuits), self._space.ndof))
         space, v = VectorH1(self._space.mesh, order=1), self._space.TestFunction()
-        passing, own = GridFunction(space), GridFunction(space)
+        passing, coil_field = GridFunction(space), GridFunction(space)
         for place, coil in enumerate(actuator.coils):
             over = dx(coil_region(coil), bonus_intorder=RADIAL_WEIGHT_ORDER)
             density = 2.0 * math.pi * coil.sign * _density(coil)
             plain = LinearForm(2.0 * math.pi * coil.sign * x**2 * v * over).Assemble().vec.FV().NumPy()
-            divergence = v * (2.0 * x * own[0] + x**2 * (Grad(own)[0, 0] + Grad(own)[1, 1]))
-            slope = LinearForm(density * (divergence + x**2 * InnerProduct(own - passing, grad(v))) * over)
+            divergence = v * (2.0 * x * coil_field[0] + x**2 * (Grad(coil_field)[0, 0] + Grad(coil_field)[1, 1]))
+            slope = LinearForm(density * (divergence + x**2 * InnerProduct(coil_field - passing, grad(v))) * over)
             motions = zip(motion.of_coil(place), velocities, self._numbers, strict=True)
             for k, (of_coil, of_mesh, number) in enumerate(motions):
-                own.vec.FV().NumPy()[:], passing.vec.FV().NumPy()[:] = of_coil.ravel(), of_mesh.ravel()
-                larger, smaller = (_density(one.coils[place]) for one in (number.larger, number.smaller))
+                coil_field.vec.FV().NumPy()[:], passing.vec.FV().NumPy()[:] = of_coil.ravel(), of_mesh.ravel()
+                larger, smaller = (_density(device.coils[place]) for device in (number.larger, number.smaller))
                 slope.Assemble()
                 change = slope.vec.FV().NumPy() + (larger - smaller) / (2.0 * number.step) * plain
                 result[k, circuits.index(coil.circuit)] += change
@@ -180,8 +180,11 @@ class ExplicitSlopes:
         inside = np.array([names.index(name) for name in self._left.inside], dtype=np.int64)
         outside = self._sides[1].numbers_of(number).round().astype(np.int64)
         media = [
-            [(np.flatnonzero(at == k), _Medium.of(self._named[names[k]]) if k >= 0 else _AIR) for k in np.unique(at)]
-            for at in (inside, outside)
+            [
+                (np.flatnonzero(side == k), _Medium.of(self._named[names[k]]) if k >= 0 else _AIR)
+                for k in np.unique(side)
+            ]
+            for side in (inside, outside)
         ]
         differs = [
             j < 0 or self._named[names[j]] != self._named[names[k]] for j, k in zip(outside, inside, strict=True)
@@ -191,18 +194,18 @@ class ExplicitSlopes:
     def _along_edges(self, inside: Any, outside: Any, stretch: float, s: complex) -> Any:
         if not self._differs.any():
             return 0.0
-        left, found = self._left, []
-        radius = left.points[:, :1]
+        media_inside, rows = self._left, []
+        radius = media_inside.points[:, :1]
         for side, values, media in zip(self._sides, (inside, outside), self._side_media, strict=True):
-            b, rw = side.flux_density(values, left.points[:, 0], stretch), radius * values[: len(radius)]
+            b, rw = side.flux_density(values, media_inside.points[:, 0], stretch), radius * values[: len(radius)]
             (h, u), rings = in_air(b), np.zeros_like(rw)
-            for at, medium in media:
-                h[:, at], u[at], rings[at] = medium.respond(b[:, at], rw[at], s)
-            r, z = left.normals.T[..., None]
-            found.append((r * b[1] - z * b[0], r * h[1] - z * h[0], u + rings))
-        (b_in, h_in, u_in), (b_out, h_out, u_out) = found
+            for places, medium in media:
+                h[:, places], u[places], rings[places] = medium.respond(b[:, places], rw[places], s)
+            r, z = media_inside.normals.T[..., None]
+            rows.append((r * b[1] - z * b[0], r * h[1] - z * h[0], u + rings))
+        (b_in, h_in, u_in), (b_out, h_out, u_out) = rows
         jump = 0.5 * (h_in + h_out) * (b_in - b_out) - (u_in - u_out)
-        return np.asarray(left.weights @ (jump * self._differs[:, None]))
+        return np.asarray(media_inside.weights @ (jump * self._differs[:, None]))
 
 
 def _density(coil: Coil) -> float:

@@ -122,14 +122,14 @@ class OtherForces:
     def __init__(
         self,
         total: Sequence[GridFunction],
-        own: Sequence[GridFunction],
+        alone: Sequence[GridFunction],
         reaction_weight: GridFunction,
         work_weight: GridFunction,
     ) -> None:
         space = total[0].space
         self._mesh = space.mesh
         self._order = 2 * space.globalorder + 2  # B, B, r and the slope of a weight of order 2
-        w, u = ([flux_density(function) for function in functions] for functions in (total, own))
+        w, u = ([flux_density(function) for function in functions] for functions in (total, alone))
         v = [b - own_b for b, own_b in zip(w, u, strict=True)]
         slopes = grad(reaction_weight), grad(work_weight)
         terms = [2.0 * stress_density(b, c, slope) for slope in slopes for b in u for c in v]

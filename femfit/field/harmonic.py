@@ -1,11 +1,9 @@
-"""The field at a complex frequency s: (K + s M) w = sources, with M of :mod:`femfit.field.harmonic`.
+"""The field at a complex frequency s, with eddy currents in the parts that conduct: (K + s M) w = sources.
 
 K and M are symmetric, so with w_k of 1 A in circuit k the inductances are L_jk(s) = load_j . w_k = L_kj(s), and the
 windings' impedances R + s L(s). At s = j omega the form is complex symmetric; at real s > 0 it is positive definite.
 The loss checks it: the real part of j omega L is the power of the eddy currents by 1 A, the integral of
 sigma omega^2 r^2 |w|^2 2 pi r.
-
-Eddy currents in the parts that conduct: their form, and where they crowd.
 
 An electric field -r dw/dt along phi drives sigma r^2 dw/dt in a solid part, so that the field's equations are
 K w + M dw/dt = sources with
@@ -16,12 +14,10 @@ K w + M dw/dt = sources with
 The second is the first term of homogenisation: no current crosses from sheet to sheet, and within a sheet B is taken as
 even, which holds where b is not above the skin depth. Windings are of thin strands, without eddy currents of their own.
 
-Induced currents as values at the quadrature points of the parts that conduct, the same on every mesh.
-
-With the rows c of a field w at the points, sqrt(sigma) r w in solid parts and sqrt(sigma b^2 / 12) B(w) in stacks of
-sheets, M of :mod:`femfit.field.harmonic` is the sum of weight c c: a field's rows tell the induced current that goes
-with it, whatever the mesh that it was solved on. Parts move as rigid bodies, so that a row belongs to a place in its
-part.
+Induced currents are kept as values at the quadrature points of the parts that conduct, the same on every mesh. With the
+rows c of a field w at the points, sqrt(sigma) r w in solid parts and sqrt(sigma b^2 / 12) B(w) in stacks of sheets, M
+is the sum of weight c c: a field's rows tell the induced current that goes with it, whatever the mesh that it was
+solved on. Parts move as rigid bodies, so that a row belongs to a place in its part.
 
 References
 ----------
@@ -70,7 +66,7 @@ MOST_LAYERS = 6
 
 def conductors(actuator: Actuator) -> dict[str, Material]:
     """Material of each of the mesh's region names that conducts."""
-    return {name: one for name, one in materials(actuator).items() if one.conductivity_S_per_m}
+    return {name: material for name, material in materials(actuator).items() if material.conductivity_S_per_m}
 
 
 def add_eddy_form(form: BilinearForm, named: Mapping[str, Material], factor: Any = 1.0) -> None:
@@ -171,7 +167,9 @@ class ConductorPoints:
         self.places = np.column_stack([self._interpolated(ng.x), self._interpolated(ng.y) - distance * self.moving])
         weight = 2.0 * math.pi * self.places[:, 0] * area
         self.weight = np.concatenate([weight, weight[self.sheets]])
-        places = {name: float(k) for k, name in enumerate(dict.fromkeys(one.name for one in self._named.values()))}
+        places = {
+            name: float(k) for k, name in enumerate(dict.fromkeys(material.name for material in self._named.values()))
+        }
         of_material = self._sampled({n: places[m.name] for n, m in self._named.items()}).round().astype(np.int64)
         self.material_rows = np.concatenate([of_material, of_material[self.sheets]])  # Which of the materials
         self.moving_rows = np.concatenate([self.moving, self.moving[self.sheets]])
@@ -193,13 +191,13 @@ class ConductorPoints:
 
     def rows_of(self, states: FloatArray, space: H1, distance: float) -> FloatArray:
         """Rows (k, n) of fields (k, unknowns) on another mesh, which was made with the moving part at a distance."""
-        at = space.mesh(self.places[:, 0], self.places[:, 1] + distance * self.moving)
+        points = space.mesh(self.places[:, 0], self.places[:, 1] + distance * self.moving)
         function, result = GridFunction(space), []
         for state in states:
             function.vec.FV().NumPy()[:] = state
-            rows = self.factor * self.places[:, 0] * function(at)[:, 0]
+            rows = self.factor * self.places[:, 0] * function(points)[:, 0]
             if self.sheets.any():
-                b = self.factor[:, None] * flux_density(function)(at)
+                b = self.factor[:, None] * flux_density(function)(points)
                 rows = np.concatenate([np.where(self.sheets, b[:, 0], rows), b[self.sheets, 1]])
             result.append(rows)
         return np.array(result)

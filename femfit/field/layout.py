@@ -1,11 +1,8 @@
-"""Lengths of a drawing over its sweep, and which distances can share one mesh.
+"""Layout of a drawing for meshes: outlines, lengths over its sweep, distances that share a mesh, names of regions.
 
-Outlines of parts as polygons, with chords for arcs, and the corners at which their fields are singular.
-
-Names of the mesh's regions, and patterns that select them.
-
-A part with a material is ``fixed:NAME`` or ``moving:NAME``, a coil ``fixed_coil:NAME`` or ``moving_coil:NAME``; around
-the moving part lie ``halo`` and ``layer``, and ``air`` is all the rest.
+Outlines are polygons with chords for arcs, whose corners are where fields are singular. A part with a material is
+``fixed:NAME`` or ``moving:NAME``, a coil ``fixed_coil:NAME`` or ``moving_coil:NAME``; around the moving part lie
+``halo`` and ``layer``, and ``air`` is all the rest.
 """
 
 import math
@@ -31,14 +28,14 @@ COINCIDENT = 1e-9
 """Points closer than this, in m, are one."""
 
 
-def part_corners(part: Region | Coil) -> tuple[tuple[float, float], ...]:
+def part_corners(shape: Region | Coil) -> tuple[tuple[float, float], ...]:
     """Corners of the part in m, with chords for its arcs."""
-    return tuple(flattened(part.vertices_m, part.bulges if isinstance(part, Region) else ()))
+    return tuple(flattened(shape.vertices_m, shape.bulges if isinstance(shape, Region) else ()))
 
 
-def polygon(part: Region | Coil) -> shapely.Polygon:
+def polygon(shape: Region | Coil) -> shapely.Polygon:
     """The part's section, as drawn."""
-    return shapely.Polygon(part_corners(part))
+    return shapely.Polygon(part_corners(shape))
 
 
 def moving_parts(actuator: Actuator) -> list[Region | Coil]:
@@ -76,8 +73,8 @@ def _by_material(regions: Iterable[Region]) -> dict[Material, list[shapely.Polyg
 
 
 def _corners(filled: Any) -> Iterable[tuple[float, float]]:
-    for one in getattr(filled, "geoms", [filled]):
-        for ring in (one.exterior, *one.interiors):
+    for piece in getattr(filled, "geoms", [filled]):
+        for ring in (piece.exterior, *piece.interiors):
             points = np.array(ring.simplify(0.0).coords)[:-1]
             points = points[np.hypot(*(points - np.roll(points, 1, axis=0)).T) > COINCIDENT]
             for before, here, after in zip(
@@ -91,10 +88,10 @@ def _turn(before: FloatArray, here: FloatArray, after: FloatArray) -> float:
     """Angle by which an outline turns at a point; on the axis together with its mirror image."""
     steps = [here - before, after - here]
     if here[0] < COINCIDENT:  # one of the edges lies on the axis, the other one goes on mirrored
-        (step,) = [one for one in steps if abs(one[0]) > COINCIDENT] or [np.array([1.0, 0.0])]
+        (step,) = [step for step in steps if abs(step[0]) > COINCIDENT] or [np.array([1.0, 0.0])]
         return 2.0 * math.atan2(abs(step[1]), abs(step[0]))
-    one, other = (step / np.hypot(*step) for step in steps)
-    return abs(math.atan2(one[0] * other[1] - one[1] * other[0], one @ other))
+    first, second = (step / np.hypot(*step) for step in steps)
+    return abs(math.atan2(first[0] * second[1] - first[1] * second[0], first @ second))
 
 
 INNER_OFFSET, OUTER_OFFSET = 0.2, 0.6  # of the clearance
@@ -129,10 +126,9 @@ def layout_of(actuator: Actuator, settings: SolverSettings) -> Layout:
     mover, fixed = mover_outline(actuator), _obstacles(actuator)
     still = shapely.union_all(fixed)
     distances = (min(actuator.sweep.distances_m), max(actuator.sweep.distances_m))
-    clearance = _clearance(mover, still, distances)
-    scale = _offset_scale(mover, clearance)
+    clearance, scale = _clearance(mover, still, distances)
     moved = np.concatenate([np.asarray(mover.exterior.coords) + np.array([0.0, d]) for d in distances])
-    parts = [*(np.asarray(part.exterior.coords) for part in fixed if part.geom_type == "Polygon"), moved]
+    parts = [*(np.asarray(outline.exterior.coords) for outline in fixed if outline.geom_type == "Polygon"), moved]
     radius = max(float(np.hypot(*points.T).max()) for points in parts)
     outer = OUTER_OFFSET * scale
     fixed_top = still.bounds[3]
@@ -155,7 +151,7 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
     """
     mover = mover_outline(actuator)
     near, far = group[0], group[-1]
-    outer = OUTER_OFFSET * _offset_scale(mover, _clearance(mover, shapely.union_all(_obstacles(actuator)), (near, far)))
+    outer = OUTER_OFFSET * _clearance(mover, shapely.union_all(_obstacles(actuator)), (near, far))[1]
     if far > near:  # (far - top - outer) / (near - top - outer) within the limit
         outer = min(outer, near - layout.fixed_top - (far - near) / (settings.stretch_limit - 1.0))
     outer = max(outer, layout.outer_offset)
@@ -164,26 +160,23 @@ def layout_of_group(actuator: Actuator, group: tuple[float, ...], layout: Layout
 
 def _obstacles(actuator: Actuator) -> list[Any]:
     """All that the moving part and its layer keep away from."""
-    fixed: list[Any] = [polygon(part) for part in fixed_parts(actuator)]
+    fixed: list[Any] = [polygon(fixed_part) for fixed_part in fixed_parts(actuator)]
     if actuator.hall is not None:
         fixed.append(shapely.Point(actuator.hall.radius_m, actuator.hall.height_m))
     return fixed
 
 
-def _clearance(mover: shapely.Polygon, still: Any, distances: tuple[float, float]) -> float:
-    """The smallest distance between moving and fixed parts on the way from one distance to another."""
+def _clearance(mover: shapely.Polygon, still: Any, distances: tuple[float, float]) -> tuple[float, float]:
+    """The smallest distance between moving and fixed parts on the way between two distances, and the offsets' scale."""
     steps = np.linspace(*distances, 65)
-    return float(min(still.distance(shapely.affinity.translate(mover, 0.0, d)) for d in steps))
-
-
-def _offset_scale(mover: shapely.Polygon, clearance: float) -> float:
+    clearance = float(min(still.distance(shapely.affinity.translate(mover, 0.0, d)) for d in steps))
     r0, z0, r1, z1 = mover.bounds
-    return float(min(clearance, LARGEST_OFFSET * min(r1 - r0, z1 - z0)))
+    return clearance, float(min(clearance, LARGEST_OFFSET * min(r1 - r0, z1 - z0)))
 
 
 def mover_outline(actuator: Actuator) -> shapely.Polygon:
     """Outline of the whole moving part at distance zero."""
-    outline = shapely.union_all([polygon(part) for part in moving_parts(actuator)])
+    outline = shapely.union_all([polygon(moving_part) for moving_part in moving_parts(actuator)])
     if outline.geom_type != "Polygon":
         raise FieldSolverError(
             "The regions and coils of the moving part must touch each other, so that one closed surface encloses them; "
@@ -208,12 +201,12 @@ def layer_outlines(actuator: Actuator, layout: Layout) -> tuple[shapely.Polygon,
     while 0.0 < room <= LARGEST_OFFSET * min(r1 - r0, z1 - z0):
         free = mover - still.buffer(room, cap_style="square", join_style="mitre")
         wider = [
-            one | (_grown(free, share * room) & shapely.box(0.0, one.bounds[1], 1e3, 1e3))
-            for one, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
+            outline | (_grown(free, share * room) & shapely.box(0.0, outline.bounds[1], 1e3, 1e3))
+            for outline, share in zip(outlines, (INNER_OFFSET, OUTER_OFFSET), strict=True)
         ]
-        if free.is_empty or any(one.geom_type != "Polygon" or one.interiors for one in wider):
+        if free.is_empty or any(outline.geom_type != "Polygon" or outline.interiors for outline in wider):
             break
-        outlines = [without_spikes(one.simplify(SHORTEST_STEP * layout.outer_offset)) for one in wider]
+        outlines = [without_spikes(outline.simplify(SHORTEST_STEP * layout.outer_offset)) for outline in wider]
         room *= LEVEL_RATIO
     return outlines[0], outlines[1]
 

@@ -5,11 +5,10 @@ a quadratic form in s, flux linkages and the Hall field are linear in it, and th
 The stress of the moving part's own field integrates to zero, but not on a mesh: it is evaluated on the same mesh with
 everything else taken away, and subtracted (:mod:`femfit.field.linear_system`).
 
-Flux linkage of windings without current: quadrature of the solved field over their sections.
-
-A winding of N turns that fill a section of area A links (N / A) integral 2 pi r A_phi = (N / A) integral 2 pi r^2 w.
-Without a current it changes nothing, so the mesh knows nothing of it, and it may share its section with a coil. The
-section is cut at the heights of its corners; in each strip the nodes of Gauss lie along z, and along r between edges.
+The flux linkage of windings without current is a quadrature of the solved field over their sections. A winding of N
+turns that fill a section of area A links (N / A) integral 2 pi r A_phi = (N / A) integral 2 pi r^2 w. Without a current
+it changes nothing, so the mesh knows nothing of it, and it may share its section with a coil. The section is cut at the
+heights of its corners; in each strip the nodes of Gauss lie along z, and along r between edges.
 """
 
 from collections.abc import Mapping, Sequence
@@ -64,9 +63,9 @@ class PickupCoils:
         placed = {}
         for coil, points, weights in self._coils:
             physical = points + np.array([0.0, distance if coil.moves else 0.0])
-            found = self._moving.unstretched(physical, distance)
+            fields = self._moving.unstretched(physical, distance)
             density = coil.turns / weights.sum() * 2.0 * np.pi * points[:, 0] ** 2
-            placed[coil.name] = self._moving.mesh(found[:, 0], found[:, 1]), density * weights
+            placed[coil.name] = self._moving.mesh(fields[:, 0], fields[:, 1]), density * weights
         return PlacedCoils(placed)
 
 
@@ -78,7 +77,7 @@ class PlacedCoils:
 
     def linked(self, w: GridFunction) -> dict[str, float]:
         """Flux linkage of each coil in Wb with a solution."""
-        return {name: float(weights @ w(at)[:, 0]) for name, (at, weights) in self._placed.items()}
+        return {name: float(weights @ w(places)[:, 0]) for name, (places, weights) in self._placed.items()}
 
 
 def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
@@ -97,8 +96,8 @@ def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray,
                 crosses = (starts[:, 1] > z) != (stops[:, 1] > z)
                 a, b = starts[crosses], stops[crosses]
                 edges = np.sort(a[:, 0] + (z - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0]))
-                for left, right in zip(edges[::2], edges[1::2], strict=True):
-                    ends = np.linspace(left, right, STRIPS + 1)
+                for near, far in zip(edges[::2], edges[1::2], strict=True):
+                    ends = np.linspace(near, far, STRIPS + 1)
                     quarter = 0.5 * np.diff(ends)[:, None]
                     r = (0.5 * (ends[1:] + ends[:-1])[:, None] + quarter * x).ravel()
                     points.append(np.column_stack([r, np.full_like(r, z)]))
@@ -160,7 +159,7 @@ class LinearActuator:
             coenergy=fine.coenergy,
             hall=fine.hall,
             self_force=fine.self_force,
-            pickup={name: np.array([one[name] for one in linked]) for name in linked[0]},
+            pickup={name: np.array([links[name] for links in linked]) for name in linked[0]},
         )
 
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:

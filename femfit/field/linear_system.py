@@ -63,7 +63,8 @@ class LinearSystem:
         parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(mesh, named)
         self._air = stiffness(self.space, nu_0, layout.outer_radius, regions=AIR)
         self._solid, self._vacuum = (
-            [stiffness(self.space, one, None, regions=parts).Assemble()] if named else [] for one in (nu, nu_0)
+            [stiffness(self.space, reluctivity, None, regions=parts).Assemble()] if named else []
+            for reluctivity in (nu, nu_0)
         )
         self._inverse, self._free_inverse = (SummedInverse(self.space) for _ in range(2))
         self._induced = stiffness(self.space, nu_0 - nu, None, regions="moving:.*", condense=False)
@@ -76,14 +77,14 @@ class LinearSystem:
         self.find_own(self.total, self.own_loads, self.own)
 
     def find_own(
-        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, own: Sequence[GridFunction]
+        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, alone: Sequence[GridFunction]
     ) -> None:
         """Overwrite by the fields of the moving part alone, of its currents' loads and of what fields magnetise."""
         magnetisation, own_loads = self.total[0].vec.CreateVector(), []
         for total, load in zip(totals, loads, strict=True):
             self._induced.Apply(total.vec, magnetisation)  # element by element, on the moving part alone
             own_loads.append(magnetisation.FV().NumPy() + load)
-        for load, function in zip(own_loads, own, strict=True):
+        for load, function in zip(own_loads, alone, strict=True):
             function.vec.FV().NumPy()[:] = self._free_inverse.solve(load) if load.any() else 0.0
 
     def state(self) -> FloatArray:
@@ -116,21 +117,21 @@ class LinearSystem:
 
 def loads_of(space: H1, actuator: Actuator, patterns: PatternLoads | None) -> tuple[FloatArray, FloatArray]:
     """Right-hand sides of all sources, and of what of them moves; shape (m, unknowns) each."""
-    whole, moving = (source_loads(space, actuator, moving=moving) for moving in (False, True))
+    loads, moving = (source_loads(space, actuator, moving=moving) for moving in (False, True))
     if patterns is None:
-        return whole, moving
+        return loads, moving
     induced, induced_moving = patterns(space)
-    return np.concatenate([whole, induced]), np.concatenate([moving, induced_moving])
+    return np.concatenate([loads, induced]), np.concatenate([moving, induced_moving])
 
 
 def hall_fields(hall: HallElement | None, mesh: Mesh, functions: Sequence[GridFunction]) -> FloatArray | None:
     """The field in T at the Hall element of each function; None without one."""
-    return None if hall is None else np.array([hall_field(hall, mesh, one) for one in functions])
+    return None if hall is None else np.array([hall_field(hall, mesh, function) for function in functions])
 
 
 def inner_products(loads: FloatArray, functions: Sequence[GridFunction]) -> FloatArray:
     """Of each load (k, unknowns) with each function, shape (k, functions)."""
-    return np.array([[inner(load, one.vec.FV().NumPy()) for one in functions] for load in loads])
+    return np.array([[inner(load, function.vec.FV().NumPy()) for function in functions] for load in loads])
 
 
 class SummedInverse:
@@ -146,10 +147,10 @@ class SummedInverse:
         self._space = space
         self._parts: Sequence[BilinearForm] = ()
         w, v = space.TnT()
-        whole = BilinearForm(w * v * dx, symmetric=True, condense=True).Assemble()  # cheap, for the sum's pattern
-        self._keys = _entry_keys(whole)
+        matrix = BilinearForm(w * v * dx, symmetric=True, condense=True).Assemble()  # cheap, for the sum's pattern
+        self._keys = _entry_keys(matrix)
         self._places: list[IntArray] = []
-        self._matrix = whole.mat
+        self._matrix = matrix.mat
         self._inverse: Any = None
         self._load, self._solution = (GridFunction(self._space).vec for _ in range(2))
 
@@ -159,9 +160,9 @@ class SummedInverse:
         values = self._matrix.AsVector().FV().NumPy()
         values[:] = 0.0
         if not self._places:
-            self._places = [np.searchsorted(self._keys, _entry_keys(part)) for part in parts]
-        for part, places in zip(parts, self._places, strict=True):
-            values[places] += part.mat.AsVector().FV().NumPy()
+            self._places = [np.searchsorted(self._keys, _entry_keys(matrix)) for matrix in parts]
+        for entries, places in zip(parts, self._places, strict=True):
+            values[places] += entries.mat.AsVector().FV().NumPy()
         if self._inverse is None:
             free = self._space.FreeDofs(coupling=True)
             self._inverse = self._matrix.Inverse(free, inverse="sparsecholesky")
@@ -185,6 +186,6 @@ class SummedInverse:
 def _entry_keys(form: BilinearForm) -> IntArray:
     """Row and column of each stored entry as one ascending number."""
     _, indices, offsets = form.mat.CSR()
-    columns, starts = (np.array(part).astype(np.int64) for part in (indices, offsets))
+    columns, starts = (np.array(array).astype(np.int64) for array in (indices, offsets))
     rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     return np.asarray(rows * form.space.ndof + columns)

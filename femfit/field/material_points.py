@@ -156,5 +156,5 @@ class MaterialPoints:
 
 def csr(matrix: Any, columns: int) -> Any:
     """A copy of an NGSolve matrix for scipy."""
-    values, indices, starts = (np.array(part) for part in matrix.CSR())
+    values, indices, starts = (np.array(array) for array in matrix.CSR())
     return sparse.csr_matrix((values, indices.astype(np.int32), starts.astype(np.int32)), (len(starts) - 1, columns))

@@ -5,10 +5,9 @@ linearly, and the shift fades out with the radius. A mesh that changes smoothly 
 has no remeshing jumps. The elements at the fixed parts' corners hold most of the energy's error and do not move, so
 that it is the same at all distances: else it would show in d(flux linkage)/dd, which is often 1e-4 of the flux a mm.
 
-The field at quadrature points of a whole mesh, and how a stretch along z changes what is seen there.
-
-Coefficients of w are mapped to (w, dw/dr, dw/dz) once, on the mesh as it was made. A stretch by s moves each vertex by
-s g along z; with a = s dg/dr and b = 1 + s dg/dz
+The field is evaluated at quadrature points of a whole mesh, where a stretch along z changes what is seen. Coefficients
+of w are mapped to (w, dw/dr, dw/dz) once, on the mesh as it was made. A stretch by s moves each vertex by s g along z;
+with a = s dg/dr and b = 1 + s dg/dz
 
     dw/dr -> dw/dr - (a / b) dw/dz,    dw/dz -> dw/dz / b,    weight -> b weight,    r -> r,
 
@@ -152,7 +151,7 @@ class FieldPoints:
 
     def of_region(self, name: str) -> IntArray:
         """The points of a region."""
-        return np.flatnonzero(np.isin(self._region, [k for k, one in enumerate(self.region) if one == name]))
+        return np.flatnonzero(np.isin(self._region, [k for k, region in enumerate(self.region) if region == name]))
 
     def fields(self, states: FloatArray) -> FloatArray:
         """(w, dw/dr, dw/dz), one after the other, of states of shape (unknowns, k); shape (3 points, k)."""
@@ -181,7 +180,7 @@ class FieldPoints:
         Where the stretch is a shift it does not change, so that differences between stretches are those of the air.
         """
         w, w_r, w_z = self.split(fields)
-        shear, b = (one[:, None] for one in self.stretched(stretch))
+        shear, b = (values[:, None] for values in self.stretched(stretch))
         r, weight = self.radius[:, None], 2.0 * np.pi / MU_0 * (self.weight * self.radius)[:, None] * b
         b_r, b_z = flux_density_of(r, w, w_r - shear * w_z, w_z / b)
         along_r = weight * r * b_z
@@ -196,9 +195,9 @@ class FieldPoints:
     def _to_points(self, space: H1) -> Any:
         w, q = space.TrialFunction(), self._rule.TestFunction()
         rows = []
-        for one in (w, grad(w)[0], grad(w)[1]):
+        for component in (w, grad(w)[0], grad(w)[1]):
             form = BilinearForm(trialspace=space, testspace=self._rule)
-            form += one * q * self._measure
+            form += component * q * self._measure
             rows.append(sparse.diags(1.0 / self.weight) @ csr(form.Assemble().mat, space.ndof))
         return sparse.vstack(rows).tocsr()
 
@@ -245,7 +244,7 @@ def flux_density_of(radius: FloatArray, w: FloatArray, w_r: FloatArray, w_z: Flo
 def law_of(material: Material) -> Law:
     """The law of a material."""
     if isinstance(material, LinearMaterial):
-        nu, (r, z) = material.reluctivity, (material.remanence_T * one for one in material.direction)
+        nu, (r, z) = material.reluctivity, (material.remanence_T * component for component in material.direction)
 
         def linear(b: FloatArray) -> tuple[FloatArray, FloatArray]:
             h = nu * np.stack([b[0] - r, b[1] - z])

@@ -9,11 +9,10 @@ enough leads to the one minimum from any start.
 
 The residual is measured where it means energy: sqrt(c . K c / w . K w), the correction relative to the solution.
 
-The states at all points of the currents, each found from those between it and the weakest one.
-
-With states v of a similar problem (another distance, a lower order) as bases, a point starts from
-w(i) = v(i) + w(i') - v(i'), i' the nearest point before it: wrong only in the mixed second difference. Without them it
-starts on the straight line through the two points before it, or from the parallelogram of three.
+The states at all points of the currents are found each from those between it and the weakest one. With states v of a
+similar problem (another distance, a lower order) as bases, a point starts from w(i) = v(i) + w(i') - v(i'), i' the
+nearest point before it: wrong only in the mixed second difference. Without them it starts on the straight line through
+the two points before it, or from the parallelogram of three.
 
 References
 ----------
@@ -143,12 +142,12 @@ def _remember(steps: deque[_Step], state: FloatArray, gradient: FloatArray) -> N
 def _correction(problem: "NonlinearSystem", gradient: FloatArray, steps: deque[_Step]) -> FloatArray:
     """-dE/dw over the kept derivative as the last steps correct it: the two loops of limited-memory BFGS."""
     rest, shares = -gradient, list[float]()
-    for one in reversed(steps):
-        shares.append(inner(one.state, rest) / one.product)
-        rest = rest - shares[-1] * one.gradient
+    for step in reversed(steps):
+        shares.append(inner(step.state, rest) / step.product)
+        rest = rest - shares[-1] * step.gradient
     correction = problem.solve(rest)
-    for one, share in zip(steps, reversed(shares), strict=True):
-        correction = correction + (share - inner(one.gradient, correction) / one.product) * one.state
+    for step, share in zip(steps, reversed(shares), strict=True):
+        correction = correction + (share - inner(step.gradient, correction) / step.product) * step.state
     return correction
 
 
@@ -213,8 +212,8 @@ def outwards(points: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     order = np.lexsort([key for step in (points - middle).T[::-1] for key in (np.abs(step), step < 0.0)] or [[0]])
     path = []
     for place, k in enumerate(order):
-        known = points[order[:place]]
-        before = known[between(known, points[k], middle)]
+        solved = points[order[:place]]
+        before = solved[between(solved, points[k], middle)]
         nearest = np.argsort(np.linalg.norm((before - points[k]) / scale, axis=1), kind="stable")
         path.append((points[k], before[nearest]))
     return path
@@ -226,17 +225,17 @@ def _predicted(
     """The start at a point from the states before it, the nearest first."""
     if tuple(point) in bases:
         base = bases[tuple(point)]
-        known = [tuple(i) for i in before if tuple(i) in bases]
-        return base + states[known[0]] - bases[known[0]] if known else base
+        neighbours = [tuple(i) for i in before if tuple(i) in bases]
+        return base + states[neighbours[0]] - bases[neighbours[0]] if neighbours else base
     if not before:
         return None
     nearest = before[0]
     state, step = states[tuple(nearest)], point - nearest
-    for other in before[1:]:
-        back = nearest - other
+    for neighbour in before[1:]:
+        back = nearest - neighbour
         if np.count_nonzero(step) == np.count_nonzero(back) == np.count_nonzero((step != 0.0) & (back != 0.0)) == 1:
             share = np.sum(step) / np.sum(back)
-            return np.asarray(state + share * (state - states[tuple(other)]))
-        if tuple(other + step) in states:  # the fourth corner of a parallelogram
-            return np.asarray(state + states[tuple(other + step)] - states[tuple(other)])
+            return np.asarray(state + share * (state - states[tuple(neighbour)]))
+        if tuple(neighbour + step) in states:  # the fourth corner of a parallelogram
+            return np.asarray(state + states[tuple(neighbour + step)] - states[tuple(neighbour)])
     return state

@@ -99,21 +99,21 @@ class NonlinearActuator:
         """Solve all points of the currents at a distance."""
         points = current_points(currents, len(self._circuits))
         with self._moving.at(distance):
-            results, bases, left = [], self._references, points
+            results, bases, pending = [], self._references, points
             for system, higher in zip(self._systems[:-1], self._raise_order, strict=True):
                 system.move()
-                results.append(dict(along_currents(system, left, bases, self._tolerance)))
+                results.append(dict(along_currents(system, pending, bases, self._tolerance)))
                 bases = {key: higher @ state for key, state in _states(results[-1]).items()}
-                left = np.array([point for point in points if tuple(point) in bases])
+                pending = np.array([point for point in points if tuple(point) in bases])
             self.fine.move()
             coarse, evaluate = _states(results[-1]), self._evaluation(distance)
             start, solutions, statuses = np.zeros_like(self.fine.circuits), {}, {}
             finest = {}
-            for key, result in along_currents(self.fine, left, bases, self._tolerance):
-                finest[key], statuses[key] = result, _status(result)
+            for key, result in along_currents(self.fine, pending, bases, self._tolerance):
+                finest[key], statuses[key] = result, ("ok" if result.converged else NO_CONVERGENCE)
                 if result.converged:  # the derivative that was kept for it serves its inductance, too
-                    start, found = self.fine.response(result.state, start)
-                    if found:
+                    start, response = self.fine.response(result.state, start)
+                    if response:
                         solutions[key] = evaluate(np.array(key), result.state, coarse[key], start)
                     else:
                         start, statuses[key] = np.zeros_like(self.fine.circuits), NO_INDUCTANCE
@@ -123,17 +123,17 @@ class NonlinearActuator:
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
         """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
         points = current_points(currents, len(self._circuits))
-        known = self._solved.get(distance, {})
-        if not all(tuple(point) in known for point in points):
+        results = self._solved.get(distance, {})
+        if not all(tuple(point) in results for point in points):
             self.solve(distance, points)
-            known = self._solved[distance]
+            results = self._solved[distance]
         if self._signatures is None:
             self._signatures = SignatureRows(self.actuator, numbers, self._moving, self.fine.space, self.fine.circuits)
-        found = np.array([tuple(point) in known for point in points])
-        states = np.array([known[tuple(point)].state for point in points[found]]).reshape(-1, self.unknowns)
-        rows = self._signatures.of_states(distance, points[found], states, self.fine.respond)
+        solved = np.array([tuple(point) in results for point in points])
+        states = np.array([results[tuple(point)].state for point in points[solved]]).reshape(-1, self.unknowns)
+        rows = self._signatures.of_states(distance, points[solved], states, self.fine.respond)
         result = np.full((len(points), *rows.shape[1:]), np.nan)
-        result[found] = rows
+        result[solved] = rows
         return result
 
     def field(self, distance: float, currents: CurrentsLike) -> PointField:
@@ -157,13 +157,13 @@ class NonlinearActuator:
             work = LayerForce(self.fine.space, moving.work_weight, AROUND_FIXED)
 
         def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
-            total, own = self.fine.function(fine), self.fine.function(self.fine.own_state(fine, currents))
-            others = self.fine.function(fine - own.vec.FV().NumPy())
-            self_force = self._layer.between(own, own)
+            total, source_field = self.fine.function(fine), self.fine.function(self.fine.own_state(fine, currents))
+            induced = self.fine.function(fine - source_field.vec.FV().NumPy())
+            self_force = self._layer.between(source_field, source_field)
             return PointSolution(
                 force=self._layer.between(total, total) - self_force,
-                reaction=2.0 * reaction.between(own, others),
-                work=2.0 * work.between(own, others),
+                reaction=2.0 * reaction.between(source_field, induced),
+                work=2.0 * work.between(source_field, induced),
                 coarse_force=self._coarse_force(coarse, currents),
                 self_force=self_force,
                 flux_linkage=self.fine.flux_linkage(fine),
@@ -181,8 +181,10 @@ class NonlinearActuator:
         """The force in N of a state one order lower, where it is asked for."""
         if self._coarse_layer is None:
             return None
-        total, own = (self.coarse.function(one) for one in (state, self.coarse.own_state(state, currents)))
-        return self._coarse_layer.between(total, total) - self._coarse_layer.between(own, own)
+        total, source_field = (
+            self.coarse.function(vector) for vector in (state, self.coarse.own_state(state, currents))
+        )
+        return self._coarse_layer.between(total, total) - self._coarse_layer.between(source_field, source_field)
 
     def _point(
         self,
@@ -194,12 +196,8 @@ class NonlinearActuator:
         """How a point was solved, from the lowest order to the one at which it ended."""
         ended = [of_order[key] for of_order in results if key in of_order]
         iterations = sum(result.iterations for result in ended)
-        status = statuses.get(key) or _status(ended[-1])
+        status = statuses.get(key) or ("ok" if ended[-1].converged else NO_CONVERGENCE)
         return NonlinearPoint(iterations, ended[-1].residual, status, solutions.get(key))
-
-
-def _status(result: NewtonResult) -> str:
-    return "ok" if result.converged else NO_CONVERGENCE
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:

@@ -4,13 +4,11 @@ The air, the winding and the open boundary are one linear form, assembled once a
 quadrature points. Inner unknowns are condensed element by element, so the condensed second derivative is the sum of the
 air's (kept) and the parts' (assembled anew), and a renewal repeats only the numbers of the factorisation.
 
-Small fields about the static state at one current, where parts saturate.
-
-The system has the sources of :class:`femfit.field.linear_system.LinearSystem`, of which the first is the state itself,
-the magnets' and the bias currents' together, and the others are small currents beside it: their fields dw obey
-K_d dw = load with the derivative K_d of the state's equations (the incremental permeability), and each changes the
-force by the mutual stress of its field with the state's, F = F_0 + 2 dF. What is of second order in small currents is
-left out, and zero in the forms.
+Small fields about the static state at one current have a system of their own. It has the sources of
+:class:`femfit.field.linear_system.LinearSystem`, of which the first is the state itself, the magnets' and the bias
+currents' together, and the others are small currents beside it: their fields dw obey K_d dw = load with the derivative
+K_d of the state's equations (the incremental permeability), and each changes the force by the mutual stress of its
+field with the state's, F = F_0 + 2 dF. What is of second order in small currents is left out, and zero in the forms.
 """
 
 from collections.abc import Sequence
@@ -102,7 +100,7 @@ class NonlinearSystem:
         """
         tensor = self.points.tensor(self._flux_density(state))
         solved = [self._respond(tensor, load, x) for load, x in zip(self.circuits, guess, strict=True)]
-        return np.array([x for x, _ in solved]).reshape(guess.shape), all(found for _, found in solved)
+        return np.array([x for x, _ in solved]).reshape(guess.shape), all(converged for _, converged in solved)
 
     def _respond(self, tensor: Tensor, load: FloatArray, x: FloatArray) -> tuple[FloatArray, bool]:
         residual = load - self._second_derivative(tensor, x)
@@ -126,7 +124,7 @@ class NonlinearSystem:
         tensor = self.points.tensor(self._flux_density(state))
         images = [self._second_derivative(tensor, x) for x in response]
         linked, energy = (
-            np.array([[inner(x, one) for one in loads] for x in response]) for loads in (self.circuits, images)
+            np.array([[inner(x, load) for load in loads] for x in response]) for loads in (self.circuits, images)
         )
         count = len(response)
         return np.asarray((linked + linked.T - energy).reshape(count, count))
@@ -196,7 +194,9 @@ class BiasedSystem:
     ) -> None:
         self.mesh, self._hall = mesh, actuator.hall
         self.bias = np.zeros(len(actuator.circuits))
-        self._levels = [NonlinearSystem(mesh, actuator, layout, one) for one in dict.fromkeys((FIRST_ORDER, order))]
+        self._levels = [
+            NonlinearSystem(mesh, actuator, layout, degree) for degree in dict.fromkeys((FIRST_ORDER, order))
+        ]
         self._raise_order = csr(
             ConvertOperator(self._levels[0].space, self._levels[-1].space), self._levels[0].space.ndof
         )
@@ -219,7 +219,7 @@ class BiasedSystem:
             level.move()
             result = minimise(level, currents, start)
             if not result.converged:
-                amperes = ", ".join(f"{one:g}" for one in currents)
+                amperes = ", ".join(f"{current:g}" for current in currents)
                 raise FieldSolverError(
                     f"the state at {amperes} A did not converge: Newton's iteration left a residual of "
                     f"{result.residual:.1e}. Check the B-H curve for kinks, or give another solver.eddy_bias_A"
@@ -246,11 +246,11 @@ class BiasedSystem:
         self.find_own(self.total[1:], self.own_loads[1:], self.own[1:])
 
     def find_own(
-        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, own: Sequence[GridFunction]
+        self, totals: Sequence[GridFunction], loads: Sequence[FloatArray] | FloatArray, alone: Sequence[GridFunction]
     ) -> None:
         """As :meth:`LinearSystem.find_own`, of small fields."""
         fine, (rr, rz, zz) = self._levels[-1], self._tensor
-        for total, load, function in zip(totals, loads, own, strict=True):
+        for total, load, function in zip(totals, loads, alone, strict=True):
             b = fine.points.flux_density(total.vec.FV().NumPy())
             induced = b / MU_0 - np.stack([rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]])
             function.vec.FV().NumPy()[:] = fine.solve_free(fine.points.load(induced * fine.points.moving) + load)

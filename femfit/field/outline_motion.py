@@ -68,79 +68,81 @@ class OutlineMotion:
         self._points = np.array([vertex.point for vertex in mesh.vertices])
         self._stiffness = _laplacian(mesh)
         self._outer = _vertices_of(mesh.Boundaries("outer"), mesh)
-        self._edges = [edge for part in _magnetic(actuator) for edge in self._on_edges(part)]
+        self._edges = [edge for location in _magnetic(actuator) for edge in self._on_edges(location)]
 
     def velocities(self, still: BoolArray) -> FloatArray:
         """Of the vertices, in m per unit, shape (numbers, 2, vertices), with some of them held."""
-        given = np.zeros((len(self.numbers), 2, len(self._points)))
+        velocities = np.zeros((len(self.numbers), 2, len(self._points)))
         on_edge = np.zeros(len(self._points), dtype=np.bool_)
         for edge in self._edges:
-            own = self._edge_velocities(edge, edge.fractions)
-            kept = given[:, :, edge.vertices]
-            larger = np.hypot(*np.moveaxis(own, 1, 0)) > np.hypot(*np.moveaxis(kept, 1, 0))
-            given[:, :, edge.vertices] = np.where(larger[:, None], own, kept)
+            edge_velocity = self._edge_velocities(edge, edge.fractions)
+            at_vertices = velocities[:, :, edge.vertices]
+            larger = np.hypot(*np.moveaxis(edge_velocity, 1, 0)) > np.hypot(*np.moveaxis(at_vertices, 1, 0))
+            velocities[:, :, edge.vertices] = np.where(larger[:, None], edge_velocity, at_vertices)
             on_edge[edge.vertices] = True
-        given[:, :, still] = 0.0
+        velocities[:, :, still] = 0.0
         fixed = on_edge | self._outer | still
         axis = self._points[:, 0] < ON_EDGE
-        return np.stack([self._extended(given[:, 0], fixed | axis), self._extended(given[:, 1], fixed)], axis=1)
+        return np.stack(
+            [self._extended(velocities[:, 0], fixed | axis), self._extended(velocities[:, 1], fixed)], axis=1
+        )
 
     def of_coil(self, place: int) -> FloatArray:
         """A coil's own motion, of the vertices in its section, as :meth:`velocities`; zero elsewhere."""
         edges = self._on_edges(("coils", place))
-        given = np.zeros((len(self.numbers), 2, len(self._points)))
+        velocities = np.zeros((len(self.numbers), 2, len(self._points)))
         free = _vertices_of(self.mesh.Materials(coil_region(self.actuator.coils[place])), self.mesh)
         for edge in edges:
-            given[:, :, edge.vertices] = self._edge_velocities(edge, edge.fractions)
+            velocities[:, :, edge.vertices] = self._edge_velocities(edge, edge.fractions)
             free[edge.vertices] = False
-        return np.stack([self._extended(given[:, k], ~free) for k in range(2)], axis=1)
+        return np.stack([self._extended(velocities[:, k], ~free) for k in range(2)], axis=1)
 
     def remainder(self, velocities: FloatArray) -> EdgeRemainder:
         """What is left along the edges of magnetic parts, each edge of the mesh once."""
         x, gauss = np.polynomial.legendre.leggauss(NODES)
         x, gauss = 0.5 * (1.0 + x), 0.5 * gauss
         largest = np.abs(velocities).max(axis=(1, 2), initial=0.0)[:, None]
-        seen, found = set[tuple[int, int]](), list[tuple[FloatArray, FloatArray, str, FloatArray]]()
+        edges_seen, rows = set[tuple[int, int]](), list[tuple[FloatArray, FloatArray, str, FloatArray]]()
         for edge in self._edges:
             where, name = self._line(edge), _mesh_region(self.actuator, edge.part)
             for k in range(len(edge.vertices) - 1):
                 ends = edge.vertices[k : k + 2]
                 pair = (int(ends.min()), int(ends.max()))
-                if pair in seen:
+                if pair in edges_seen:
                     continue
-                seen.add(pair)
+                edges_seen.add(pair)
                 t = edge.fractions[k] + x * (edge.fractions[k + 1] - edge.fractions[k])
                 points, tangents = where(t)
                 length = np.hypot(*tangents) * (edge.fractions[k + 1] - edge.fractions[k])
                 normals = np.array([tangents[1], -tangents[0]]) / np.hypot(*tangents)
                 true = self._edge_velocities(edge, t)
                 by_vertices = velocities[:, :, ends[0], None] * (1.0 - x) + velocities[:, :, ends[1], None] * x
-                left = np.einsum("pcn,cn->pn", true - by_vertices, normals)
-                if np.any(np.abs(left) > LEFT_OVER * largest):
-                    weights = left * gauss * length * 2.0 * math.pi * points[0]
-                    found.append((points, normals, name, weights))
-        if not found:
+                remainder = np.einsum("pcn,cn->pn", true - by_vertices, normals)
+                if np.any(np.abs(remainder) > LEFT_OVER * largest):
+                    weights = remainder * gauss * length * 2.0 * math.pi * points[0]
+                    rows.append((points, normals, name, weights))
+        if not rows:
             return EdgeRemainder(np.zeros((0, 2)), np.zeros((0, 2)), (), np.zeros((len(self.numbers), 0)))
         return EdgeRemainder(
-            np.concatenate([one[0].T for one in found]),
-            np.concatenate([one[1].T for one in found]),
-            tuple(name for _, _, name, _ in found for _ in x),
-            np.concatenate([one[3] for one in found], axis=1),
+            np.concatenate([row[0].T for row in rows]),
+            np.concatenate([row[1].T for row in rows]),
+            tuple(name for _, _, name, _ in rows for _ in x),
+            np.concatenate([row[3] for row in rows], axis=1),
         )
 
-    def _on_edges(self, part: tuple[str, int]) -> list[EdgePoints]:
+    def _on_edges(self, location: tuple[str, int]) -> list[EdgePoints]:
         """The mesh's vertices on every edge of a part."""
-        found = []
-        for edge in range(len(_outline(self.actuator, part).vertices_m)):
-            start, stop, bulge = _edge(_outline(self.actuator, part), edge, self._shift(part))
+        edges = []
+        for edge in range(len(_outline(self.actuator, location).vertices_m)):
+            start, stop, bulge = _edge(_outline(self.actuator, location), edge, self._shift(location))
             fractions, away = _projected(self._points, start, stop, bulge)
             near = np.flatnonzero((away < ON_EDGE) & (fractions > -1e-9) & (fractions < 1.0 + 1e-9))
             order = near[np.argsort(fractions[near])]
-            found.append(EdgePoints(part, edge, order, fractions[order]))
-        return found
+            edges.append(EdgePoints(location, edge, order, fractions[order]))
+        return edges
 
-    def _shift(self, part: tuple[str, int]) -> float:
-        kind, place = part
+    def _shift(self, location: tuple[str, int]) -> float:
+        kind, place = location
         moves = kind == "moving" or (kind == "coils" and self.actuator.coils[place].moves)
         return self._reference if moves else 0.0
 
@@ -149,10 +151,10 @@ class OutlineMotion:
         result = np.zeros((len(self.numbers), 2, len(fractions)))
         drawn = _outline(self.actuator, edge.part)
         for k, number in enumerate(self.numbers):
-            larger, smaller = (_outline(one, edge.part) for one in (number.larger, number.smaller))
+            larger, smaller = (_outline(device, edge.part) for device in (number.larger, number.smaller))
             if larger.vertices_m is drawn.vertices_m or larger.vertices_m == smaller.vertices_m:
                 continue
-            ends = (_edge_at(*_edge(one, edge.edge, 0.0), fractions) for one in (larger, smaller))
+            ends = (_edge_at(*_edge(shape, edge.edge, 0.0), fractions) for shape in (larger, smaller))
             high, low = ends
             result[k] = (high - low) / (2.0 * number.step)
         return result
@@ -168,10 +170,10 @@ class OutlineMotion:
 
         return where
 
-    def _extended(self, given: FloatArray, fixed: BoolArray) -> FloatArray:
+    def _extended(self, values: FloatArray, fixed: BoolArray) -> FloatArray:
         """Harmonic between the fixed vertices; shape (numbers, vertices)."""
         free = np.flatnonzero(~fixed)
-        held = np.where(fixed, given, 0.0)
+        held = np.where(fixed, values, 0.0)
         if not len(free):
             return held
         inner = splu(self._stiffness[free][:, free].tocsc())
@@ -191,21 +193,21 @@ def _magnetic(actuator: Actuator) -> list[tuple[str, int]]:
     ]
 
 
-def _outline(actuator: Actuator, part: tuple[str, int]) -> Region | Coil:
-    kind, place = part
+def _outline(actuator: Actuator, location: tuple[str, int]) -> Region | Coil:
+    kind, place = location
     parts: Sequence[Region | Coil] = (
         actuator.coils if kind == "coils" else actuator.fixed if kind == "fixed" else actuator.moving.regions
     )
     return parts[place]
 
 
-def _mesh_region(actuator: Actuator, part: tuple[str, int]) -> str:
-    return list(materials(actuator))[part[1] + (len(actuator.fixed) if part[0] == "moving" else 0)]
+def _mesh_region(actuator: Actuator, location: tuple[str, int]) -> str:
+    return list(materials(actuator))[location[1] + (len(actuator.fixed) if location[0] == "moving" else 0)]
 
 
-def _edge(part: Region | Coil, edge: int, shift: float) -> tuple[FloatArray, FloatArray, float]:
-    corners = part.vertices_m
-    bulges = part.bulges if isinstance(part, Region) else ()
+def _edge(shape: Region | Coil, edge: int, shift: float) -> tuple[FloatArray, FloatArray, float]:
+    corners = shape.vertices_m
+    bulges = shape.bulges if isinstance(shape, Region) else ()
     start, stop = (np.array(corners[k % len(corners)]) + np.array([0.0, shift]) for k in (edge, edge + 1))
     return start, stop, bulges[edge] if bulges else 0.0
 
@@ -229,12 +231,12 @@ def _projected(points: FloatArray, start: FloatArray, stop: FloatArray, bulge: f
         t = (points - start) @ along / (along @ along)
         return t, np.hypot(*(points - start - t[:, None] * along).T)
     centre, radius = arc_circle((start[0], start[1]), (stop[0], stop[1]), bulge)
-    whole = 4.0 * math.atan(bulge)
+    angle = 4.0 * math.atan(bulge)
     first = math.atan2(start[1] - centre[1], start[0] - centre[0])
     turned = np.arctan2(points[:, 1] - centre[1], points[:, 0] - centre[0]) - first
-    middle = 0.5 * whole
+    middle = 0.5 * angle
     turned = middle + (turned - middle + math.pi) % (2.0 * math.pi) - math.pi
-    return turned / whole, np.abs(np.hypot(*(points - np.array(centre)).T) - radius)
+    return turned / angle, np.abs(np.hypot(*(points - np.array(centre)).T) - radius)
 
 
 def _laplacian(mesh: Mesh) -> Any:

@@ -59,8 +59,8 @@ def superpose(sources: FloatArray, solution: DistanceSolution, circuits: Sequenc
     absent where the change is unknown.
     """
     flux = solution.flux_linkage
-    others = (solution.reaction, solution.work)
-    disagreement = np.max([np.abs(_form(sources, solution.force - other)) for other in others], axis=0)
+    estimates = (solution.reaction, solution.work)
+    disagreement = np.max([np.abs(_form(sources, solution.force - estimate)) for estimate in estimates], axis=0)
     count = len(sources)
     currents, linked = sources[:, 1:], sources @ flux.T
     columns = {
@@ -136,7 +136,7 @@ def table_rows(points: Sequence[NonlinearPoint], currents: FloatArray, circuits:
     names = dict.fromkeys(name for row in rows for name in row)
     columns = {name: [row.get(name, False if name == BEYOND_CURVE else np.nan) for row in rows] for name in names}
     solutions = [point.solution for point in points]
-    if any(one is not None and one.coarse_force is not None for one in solutions):
+    if any(solution is not None and solution.coarse_force is not None for solution in solutions):
         columns["force_error_N"] = _force_errors(solutions, weakest(currents))
     return columns
 
@@ -149,8 +149,10 @@ def _force_errors(solutions: Sequence[PointSolution | None], weakest_point: int)
     """
     force, coarse, disagreement = np.array(
         [
-            (one.force, one.coarse_force, _disagreement(one)) if one is not None else (np.nan, np.nan, np.nan)
-            for one in solutions
+            (solution.force, solution.coarse_force, _disagreement(solution))
+            if solution is not None
+            else (np.nan, np.nan, np.nan)
+            for solution in solutions
         ],
         dtype=np.float64,
     ).T
@@ -163,7 +165,7 @@ def _force_errors(solutions: Sequence[PointSolution | None], weakest_point: int)
 
 def _disagreement(solution: PointSolution) -> float:
     """The disagreement of reaction and virtual work with the force, in N."""
-    return max(abs(solution.force - other) for other in (solution.reaction, solution.work))
+    return max(abs(solution.force - estimate) for estimate in (solution.reaction, solution.work))
 
 
 def _columns(point: NonlinearPoint, circuits: Sequence[str]) -> dict[str, Any]:

@@ -1,7 +1,4 @@
-"""The choice of the solver by the actuator's materials.
-
-The field of a drawing at places, as a probe would read it.
-"""
+"""The choice of the solver by the actuator's materials, and the field of a drawing as a probe would read it."""
 
 from collections.abc import Callable
 from functools import partial

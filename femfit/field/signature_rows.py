@@ -9,9 +9,8 @@ each of which needs how w itself changes: one linear solution with the derivativ
 whatever the number of numbers. E is differenced along the line on which w, i, the mesh and h change together; on one
 mesh that moves along, so that the energy of each part's own field, a thousand times what is wanted, does not count.
 
-What the numbers of a drawing change of the inductances at a complex frequency: slopes of L(s), Z = R + s L.
-
-With w_k of 1 A in circuit k, (K + s M) w_k = load_k, 2 G = sum of i_j i_k L_jk(s) is stationary in w, so that
+The inductances at a complex frequency change, too: slopes of L(s), Z = R + s L. With w_k of 1 A in circuit k, (K + s M)
+w_k = load_k, 2 G = sum of i_j i_k L_jk(s) is stationary in w, so that
 
     dL_jk/dp = w_k . d(load_j)/dp + w_j . d(load_k)/dp - w_j^T (dK/dp + s dM/dp) w_k,
 
@@ -78,13 +77,13 @@ class SignatureRows:
         """
         stretch, rows = distance - self._moving.reference, []
         for point, state in zip(currents[:, None], states, strict=True):
-            own = self._slopes.sample(state[:, None])
-            loads = np.concatenate([self._pull(own, stretch), self._loads, self._hall])
+            sample = self._slopes.sample(state[:, None])
+            loads = np.concatenate([self._pull(sample, stretch), self._loads, self._hall])
             pulled, *changes = self._slopes.sample(solve(state, loads).T).T[:, :, None]
-            columns = [self._along_distance(stretch, point, own, pulled)[0]]
+            columns = [self._along_distance(stretch, point, sample, pulled)[0]]
             for change, unit in zip(changes, np.eye(len(self._loads)), strict=False):
-                columns.append(self._difference(stretch, point, own, self._size, change, unit))
-            columns += [self._of_hall(stretch, point, own, one, state) for one in changes[len(self._loads) :]]
+                columns.append(self._difference(stretch, point, sample, self._size, change, unit))
+            columns += [self._of_hall(stretch, point, sample, change, state) for change in changes[len(self._loads) :]]
             rows.append(np.stack(columns, axis=2))
         return np.concatenate(rows)
 
@@ -97,11 +96,11 @@ class SignatureRows:
         stretch, circuits = distance - self._moving.reference, currents.shape[1]
         largest = np.abs(currents).max(axis=0, initial=0.0)
         corners = np.where(largest > 0.0, largest, 1.0) * _corners(circuits)
-        own = self._slopes.sample(totals.T)
-        loads = np.concatenate([self._pull(own, stretch), self._hall])
+        sample = self._slopes.sample(totals.T)
+        loads = np.concatenate([self._pull(sample, stretch), self._hall])
         solved = self._slopes.sample(solve(totals[0], loads).T)
         factors = _linear(corners).T
-        force, coenergy = self._along_distance(stretch, corners, own @ factors, solved[:, : 1 + circuits] @ factors)
+        force, coenergy = self._along_distance(stretch, corners, sample @ factors, solved[:, : 1 + circuits] @ factors)
         quadratic = np.linalg.inv(_quadratic(corners))
         columns = [_quadratic(currents) @ quadratic @ force]
         slopes = _quadratic_slopes(currents)
@@ -109,7 +108,7 @@ class SignatureRows:
         few = slice(None, 1 + circuits)
         for change in solved.T[1 + circuits :, :, None]:
             at_few = np.repeat(change, 1 + circuits, axis=1)
-            hall = self._of_hall(stretch, corners[few], own @ factors[:, few], at_few, factors.T[few] @ totals)
+            hall = self._of_hall(stretch, corners[few], sample @ factors[:, few], at_few, factors.T[few] @ totals)
             columns.append(_linear(currents) @ np.linalg.inv(_linear(corners[few])) @ hall)
         return np.stack(columns, axis=2)
 
@@ -122,36 +121,38 @@ class SignatureRows:
         )
 
     def _along_distance(
-        self, stretch: float, currents: FloatArray, own: FloatArray, change: FloatArray
+        self, stretch: float, currents: FloatArray, sample: FloatArray, change: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """-dE/dd and E at points whose samples change so with the distance; shape (points, numbers) each."""
-        high, low = (self._slopes.evaluate(own + s * change, currents, stretch + s) for s in (self._step, -self._step))
+        high, low = (
+            self._slopes.evaluate(sample + s * change, currents, stretch + s) for s in (self._step, -self._step)
+        )
         return (low - high) / (2.0 * self._step), 0.5 * (low + high)
 
     def _difference(
-        self, stretch: float, currents: FloatArray, own: FloatArray, size: float, change: FloatArray, fed: FloatArray
+        self, stretch: float, currents: FloatArray, sample: FloatArray, size: float, change: FloatArray, fed: FloatArray
     ) -> FloatArray:
         """The slope of E along a change of samples and currents."""
-        high, low = (self._slopes.evaluate(own + s * change, currents + s * fed, stretch) for s in (size, -size))
+        high, low = (self._slopes.evaluate(sample + s * change, currents + s * fed, stretch) for s in (size, -size))
         return np.asarray((high - low) / (2.0 * size))
 
     def _of_hall(
-        self, stretch: float, currents: FloatArray, own: FloatArray, change: FloatArray, states: FloatArray
+        self, stretch: float, currents: FloatArray, sample: FloatArray, change: FloatArray, states: FloatArray
     ) -> FloatArray:
         """Slopes of the field at a Hall element, from the change by a test current there.
 
         Next to the element that is the field of a point: a step by the largest anywhere would be rounding.
         """
         largest = self._slopes.largest_in_parts
-        size = STEP * (largest(own) or 1.0) / largest(change)
+        size = STEP * (largest(sample) or 1.0) / largest(change)
         still = np.zeros(len(self._loads))
-        return self._difference(stretch, currents, own, size, change, still) + states @ self._hall_moves.T
+        return self._difference(stretch, currents, sample, size, change, still) + states @ self._hall_moves.T
 
 
 def _corners(circuits: int) -> FloatArray:
     """Points that tell a quadratic form of so many variables; the first of them a linear one."""
     unit = np.eye(circuits)
-    return np.array([np.zeros(circuits), *unit, *-unit, *(one + two for one, two in combinations(unit, 2))])
+    return np.array([np.zeros(circuits), *unit, *-unit, *(a + b for a, b in combinations(unit, 2))])
 
 
 def _linear(points: FloatArray) -> FloatArray:
@@ -219,7 +220,10 @@ class ImpedanceSignatures:
     """Slopes of the inductances on one mesh and space; nothing saturates."""
 
     def __init__(self, actuator: Actuator, numbers: Sequence[DrawnNumber], moving: MovingMesh, space: H1) -> None:
-        plain = [replace(one, larger=_unmagnetised(one.larger), smaller=_unmagnetised(one.smaller)) for one in numbers]
+        plain = [
+            replace(number, larger=_unmagnetised(number.larger), smaller=_unmagnetised(number.smaller))
+            for number in numbers
+        ]
         held = np.zeros(moving.mesh.nv, dtype=np.bool_)
         self._moving = moving
         self._slopes = ExplicitSlopes(
@@ -233,7 +237,11 @@ class ImpedanceSignatures:
         """
         stretch = distance - self._moving.reference
         return np.stack(
-            [self._of(2j * np.pi * one, stretch, own) for one, own in zip(frequencies, fields, strict=True)], axis=1
+            [
+                self._of(2j * np.pi * frequency, stretch, field)
+                for frequency, field in zip(frequencies, fields, strict=True)
+            ],
+            axis=1,
         )
 
     def _of(self, s: complex, stretch: float, fields: FieldArray) -> ComplexArray:
@@ -258,5 +266,5 @@ def _unmagnetised(actuator: Actuator) -> Actuator:
         plain = replace(material, remanence_T=0.0) if isinstance(material, LinearMaterial) else material
         return replace(region, material=plain)
 
-    moving = replace(actuator.moving, regions=tuple(without(one) for one in actuator.moving.regions))
-    return replace(actuator, fixed=tuple(without(one) for one in actuator.fixed), moving=moving)
+    moving = replace(actuator.moving, regions=tuple(without(region) for region in actuator.moving.regions))
+    return replace(actuator, fixed=tuple(without(region) for region in actuator.fixed), moving=moving)

@@ -108,7 +108,7 @@ def run_sweep(
         drawn = _numbers(drawing)
         numbers = drawn if holds(directory, _configuration(sweep, settings, drawn)["hash"]) else ()
     configuration = _configuration(sweep, settings, numbers)
-    at_rest = tuple(one for one in numbers if KINDS[one.facts.kind].at_rest)
+    at_rest = tuple(number for number in numbers if KINDS[number.facts.kind].at_rest)
     tasks = [replace(task, numbers=at_rest) for task in tasks]
     of_impedances = numbers if harmonic and not sweep.actuator.saturates else ()
     currents = len(swept_currents(sweep.variants[0].sweep))
@@ -126,8 +126,8 @@ def run_sweep(
     with Journal(directory, JournalHeader(configuration["hash"], configuration["parts"])) as journal:
         finished = names & journal.finished.keys()
         report()
-        left = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
-        first, done = _in_order(left, journal.finished, record)
+        unfinished = [task for task in tasks if journal.finished.get(task.key, {AGAIN: True}).get(AGAIN)]
+        first, done = _in_order(unfinished, journal.finished, record)
         _solve_all(first, workers, scheduler, done)
         solved = {(task.variant, task.distance): journal.finished[task.key] for task in tasks}
         rows = sweep_rows(sweep, solved | failed)
@@ -157,8 +157,8 @@ def _impedance(eddy: EddyTable, actuator: Actuator) -> "pd.DataFrame":
     return impedance_rows(
         eddy,
         current_points(swept_currents(actuator.sweep), len(circuits)),
-        [one.resistance_ohm for one in circuits],
-        [one.inductance_H for one in circuits],
+        [circuit.resistance_ohm for circuit in circuits],
+        [circuit.inductance_H for circuit in circuits],
     )
 
 
@@ -205,8 +205,8 @@ def _in_order(
         else:
             first.append(task)
     for level, distances in behind.items():
-        known = finished.get(level.key)
-        first += [level] if known is None else level.distances(distances, known)
+        solved = finished.get(level.key)
+        first += [level] if solved is None else level.distances(distances, solved)
 
     def done(task: SweepTask, result: Result) -> list[SweepTask]:
         if not isinstance(task, LevelTask):

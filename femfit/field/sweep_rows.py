@@ -46,9 +46,9 @@ def sweep_rows(sweep: VariantSweep, results: Mapping[tuple[int, float], Result])
     pickups = [sensor.name for sensor in sweep.actuator.sensors if isinstance(sensor, PickupCoil)]
     columns, frames = sweep_columns(circuits, pickups), []
     for number, variant in enumerate(sweep.variants, 1):
-        own = {VARIANT: number, **dict(zip(sweep.columns, variant.values, strict=True))} if sweep.columns else {}
+        parameters = {VARIANT: number, **dict(zip(sweep.columns, variant.values, strict=True))} if sweep.columns else {}
         frames += [
-            _distance_rows(variant.sweep, circuits, distance, results[number, distance]) | own
+            _distance_rows(variant.sweep, circuits, distance, results[number, distance]) | parameters
             for distance in variant.sweep.distances_m
         ]
     rows = pd.concat([pd.DataFrame(frame) for frame in frames], ignore_index=True)
@@ -71,9 +71,9 @@ def signatures_of(
     keys = [number.facts.key for number in numbers]
     frames = []
     for distance in actuator.sweep.distances_m:
-        found = results[1, distance].get("signatures")
-        if found is not None:
-            values = np.array(found, dtype=np.float64).swapaxes(0, 1).reshape(-1, len(slopes))
+        signatures = results[1, distance].get("signatures")
+        if signatures is not None:
+            values = np.array(signatures, dtype=np.float64).swapaxes(0, 1).reshape(-1, len(slopes))
             frames.append(
                 pd.DataFrame({"number": np.repeat(keys, len(points)), "distance_m": distance})
                 .assign(**dict(zip(current_columns(circuits), np.tile(points.T, len(keys)), strict=True)))
@@ -95,8 +95,8 @@ def clipped_hall(sweep: VariantSweep, table: SweepTable) -> list[str]:
         if variant.actuator is not None and variant.actuator.hall is not None:
             numbers.setdefault(variant.actuator.hall, []).append(number)
     sentences = []
-    for hall, own in numbers.items() if "hall_T" in rows else ():
-        here = rows[rows[VARIANT].isin(own)] if sweep.columns else rows
+    for hall, variants in numbers.items() if "hall_T" in rows else ():
+        here = rows[rows[VARIANT].isin(variants)] if sweep.columns else rows
         clause = where_clipped(
             hall, here["distance_m"].to_numpy(), here[current_names(here)].to_numpy(), here["hall_T"].to_numpy()
         )
@@ -194,8 +194,8 @@ def failed_points(table: SweepTable) -> list[str]:
         if len(failed) < len(rows) and VARIANT not in rows:
             text += f"; at {listing(_at_distance(rows, failed, place) for place in places)}"
         if reason in {NO_CONVERGENCE, NO_INDUCTANCE}:
-            solved = {tuple(one) for one in rows.loc[rows["status"] == "ok", currents].to_numpy()}
-            elsewhere = solved.issuperset(tuple(one) for one in failed[currents].to_numpy())
+            solved = {tuple(values) for values in rows.loc[rows["status"] == "ok", currents].to_numpy()}
+            elsewhere = solved.issuperset(tuple(values) for values in failed[currents].to_numpy())
             text += f". {THIS_DISTANCE if len(places) == 1 and elsewhere else STEEL}"
         lines.append(text)
     return lines
@@ -205,7 +205,11 @@ def _at_distance(rows: "pd.DataFrame", failed: "pd.DataFrame", distance: float) 
     """A distance with the currents that failed there."""
     amperes = failed.loc[failed["distance_m"] == distance, current_names(rows)].to_numpy()
     everything = len(amperes) == (rows["distance_m"] == distance).sum()
-    each = "all currents" if everything else listing([" and ".join(f"{one:g}" for one in point) for point in amperes])
+    each = (
+        "all currents"
+        if everything
+        else listing([" and ".join(f"{current:g}" for current in point) for point in amperes])
+    )
     return f"{1e3 * distance:g} mm ({each}{'' if everything else ' A'})"
 
 
@@ -223,8 +227,8 @@ def _near_force(rows: "pd.DataFrame") -> "pd.Series[float]":
     forces = rows.sort_values("distance_m", kind="stable").groupby(keys)["force_N"]
     size = rows["force_N"].abs()
     for step in (1, -1):
-        other = forces.shift(step).reindex(rows.index)
-        size = size.mask(rows["force_N"] * other <= 0.0, size.combine(other.abs(), max))
+        neighbour = forces.shift(step).reindex(rows.index)
+        size = size.mask(rows["force_N"] * neighbour <= 0.0, size.combine(neighbour.abs(), max))
     return size
 
 

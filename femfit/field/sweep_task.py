@@ -76,15 +76,15 @@ class DistanceTask:
         rows = problem.rows(self.distance, currents)
         if failed := _failed(rows):  # which may be for a mesh that is badly shaped here
             with suppress(FieldSolverError):
-                other = MESHES.problem(self.mesh.finer(self.distance))
-                again = other.rows(self.distance, currents)
+                finer = MESHES.problem(self.mesh.finer(self.distance))
+                again = finer.rows(self.distance, currents)
                 if _failed(again) < failed:
-                    problem, rows = other, again
+                    problem, rows = finer, again
         result = {"rows": {name: [_json_ready(value) for value in values] for name, values in rows.items()}}
         if not self.numbers:
             return result
         slopes = problem.signatures(self.distance, currents, self.numbers)
-        return result | {"signatures": [[[_json_ready(v) for v in row] for row in at] for at in slopes.tolist()]}
+        return result | {"signatures": [[[_json_ready(v) for v in row] for row in slope] for slope in slopes.tolist()]}
 
 
 @dataclass(frozen=True)

@@ -94,10 +94,10 @@ def solve_if_same(solve: Solve[Task], needed: dict[str, str], task: Task) -> Res
     """Solve on a worker whose versions are those of the one who asks."""
     here = versions()
     if here != needed:
-        given = ", ".join(f"{name} {here[name]}" for name in needed)
+        versions_here = ", ".join(f"{name} {here[name]}" for name in needed)
         raise ClusterError(
             f"All workers must have {', '.join(f'{name} {number}' for name, number in needed.items())}; one has "
-            f"{given}. Install the same versions there, and give the same command again."
+            f"{versions_here}. Install the same versions there, and give the same command again."
         )
     return solve(task)
 

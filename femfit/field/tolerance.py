@@ -11,10 +11,9 @@ below instead, which costs a third of the solution: the difference is four times
 and once the error where corners of saturating steel let it fall to a half (relay, push solenoid). What the comparison
 solved on the level that is chosen is kept.
 
-On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.force`),
-and a row states the larger of the difference and of their disagreement.
-
-Settings of the field solver, with the defaults that the validation was made with.
+On the level that is chosen the force's bodies have to agree to the tolerance too (:mod:`femfit.field.force`), and a row
+states the larger of the difference and of their disagreement. The settings have the defaults that the validation was
+made with.
 
 References
 ----------
@@ -124,9 +123,9 @@ class ToleranceProblem:
     def rows(self, distance: float, currents: CurrentsLike) -> dict[str, list[Any]]:
         """Columns of the sweep table at a distance, one value a point."""
         points = current_points(currents, self._currents.shape[1])
-        kept = self._solved
-        known = kept is not None and distance in kept.columns and np.array_equal(points, kept.points)
-        columns = dict(kept.columns[distance]) if kept and known else self._rows(distance, currents)
+        solved = self._solved
+        reusable = solved is not None and distance in solved.columns and np.array_equal(points, solved.points)
+        columns = dict(solved.columns[distance]) if solved and reusable else self._rows(distance, currents)
         if "force_N" in columns:
             error = self._relative(points) * scale(columns["force_N"], points)
             columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
@@ -135,7 +134,7 @@ class ToleranceProblem:
     def _relative(self, points: FloatArray) -> FloatArray:
         """The largest error of the checked points round each point: with no other checked one between."""
         checked = self._currents
-        near = [[between(checked, point, one).sum() == 1 for one in checked] for point in points]
+        near = [[between(checked, point, place).sum() == 1 for place in checked] for point in points]
         return np.asarray(np.max(np.where(near, self._errors, 0.0), axis=1))
 
 
@@ -168,10 +167,10 @@ def meet_tolerance(
     small = [
         {
             name: SMALL * float(np.fmax.reduce(np.abs(values)))
-            for name, values in at.items()
+            for name, values in column.items()
             if name == "force_N" or is_flux(name)
         }
-        for at in above.kept.columns.values()
+        for column in above.kept.columns.values()
     ]
     for level in range(1, len(levels)):
         if met:
@@ -239,15 +238,17 @@ class _Solved:
     def columns(self) -> list[dict[str, FloatArray]]:
         places = {tuple(point): k for k, point in enumerate(self.kept.points)}
         chosen = [places[tuple(point)] for point in self.checked]
-        return [{name: np.array(values)[chosen] for name, values in at.items()} for at in self.kept.columns.values()]
+        return [
+            {name: np.array(values)[chosen] for name, values in column.items()} for column in self.kept.columns.values()
+        ]
 
 
 def _difference(name: str, first: _Solved, second: _Solved, small: Sequence[Mapping[str, float]]) -> FloatArray:
     """The largest difference over the distances, relative to the scale, for each checked point; shape (points,)."""
     worst = np.zeros(len(first.checked))
-    for one, other, least in zip(first.columns, second.columns, small, strict=True):
-        if name in one and name in other:  # a current that did not converge has NaN, which says nothing of the error
-            change, size = np.abs(one[name] - other[name]), np.fmax(scale(other[name], first.checked), least[name])
+    for coarse, fine, least in zip(first.columns, second.columns, small, strict=True):
+        if name in coarse and name in fine:  # a current that did not converge has NaN, which says nothing of the error
+            change, size = np.abs(coarse[name] - fine[name]), np.fmax(scale(fine[name], first.checked), least[name])
             worst = np.fmax(worst, np.divide(change, size, out=np.zeros(len(worst)), where=size > 0.0))
     return worst
 

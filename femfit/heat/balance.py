@@ -1,11 +1,7 @@
-"""Heat in balance: where a network settles, when there is no such temperature, and how it gets there.
+"""Heat in balance: what feeds the circuits, where a network settles, how it gets there, and what current may last.
 
 C dT/dt = -L T + g T_a + q + P (1 + alpha (T - 20 degC)), P each winding's heat at 20 degC. At held currents that is
 linear: it settles where L - alpha diag(P) is positive definite, and runs away beyond.
-
-What feeds the circuits while they warm up: held voltages or held currents, and an alternating part.
-
-How warm parts may become, and what current brings the first of them there.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,10 +13,9 @@ from scipy.optimize import brentq
 
 from femfit.core.errors import MissingPartError, UsageError
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
-from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator
+from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, copper_growth
 from femfit.device.thermal import Surroundings
 from femfit.heat.network import HeatNetwork
-from femfit.heat.walls import growth
 
 Powers = Callable[[FloatArray], FloatArray]
 """Heat of each part in W at their temperatures in degC, shape (n,)."""
@@ -42,7 +37,7 @@ class Loads:
 
     def at(self, temperatures: FloatArray) -> FloatArray:
         """Heat of each part at their temperatures."""
-        return np.asarray(self.winding_W * growth(temperatures) + self.other_W)
+        return np.asarray(self.winding_W * copper_growth(temperatures) + self.other_W)
 
 
 def settled(network: HeatNetwork, ambient: float, loads: Loads) -> FloatArray | None:
@@ -115,7 +110,7 @@ class Feed:
 
     def resistances(self, temperatures: FloatArray) -> FloatArray:
         """Of the circuits in ohm, at the temperatures of all parts."""
-        windings = self.cold_ohm * growth(temperatures[: len(self.cold_ohm)])
+        windings = self.cold_ohm * copper_growth(temperatures[: len(self.cold_ohm)])
         return np.asarray(self.external_ohm + self.circuit @ windings)
 
     def currents(self, temperatures: FloatArray) -> FloatArray:
@@ -145,10 +140,10 @@ class Feed:
             return settled(network, ambient, self.loads(self.currents(start)))
         now = start
         for _ in range(ROUNDS):
-            found = np.linalg.solve(network.laplacian, self.powers(now) + network.outwards * ambient)
-            if np.abs(found - now).max() < CLOSE_K:
-                return np.asarray(found)
-            now = 0.5 * (now + found)  # at a held voltage more heat comes of less warmth
+            following = np.linalg.solve(network.laplacian, self.powers(now) + network.outwards * ambient)
+            if np.abs(following - now).max() < CLOSE_K:
+                return np.asarray(following)
+            now = 0.5 * (now + following)  # at a held voltage more heat comes of less warmth
             if now.max() > LOST_C:
                 break
         return None
@@ -181,24 +176,26 @@ def feed_of(
         if np.isinf(volts).any():
             raise UsageError("The drawing's supply has no limits; give a voltage or a current.")
     coils = actuator.coils
-    member = np.array([[float(coil.circuit == one.name) for coil in coils] for one in circuits])
-    drawn = np.array([one.resistance_ohm for one in circuits]) - member @ [coil.resistance_ohm for coil in coils]
+    member = np.array([[float(coil.circuit == circuit.name) for coil in coils] for circuit in circuits])
+    drawn = np.array([circuit.resistance_ohm for circuit in circuits]) - member @ [
+        coil.resistance_ohm for coil in coils
+    ]
     return Feed(
         volts,
         amperes,
         _each(alternating_A, circuits, "alternating_A"),
         np.maximum(drawn, 0.0),
-        np.array([one.cold_ohm for one in network.windings]),
+        np.array([winding.cold_ohm for winding in network.windings]),
         member,
         np.zeros(len(network.names)),
     )
 
 
-def _each(given: float | Sequence[float], circuits: Sequence[object], name: str) -> FloatArray:
-    values = np.asarray(given, dtype=np.float64).reshape(-1)
+def _each(value: float | Sequence[float], circuits: Sequence[object], name: str) -> FloatArray:
+    values = np.asarray(value, dtype=np.float64).reshape(-1)
     if len(values) not in {1, len(circuits)} or not (np.abs(values) <= LARGEST).all():
         raise UsageError(
-            f"{name} must be one number up to {LARGEST:.0e}, or one for each of {len(circuits)} circuits; got {given}."
+            f"{name} must be one number up to {LARGEST:.0e}, or one for each of {len(circuits)} circuits; got {value}."
         )
     return np.broadcast_to(values, (len(circuits),))
 
@@ -216,8 +213,8 @@ def hottest(network: HeatNetwork, ambient: float, temperatures: FloatArray) -> F
 def largest_loads(network: HeatNetwork, around: Surroundings, loads: Loads) -> tuple[float, str]:
     """Factor of the loads that brings a part to its limit, infinite where none can, and that part's name."""
     count = len(network.windings)
-    known = [part.material.thermal.working_temperature_C for part in network.regions]
-    limits = np.array([around.winding_limit_C] * count + [np.inf if one is None else one for one in known])
+    limits_C = [region.material.thermal.working_temperature_C for region in network.regions]
+    limits = np.array([around.winding_limit_C] * count + [np.inf if limit is None else limit for limit in limits_C])
 
     def over(factor: float) -> FloatArray:
         temperatures = settled(network, around.ambient_C, loads.scaled(factor))
@@ -231,5 +228,5 @@ def largest_loads(network: HeatNetwork, around: Surroundings, loads: Loads) -> t
     high = largest_factor(network, loads)
     if not np.isfinite(high):
         return np.inf, ""
-    factor = float(brentq(lambda one: over(one).max(), 0.0, high * (1.0 - 1e-9), rtol=1e-12))
+    factor = float(brentq(lambda trial: over(trial).max(), 0.0, high * (1.0 - 1e-9), rtol=1e-12))
     return factor, network.names[int(over(factor).argmax())]

@@ -86,8 +86,8 @@ def find_temperatures(
             raise UsageError("A frequency must stand beside an alternating current; there is none. Give alternating_A.")
         table = _eddy_table(sweep, actuator, distance, frequency_Hz)
         feed = replace(feed, eddy_W=_eddy_heat(network, table, distance, frequency_Hz, feed.alternating_A))
-    others = [_with_film(actuator, distance, factor) for factor in (SPREAD, 1.0 / SPREAD)]
-    find = partial(_found, actuator.thermal, network, others, distance)
+    bounds = [_with_film(actuator, distance, factor) for factor in (SPREAD, 1.0 / SPREAD)]
+    find = partial(_found, actuator.thermal, network, bounds, distance)
     result = find(feed)
     if model is not None and result.settles:
         result = replace(result, force=_forces(model, feed, result))
@@ -108,12 +108,12 @@ def temperatures_at_supply(actuator: Actuator, model: ActuatorModel) -> Temperat
 
 
 def _found(
-    around: Surroundings, network: HeatNetwork, others: list[HeatNetwork], distance: float, feed: Feed
+    around: Surroundings, network: HeatNetwork, bounds: list[HeatNetwork], distance: float, feed: Feed
 ) -> Temperatures:
     ambient = around.ambient_C
-    start, found = np.full(len(network.names), ambient), feed.settled(network, ambient)
-    warm = np.full(len(network.names), np.nan) if found is None else found
-    currents = feed.currents(start if found is None else found)
+    start, settled = np.full(len(network.names), ambient), feed.settled(network, ambient)
+    warm = np.full(len(network.names), np.nan) if settled is None else settled
+    currents = feed.currents(start if settled is None else settled)
     factor, limiting = largest_loads(network, around, feed.loads(currents))
     rise = warm[0] - ambient
     until = partial(time_until, network, ambient, feed.powers)
@@ -124,7 +124,7 @@ def _found(
         surroundings=around,
         temperatures_C=warm,
         hottest_C=hottest(network, ambient, warm),
-        spread_C=np.array([_warmest(other, ambient, feed) for other in others]),
+        spread_C=np.array([_warmest(bound, ambient, feed) for bound in bounds]),
         volts=feed.volts,
         cold_currents_A=feed.currents(start),
         currents_A=currents,
@@ -156,8 +156,8 @@ def _eddy_table(sweep: str | Path, actuator: Actuator, distance: float, frequenc
             f"The frequency must be above 0 and within that sweep, up to {amount(highest, 'Hz', 3)}; it is "
             f"{amount(frequency, 'Hz', 3)}. Give another one, or sweep with higher ones in [solver] frequency_Hz."
         )
-    drawn = {one.material.name for one in (*actuator.fixed, *actuator.moving.regions)}
-    circuits = tuple(one.name for one in actuator.circuits)
+    drawn = {region.material.name for region in actuator.regions}
+    circuits = tuple(circuit.name for circuit in actuator.circuits)
     if circuits != table.circuits or not drawn.issuperset(table.materials):
         raise UsageError(
             f"The sweep must be of this drawing; {sweep} has circuits {listing(table.circuits)} and conducting "
@@ -180,8 +180,8 @@ def _eddy_heat(
     place = int(np.argmin(np.abs(table.distances_m - distance)))
     losses = table.losses(place, np.array([frequency]), currents)[0]
     volumes = network.volumes_m3[len(network.windings) :]
-    own = np.array([[part.material.name == name for part in network.regions] for name in table.materials])
-    return np.concatenate([np.zeros(len(network.windings)), losses / (own @ volumes) @ own * volumes])
+    members = np.array([[region.material.name == name for region in network.regions] for name in table.materials])
+    return np.concatenate([np.zeros(len(network.windings)), losses / (members @ volumes) @ members * volumes])
 
 
 def _with_film(actuator: Actuator, distance: float, factor: float) -> HeatNetwork:
@@ -192,20 +192,20 @@ def _with_film(actuator: Actuator, distance: float, factor: float) -> HeatNetwor
 
 def _warmest(network: HeatNetwork, ambient: float, feed: Feed) -> float:
     """The warmest winding's mean in degC; NaN where it runs away."""
-    found = feed.settled(network, ambient)
-    return np.nan if found is None else float(found[: len(network.windings)].max())
+    settled = feed.settled(network, ambient)
+    return np.nan if settled is None else float(settled[: len(network.windings)].max())
 
 
 def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarmth, ...]:
-    found = []
-    for part, celsius in zip(network.regions, temperatures[len(network.windings) :], strict=True):
-        material = part.material
+    magnets = []
+    for region, celsius in zip(network.regions, temperatures[len(network.windings) :], strict=True):
+        material = region.material
         if isinstance(material, LinearMaterial) and material.remanence_T:
             change = material.remanence_coefficient_per_K * (celsius - REFERENCE_TEMPERATURE)
             drawn = material.remanence_coefficient_per_K * (material.temperature_C - REFERENCE_TEMPERATURE)
-            known = material.thermal.working_temperature_C
-            found.append(MagnetWarmth(part.name, float(celsius), float(change), float(drawn), known))
-    return tuple(found)
+            working_C = material.thermal.working_temperature_C
+            magnets.append(MagnetWarmth(region.name, float(celsius), float(change), float(drawn), working_C))
+    return tuple(magnets)
 
 
 def _forces(model: ActuatorModel | str | Path, feed: Feed, result: Temperatures) -> tuple[float, float] | None:
@@ -213,7 +213,9 @@ def _forces(model: ActuatorModel | str | Path, feed: Feed, result: Temperatures)
     model = model if isinstance(model, ActuatorModel) else read_model(model)
     forces = []
     for temperatures in (np.full(len(result.names), result.surroundings.ambient_C), result.temperatures_C):
-        changes = [(1.0 + one.change) / (1.0 + one.drawn) - 1.0 for one in _magnets(result.network, temperatures)]
+        changes = [
+            (1.0 + magnet.change) / (1.0 + magnet.drawn) - 1.0 for magnet in _magnets(result.network, temperatures)
+        ]
         warm = model
         if any(changes):  # of several magnets the mean
             effect = AddedEffect(effect_by_name("remanence"), {"remanence_error": float(np.mean(changes))})

@@ -58,7 +58,7 @@ class HeatNetwork:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parts."""
-        return (*(one.name for one in self.coils), *(one.name for one in self.regions))
+        return (*(coil.name for coil in self.coils), *(region.name for region in self.regions))
 
     @property
     def laplacian(self) -> FloatArray:
@@ -70,48 +70,49 @@ def heat_network(actuator: Actuator, distance: float) -> HeatNetwork:
     """Build the network of a drawing with the moving part at a distance in m."""
     around, coils = actuator.thermal, actuator.coils
     fixed, moving = (
-        [one for one in some if one.material.name != "air"] for some in (actuator.fixed, actuator.moving.regions)
+        [region for region in some if region.material.name != "air"]
+        for some in (actuator.fixed, actuator.moving.regions)
     )
     regions, moves = (*fixed, *moving), [*(coil.moves for coil in coils), *[False] * len(fixed), *[True] * len(moving)]
     if not np.isfinite(distance):
         raise UsageError(f"The distance must be a finite number; it is {distance:g} m. Give where the body is held.")
-    outlines = [coil.vertices_m for coil in coils] + [flattened(one.vertices_m, one.bulges) for one in regions]
+    outlines = [coil.vertices_m for coil in coils] + [flattened(region.vertices_m, region.bulges) for region in regions]
     sections = [
-        shapely.Polygon([(r, z + distance * own) for r, z in outline])
-        for outline, own in zip(outlines, moves, strict=True)
+        shapely.Polygon([(r, z + distance * moving_part) for r, z in outline])
+        for outline, moving_part in zip(outlines, moves, strict=True)
     ]
-    _require_apart([*(one.name for one in coils), *(one.name for one in regions)], sections, moves, distance)
-    volumes = np.array([2.0 * np.pi * one.centroid.x * one.area for one in sections])
+    _require_apart([*(coil.name for coil in coils), *(region.name for region in regions)], sections, moves, distance)
+    volumes = np.array([2.0 * np.pi * section.centroid.x * section.area for section in sections])
     faces = faces_of(sections, 2.0 * AIR_CONDUCTIVITY / around.film_W_per_m2_K)
     windings = tuple(winding_heat(coil, around.insulation_W_per_m_K) for coil in coils)
-    materials, n, count = [thermal_of(one.material) for one in regions], len(sections), len(coils)
-    known = np.array([cast("float", one.conductivity_W_per_m_K) for one in materials])
+    materials, n, count = [thermal_of(region.material) for region in regions], len(sections), len(coils)
+    conductivities = np.array([cast("float", material.conductivity_W_per_m_K) for material in materials])
     surfaces = np.bincount(faces.part, faces.area, n)[count:]
     # From face to middle in m^2 K/W; a winding's is in its stars
-    resistance = np.concatenate([np.zeros(count), volumes[count:] / surfaces / known])
-    whole = _outside(n, count, faces, resistance, around)
-    leaving = whole[n + 1 :].sum(axis=1)
+    resistance = np.concatenate([np.zeros(count), volumes[count:] / surfaces / conductivities])
+    joined = _outside(n, count, faces, resistance, around)
+    leaving = joined[n + 1 :].sum(axis=1)
     for k, (coil, winding) in enumerate(zip(coils, windings, strict=True)):
         for axis, ways in enumerate(stars(coil, winding.conductivity_W_per_m_K)):
             ends = (_node(n, k, 2 * axis), _node(n, k, 2 * axis + 1), k)
             for end, way in zip(ends, ways, strict=True):
-                _join(whole, _node(n, k, SIDES + axis), end, 1.0 / way)
+                _join(joined, _node(n, k, SIDES + axis), end, 1.0 / way)
     standing = [k for k in range(n) if not moves[k]]
     if standing:
         held = max(standing, key=lambda k: (k >= count, volumes[k]))
-        _join(whole, held, n, around.mounting_W_per_K)
-    left, inside, released = _reduced(whole, n, leaving)
-    between = -left[:n, :n]
+        _join(joined, held, n, around.mounting_W_per_K)
+    reduced, inside, released = _reduced(joined, n, leaving)
+    between = -reduced[:n, :n]
     np.fill_diagonal(between, 0.0)
-    stored = [cast("float", one.heat_capacity_J_per_m3_K) for one in materials] * volumes[count:]
-    capacities = np.array([*(one.heat_capacity_J_per_K for one in windings), *stored])
-    return HeatNetwork(coils, regions, windings, capacities, volumes, between, -left[:n, n], inside, released)
+    stored = [cast("float", material.heat_capacity_J_per_m3_K) for material in materials] * volumes[count:]
+    capacities = np.array([*(winding.heat_capacity_J_per_K for winding in windings), *stored])
+    return HeatNetwork(coils, regions, windings, capacities, volumes, between, -reduced[:n, n], inside, released)
 
 
 def _require_apart(names: list[str], sections: list[shapely.Polygon], moves: list[bool], distance: float) -> None:
     """Refuse a distance at which moving parts stand in fixed ones."""
     shared = 1e-6 * min(section.area for section in sections)  # of parts that touch, by rounding
-    moving, fixed = ([k for k, own in enumerate(moves) if own is which] for which in (True, False))
+    moving, fixed = ([k for k, is_moving in enumerate(moves) if is_moving is which] for which in (True, False))
     for k, j in product(moving, fixed):
         if sections[k].intersection(sections[j]).area > shared:
             raise UsageError(
@@ -122,37 +123,39 @@ def _require_apart(names: list[str], sections: list[shapely.Polygon], moves: lis
 
 def _outside(n: int, count: int, faces: Faces, resistance: FloatArray, around: Surroundings) -> FloatArray:
     """Conductances (N, N) by the faces, among n parts, the surroundings, and the own nodes of ``count`` windings."""
-    whole = np.zeros((n + 1 + OWN * count,) * 2)
-    for one, side, other, area, gap in zip(faces.part, faces.side, faces.facing, faces.area, faces.gap, strict=True):
-        here = _node(n, one, side) if one < count else one
-        if other == OPEN:
-            _join(whole, here, n, area / (1.0 / around.film_W_per_m2_K + resistance[one]))
-        elif other != NOTHING and not other < count <= one:  # such a pair is counted from the winding's faces alone
-            joint = around.winding_joint_m if min(one, other) < count else around.joint_m
-            crossed = max(gap, joint) / AIR_CONDUCTIVITY + resistance[one] + resistance[other]
-            there = _node(n, other, side ^ 1) if other < count else other
-            both = (one < count) == (other < count)  # counted from either side
-            _join(whole, here, there, (0.5 if both else 1.0) * area / crossed)
-    return whole
+    joined = np.zeros((n + 1 + OWN * count,) * 2)
+    for source, side, facing, area, gap in zip(
+        faces.part, faces.side, faces.facing, faces.area, faces.gap, strict=True
+    ):
+        here = _node(n, source, side) if source < count else source
+        if facing == OPEN:
+            _join(joined, here, n, area / (1.0 / around.film_W_per_m2_K + resistance[source]))
+        elif facing != NOTHING and not facing < count <= source:  # that pair is counted from the winding's faces
+            joint = around.winding_joint_m if min(source, facing) < count else around.joint_m
+            crossed = max(gap, joint) / AIR_CONDUCTIVITY + resistance[source] + resistance[facing]
+            there = _node(n, facing, side ^ 1) if facing < count else facing
+            both = (source < count) == (facing < count)  # counted from either side
+            _join(joined, here, there, (0.5 if both else 1.0) * area / crossed)
+    return joined
 
 
-def _node(parts: int, winding: int, own: int) -> int:
-    return parts + 1 + OWN * winding + own
+def _node(parts: int, winding: int, node: int) -> int:
+    return parts + 1 + OWN * winding + node
 
 
-def _join(whole: FloatArray, one: int, other: int, conductance: float) -> None:
-    whole[one, other] += conductance
-    whole[other, one] += conductance
+def _join(conductances: FloatArray, first: int, second: int, conductance: float) -> None:
+    conductances[first, second] += conductance
+    conductances[second, first] += conductance
 
 
-def _reduced(whole: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _reduced(conductances: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The Laplacian of parts and surroundings, (n + 1, n + 1), ``inside`` and ``released`` of :class:`HeatNetwork`.
 
     Faces and stars, by which heat leaves with these conductances, store none and are eliminated.
     """
-    full = np.diag(whole.sum(axis=1)) - whole
-    kept, gone = slice(0, n + 1), slice(n + 1, None)
-    follow = -np.linalg.solve(full[gone, gone], full[gone, kept])  # temperatures of faces and stars
+    full = np.diag(conductances.sum(axis=1)) - conductances
+    retained, gone = slice(0, n + 1), slice(n + 1, None)
+    follow = -np.linalg.solve(full[gone, gone], full[gone, retained])  # temperatures of faces and stars
     inside = np.zeros((len(leaving) // OWN, n + 1))
     for k, share in enumerate(leaving.reshape(-1, OWN)):
         if share.any():
@@ -161,5 +164,5 @@ def _reduced(whole: FloatArray, n: int, leaving: FloatArray) -> tuple[FloatArray
     nodes = np.vstack([np.eye(n + 1), follow])  # temperatures of all, as sums over the parts and the surroundings
     released = np.zeros((n + 1, n + 1))
     owners = [*range(n + 1), *np.repeat(np.arange(len(inside)), OWN)]
-    np.add.at(released, owners, whole[n][:, None] * (nodes - nodes[n]))
-    return full[kept, kept] + full[kept, gone] @ follow, inside, released[:n]
+    np.add.at(released, owners, conductances[n][:, None] * (nodes - nodes[n]))
+    return full[retained, retained] + full[retained, gone] @ follow, inside, released[:n]

@@ -110,7 +110,7 @@ class Temperatures(Printed):
     def lasts(self) -> bool:
         """Whether nothing becomes too warm."""
         too_warm = self.hottest_C.max() > self.surroundings.winding_limit_C * (1.0 + 1e-6) or any(
-            one.too_warm for one in self.magnets
+            magnet.too_warm for magnet in self.magnets
         )
         return self.settles and not too_warm
 
@@ -147,7 +147,7 @@ class Temperatures(Printed):
             "settles": self.settles,
             "lasts": self.lasts,
             "at_limit": self.at_limit and self.at_limit.to_dict(),
-            "magnets": [vars(one) for one in self.magnets],
+            "magnets": [vars(magnet) for magnet in self.magnets],
             "thermal": vars(self.surroundings),
             "capacities_J_per_K": self.network.capacities.tolist(),
             "conductances_W_per_K": self.network.between.tolist(),
@@ -166,8 +166,10 @@ class Temperatures(Printed):
         lines = [self._answer(), self._electric(), *map(str, self.magnets)]
         if self.force is not None and self.force[0]:
             cold, warm = self.force
-            at = amount(self.distance_m, "m", 3)
-            lines.append(f"The force at {at} is then {amount(warm, 'N', 3)}, {_less(1.0 - warm / cold)} than cold.")
+            distance = amount(self.distance_m, "m", 3)
+            lines.append(
+                f"The force at {distance} is then {amount(warm, 'N', 3)}, {_less(1.0 - warm / cold)} than cold."
+            )
         return lines
 
     def _fed(self) -> str:
@@ -177,7 +179,7 @@ class Temperatures(Printed):
         ]
         if not self.alternating_A.any():
             return " and ".join(fed)
-        waves = " and ".join(amount(one, "A", 3) for one in self.alternating_A)
+        waves = " and ".join(amount(current, "A", 3) for current in self.alternating_A)
         return f"{' and '.join(fed)} and {waves} rms alternating" if self.cold_currents_A.any() else f"{waves} rms"
 
     def _too_warm(self) -> str:
@@ -187,13 +189,13 @@ class Temperatures(Printed):
             text += f"The hottest strand passes {limit} after {_time(self.limit_s)}"
             warmest = float(self.hottest_C.max())
         else:
-            (magnet, *_) = [one for one in self.magnets if one.too_warm]
+            (magnet, *_) = [magnet for magnet in self.magnets if magnet.too_warm]
             text += f"The magnet {magnet.part} becomes too warm"
             warmest = magnet.temperature_C
         if not self.settles:
             return f"{text}, and never settles: its heat grows with its resistance faster than it flows off."
-        at = f"at {amount(warmest, 'C')}" if warmest < BURNT_C else f"above {amount(BURNT_C, 'C')}"
-        return f"{text}; it would settle {at}."
+        temperature = f"at {amount(warmest, 'C')}" if warmest < BURNT_C else f"above {amount(BURNT_C, 'C')}"
+        return f"{text}; it would settle {temperature}."
 
     def _answer(self) -> str:
         each = ", ".join(f"{name} {amount(mean, 'C')}" for name, mean in zip(self.names, self.windings_C, strict=False))
@@ -220,8 +222,8 @@ class Temperatures(Printed):
     def _allowed(self) -> str:
         if not self.limiting:
             return "No winding is heated."
-        currents = " and ".join(amount(float(one), "A", 3) for one in self.allowed_A)
-        of_magnets = {one.part: one.working_C for one in self.magnets if one.working_C is not None}
+        currents = " and ".join(amount(float(allowed), "A", 3) for allowed in self.allowed_A)
+        of_magnets = {magnet.part: magnet.working_C for magnet in self.magnets if magnet.working_C is not None}
         limit = amount(of_magnets.get(self.limiting, self.surroundings.winding_limit_C), "C")
         limited = self.limiting if self.limiting in of_magnets else f"the hottest strand of {self.limiting}"
         return f"The largest current that may last is {currents}: {limited} is then at its limit of {limit}."
@@ -243,7 +245,7 @@ def _time(seconds: float | None) -> str:
 
 def _plain(value: Any) -> Any:
     return (
-        [None if isinstance(one, float) and np.isnan(one) else one for one in value.tolist()]
+        [None if isinstance(number, float) and np.isnan(number) else number for number in value.tolist()]
         if isinstance(value, np.ndarray)
         else value
     )

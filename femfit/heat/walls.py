@@ -1,11 +1,9 @@
-"""What the faces of parts look at: another part across a gap, or the open air.
+"""Ways of heat out of a part: through a winding to its faces, and from faces to other parts or the open air.
 
 A ray leaves each piece of an outline along its normal. Where it meets another part, heat crosses what is between them:
 of a tube of rays over the length g from the radius r to r', 2 pi ds (r' - r) / ln(r' / r) / g of air, which is exact
 for flat and for cylindrical layers. The open air is where a disc as wide as the gap gets to that conducts as well as
 the air's two films; a wider pocket that is closed counts as such a gap.
-
-A winding's heat: how strands and what is between them conduct, and the way from the middle to the faces.
 
 A winding counts as a ring of rectangular section with the same heat everywhere. Its faces and its mean temperature are
 then joined by two stars, one for each direction, which are exact where heat leaves in that direction alone; where it
@@ -25,8 +23,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, FloatArray, IntArray
-from femfit.device.parts import REFERENCE_TEMPERATURE, Coil
+from femfit.core.numerics import COPPER_RESISTIVITY_20C, FloatArray, IntArray
+from femfit.device.parts import Coil, copper_growth
 from femfit.device.thermal import LORENZ_NUMBER, METAL_CAPACITY, ROOM_K
 
 PIECES = 400
@@ -55,17 +53,19 @@ class Faces:
 
 def faces_of(parts: Sequence[shapely.Polygon], widest: float) -> Faces:
     """Pieces of the outlines of sections (r, z); gaps wider than ``widest`` in m count as that wide."""
-    pieces = [_pieces(part) for part in parts]
-    which = np.repeat(np.arange(len(parts)), [len(one[0]) for one in pieces])
-    place, normal, length = (np.concatenate(one) for one in zip(*pieces, strict=True))
-    whole = [shapely.union(part, _mirrored(part)) for part in parts]
-    filled = _closed(shapely.union_all(whole), widest)
+    pieces = [_pieces(section) for section in parts]
+    which = np.repeat(np.arange(len(parts)), [len(piece[0]) for piece in pieces])
+    place, normal, length = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
+    revolved = [
+        shapely.union(section, shapely.transform(section, lambda points: points * [-1.0, 1.0])) for section in parts
+    ]
+    filled = _closed(shapely.union_all(revolved), widest)
     free = ~shapely.contains_xy(filled, *(place + BESIDE * normal).T)
     low_r, low_z, high_r, high_z = filled.bounds
     start, stop = place + START * normal, place + np.hypot(high_r - low_r, high_z - low_z) * normal
     rays = shapely.linestrings(np.stack([start, stop], axis=1))
     origins = shapely.points(start)
-    gaps = np.array([_distance(origins, rays, part) for part in whole])
+    gaps = np.array([_distance(origins, rays, section) for section in revolved])
     nearest = gaps.argmin(axis=0)
     gap = gaps.min(axis=0) + START
     gap[gap < 10.0 * START] = 0.0
@@ -77,41 +77,37 @@ def faces_of(parts: Sequence[shapely.Polygon], widest: float) -> Faces:
     return Faces(which, side.astype(np.int64), facing, 2.0 * np.pi * length * _log_mean(r, far), gap)
 
 
-def _pieces(part: shapely.Polygon) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _pieces(section: shapely.Polygon) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Middles (n, 2), outward normals (n, 2) and lengths (n,) of an outline's pieces that are not on the axis."""
-    ring = shapely.segmentize(part.exterior, part.exterior.length / PIECES)
+    ring = shapely.segmentize(section.exterior, section.exterior.length / PIECES)
     corners = np.array(ring.coords if ring.is_ccw else ring.coords[::-1])
     step = np.diff(corners, axis=0)
     length = np.hypot(*step.T)
     place = 0.5 * (corners[:-1] + corners[1:])
-    kept = (length > 0.0) & (place[:, 0] > BESIDE)
-    normal = np.column_stack([step[:, 1], -step[:, 0]])[kept] / length[kept, None]
-    return place[kept], normal, length[kept]
-
-
-def _mirrored(part: shapely.Polygon) -> shapely.Polygon:
-    return shapely.transform(part, lambda points: points * [-1.0, 1.0])
+    outside = (length > 0.0) & (place[:, 0] > BESIDE)
+    normal = np.column_stack([step[:, 1], -step[:, 0]])[outside] / length[outside, None]
+    return place[outside], normal, length[outside]
 
 
 def _closed(filled: shapely.Geometry, widest: float) -> shapely.Geometry:
     """The parts with gaps narrower than ``widest``, and with all that these close in."""
     closed = filled.buffer(0.5 * widest).buffer(-0.5 * widest)
-    rings = [one.exterior for one in getattr(closed, "geoms", [closed])]
+    rings = [piece.exterior for piece in getattr(closed, "geoms", [closed])]
     return shapely.union_all([shapely.Polygon(ring) for ring in rings])
 
 
-def _distance(origins: NDArray[np.object_], rays: NDArray[np.object_], part: shapely.Geometry) -> FloatArray:
+def _distance(origins: NDArray[np.object_], rays: NDArray[np.object_], section: shapely.Geometry) -> FloatArray:
     """How far away along each ray a part is; infinite where it is not met."""
-    found = np.full(len(rays), np.inf)
-    shapely.prepare(part)
-    meets = shapely.intersects(part, rays)
-    found[meets] = shapely.distance(origins[meets], shapely.intersection(rays[meets], part))
-    return found
+    distances = np.full(len(rays), np.inf)
+    shapely.prepare(section)
+    meets = shapely.intersects(section, rays)
+    distances[meets] = shapely.distance(origins[meets], shapely.intersection(rays[meets], section))
+    return distances
 
 
-def _log_mean(one: FloatArray, other: FloatArray) -> FloatArray:
+def _log_mean(first: FloatArray, second: FloatArray) -> FloatArray:
     """(b - a) / ln(b / a), and a where they are alike; a floor keeps rays that reach the axis finite."""
-    a, b = np.maximum(one, BESIDE), np.maximum(other, BESIDE)
+    a, b = np.maximum(first, BESIDE), np.maximum(second, BESIDE)
     alike = np.abs(b - a) < 1e-6 * a
     ratio = np.where(alike, np.e, b / a)
     return np.asarray(np.where(alike, 0.5 * (a + b), (b - a) / np.log(ratio)))
@@ -134,23 +130,13 @@ class WindingHeat:
     cold_ohm: float  # Resistance at 20 degC
 
 
-def cold_resistance(coil: Coil) -> float:
-    """Resistance in ohm at 20 degC."""
-    return float(coil.resistance_ohm / growth(coil.temperature_C))
-
-
-def growth(celsius: FloatArray | float) -> FloatArray | float:
-    """Copper's resistance over that at 20 degC."""
-    return 1.0 + COPPER_TEMPERATURE_COEFFICIENT * (celsius - REFERENCE_TEMPERATURE)
-
-
 def winding_heat(coil: Coil, insulation: float) -> WindingHeat:
     """Follow a winding from its wire, or from its resistance where the wire is not known.
 
     With a share f of copper, k = k_i ((1 + f) k_c + (1 - f) k_i) / ((1 - f) k_c + (1 + f) k_i).
     """
     section = shapely.Polygon(coil.vertices_m)
-    turn, cold = 2.0 * math.pi * section.centroid.x, cold_resistance(coil)
+    turn, cold = 2.0 * math.pi * section.centroid.x, float(coil.resistance_ohm / copper_growth(coil.temperature_C))
     wire = 0.25 * math.pi * coil.wire_diameter_m**2 if coil.wire_diameter_m is not None else None
     copper = coil.turns * (wire or COPPER_RESISTIVITY_20C * coil.turns * turn / cold)
     share = min(copper / section.area, DENSEST)

@@ -107,8 +107,8 @@ def make_bench_table(
     if output is not None:
         if output.suffix != ".csv":
             raise TableError(f"The bench table is written as .csv; instead received {output}.")
-        given = model if isinstance(model, str | Path) else None
-        inputs = [record, None if given is None else Path(given)]
+        path = model if isinstance(model, str | Path) else None
+        inputs = [record, None if path is None else Path(path)]
         require_outputs(inputs, (output, BENCH), (output.with_suffix(".toml"), NOTES))
     if model is not None and initial_flux_Wb is not None:
         raise TableError("Give the first plateau's flux linkage by --model or by --initial-flux-Wb, not by both.")
@@ -122,12 +122,12 @@ def make_bench_table(
     made, sigma, findings = _table(rows, PlateauOptions(method, settling_s, still_A, still_m), first)
     level = resistance_finding(made.pop("coil_voltage_V").to_numpy(), made["current_A"].to_numpy(), resistance_ohm)
     taken = "no R i taken off" if resistance_ohm is None else f"R i taken off with {resistance_ohm:g} ohm"
-    left = "; the offset voltage, which was not taken off." if method == "trapezoid" else "."
+    ending = "; the offset voltage, which was not taken off." if method == "trapezoid" else "."
     notes = (
         f"Flux linkage integrated from the coil voltage of {record.name} ({method}, {taken}, turns ratio "
         f"{turns_ratio:g}); on each run's first plateau it was {begins}, not measured. The noise is the rms standard "
         "uncertainty of the integral from the voltage's noise; it accumulates within a run. Not in it: errors of "
-        f"resistance, turns ratio, voltmeter gain and first value{left}"
+        f"resistance, turns ratio, voltmeter gain and first value{ending}"
     )
     result = BenchFlux(made, sigma, notes, (*findings, *([] if level is None else [level])), output)
     if output is not None:
@@ -167,10 +167,10 @@ def _table(
             run[name].to_numpy() for name in ("time_s", "coil_voltage_V", "induced_V", "current_A", "distance_m")
         )
         flux = plateau_flux(time, induced, current, distance, options)
-        seen = watch_run(time, voltage, induced, current, flux)
-        findings += [replace(finding, text=f"Run {number:g}: {finding.text}") for finding in seen]
-        kept = run.drop(columns=["induced_V", "branch", "order"], errors="ignore")
-        means = pd.DataFrame([kept.iloc[a:b].mean() for a, b in zip(flux.first, flux.last, strict=True)])
+        remarks = watch_run(time, voltage, induced, current, flux)
+        findings += [replace(finding, text=f"Run {number:g}: {finding.text}") for finding in remarks]
+        columns = run.drop(columns=["induced_V", "branch", "order"], errors="ignore")
+        means = pd.DataFrame([columns.iloc[a:b].mean() for a, b in zip(flux.first, flux.last, strict=True)])
         means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
         begin = first
         if isinstance(begin, ActuatorModel):
@@ -184,32 +184,32 @@ def _table(
 
 
 def watch_run(
-    time: FloatArray, voltage: FloatArray, induced: FloatArray, current: FloatArray, found: PlateauFlux
+    time: FloatArray, voltage: FloatArray, induced: FloatArray, current: FloatArray, plateau_flux: PlateauFlux
 ) -> tuple[Finding, ...]:
     """Gaps, clock jumps, samples clipped between plateaus, and a coil wired the wrong way round, of one run."""
     between = voltage.copy()
-    for first, last in zip(found.first, found.last, strict=True):
+    for first, last in zip(plateau_flux.first, plateau_flux.last, strict=True):
         between[first:last] = 0.0
     step = float(np.median(np.diff(time)))
-    seen, wired = RecordWatch(1.0, step), RecordWatch(1.0, step, "current_A")
-    seen.see(CoilBlock(time, between))
+    watch, wired = RecordWatch(1.0, step), RecordWatch(1.0, step, "current_A")
+    watch.see(CoilBlock(time, between))
     wired.see(CoilBlock(time, induced, current=current))
-    return (*seen.findings(), *(finding for finding in wired.findings() if finding.code == "sign"))
+    return (*watch.findings(), *(finding for finding in wired.findings() if finding.code == "sign"))
 
 
-def resistance_finding(voltage: FloatArray, current: FloatArray, given: float | None) -> Finding | None:
+def resistance_finding(voltage: FloatArray, current: FloatArray, expected: float | None) -> Finding | None:
     """Whether the plateaus' mean voltages contradict the resistance in ohm that is taken off; None is taken off."""
     i, u = current - current.mean(), voltage - voltage.mean()
     spread, common = float(i @ i), float(i @ u)
     if spread <= 0.0 or common**2 <= PLATEAU_FOLLOWS * spread * float(u @ u):
         return None
     shown = common / spread
-    if given is None:
+    if expected is None:
         text = f"The plateaus' voltage follows the current as {shown:.4g} ohm would make it."
         remedy = f"Is it the winding's own voltage? Then it needs --resistance-ohm {shown:.4g}."
         return Finding("resistance", "warning", text, remedy, size=shown)
-    if abs(shown - given) <= GAIN_TOLERANCE * given:
+    if abs(shown - expected) <= GAIN_TOLERANCE * expected:
         return None
     wrong = "the sign of the voltage or the current is wrong" if shown < 0.0 else "the winding is warm, or another"
-    text = f"The plateaus show {shown:.4g} ohm where {given:.4g} ohm are taken off: {wrong}."
+    text = f"The plateaus show {shown:.4g} ohm where {expected:.4g} ohm are taken off: {wrong}."
     return Finding("resistance", "warning", text, size=shown)

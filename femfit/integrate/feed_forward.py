@@ -9,9 +9,8 @@ is in use the field by T / A of that. Where W is the time for which these sample
 in the field is W / A times the same mean, so that the two together have the variance (s^2 / m) (W - T)^2 / A^2. The
 samples' own noise, (s^2 / m) W^2 / A^2, is summed as it comes; the offset adds (s^2 / m) T (T - 2 W) / A^2. FFA2
 integrates its windows, W = m T_s, and the offsets of several windows add. FFA1 leaves the zero reading out but for half
-of its last sample, which stands in the first trapezoid: W = T_s / 2.
-
-Field increments by the trapezoidal rule, from block to block: P. Arpaia et al., Sensors 22 (2022) 182, (7).
+of its last sample, which stands in the first trapezoid: W = T_s / 2. Field increments are by the trapezoidal rule, from
+block to block.
 """
 
 import math
@@ -181,9 +180,9 @@ class FeedForwardIntegrator:
         samples = state.window.samples + np.cumsum(reading)
         offset = total / np.maximum(samples, 1.0)
         used = state.used + np.cumsum((1.0 - reading) * dt)
-        seen = Window(int(samples[-1]), float(total[-1]))
-        now = replace(state, still=float(since[-1]), offset=float(offset[-1]), window=seen, used=float(used[-1]))
-        return now, offset, reading, self._of_offset(offset, seen.samples, used, 0.5 * self.sample_time)
+        window = Window(int(samples[-1]), float(total[-1]))
+        now = replace(state, still=float(since[-1]), offset=float(offset[-1]), window=window, used=float(used[-1]))
+        return now, offset, reading, self._of_offset(offset, window.samples, used, 0.5 * self.sample_time)
 
     def _plateau_offsets(
         self, state: FeedForwardState, block: CoilBlock, dt: FloatArray
@@ -194,30 +193,30 @@ class FeedForwardIntegrator:
         offset, of_offset = np.zeros(len(block)), np.zeros(len(block))
         now, begin = state, 0
         while begin < len(block):
-            part = slice(begin, min(len(block), begin + size - now.window.samples))
-            offset[part], used = now.offset, now.used + np.cumsum(dt[part])
+            samples = slice(begin, min(len(block), begin + size - now.window.samples))
+            offset[samples], used = now.offset, now.used + np.cumsum(dt[samples])
             integrated = now.offset_samples * self.sample_time
-            of_offset[part] = now.former + self._of_offset(offset[part], now.offset_samples, used, integrated)
-            current = None if block.current is None else block.current[part]
-            window = now.window.extended(block.voltage[part], current, bin_size)
+            of_offset[samples] = now.former + self._of_offset(offset[samples], now.offset_samples, used, integrated)
+            current = None if block.current is None else block.current[samples]
+            window = now.window.extended(block.voltage[samples], current, bin_size)
             now = replace(now, window=window, used=float(used[-1]))
             if now.window.samples == size:
-                now = replace(self._updated(now, float(of_offset[part][-1])), window=Window())
-            begin = part.stop
+                now = replace(self._updated(now, float(of_offset[samples][-1])), window=Window())
+            begin = samples.stop
         return now, offset, np.zeros(len(dt)), of_offset
 
     def _updated(self, state: FeedForwardState, brought: float) -> FeedForwardState:
         """After a complete window, whose offset holds from the next sample on; those before have brought a variance."""
-        seen, still = state.window, state.still + self.window
-        mean, level = seen.voltage_sum / seen.samples, 0.5 * (seen.current_min + seen.current_max)
-        if math.isinf(seen.current_min):
+        window, still = state.window, state.still + self.window
+        mean, level = window.voltage_sum / window.samples, 0.5 * (window.current_min + window.current_max)
+        if math.isinf(window.current_min):
             moves = abs(mean) > STILL_V
         else:  # a wander too slow for one window shows against the window before
             since = 0.0 if math.isnan(state.level) else abs(level - state.level)
-            moves = max(seen.current_max - seen.current_min, since) > self.still_A
+            moves = max(window.current_max - window.current_min, since) > self.still_A
         if moves:
             return replace(state, still=0.0, level=level)
         state, settled = replace(state, still=still, level=level), state.still >= self.settling - 1e-9
         if not settled:
             return state
-        return replace(state, offset=mean, offset_samples=seen.samples, used=0.0, former=brought)
+        return replace(state, offset=mean, offset_samples=window.samples, used=0.0, former=brought)

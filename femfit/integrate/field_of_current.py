@@ -135,8 +135,8 @@ def field_model_of_sweep(
     nodes = np.polynomial.chebyshev.chebpts1(4 * (degree + 1))
     current = current_min + 0.5 * (current_max - current_min) * (nodes + 1.0)
     # On its own interval the fit is orthogonal; the terms' interval begins at 0.
-    own = np.polynomial.Chebyshev.fit(current, curve(current), degree, domain=[current_min, current_max])
-    moved = own.convert(domain=[0.0, current_max], kind=np.polynomial.Chebyshev)
+    fit = np.polynomial.Chebyshev.fit(current, curve(current), degree, domain=[current_min, current_max])
+    moved = fit.convert(domain=[0.0, current_max], kind=np.polynomial.Chebyshev)
     coefficients = np.zeros(degree + 1)
     coefficients[: len(moved.coef)] = moved.coef
     return FieldModel(terms, coefficients, rms)
@@ -174,11 +174,13 @@ def read_field_model(path: Path) -> FieldModel:
     """Read a field model."""
     try:
         data = _File.model_validate_json(path.read_bytes())
-        given = data.terms
-        terms = FieldTerms(given.current_max_A, given.degree, tuple(given.play_radii_A), tuple(given.lag_times_s))
+        listed = data.terms
+        terms = FieldTerms(listed.current_max_A, listed.degree, tuple(listed.play_radii_A), tuple(listed.lag_times_s))
         coefficients = np.array([data.coefficients_T[name] for name in terms.names])
     except ValidationError as error:
-        wrong = [f"{'.'.join(map(str, one['loc'])) or 'the file'}: {one['msg']}" for one in error.errors()[:3]]
+        wrong = [
+            f"{'.'.join(map(str, problem['loc'])) or 'the file'}: {problem['msg']}" for problem in error.errors()[:3]
+        ]
         raise ModelFileError(_refusal(path, "; ".join(wrong))) from error
     except OSError as error:
         raise ModelFileError(_refusal(path, error.strerror or str(error))) from error

@@ -1,11 +1,10 @@
-"""Where the field of a current is taken from: a ratio, lab runs with a Hall probe, or a swept femfit model.
+"""Where the field of a current is taken from (a ratio, lab runs or a swept model), and whether its gain fits the coil.
 
 Strengths of plays and lags are bounded below by zero: a loop runs in one direction, and an eddy current delays.
 
-Whether coil and reference disagree by a gain, told from offset and drift by the filter's innovations.
-
-The innovations nu of a filter are white with variance S, and a relative gain e of the reference adds e r to them, where
-r follows from the filter alone. So e = sum(nu r / S) / sum(r^2 / S) is the generalised least squares estimate beside an
+Whether coil and reference disagree by a gain shows in the filter's innovations, apart from offset and drift. The
+innovations nu of a filter are white with variance S, and a relative gain e of the reference adds e r to them, where r
+follows from the filter alone. So e = sum(nu r / S) / sum(r^2 / S) is the generalised least squares estimate beside an
 offset voltage that walks. Its uncertainty is the larger one of 1 / sqrt(sum(r^2 / S)), which holds if nothing else is
 wrong, and that from the scatter of the sums about it from second to second, which holds whatever else is wrong there.
 Where sum(nu^2 / S) is more than noise makes, the gain must explain most of that: an offset voltage that wanders faster
@@ -91,9 +90,9 @@ def field_of_ratio(ratio: float, sigma: LinearSigma) -> CurrentField:
     return CurrentField(model, None, sigma, ratio)
 
 
-def identified_field(coil: SensingCoil, lab: str | Path | None, given: str | Path | FieldModel | None) -> CurrentField:
+def identified_field(coil: SensingCoil, lab: str | Path | None, field: str | Path | FieldModel | None) -> CurrentField:
     """A field model that was identified before, or is now from a lab record."""
-    if lab is None and given is None:
+    if lab is None and field is None:
         raise TableError(
             "cs2-identified needs what field belongs to a current: give --lab RECORD (with hall_T and current_A, of a "
             "magnet that was cycled before), --field-model FILE, or --model MODEL.json with --distance-mm."
@@ -101,7 +100,7 @@ def identified_field(coil: SensingCoil, lab: str | Path | None, given: str | Pat
     if lab is not None:
         model = _field_of_lab_record(lab, coil)
     else:
-        model = given if isinstance(given, FieldModel) else read_field_model(Path(str(given)))
+        model = field if isinstance(field, FieldModel) else read_field_model(Path(str(field)))
     return CurrentField(model, (0.0, model.terms.current_max_A))
 
 
@@ -122,7 +121,7 @@ def identify_field(runs: Sequence[LabRun], terms: FieldTerms | None = None) -> F
             f"instead it goes down to {low:g} A. Record and integrate one polarity at a time."
         )
     columns = [field_columns(terms, precycled(terms), run.time, run.current)[1] for run in paths]
-    matrix = np.concatenate([_means(part, ROW_STEPS) for part in columns])
+    matrix = np.concatenate([_means(column, ROW_STEPS) for column in columns])
     field = np.concatenate([_means(run.field, ROW_STEPS) for run in paths])
     current = np.concatenate([_means(run.current, ROW_STEPS) for run in paths])
     used = np.flatnonzero(np.any(matrix != 0.0, axis=0))
@@ -158,21 +157,21 @@ class _Problem:
     row_sigma: float
     strength_sigma: float
 
-    def rows(self, kept: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def rows(self, chosen: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Matrix, target and sigma of the kept rows, and one prior row for each bounded strength."""
         prior = np.eye(len(self.lower))[np.isfinite(self.lower)]
-        sigma = np.r_[np.full(int(kept.sum()), self.row_sigma), np.full(len(prior), self.strength_sigma)]
-        return np.concatenate([self.matrix[kept], prior]), np.r_[self.target[kept], np.zeros(len(prior))], sigma
+        sigma = np.r_[np.full(int(chosen.sum()), self.row_sigma), np.full(len(prior), self.strength_sigma)]
+        return np.concatenate([self.matrix[chosen], prior]), np.r_[self.target[chosen], np.zeros(len(prior))], sigma
 
 
 def _left_out_rms(problem: _Problem, current: FloatArray) -> float:
     """Rms error on each stretch of the runs when fitted to the others, at currents that the others reach."""
     squares = []
     for rows in np.array_split(np.arange(len(current)), FOLDS):
-        others = np.ones(len(current), dtype=np.bool_)
-        others[rows] = False
-        reached = rows[(current[rows] <= current[others].max()) & (current[rows] >= current[others].min())]
-        x = active_set_least_squares(*problem.rows(others), problem.lower)
+        remaining = np.ones(len(current), dtype=np.bool_)
+        remaining[rows] = False
+        reached = rows[(current[rows] <= current[remaining].max()) & (current[rows] >= current[remaining].min())]
+        x = active_set_least_squares(*problem.rows(remaining), problem.lower)
         squares.append(np.square(problem.matrix[reached] @ x - problem.target[reached]))
     return float(np.sqrt(np.mean(np.concatenate(squares))))
 

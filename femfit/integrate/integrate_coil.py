@@ -124,7 +124,7 @@ def integrate_coil(
         source = open_coil_record(record, columns=columns, units=units, table=table)
     recorded = tuple(name for name in COLUMNS if name in source.columns)
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
-    given = {
+    keywords = {
         "--coil-area": coil_area_m2,
         "--zero-reading-s": zero_reading_s,
         "--settling-s": settling_s,
@@ -140,29 +140,32 @@ def integrate_coil(
         "--reference-gain-sigma": reference_gain_sigma,
         "--reference-offset-sigma-T": reference_offset_sigma_T,
     }
-    _require_fitting(chosen, {option for option, value in given.items() if value is not None})
+    _require_fitting(chosen, {option for option, value in keywords.items() if value is not None})
     written = Path(field_model) if lab is not None and isinstance(field_model, str | Path) else None
     _require_free([record, lab, model, field_model if lab is None else None], output, written)
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
-    known = CurrentField()
+    current_field = CurrentField()
     if current_to_field_A_per_T is not None:
         sigma = LinearSigma(reference_offset_sigma_T or 0.0, reference_gain_sigma or 0.0)
-        known = field_of_ratio(current_to_field_A_per_T, sigma)
+        current_field = field_of_ratio(current_to_field_A_per_T, sigma)
     elif model is not None and distance_m is not None:
         swept = model if isinstance(model, ActuatorModel) else read_model(Path(model))
-        known = field_of_swept_model(swept, distance_m, of_flux=coil_area_m2 is None, sigma=model_sigma)
+        current_field = field_of_swept_model(swept, distance_m, of_flux=coil_area_m2 is None, sigma=model_sigma)
     elif chosen == "cs2-identified":
-        known = identified_field(coil, lab, field_model)
-    if written is not None and known.model is not None:
-        write_field_model(known.model, written)
+        current_field = identified_field(coil, lab, field_model)
+    if written is not None and current_field.model is not None:
+        write_field_model(current_field.model, written)
     settling, still = SETTLING_S if settling_s is None else settling_s, STILL_A if still_A is None else still_A
     options = IntegrationOptions(
-        chosen, coil, initial_field_T, zero_reading_s, settling, still, known.model, known.sigma
+        chosen, coil, initial_field_T, zero_reading_s, settling, still, current_field.model, current_field.sigma
     )
     systematics = Systematics(
         (coil_area_sigma_m2 or 0.0) / coil.area_m2,
         reference_gain_sigma or 0.0,
-        max(reference_offset_sigma_T or 0.0, known.model.rms_T if chosen == "cs2-identified" and known.model else 0.0),
+        max(
+            reference_offset_sigma_T or 0.0,
+            current_field.model.rms_T if chosen == "cs2-identified" and current_field.model else 0.0,
+        ),
         OFFSET_SIGMA_V.get(chosen, 0.0) if offset_sigma_V is None else offset_sigma_V,
     )
     before = systematics  # Until ffa2 takes an offset off, all of the amplifier's is left
@@ -171,7 +174,7 @@ def integrate_coil(
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
     doubts = before, systematics
     made = stream_record(
-        source, recorded, options, known, doubts, quantity, smooth=smooth, output=output, progress=progress
+        source, recorded, options, current_field, doubts, quantity, smooth=smooth, output=output, progress=progress
     )
     return CoilIntegral(
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
@@ -186,26 +189,26 @@ def integrate_coil(
     )
 
 
-def _require_fitting(method: Method, given: set[str]) -> None:
+def _require_fitting(method: Method, options: set[str]) -> None:
     """Refuse options that would do nothing, and say what a method lacks."""
-    for option in sorted(given & USED_BY.keys()):
+    for option in sorted(options & USED_BY.keys()):
         if method not in USED_BY[option]:
             raise TableError(
                 f"{option} is for {' and '.join(USED_BY[option])}; {method} does not use it. Leave it out, or give "
                 "another --method."
             )
-    if "--model" in given and ("--distance-mm" not in given or given & {"--lab", "--field-model"}):
+    if "--model" in options and ("--distance-mm" not in options or options & {"--lab", "--field-model"}):
         raise TableError("--model goes with --distance-mm, without --lab and --field-model.")
     for option, partner in (
         ("--distance-mm", "--model"),
         ("--model-sigma", "--model"),
         ("--coil-area-sigma", "--coil-area"),
     ):
-        if option in given and partner not in given:
+        if option in options and partner not in options:
             raise TableError(f"{option} belongs to {partner} and does nothing without it. Give both, or neither.")
-    if method in FILTERS and not given & {"--coil-area", "--model"}:
+    if method in FILTERS and not options & {"--coil-area", "--model"}:
         raise TableError(f"{method} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
-    if method == "cs2" and "--current-to-field" not in given:
+    if method == "cs2" and "--current-to-field" not in options:
         raise TableError(
             "cs2 takes the current over the magnet's current-to-field ratio for a field: give that ratio in A/T with "
             "--current-to-field."

@@ -1,7 +1,4 @@
-"""The methods by name, with noise evaluated from the record (type A of the GUM, 4.2).
-
-What integrating a coil's voltage gave, as it is printed and as JSON.
-"""
+"""The methods by name, the noise of their record (type A of the GUM, 4.2), and the result as it is printed."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -160,10 +157,10 @@ class CoilIntegral(Printed):
 
     def __str__(self) -> str:
         unit = self.quantity.rsplit("_", 1)[1]
-        given = ", ".join(f"{name.replace('_', ' ')} {part:.3g}" for name, part in self.parts.items() if part > 0.0)
+        shares = ", ".join(f"{name.replace('_', ' ')} {share:.3g}" for name, share in self.parts.items() if share > 0.0)
         # A plain integral has no reference, and a filter estimates the offset voltage.
         idle = ("reference_gain", "reference_offset") if self.method in FEED_FORWARD else ("offset_voltage",)
-        none = [name.replace("_", " ") for name, part in self.parts.items() if part == 0.0 and name not in idle]
+        none = [name.replace("_", " ") for name, share in self.parts.items() if share == 0.0 and name not in idle]
         how = f"{self.method}, smoothed" if self.smoothed else self.method
         told_by = "coil" if self.method in FEED_FORWARD else "reference"
         exact = f", if the {told_by}'s gain is exact" if self.parts[f"{told_by}_gain"] == 0.0 else ""
@@ -178,7 +175,7 @@ class CoilIntegral(Printed):
                 f"{how}: {counted(self.samples, 'sample')}, {1.0 / self.sample_time_s:.6g} Hz, offset voltage "
                 f"{1e6 * self.offset_V:.3g} uV at the end"
             ),
-            f"standard uncertainty in {unit}: {given}" + (f"; nothing given for {', '.join(none)}" if none else ""),
+            f"standard uncertainty in {unit}: {shares}" + (f"; nothing given for {', '.join(none)}" if none else ""),
             *(f"{finding.code}: {finding}" for finding in self.findings),
             *(f"written: {path}" for path in (self.field_model, self.output) if path is not None),
         ]

@@ -8,10 +8,9 @@ current, whose lasting error is weighed as white noise of the density that an er
 P. Arpaia et al., Sensors 22 (2022) 182, (7) and (13), with one state; Y. Bar-Shalom, X. Li and T. Kirubarajan,
 Estimation with Applications to Tracking and Navigation (Wiley, 2001), 5.2 (Kalman filter), 6.2.2 (integrated noise).
 
-Offline: what the filter would have said had it known the rest of the record.
-
-H. E. Rauch, F. Tung and C. T. Striebel, AIAA J. 3 (1965) 1445. The backward recursion goes from correction
-to correction, and the coil's integral carries the samples between.
+Offline, a smoother says what the filter would have said had it known the rest of the record. H. E. Rauch, F. Tung and
+C. T. Striebel, AIAA J. 3 (1965) 1445. The backward recursion goes from correction to correction, and the coil's
+integral carries the samples between.
 """
 
 from dataclasses import dataclass, replace
@@ -141,22 +140,22 @@ class OffsetFilter:
         elapsed = p.elapsed + np.cumsum(steps.dt[rows])
         integral = p.integral + np.cumsum(steps.field[rows])
         variance = p.variance + np.cumsum(steps.variance[rows])
-        late, part = elapsed / area, slice(begin, begin + len(elapsed))
-        out.field[part] = field = mean[0, 0] + integral - mean[1, 0] * late
+        late, samples = elapsed / area, slice(begin, begin + len(elapsed))
+        out.field[samples] = field = mean[0, 0] + integral - mean[1, 0] * late
         walk = self.offset_wander**2 * late**2 * elapsed / 3.0
-        out.variance[part] = P[0, 0] - 2.0 * late * P[0, 1] + late**2 * P[1, 1] + variance + walk
-        out.offset[part] = mean[1, 0]
-        _write_responses(out, part, mean[0, 1:, None] - mean[1, 1:, None] * late, late)
+        out.variance[samples] = P[0, 0] - 2.0 * late * P[0, 1] + late**2 * P[1, 1] + variance + walk
+        out.offset[samples] = mean[1, 0]
+        _write_responses(out, samples, mean[0, 1:, None] - mean[1, 1:, None] * late, late)
         used = np.isfinite(readings)
-        own = readings[used]
-        noise = 0.0 if self.field_model is not None else float(self.noise.reference.variance(own).sum())
+        means = readings[used]
+        noise = 0.0 if self.field_model is not None else float(self.noise.reference.variance(means).sum())
         pending = Pending(
             p.samples + len(elapsed),
             float(elapsed[-1]),
             float(integral[-1]),
             float(variance[-1]),
-            p.readings + len(own),
-            p.raw + float(own.sum()),
+            p.readings + len(means),
+            p.raw + float(means.sum()),
             p.predicted + float(field[used].sum()),
             p.at + float(elapsed[used].sum()),
             p.noise + noise,
@@ -201,19 +200,19 @@ class OffsetFilter:
         mean = p.raw / p.readings
         if self.field_model is None or state.magnet is None:
             return None, mean, p.noise / p.readings**2
-        at = np.array([time - p.elapsed + p.at / p.readings])
-        magnet, field = self.field_model.advance(state.magnet, at, np.array([mean]))
+        times = np.array([time - p.elapsed + p.at / p.readings])
+        magnet, field = self.field_model.advance(state.magnet, times, np.array([mean]))
         lasting = max(1.0, MODEL_ERROR_TIME_S / max(p.elapsed, self.sample_time))
         return magnet, float(field[0]), lasting * float(self.noise.reference.variance(field)[0])
 
 
-def _write_responses(out: FieldBlock, part: slice, rows: FloatArray, late: FloatArray) -> None:
+def _write_responses(out: FieldBlock, samples: slice, rows: FloatArray, late: FloatArray) -> None:
     """Responses of the predictions: what the coil brought is what the reference did not."""
     reference, unit, voltage = rows
-    out.responses.coil[part] = out.field[part] - reference
-    out.responses.reference[part] = reference
-    out.responses.reference_unit[part] = unit
-    out.responses.voltage_unit[part] = voltage + late
+    out.responses.coil[samples] = out.field[samples] - reference
+    out.responses.reference[samples] = reference
+    out.responses.reference_unit[samples] = unit
+    out.responses.voltage_unit[samples] = voltage + late
 
 
 def smooth(integrator: OffsetFilter, record: CoilBlock) -> FieldBlock:
@@ -241,13 +240,13 @@ def smooth(integrator: OffsetFilter, record: CoilBlock) -> FieldBlock:
         values[rows] = path + (means[place + 1, 0] - path[-1]) * share
         offset[rows] = means[place, 1, 0] + (means[place + 1, 1, 0] - means[place, 1, 0]) * share[:, 0]
         variance[rows] = variances[place] + (variances[place + 1] - variances[place]) * share[:, 0]
-    known = int(np.flatnonzero(np.isfinite(out.field))[0])
-    for part, row, mean in (
-        (slice(known, trace[0].row + 1), trace[0].row, means[0]),
+    first = int(np.flatnonzero(np.isfinite(out.field))[0])
+    for columns, row, mean in (
+        (slice(first, trace[0].row + 1), trace[0].row, means[0]),
         (slice(trace[-1].row, None), trace[-1].row, means[-1]),
     ):
-        values[part] = mean[0] + moved[part] - moved[row] - mean[1] * (time[part] - time[row])[:, None] / area
-    offset[known : trace[0].row], variance[known : trace[0].row] = means[0, 1, 0], variances[0]
+        values[columns] = mean[0] + moved[columns] - moved[row] - mean[1] * (time[columns] - time[row])[:, None] / area
+    offset[first : trace[0].row], variance[first : trace[0].row] = means[0, 1, 0], variances[0]
     field, reference, unit, voltage = np.ascontiguousarray(values.T)
     responses = Responses(field - reference, reference, unit, voltage)
     return replace(out, field=field, variance=variance, offset=offset, responses=responses)

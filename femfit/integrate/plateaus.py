@@ -142,8 +142,8 @@ def _wandered(time: FloatArray, voltage: FloatArray, first: IntArray, last: IntA
         means = voltage[a : a + side].mean() + voltage[a + side + middle : a + 2 * side + middle].mean()
         strayed = step * (voltage[a + side : a + side + middle].sum() - 0.5 * middle * means)
         surplus.append(strayed**2 - (step * noise) ** 2 * (middle + 0.5 * middle**2 / side))
-    one = max(0.0, float(np.mean(surplus))) if surplus else 0.0
-    return np.concatenate([[0.0], np.cumsum(one * np.square(between / (step * middle)))])
+    sample_variance = max(0.0, float(np.mean(surplus))) if surplus else 0.0
+    return np.concatenate([[0.0], np.cumsum(sample_variance * np.square(between / (step * middle)))])
 
 
 def _plateaus(

@@ -57,7 +57,7 @@ def stream_record(
     source: CoilRecord | pd.DataFrame,
     columns: tuple[str, ...],
     options: IntegrationOptions,
-    known: CurrentField,
+    current_field: CurrentField,
     systematics: tuple[Systematics, Systematics],
     quantity: str,
     *,
@@ -76,16 +76,16 @@ def stream_record(
     integrator = make_integrator(options, first)
     pairs = integrate_blocks(integrator, itertools.chain([first], blocks))
     if smooth and isinstance(integrator, OffsetFilter):
-        whole = joined_record(itertools.chain([first], blocks))
-        pairs = iter([(whole, smoothed(integrator, whole))])
+        record = joined_record(itertools.chain([first], blocks))
+        pairs = iter([(record, smoothed(integrator, record))])
     gain_sigma = math.hypot(systematics[1].coil_gain, systematics[1].reference_gain)
-    watch = _watch(options, columns, quantity, integrator.sample_time, known, gain_sigma)
+    watch = _watch(options, columns, quantity, integrator.sample_time, current_field, gain_sigma)
     show(0, total or 0)
     samples, corrected = 0, False
     value, unit = quantity.rsplit("_", 1)
     sigma_name = f"{value}_sigma_{unit}"
     names = ["time_s", *columns, quantity, sigma_name, "offset_V"]
-    kept: list[pd.DataFrame] = []
+    blocks_read: list[pd.DataFrame] = []
     with nullcontext() if output is None else RecordWriter(output, names, integrator.sample_time) as writer:
         for block, out in pairs:
             read = {"coil_voltage_V": block.voltage, "hall_T": block.hall, "current_A": block.current}
@@ -94,7 +94,7 @@ def stream_record(
             table = {"time_s": block.time} | {name: there for name in columns if (there := read[name]) is not None}
             table |= {quantity: out.field, sigma_name: sigma, "offset_V": out.offset}
             if writer is None:
-                kept.append(pd.DataFrame(table))
+                blocks_read.append(pd.DataFrame(table))
             else:
                 writer.write(table)
             watch.see(block, out)
@@ -102,7 +102,7 @@ def stream_record(
             show(samples, total or 0)
         _require_zero_reading(options, float(out.time[-1] - first.time[0]))
     findings = (*watch.findings(), *_no_plateau(options, corrected))
-    rows = pd.concat(kept, ignore_index=True) if kept else None
+    rows = pd.concat(blocks_read, ignore_index=True) if blocks_read else None
     return Streamed(out, samples, integrator.sample_time, corrected, findings, rows)
 
 
@@ -129,16 +129,16 @@ def _watch(
     columns: tuple[str, ...],
     quantity: str,
     sample_time: float,
-    known: CurrentField,
+    current_field: CurrentField,
     gain_sigma: float,
 ) -> RecordWatch:
     """Compare the coil with the reference that the method uses, or with one that the record has besides."""
     of_hall = options.method == "cs1-offset" or (options.method in FEED_FORWARD and "hall_T" in columns)
     reference: Reference | None = "hall_T" if of_hall else "current_A" if "current_A" in columns else None
-    scale = None if known.ratio is None else 1.0 / known.ratio
+    scale = None if current_field.ratio is None else 1.0 / current_field.ratio
     if of_hall and quantity == "field_T":
         scale = 1.0
-    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, known.currents, gain_sigma)
+    return RecordWatch(options.coil.area_m2, sample_time, reference, scale, current_field.currents, gain_sigma)
 
 
 def _block(rows: pd.DataFrame) -> CoilBlock:

@@ -105,32 +105,34 @@ class RecordWatch:
 
     def findings(self) -> tuple[Finding, ...]:
         """What was seen, in words."""
-        found = []
+        findings = []
         for code, text in _SENTENCES.items():
             source = "stuck" if code == "saturated" else code
             at_top = self._stuck_at >= (1.0 - 1e-9) * self._highest
             if source in self._tallies and (source != "stuck" or at_top == (code == "saturated")):
-                seen = self._tallies[source]
-                said = text.format(
-                    samples=counted(seen.count, "sample"),
-                    gaps=counted(seen.count, "gap"),
-                    first=f"{seen.first:.6g}",
-                    amount=f"{seen.amount:.3g}",
+                tally = self._tallies[source]
+                sentence = text.format(
+                    samples=counted(tally.count, "sample"),
+                    gaps=counted(tally.count, "gap"),
+                    first=f"{tally.first:.6g}",
+                    amount=f"{tally.amount:.3g}",
                 )
-                found.append(Finding(code, "warning", said, _REMEDIES[code]))
-        found += self._disagreement() or self._gain_finding({one.code for one in found})
+                findings.append(Finding(code, "warning", sentence, _REMEDIES[code]))
+        findings += self._disagreement() or self._gain_finding({finding.code for finding in findings})
         if "innovations" in self._tallies:
-            seen = self._tallies["innovations"]
-            suspect = next((name for code, name in _SUSPECTS.items() if code in {one.code for one in found}), None)
+            tally = self._tallies["innovations"]
+            suspect = next(
+                (name for code, name in _SUSPECTS.items() if code in {finding.code for finding in findings}), None
+            )
             if suspect is None and self.reference == "hall_T":
                 suspect = "the offset voltage, or the Hall probe's drift"
             text = (
-                f"The filter's innovations left their band {seen.count} times, first at {seen.first:.6g} s (squared up "
-                f"to {seen.amount:.3g} times what it expects). Suspect: "
+                f"The filter's innovations left their band {tally.count} times, first at {tally.first:.6g} s (squared "
+                f"up to {tally.amount:.3g} times what it expects). Suspect: "
                 f"{suspect or 'the relation between current and field'}."
             )
-            found.append(Finding("innovations", "warning", text))
-        return tuple(found)
+            findings.append(Finding("innovations", "warning", text))
+        return tuple(findings)
 
     def _add(self, code: str, times: FloatArray, amount: float = 0.0) -> None:
         if len(times):
@@ -143,9 +145,12 @@ class RecordWatch:
         used = np.isfinite(out.innovation)
         innovation, variance, of_gain = out.innovation[used], out.innovation_variance[used], out.innovation_gain[used]
         latest = [out.time[used], innovation**2 / variance, innovation * of_gain / variance, of_gain**2 / variance]
-        seen = np.concatenate([self._waiting, latest], axis=1)
-        whole = seen.shape[1] // INNOVATIONS_AVERAGED * INNOVATIONS_AVERAGED
-        times, sums = seen[0, :whole:INNOVATIONS_AVERAGED], seen[1:, :whole].reshape(3, -1, INNOVATIONS_AVERAGED).sum(2)
+        innovations = np.concatenate([self._waiting, latest], axis=1)
+        complete = innovations.shape[1] // INNOVATIONS_AVERAGED * INNOVATIONS_AVERAGED
+        times, sums = (
+            innovations[0, :complete:INNOVATIONS_AVERAGED],
+            innovations[1:, :complete].reshape(3, -1, INNOVATIONS_AVERAGED).sum(2),
+        )
         means = sums[0] / INNOVATIONS_AVERAGED
         self._gain.see(sums[0] - INNOVATIONS_AVERAGED, *sums[1:])
         outside = means > INNOVATION_BAND
@@ -153,14 +158,14 @@ class RecordWatch:
         if outside.any():
             tally = self._tallies["innovations"]
             tally.amount = max(tally.amount, float(means.max()))
-        self._waiting = seen[:, whole:]
+        self._waiting = innovations[:, complete:]
 
     def _watch_probe(self, time: FloatArray, hall: FloatArray, rise: FloatArray) -> None:
         """Runs of one and the same reading while the coil sees the field move."""
-        known = np.isfinite(hall)
-        if not known.any():
+        finite = np.isfinite(hall)
+        if not finite.any():
             return
-        self._highest = max(self._highest, float(np.abs(hall[known]).max()))
+        self._highest = max(self._highest, float(np.abs(hall[finite]).max()))
         new = np.flatnonzero(hall != np.concatenate([[self._reading], hall[:-1]]))
         goes_on = len(new) == 0 or new[0] > 0  # the first run goes on from the block before
         begins = np.concatenate([[0], new]) if goes_on else new
@@ -214,10 +219,10 @@ class RecordWatch:
         text = f"The {name} shows {slope:.3g} times the changes that the coil sees: {wrong} is wrong; {agree}."
         return [Finding("gain", "warning", text, size=slope - 1.0)]
 
-    def _gain_finding(self, seen: set[str]) -> list[Finding]:
+    def _gain_finding(self, codes: set[str]) -> list[Finding]:
         """Whether the innovations show that coil and Hall probe differ by a gain, where nothing else spoils them."""
         result = self._gain.result()
-        if result is None or self.reference != "hall_T" or seen & {"stuck", "saturated", "clipped"}:
+        if result is None or self.reference != "hall_T" or codes & {"stuck", "saturated", "clipped"}:
             return []
         ratio, sigma = result
         expanded = 200.0 * sigma

@@ -109,12 +109,12 @@ def white_sigma(values: FloatArray) -> float:
 
     It is at least 1e-9 of the largest value, so that noiseless data can be weighed.
     """
-    known = values[np.isfinite(values)]
-    if len(known) < 3:
+    finite = values[np.isfinite(values)]
+    if len(finite) < 3:
         raise TableError(
-            f"Noise cannot be evaluated from {counted(len(known), 'reading')} in the first block; give at least 3."
+            f"Noise cannot be evaluated from {counted(len(finite), 'reading')} in the first block; give at least 3."
         )
-    bends = np.abs(np.diff(known, 2))
+    bends = np.abs(np.diff(finite, 2))
     # The median of coarsely quantised readings may be 0; their mean is not.
     centre = float(np.median(bends)) or 0.845 * float(np.mean(bends))
-    return max(centre * _MEDIAN_TO_SIGMA, 1e-9 * float(np.abs(known).max()), 1e-15)
+    return max(centre * _MEDIAN_TO_SIGMA, 1e-9 * float(np.abs(finite).max()), 1e-15)

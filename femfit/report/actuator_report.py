@@ -38,7 +38,6 @@ from femfit.report.loop_report import loop_facts, loop_figures
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
 from femfit.report.motion_figures import open_loop_figure
 from femfit.report.page import ReportContent, render
-from femfit.report.parts import all_regions, saturates
 from femfit.report.rating import (
     SMALL,
     USUAL_KNEES,
@@ -105,7 +104,7 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "stroke_table": [] if rating is None else _stroke_rows(rating),
         "several": several,
         "circuit_table": [] if several is None else circuit_table(several),
-        "circuit_names": [] if actuator is None else [one.name for one in actuator.circuits],
+        "circuit_names": [] if actuator is None else [circuit.name for circuit in actuator.circuits],
         "limits": model.validity.current_limits_A.tolist(),
         "ranges": " and ".join(current_ranges(model)),
         "copper_share": None if actuator is None else copper_share(actuator),
@@ -231,9 +230,9 @@ def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]
         "moving_magnet": any(region.material.remanence_T for region in actuator.moving.regions),
         "fixed_magnet": any(region.material.remanence_T for region in actuator.fixed),
         "moving_coil": bool(actuator.coils) and all(coil.moves for coil in actuator.coils),
-        "saturates": saturates(actuator),
+        "saturates": actuator.saturates,
         "at_rest": _at_rest(content),
-        "parts": [(region.name, region.material.name, material_words(region)) for region in all_regions(actuator)],
+        "parts": [(region.name, region.material.name, material_words(region)) for region in actuator.regions],
         "inductance_H": inductance,
         "weight_N": actuator.mechanics.mass_kg * GRAVITY,
     }
@@ -254,7 +253,7 @@ def _at_rest(content: ReportContent) -> str:
 
 def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) -> dict[str, Any]:
     largest = float(np.max(np.abs(rows.force))) or 1.0
-    known = rows.force_error > 0.0
+    estimated = rows.force_error > 0.0
     several = content.several
     combined = rows.currents[:, None] if several is None else np.unique(several.currents, axis=0)
     facts: dict[str, Any] = {
@@ -264,8 +263,8 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
         "distances": rows.distances.tolist(),
         "force_min": float(rows.force.min()),
         "force_max": float(rows.force.max()),
-        "error_of_largest": float(rows.force_error.max()) / largest if known.any() else None,
-        "error_median": float(np.median((rows.force_error / rows.force_scale)[known])) if known.any() else None,
+        "error_of_largest": float(rows.force_error.max()) / largest if estimated.any() else None,
+        "error_median": float(np.median((rows.force_error / rows.force_scale)[estimated])) if estimated.any() else None,
         "grid": grid,
         "reciprocity": None if grid is None else reciprocity(grid),
     }

@@ -30,11 +30,11 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     """What was read, of which channels, and how their noise is known."""
     observations, evidence = diagnosis.observations, diagnosis.campaign
     recorded_motion = "velocity_m_s" in observations.covariates  # readings are windows of a time series
-    told = not recorded_motion and "mount" in observations.given  # whether mounts are told from runs
+    distinct = not recorded_motion and "mount" in observations.given  # whether mounts are told from runs
     facts: dict[str, Any] = {
         "recorded_motion": recorded_motion,
         "runs": len(np.unique(observations.covariates["run"])),
-        "mounts": len(np.unique(observations.covariates["mount"])) if told else 0,
+        "mounts": len(np.unique(observations.covariates["mount"])) if distinct else 0,
         "settings": len(np.unique(setting_cells(observations))),
         "noise": None if evidence is None else evidence.noise,
         "findings": observations.findings if evidence is None else diagnosis.findings,
@@ -45,18 +45,18 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     for c, name in enumerate(noise.channels):
         values = np.abs(observations.value[observations.of(name)])
         source, sigma = noise.source.get(name, ""), float(noise.sigma[c])
-        known = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source
-        known = {"guess": "a guess", "": "not known"}.get(known, known)
+        origin = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source
+        origin = {"guess": "a guess", "": "not known"}.get(origin, origin)
         share = percent(sigma / float(values.max())) if source and values.max(initial=0.0) > 0.0 else NOTHING
-        own = (quantity(sigma, name), known, share, quantity(float(noise.run[c]), name, 2))
-        shown = own if source else (NOTHING, known, NOTHING, NOTHING)
+        row = (quantity(sigma, name), origin, share, quantity(float(noise.run[c]), name, 2))
+        shown = row if source else (NOTHING, origin, NOTHING, NOTHING)
         rows.append((CHANNEL_WORDS[name], f"{len(values):,}", *shown, f"{noise.rho[c]:.2f}"))
     return facts | {"noise_rows": rows}
 
 
 def misfit_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """A row for each channel: rms, largest misfit, noise and their ratio."""
-    rms = {one.channel: one.rms_before for one in diagnosis.error_fall.channels}
+    rms = {channel.channel: channel.rms_before for channel in diagnosis.error_fall.channels}
     rows: list[tuple[str, ...]] = []
     for name in diagnosis.observations.channels:
         largest = float(np.abs(diagnosis.observations.residual[diagnosis.observations.of(name)]).max())
@@ -72,8 +72,8 @@ def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]
     effects = device_effects(nominal.circuits, nominal.drawn)
     facts = {
         "named": [
-            (one, effects[one.name].symptom if one.name in effects else "", _parameter_rows(one, effects))
-            for one in diagnosis.missing
+            (effect, effects[effect.name].symptom if effect.name in effects else "", _parameter_rows(effect, effects))
+            for effect in diagnosis.missing
         ],
         "detectable": [
             (name, smallest_visible(effects[name], amplitudes, nominal) or NOTHING)
@@ -85,16 +85,16 @@ def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]
     testable = [score for score in diagnosis.ranking if not score.note]
     if diagnosis.verdict == "nothing_missing" or not testable or diagnosis.decision is None:
         return facts, {}
-    named = [one.name for one in diagnosis.missing]
-    members = [name for one in diagnosis.missing for name in one.members[1:]]
+    named = [effect.name for effect in diagnosis.missing]
+    members = [name for effect in diagnosis.missing for name in effect.members[1:]]
     return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.excess, named, members)}
 
 
-def _parameter_rows(one: NamedEffect, effects: Mapping[str, Effect]) -> list[tuple[str, ...]]:
-    effect, rows = effects.get(one.name), list[tuple[str, ...]]()
-    known = {} if effect is None else {p.name: p for p in effect.parameters}
-    for name, value in one.parameters.items():
-        p, (low, high) = known.get(name), one.ci95.get(name, (np.nan, np.nan))
+def _parameter_rows(missing: NamedEffect, effects: Mapping[str, Effect]) -> list[tuple[str, ...]]:
+    effect, rows = effects.get(missing.name), list[tuple[str, ...]]()
+    parameters = {} if effect is None else {p.name: p for p in effect.parameters}
+    for name, value in missing.parameters.items():
+        p, (low, high) = parameters.get(name), missing.ci95.get(name, (np.nan, np.nan))
         interval = f"{significant(low, 4)} … {significant(high, 4)}" if np.isfinite(low) else _no_interval(value, p)
         usual = f"{plain(p.plausible[0])} … {plain(p.plausible[1])}" if p else NOTHING
         unit = formula_markup(p.unit) if p else ""
@@ -116,14 +116,16 @@ def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, 
     best = decision.refitted[0] if decision is not None and decision.refitted else None
     if best is not None and best.fit is not None and diagnosis.campaign is not None:
         free = best.fit.jacobian[:, ~best.fit.active]
-        left = diagnosis.campaign.patterns.excess(best.fit.whitened_residual, free)
-        share = 1.0 - left / diagnosis.excess if diagnosis.excess > 0.0 else 0.0
+        excess = diagnosis.campaign.patterns.excess(best.fit.whitened_residual, free)
+        share = 1.0 - excess / diagnosis.excess if diagnosis.excess > 0.0 else 0.0
         nearest = (best.names, float(np.clip(share, 0.0, 1.0)))
     suggestions = []
-    for one in advice[:SHOWN]:
-        pairs = sorted(((*_unlike(a, b), sigma) for a, b, sigma in one.separates), key=lambda pair: round(pair[2], 6))
-        suggestions.append((one, pairs, [" and ".join(_unlike(a, b)) for a, b in one.remains]))
-    names = dict.fromkeys(name for one in diagnosis.missing for name in one.members if name in effects)
+    for measurement in advice[:SHOWN]:
+        pairs = sorted(
+            ((*_unlike(a, b), sigma) for a, b, sigma in measurement.separates), key=lambda pair: round(pair[2], 6)
+        )
+        suggestions.append((measurement, pairs, [" and ".join(_unlike(a, b)) for a, b in measurement.remains]))
+    names = dict.fromkeys(name for effect in diagnosis.missing for name in effect.members if name in effects)
     return {
         "nearest": nearest,
         "suggestions": suggestions,
@@ -134,8 +136,8 @@ def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, 
 def _unlike(a: str, b: str) -> tuple[str, str]:
     """Two explanations without the effects that both have."""
     first, second = a.split(" + "), b.split(" + ")
-    left = [name for name in first if name not in second], [name for name in second if name not in first]
-    return " + ".join(left[0]) or a, " + ".join(left[1]) or b
+    differences = [name for name in first if name not in second], [name for name in second if name not in first]
+    return " + ".join(differences[0]) or a, " + ".join(differences[1]) or b
 
 
 def rms_before_and_after(fall: ErrorFall) -> list[dict[str, float]]:
@@ -155,7 +157,7 @@ def error_fall(
     rows = []
     for name in errors[0]:
         noise = (quantity(floor[name], name), f"{errors[-1][name] / floor[name]:.2f}") if name in floor else ()
-        values = (quantity(one[name], name) for one in errors)
+        values = (quantity(rms[name], name) for rms in errors)
         rows.append((CHANNEL_WORDS[name], *values, *(noise or (NOTHING, NOTHING))))
     facts = {
         "added": added,
@@ -164,8 +166,8 @@ def error_fall(
         "fall_rows": rows,
         "tolerances": [
             (name.removesuffix("_error"), value)
-            for one in (added.base if added else ())
-            for name, value in one.parameters.items()
+            for parameter in (added.base if added else ())
+            for name, value in parameter.parameters.items()
         ],
         "size_rows": [
             (

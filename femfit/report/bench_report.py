@@ -72,13 +72,15 @@ def render_diagnosis(
     The data are for what they say of themselves; hashes are files and their SHA-256.
     """
     observations, floor, source = diagnosis.observations, dict(diagnosis.noise_floor), data.source if data else SOURCE
-    known = bool(floor)
+    has_floor = bool(floor)
     scale = floor or dict.fromkeys(observations.channels, 1.0)
     effects = diagnosis.explanations[0].effects if diagnosis.explanations else ()
     facts, figures = _curves(diagnosis.model, observations, effects, floor)
     figures["settings"] = partial(settings_figure, observations)
-    figures["misfit-maps"] = partial(residual_maps_figure, observations, [("", observations.residual)], scale, known)
-    covariates = [name for name in diagnosis.where.covariates if name in SCALAR] if known else []
+    figures["misfit-maps"] = partial(
+        residual_maps_figure, observations, [("", observations.residual)], scale, has_floor
+    )
+    covariates = [name for name in diagnosis.where.covariates if name in SCALAR] if has_floor else []
     if covariates:
         channel = diagnosis.where.channel
         values = observations.residual / scale[channel]
@@ -92,8 +94,8 @@ def render_diagnosis(
         "observations": observations,
         "verdict": verdict_sentence(diagnosis),
         "certainty": certainty_sentence(diagnosis) if diagnosis.missing else "",
-        "classes": [one for one in diagnosis.missing if len(one.members) > 1],
-        "known": known,
+        "classes": [effect for effect in diagnosis.missing if len(effect.members) > 1],
+        "known": has_floor,
         "covariates": covariates,
         "misfit_rows": misfit_rows(diagnosis),
         "versions": _versions(),
@@ -111,7 +113,7 @@ def render_diagnosis(
     if effects:
         sections.append("fall")
         after = observations.value - observations.predict(effects)
-        steps = [" + ".join(one.name for one in diagnosis.missing)]
+        steps = [" + ".join(effect.name for effect in diagnosis.missing)]
         more, drawn = error_fall(observations, after, floor, steps, rms_before_and_after(diagnosis.error_fall), None)
         facts |= more | {"quoted_source": shlex.quote(source)}
         figures |= drawn
@@ -121,15 +123,17 @@ def render_diagnosis(
 def render_comparison(comparison: Comparison) -> str:
     """The page on a comparison: the answer, measured points on the model's curves, maps of the misfit."""
     observations = comparison.observations
-    floor, scale, known = noise_scale(comparison)
+    floor, scale, has_floor = noise_scale(comparison)
     facts, figures = _curves(comparison.model, observations, (), floor)
-    figures["misfit-maps"] = partial(residual_maps_figure, observations, [("", observations.residual)], scale, known)
+    figures["misfit-maps"] = partial(
+        residual_maps_figure, observations, [("", observations.residual)], scale, has_floor
+    )
     facts |= {
         "title": f"{comparison.model.name}: the bench and the model",
         "lead": "what was measured beside the model's predictions",
         "summary": [("", line) for line in str(comparison).splitlines() if line.strip()][:SHOWN],
         "diagnosis": None,
-        "known": known,
+        "known": has_floor,
         "covariates": [],
     }
     return _render(facts, ["curves", "misfit"], figures)
@@ -138,8 +142,8 @@ def render_comparison(comparison: Comparison) -> str:
 def render_added(result: AddResult, hashes: Sequence[tuple[str, str]] = ()) -> str:
     """The page on effects that were added: measured points before and after, and how far the error fell."""
     observations, effects = result.observations, (*result.base, *result.added)
-    kept = tuple(one for one in result.model.effects if one.effect.name in result.kept)
-    model = with_effects(result.model.without_effects, kept)
+    effects_kept = tuple(added for added in result.model.effects if added.effect.name in result.kept)
+    model = with_effects(result.model.without_effects, effects_kept)
     facts, figures = _curves(model, observations, effects, result.floor)
     after = observations.value - observations.predict(effects)
     errors, steps = [dict(step.rms) for step in result.steps], [step.text for step in result.steps[1:]]
@@ -161,18 +165,22 @@ def render_added(result: AddResult, hashes: Sequence[tuple[str, str]] = ()) -> s
 
 def noise_scale(comparison: Comparison) -> tuple[dict[str, float], dict[str, float], bool]:
     """Noise of each channel in which it is known, what misfits are drawn in parts of, and whether that is noise."""
-    floor = {one.channel: one.noise_floor for one in comparison.channels if one.noise_floor is not None}
-    known = len(floor) == len(comparison.channels)
-    return floor, floor if known else dict.fromkeys(comparison.observations.channels, 1.0), known
+    floor = {channel.channel: channel.noise_floor for channel in comparison.channels if channel.noise_floor is not None}
+    has_floor = len(floor) == len(comparison.channels)
+    return floor, floor if has_floor else dict.fromkeys(comparison.observations.channels, 1.0), has_floor
 
 
 def save_comparison_pictures(comparison: Comparison, directory: Path) -> list[Path]:
     """Write ``misfit-maps.png`` and ``misfit-CHANNEL-1.png`` and so on."""
     observations = comparison.observations
-    floor, scale, known = noise_scale(comparison)
-    figures = {"misfit-maps": residual_maps_figure(observations, [("", observations.residual)], scale, known)}
+    floor, scale, has_floor = noise_scale(comparison)
+    figures = {"misfit-maps": residual_maps_figure(observations, [("", observations.residual)], scale, has_floor)}
     for channel, noise in floor.items():
-        lines = [one.along[0] for one in comparison.maps if one.channel == channel and len(one.along) == 1]
+        lines = [
+            misfit_map.along[0]
+            for misfit_map in comparison.maps
+            if misfit_map.channel == channel and len(misfit_map.along) == 1
+        ]
         names = [name for name in lines if name != "mount"]
         for first in range(0, len(names), PANELS):
             shown, misfit = names[first : first + PANELS], observations.residual / noise
@@ -199,26 +207,26 @@ def _curves(
 ) -> tuple[dict[str, Any], dict[str, Drawing]]:
     """Each channel's readings on the model's curves before and after, the worst channel first."""
     curves = worst_first(measured_curves(model, observations, after=effects, noise=dict(floor)))
-    names = list(dict.fromkeys(one.effect.name for one in effects))
+    names = list(dict.fromkeys(effect.effect.name for effect in effects))
     drawn: dict[str, Drawing] = {
-        f"curves-{one.channel}": partial(curves_figure, one, fitted=bool(effects)) for one in curves
+        f"curves-{curve.channel}": partial(curves_figure, curve, fitted=bool(effects)) for curve in curves
     }
     return {"curves": curves, "effects": names}, drawn
 
 
 def _summary(diagnosis: Diagnosis, suggestions: Sequence[Suggestion]) -> list[tuple[str, str]]:
-    said = [("Verdict", verdict_sentence(diagnosis))]
+    summary = [("Verdict", verdict_sentence(diagnosis))]
     if diagnosis.where.channel:
-        said.append(("Where", diagnosis.where.sentence))
+        summary.append(("Where", diagnosis.where.sentence))
     if diagnosis.missing:
-        said.append(("How certain", certainty_sentence(diagnosis)))
+        summary.append(("How certain", certainty_sentence(diagnosis)))
     if suggestions or diagnosis.own_misfit:
-        said.append(("Next", suggestions[0].text if suggestions else finer_model(diagnosis.model)))
+        summary.append(("Next", suggestions[0].text if suggestions else finer_model(diagnosis.model)))
     if diagnosis.missing:
-        said.append(("Error", f"{_worst(diagnosis.error_fall)}."))
-    return said
+        summary.append(("Error", f"{_worst(diagnosis.error_fall)}."))
+    return summary
 
 
 def _worst(fall: ErrorFall) -> str:
     """The fall of the error in the channel that was worst."""
-    return str(max(fall.channels, key=lambda one: one.before_over_noise or 0.0))
+    return str(max(fall.channels, key=lambda channel: channel.before_over_noise or 0.0))

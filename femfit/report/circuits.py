@@ -2,8 +2,6 @@
 
 Maps and curves of a force need one current. The line taken goes through the bias, along the change in which the least
 currents give the most force: the differential drive of a bearing.
-
-Holding currents, stiffness, force per current and inductances of several circuits, as one figure.
 """
 
 from collections.abc import Sequence
@@ -45,8 +43,8 @@ class SeveralCircuits:
     @property
     def coupling(self) -> FloatArray:
         """Largest |L_jk| / sqrt(L_jj L_kk) of two circuits at each distance."""
-        own = np.sqrt(np.diagonal(self.inductance_H, axis1=1, axis2=2))
-        share = np.abs(self.inductance_H) / (own[:, :, None] * own[:, None, :])
+        root = np.sqrt(np.diagonal(self.inductance_H, axis1=1, axis2=2))
+        share = np.abs(self.inductance_H) / (root[:, :, None] * root[:, None, :])
         return np.asarray((share - np.eye(len(self.names))).max(axis=(1, 2)))
 
     @property
@@ -131,8 +129,8 @@ def circuit_table(several: SeveralCircuits) -> list[tuple[str, ...]]:
     return [
         (
             significant(1e3 * several.distance_m[k], 3),
-            *(significant(one, 3) for one in several.holding_A[k]),
-            *(significant(one, 3) for one in several.force_per_A[k]),
+            *(significant(current, 3) for current in several.holding_A[k]),
+            *(significant(constant, 3) for constant in several.force_per_A[k]),
             significant(1e-3 * several.stiffness_N_per_m[k], 3),
             percent(float(several.coupling[k])),
         )
@@ -151,9 +149,9 @@ def circuits_figure(several: SeveralCircuits) -> "Figure":
         currents.plot(x, several.holding_A[:, k], color=colour, label=words("circuits", "circuit", name=name))
         force.plot(x, several.force_per_A[:, k], color=colour)
         inductance.plot(x, 1e3 * several.inductance_H[:, k, k], color=colour)
-        for other in range(k):
-            said = words("circuits", "mutual", one=several.names[other], other=name)
-            inductance.plot(x, 1e3 * several.inductance_H[:, other, k], "--", color=MUTED, label=said)
+        for second in range(k):
+            pair_label = words("circuits", "mutual", one=several.names[second], other=name)
+            inductance.plot(x, 1e3 * several.inductance_H[:, second, k], "--", color=MUTED, label=pair_label)
     factor, unit = axis_scale(several.stiffness_N_per_m, "N")
     stiffness.plot(x, factor * several.stiffness_N_per_m, color=INK)
     label(currents, "circuits", "distance", "holding" if several.held else "bias")

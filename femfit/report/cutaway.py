@@ -136,7 +136,7 @@ def _save_with_bar(image: Any, sample: FieldSample, file: Any) -> None:
         axes.axis("off")
         colours = colours_of(colour_limit(sample), "cividis")
         bar = figure.colorbar(ScalarMappable(**colours), ax=axes, shrink=0.6, pad=0.02, extend="max", format="{x:g}")
-        bar.set_ticks([colour_limit(sample) * part for part in (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0)])
+        bar.set_ticks([colour_limit(sample) * share for share in (0.0, 0.05, 0.2, 0.4, 0.6, 0.8, 1.0)])
         bar.set_label(words("field", "flux_density"))
         figure.savefig(file, dpi=rows / 6.0, format="png")
 

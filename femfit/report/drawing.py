@@ -61,7 +61,7 @@ def actuator_figure(
     figure.legend(*parts, loc="outside right upper", handlelength=1.2, labelspacing=0.8)
     if numbers:
         marks = _mark(axes, actuator, distance, numbers)
-        names = [f"{k}  {one.title}" for k, one in enumerate(numbers, 1)]
+        names = [f"{k}  {number.title}" for k, number in enumerate(numbers, 1)]
         figure.legend(marks, names, loc="outside right lower", handlelength=0.0, handletextpad=0.0, fontsize=7)
     return figure
 
@@ -71,9 +71,9 @@ def _mark(axes: "Axes", actuator: Actuator, distance: float, numbers: Sequence[N
     moving = {f"coils.{coil.name}" for coil in actuator.coils if coil.moves}
     look: dict[str, Any] = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
     close, taken = CLOSE * float(np.ptp(axes.get_ylim())), list[tuple[float, float]]()
-    for k, one in enumerate(numbers, 1):
-        r, z = one.at or (0.0, 0.0)
-        moves = one.key.startswith("moving.") or one.key.rpartition(".")[0] in moving
+    for k, number in enumerate(numbers, 1):
+        r, z = number.at or (0.0, 0.0)
+        moves = number.key.startswith("moving.") or number.key.rpartition(".")[0] in moving
         place = r, z + MM * distance * moves
         if any(np.hypot(place[0] - x, place[1] - y) < close for x, y in taken):
             place = -place[0], place[1]  # the other half of the section shows the same
@@ -90,8 +90,8 @@ def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
     drawn: set[str] = set()
     for (outline, kind), label in zip(outlines(actuator, distance), labels, strict=True):
         for piece in outline:
-            said = "" if label in drawn else label
-            axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor=INK, linewidth=0.8, label=said)
+            text = "" if label in drawn else label
+            axes.fill(*(MM * piece.T), facecolor=COLOURS[kind], edgecolor=INK, linewidth=0.8, label=text)
             drawn.add(label)
     for region in actuator.fixed:
         _magnetisation(axes, region, 0.0)
@@ -178,26 +178,26 @@ def _dimensions(axes: "Axes", actuator: Actuator, distance: float) -> None:
     )
 
 
-def _across(axes: "Axes", radius: float, z: float, z_part: float, said: str) -> None:
+def _across(axes: "Axes", radius: float, z: float, z_part: float, text: str) -> None:
     """Draw a diameter with its extension lines to the part; the label stands beside the line."""
     for x in (-radius, radius):
         axes.plot([x, x], [z_part, z], color=MUTED, linewidth=0.6)
     _arrow(axes, (-radius, z), (radius, z))
-    _beside(axes, (radius, z), 1.0, said)
+    _beside(axes, (radius, z), 1.0, text)
 
 
-def _along(axes: "Axes", x: float, ends: tuple[float, float], x_part: float, said: str, *, bold: bool = False) -> None:
+def _along(axes: "Axes", x: float, ends: tuple[float, float], x_part: float, text: str, *, bold: bool = False) -> None:
     """Draw a length along z with its extension lines to the part; the label stands outside of the line."""
     for z in ends:
         axes.plot([x_part, x], [z, z], color=MUTED, linewidth=0.6)
     _arrow(axes, (x, ends[0]), (x, ends[1]))
-    _beside(axes, (x, 0.5 * (ends[0] + ends[1])), float(np.sign(x)), said, bold=bold)
+    _beside(axes, (x, 0.5 * (ends[0] + ends[1])), float(np.sign(x)), text, bold=bold)
 
 
-def _beside(axes: "Axes", place: tuple[float, float], side: float, said: str, *, bold: bool = False) -> None:
+def _beside(axes: "Axes", place: tuple[float, float], side: float, text: str, *, bold: bool = False) -> None:
     weight, align = ("bold" if bold else "normal"), ("left" if side > 0 else "right")
     axes.annotate(
-        said, place, xytext=(5 * side, 0), textcoords="offset points", ha=align, va="center",
+        text, place, xytext=(5 * side, 0), textcoords="offset points", ha=align, va="center",
         fontsize=8.5 if bold else 8, fontweight=weight, bbox=_BOX,
     )  # fmt: skip
 

@@ -1,7 +1,4 @@
-"""What would explain a misfit, and how far the error fell.
-
-What was learnt as unexplained: its size over distance and current, or over what it bends.
-"""
+"""Figures of what would explain a misfit, how far the error fell, and what was learnt as unexplained."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -135,7 +132,7 @@ def _panels(added: AddedEffect, observations: Observations) -> list["Panel"]:
         curves |= {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
     curves |= {"brake": carried.brake.against} if carried.brake else {}
     curves |= {"resistance": carried.resistance.over} if carried.resistance else {}
-    return result + [_line(name, one, added) for name, one in curves.items() if one is not None]
+    return result + [_line(name, values, added) for name, values in curves.items() if values is not None]
 
 
 def _map(
@@ -183,10 +180,10 @@ def _line(name: str, curve: Curve, added: AddedEffect) -> "Panel":
         breaks = np.unique(curve.knots)
         x = np.linspace(breaks[curve.degree], breaks[-1 - curve.degree], _POINTS)
         y = curve.at(x, added.parameters)
-        own, over = (words("remainder", f"{name}_{side}").partition("|") for side in ("y", "x"))
-        scales = [axis_scale(values, unit[2]) for values, unit in ((y, own), (x, over))]
+        label, over = (words("remainder", f"{name}_{side}").partition("|") for side in ("y", "x"))
+        scales = [axis_scale(values, unit[2]) for values, unit in ((y, label), (x, over))]
         ax.plot(scales[1][0] * x, scales[0][0] * y, color=BLUE)
         ax.axhline(0.0, color=INK, linewidth=0.6)
-        ax.set(xlabel=f"{over[0]} ({scales[1][1]})", ylabel=f"{own[0]} ({scales[0][1]})")
+        ax.set(xlabel=f"{over[0]} ({scales[1][1]})", ylabel=f"{label[0]} ({scales[0][1]})")
 
     return draw

@@ -1,9 +1,8 @@
 """The solved field on small triangles, as many in each element as its polynomials need, and as a file for ParaView.
 
 Neighbouring elements share no point here, so that what jumps between parts (B along a face, H across it, mu_r) jumps in
-a picture and in a file too. H follows from B by the material: (B - B_r) / (mu_0 mu_r), or a curve's H(B).
-
-One point solved for its pictures, and its field on a regular grid of the half section.
+a picture and in a file too. H follows from B by the material: (B - B_r) / (mu_0 mu_r), or a curve's H(B). A point is
+solved for its pictures, and its field also laid on a regular grid of the half section.
 """
 
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from femfit.device.bh import BHCurve
 from femfit.device.parts import AIR, Actuator, LinearMaterial, Material, Region
 from femfit.field.layout import polygon
 from femfit.field.tolerance import SolverSettings, settings_for
-from femfit.report.parts import all_regions, moving_corners, standing_corners
+from femfit.report.parts import moving_corners, standing_corners
 
 COLUMNS = 260
 """Points along the radius; a picture of 2 x 260 columns shows no steps at the page's width."""
@@ -124,8 +123,8 @@ def _largest(
     def inside(region: Region, shift: float) -> FloatArray:
         return np.asarray(magnitude[shapely.contains_xy(polygon(region), r, z - shift)])
 
-    found = {r.name: inside(r, 0.0 if r in actuator.fixed else distance) for r in all_regions(actuator)}
-    return {name: float(np.percentile(values, CORNER_PERCENTILE)) for name, values in found.items() if values.size}
+    largest = {r.name: inside(r, 0.0 if r in actuator.fixed else distance) for r in actuator.regions}
+    return {name: float(np.percentile(values, CORNER_PERCENTILE)) for name, values in largest.items() if values.size}
 
 
 TRIANGLE = 5  # VTK's number of the cell

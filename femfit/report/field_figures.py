@@ -14,10 +14,10 @@ import numpy as np
 from femfit.core.files import replacing
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.parts import Actuator, NonlinearMaterial, Region
+from femfit.device.parts import Actuator, NonlinearMaterial, Region, is_iron
 from femfit.report.drawing import actuator_figure, draw_outlines
 from femfit.report.field_cells import FieldCells, FieldSample, SolvedPoint, field_cells, sample_of, write_vtu
-from femfit.report.parts import COLOURS, all_regions, half_sections, is_iron, mirrored
+from femfit.report.parts import COLOURS, half_sections, mirrored
 from femfit.report.style import BLUE, INK, MUTED, PAPER, new_figure, plain, quantity, significant, style, styled, words
 
 if TYPE_CHECKING:
@@ -174,7 +174,7 @@ def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
     figure, axes = _section(sample, _title(actuator, sample, "permeability"))
     fixed = len(actuator.fixed)
     lines, soft = [], np.zeros(len(cells.regions), dtype=np.bool_)
-    for k, region in enumerate(all_regions(actuator)):
+    for k, region in enumerate(actuator.regions):
         number = cells.regions.index(f"{'fixed' if k < fixed else 'moving'}:{region.name}")
         soft[number] = is_iron(region.material)
         lines.append(_permeability_line(region, cells.relative_permeability[cells.point_region == number]))
@@ -195,11 +195,11 @@ def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
 def _permeability_line(region: Region, values: FloatArray) -> str:
     low, high = _range(values)
     ends = dict.fromkeys((significant(low), significant(high)) if high > 1.001 * low else (plain(low),))
-    found = " to ".join(ends)
+    interval = " to ".join(ends)
     kind = "saturates" if isinstance(region.material, NonlinearMaterial) else "linear"
     kind = "recoil" if region.material.remanence_T else kind
     name = region.name.replace("_", " ")
-    return words("permeability", kind, part=name, values=found, material=region.material.name)
+    return words("permeability", kind, part=name, values=interval, material=region.material.name)
 
 
 def _range(values: FloatArray) -> tuple[float, float]:
@@ -230,7 +230,7 @@ def point_title(sample: FieldSample) -> str:
     force = sample.force_N
     sense = words("point", "attracted" if force > 0.0 else "repelled") if force else ""
     distance = plain(MM * sample.distance_m, 4)
-    current = " and ".join(plain(one, 4) for one in np.atleast_1d(sample.current_A))
+    current = " and ".join(plain(current, 4) for current in np.atleast_1d(sample.current_A))
     return words("point", "title", distance=distance, current=current, force=quantity(force, "N", 4), sense=sense)
 
 
@@ -279,7 +279,7 @@ def _bar(axes: "Axes", shown: Any, label: str, *, extend: str, logarithmic: bool
         bar.minorticks_off()
     else:
         limit = shown.get_clim()[1]
-        bar.set_ticks([limit * part for part in (0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)])
+        bar.set_ticks([limit * share for share in (0.0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)])
     bar.set_label(label)
 
 

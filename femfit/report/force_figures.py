@@ -52,10 +52,10 @@ def stroke_figure(rating: Rating, motion: Mechanics | None) -> "Figure":
         colour, line = FEEDS[feed.name]
         voltage = rating.voltage_V if feed.name != "reversed" else feed.current_A * rating.cold_ohm
         about = {"voltage": plain(voltage, 3), "temperature": plain(feed.temperature_C)}
-        said = words("stroke", feed.name, current=significant(feed.current_A), **about)
+        text = words("stroke", feed.name, current=significant(feed.current_A), **about)
         if feed.limited:
-            said += words("stroke", "limited", drawn=significant(feed.drawn_A))
-        axes.plot(MM * rating.distance_m, factor * rating.forces_N[feed.name], line, color=colour, label=said)
+            text += words("stroke", "limited", drawn=significant(feed.drawn_A))
+        axes.plot(MM * rating.distance_m, factor * rating.forces_N[feed.name], line, color=colour, label=text)
     if motion is not None:
         against, name = (
             motion.static_force(rating.distance_m),
@@ -81,9 +81,9 @@ def coil_figure(rating: Rating) -> "Figure":
         ("idle", 0.0 if idle is None else idle.drawn_A, rating.idle_inductance_H, MUTED, "--"),
     ]
     for name, current, inductance, colour, line in curves:
-        said = words("coil", name, current=significant(current))
-        panels[0].plot(x, 1e3 * inductance, line, color=colour, label=said)
-        panels[1].plot(x, 1e3 * rating.time_constant_s(inductance), line, color=colour, label=said)
+        text = words("coil", name, current=significant(current))
+        panels[0].plot(x, 1e3 * inductance, line, color=colour, label=text)
+        panels[1].plot(x, 1e3 * rating.time_constant_s(inductance), line, color=colour, label=text)
     panels[2].plot(x, rating.motor_constant, color=BLUE)
     for ax, name in zip(panels, ("inductance", "time", "motor_constant"), strict=True):
         label(ax, "coil", "distance", name)
@@ -110,8 +110,8 @@ def force_curves_figure(grid: SweepGrid, weight: float | None, differential: boo
         for colour, current, force in zip(ordered_colours(len(grid.currents)), grid.currents, grid.force, strict=True):
             if scale == "log" and not np.all(force > 0):
                 continue
-            said = words("force-curves", "current", current=f"{current:.3g}")
-            ax.plot(MM * grid.distances, factor * force, color=colour, label=said)
+            text = words("force-curves", "current", current=f"{current:.3g}")
+            ax.plot(MM * grid.distances, factor * force, color=colour, label=text)
         if weight is not None:
             ax.axhline(
                 factor * weight, color=VERMILION, linewidth=1.0, dashes=(5, 3), label=words("force-curves", "weight")

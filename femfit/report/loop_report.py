@@ -1,19 +1,13 @@
-"""The chapter on the closed loop: its figures, and the numbers for its tables.
-
-The picture of one run of a closed loop.
-"""
+"""The chapter on the closed loop: its figures, the numbers for its tables, and the picture of one run."""
 
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.core.files import PICTURE, replacing, require_outputs
 from femfit.report.style import (
     BLUE,
     CATEGORIES,
-    DPI,
     GREEN,
     INK,
     MUTED,
@@ -22,7 +16,6 @@ from femfit.report.style import (
     new_figure,
     percent,
     quantity,
-    style,
     styled,
     words,
 )
@@ -110,9 +103,9 @@ def _ends(study: ClosedLoopStudy) -> list[tuple[str, float, float, float]]:
     """Where each recorded run was last: controller, distance in m, current in A, time in s."""
     ends = []
     for series in study.series:
-        known = np.flatnonzero(np.isfinite(series.true_m))
-        if known.size:
-            last = int(known[-1])
+        recorded = np.flatnonzero(np.isfinite(series.true_m))
+        if recorded.size:
+            last = int(recorded[-1])
             place = float(series.true_m[last]), float(series.current_A[last]), float(series.time_s[last])
             ends.append((name_of(series.controller), *place))
     return ends
@@ -145,8 +138,8 @@ def steps_figure(series: StepSeries) -> "Figure":
     figure = new_figure(5.0)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.3, 1.0))
     t = series.time_s
-    known = bool(np.isfinite(series.direct_m).any())
-    if known:
+    has_direct = bool(np.isfinite(series.direct_m).any())
+    if has_direct:
         direct = MM * series.direct_m
         top.plot(t, direct, color=ORANGE, linewidth=0.5, label=name_of("direct"), rasterized=True)
         middle.plot(t, direct - MM * series.true_m, color=ORANGE, linewidth=0.5, rasterized=True)
@@ -198,11 +191,3 @@ def closed_loop_figure(loop: LoopSummary) -> "Figure":
     figure.align_ylabels()
     figure.legend(*top.get_legend_handles_labels(), loc="outside upper center", ncols=3)
     return figure
-
-
-def write_closed_loop_picture(loop: LoopSummary, path: str | Path) -> None:
-    """Write the picture, in the form that the path's ending names."""
-    path = Path(path)
-    require_outputs([], (path, PICTURE))
-    with style(), replacing(path) as partial:
-        closed_loop_figure(loop).savefig(partial, format=path.suffix.removeprefix("."), dpi=DPI)

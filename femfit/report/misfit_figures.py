@@ -52,9 +52,9 @@ def settings_figure(observations: Observations) -> "Figure":
     for run in range(int(runs.max()) + 1):
         here = rows[runs == run]
         shift = spread * (run - 0.5 * runs.max()) / max(runs.max(), 1)  # beside each other, not on top
-        colour, said = CATEGORIES[run % len(CATEGORIES)], f"run {run + 1}" if run < len(CATEGORIES) else None
+        colour, label = CATEGORIES[run % len(CATEGORIES)], f"run {run + 1}" if run < len(CATEGORIES) else None
         x = MM * (here["distance_m"] + shift)
-        axes[0].plot(x, here["current_A"], ".", markersize=3.0, color=colour, label=said)
+        axes[0].plot(x, here["current_A"], ".", markersize=3.0, color=colour, label=label)
     axes[0].set(xlabel="distance d (mm)", ylabel="current i (A)", title="settings")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper", markerscale=3.0)
     for name, colour in zip(warm, (VERMILION, BLUE), strict=False):
@@ -170,8 +170,8 @@ def _level(name: str, value: float) -> str:
 
 
 def _binned(ax: "Axes", x: FloatArray, y: FloatArray) -> None:
-    known = np.isfinite(x)
-    x, y = x[known], y[known]
+    finite = np.isfinite(x)
+    x, y = x[finite], y[finite]
     levels = np.unique(x)
     cuts = levels if len(levels) <= BINS else np.quantile(x, np.linspace(0.0, 1.0, BINS + 1)[:-1])
     group = np.searchsorted(np.unique(cuts), x, side="right")
@@ -231,8 +231,8 @@ def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArra
 def worst_first(curves: Sequence[MeasuredCurves]) -> list[MeasuredCurves]:
     """Channels in the order of their misfit over the noise, or over their own size where the noise is not known."""
 
-    def badness(one: MeasuredCurves) -> float:
-        size = one.noise or float(np.max(np.abs(one.measured), initial=0.0)) or 1.0
-        return round(-float(np.sqrt(np.mean(one.misfit_before**2))) / size, 9)
+    def badness(curve: MeasuredCurves) -> float:
+        size = curve.noise or float(np.max(np.abs(curve.measured), initial=0.0)) or 1.0
+        return round(-float(np.sqrt(np.mean(curve.misfit_before**2))) / size, 9)
 
     return sorted(curves, key=badness)

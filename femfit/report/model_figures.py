@@ -70,7 +70,7 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
     """Draw the sensor's output as the coil's part over voltage (or current), and as it is without current."""
     sensor = model.require_sensor()
     figure = new_figure(3.0)
-    left, *others = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
+    left, *rest = figure.subplots(1, 2 if model.has_magnet else 1, squeeze=False)[0]
     currents, distances = rows.currents, rows.distances
     fine = np.linspace(currents[0], currents[-1], POINTS)
     resistance = None if model.circuit is None else model.circuit.resistance_ohm
@@ -78,20 +78,20 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
     shown = distances[[0, len(distances) // 2, -1]]
     for colour, style, d in zip(ordered_colours(3), ("-", "--", ":"), shown, strict=True):
         field = sensor.field.field(np.full_like(fine, d), fine) - sensor.field.field(np.array(d), np.array(0.0))
-        said = words("hall", "level", distance=f"{MM * d:g}")
-        left.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=said)
+        text = words("hall", "level", distance=f"{MM * d:g}")
+        left.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=text)
     label(left, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")
     left.legend(loc="upper left")
-    if not others:
+    if not rest:
         return figure
-    right = others[0]
+    right = rest[0]
     span = np.linspace(distances[0], distances[-1], POINTS)
     right.plot(MM * span, sensor.voltage(span, np.zeros_like(span)), color=BLUE, label=words("hall", "fitted"))
     if rows.hall is not None and np.any(rows.current == 0.0):
-        at = rows.current == 0.0
-        volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * rows.hall[at]
+        idle = rows.current == 0.0
+        volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * rows.hall[idle]
         look = {"color": VERMILION, "markersize": 2.8, "fillstyle": "none"}
-        right.plot(MM * rows.distance[at], volts, "o", label=words("hall", "sweep"), **look)
+        right.plot(MM * rows.distance[idle], volts, "o", label=words("hall", "sweep"), **look)
     right.axhline(sensor.quiescent_V, color=MUTED, linewidth=1.0, dashes=(4, 3), label=words("hall", "quiescent"))
     label(right, "hall", "distance", "magnet", "magnet_title")
     right.legend(loc="best")

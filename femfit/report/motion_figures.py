@@ -1,17 +1,12 @@
-"""The picture of a motion in open loop.
+"""Pictures over time: a motion in open loop, a record that filters have seen, and a distance that is sensed."""
 
-The picture of a record that filters have seen.
-
-The picture of a distance that is sensed without a sensor of position.
-"""
-
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.files import PICTURE, replacing, require_outputs
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.observation import Observation
 from femfit.estimate.observe import observe
@@ -20,16 +15,15 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.report.style import (
     BLUE,
     CATEGORIES,
-    DPI,
     GREEN,
     INK,
     MUTED,
     ORANGE,
     VERMILION,
     new_figure,
-    style,
     styled,
     words,
+    write_picture,
 )
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.sense import Sensing
@@ -81,17 +75,10 @@ def open_loop_figure(motion: OpenLoop) -> "Figure":
 
 
 def _mark(axes: "Axes", motion: OpenLoop) -> None:
-    for one in motion.switchings:
-        axes.axvline(_MS * one.reached_s, color=MUTED, linewidth=0.7)
+    for switching in motion.switchings:
+        axes.axvline(_MS * switching.reached_s, color=MUTED, linewidth=0.7)
     for _, time in motion.left_domain:
         axes.axvspan(_MS * time, _MS * motion.end_s, color=MUTED, alpha=0.15)
-
-
-def write_open_loop_picture(motion: OpenLoop, path: Path) -> None:
-    """Write the picture as PNG, SVG or PDF, by the file's suffix."""
-    require_outputs([], (path, PICTURE))
-    with style(), replacing(path) as unfinished:
-        open_loop_figure(motion).savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
 
 
 _COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
@@ -103,27 +90,29 @@ _POINTS = 20_000
 
 
 @styled
-def replay_figure(seen: Observation) -> "Figure":
+def replay_figure(observation: Observation) -> "Figure":
     """Draw distance and currents as recorded and estimated, and the normalised innovations with their band."""
     figure = new_figure(6.0)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
-    every = slice(None, None, max(1, len(seen.time_s) // _POINTS))
-    time = seen.time_s[every]
-    currents = circuit_currents(seen.model.circuit_names)
+    every = slice(None, None, max(1, len(observation.time_s) // _POINTS))
+    time = observation.time_s[every]
+    currents = circuit_currents(observation.model.circuit_names)
     lines = [(panels[0], "distance_m", 0, 1e3, "-")]
     lines += [(panels[1], column, 2 + k, 1.0, _DASHES[k % len(_DASHES)]) for k, column in enumerate(currents)]
     for axes, column, state, factor, dashes in lines:
-        if column in seen.recorded:
+        if column in observation.recorded:
             label = words("replay", "recorded")
-            axes.plot(time, factor * seen.recorded[column][every], dashes, color=MUTED, linewidth=0.7, label=label)
-        for one, colour in zip(seen.filters, _COLOURS, strict=False):
-            said = words("loop", one.name)
-            axes.plot(time, factor * one.replayed.mean[every, state], dashes, color=colour, label=said)
+            axes.plot(
+                time, factor * observation.recorded[column][every], dashes, color=MUTED, linewidth=0.7, label=label
+            )
+        for estimator, colour in zip(observation.filters, _COLOURS, strict=False):
+            text = words("loop", estimator.name)
+            axes.plot(time, factor * estimator.replayed.mean[every, state], dashes, color=colour, label=text)
     panels[0].set_ylabel(words("replay", "distance_m"))
     panels[1].set_ylabel(words("replay", "current_A"))
     panels[0].legend(ncols=3)
-    for one, colour in zip(seen.filters, _COLOURS, strict=False):
-        ratio = one.replayed.innovation[every] / np.sqrt(one.replayed.variance[every])
+    for estimator, colour in zip(observation.filters, _COLOURS, strict=False):
+        ratio = estimator.replayed.innovation[every] / np.sqrt(estimator.replayed.variance[every])
         panels[2].plot(time, ratio, ".", color=colour, markersize=1.0)
     for limit in (-1.96, 1.96):
         panels[2].axhline(limit, color=INK, linewidth=0.7, dashes=(2, 2))
@@ -142,8 +131,8 @@ def before_after_figure(before: Observation, after: Observation) -> "Figure":
     time = (time + run)[every]  # runs one after the other
     recorded = 1e3 * before.recorded["distance_m"][every]
     path.plot(time, recorded, color=INK, label=words("replay", "recorded"))
-    for seen, colour, key in ((before, VERMILION, "before"), (after, BLUE, "after")):
-        estimate = 1e3 * seen.filters[0].replayed.mean[every, 0]
+    for observation, colour, key in ((before, VERMILION, "before"), (after, BLUE, "after")):
+        estimate = 1e3 * observation.filters[0].replayed.mean[every, 0]
         path.plot(time, estimate, color=colour, linewidth=0.9, label=words("replay", key))
         left.plot(time, estimate - recorded, color=colour, linewidth=0.9)
     path.set_ylabel(words("replay", "distance_m"))
@@ -163,17 +152,7 @@ def write_before_after(models: tuple[ActuatorModel, ActuatorModel], series: Time
         )
     sensors = recorded_sensors(with_recorded_sensors(models[0], series), series, ("distance_m",))
     before, after = (observe(model, series, sensors=sensors, find=False) for model in models)
-    require_outputs([], (path, PICTURE))
-    with style(), replacing(path) as unfinished:
-        figure = before_after_figure(before, after)
-        figure.savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
-
-
-def write_replay_picture(seen: Observation, path: Path) -> None:
-    """Write the picture as PNG, SVG or PDF, by the file's suffix."""
-    require_outputs([], (path, PICTURE))
-    with style(), replacing(path) as unfinished:
-        replay_figure(seen).savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
+    write_picture(partial(before_after_figure, before, after), path)
 
 
 _FLOOR_M = 1e-7
@@ -181,29 +160,22 @@ _FLOOR_M = 1e-7
 
 
 @styled
-def sense_figure(found: Sensing) -> "Figure":
+def sense_figure(sensing: Sensing) -> "Figure":
     """Draw the motion with the filter's error, and that error beside its bound."""
     figure = new_figure(4.5)
     path, error = figure.subplots(2, 1)
-    time, distance = 1e3 * found.time_s, 1e3 * found.distance_m
-    rms = 1e3 * found.rms_m
+    time, distance = 1e3 * sensing.time_s, 1e3 * sensing.distance_m
+    rms = 1e3 * sensing.rms_m
     path.fill_between(time, distance - rms, distance + rms, color=BLUE, alpha=0.25, label=words("sense", "band"))
     path.plot(time, distance, color=INK, label=words("sense", "true"))
     path.set(ylabel=words("sense", "distance"), xticklabels=[])
     path.legend(ncols=2)
     for values, colour, key in (
-        (found.rms_m, BLUE, "rms"),
-        (found.claimed_m, VERMILION, "claimed"),
-        (found.bound_m, MUTED, "bound"),
+        (sensing.rms_m, BLUE, "rms"),
+        (sensing.claimed_m, VERMILION, "claimed"),
+        (sensing.bound_m, MUTED, "bound"),
     ):
         error.semilogy(time, 1e6 * np.maximum(values, _FLOOR_M), color=colour, label=words("sense", key))
     error.set(ylabel=words("sense", "error"), xlabel=words("sense", "time"))
     error.legend(ncols=3)
     return figure
-
-
-def write_sense_picture(found: Sensing, path: Path) -> None:
-    """Write the picture as PNG, SVG or PDF, by the file's suffix."""
-    require_outputs([], (path, PICTURE))
-    with style(), replacing(path) as unfinished:
-        sense_figure(found).savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")

@@ -1,6 +1,6 @@
 """A page from a template: the words stand in ``templates/``, the numbers come from the rooms below.
 
-What a report on an actuator is made of: results that were computed before.
+A report on an actuator is made of results that were computed before.
 """
 
 import math

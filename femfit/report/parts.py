@@ -4,13 +4,10 @@ import numpy as np
 import shapely
 
 from femfit.core.numerics import FloatArray
-from femfit.device.parts import Actuator, Material, NonlinearMaterial, Region
+from femfit.device.parts import Actuator, Material, is_iron
 from femfit.field.layout import fixed_parts, moving_parts, part_corners
 
 Outline = tuple[tuple[float, float], ...]
-
-IRON_FROM = 1.5
-"""Relative permeability from which a material without remanence is drawn as iron; magnets recoil with 1.05."""
 
 COLOURS = {
     "iron, fixed": "#8c96a1",
@@ -28,24 +25,9 @@ def kind_of(material: Material, moving: bool) -> str:
     """The kind of a region."""
     if material.remanence_T:
         return "magnet"
-    if material.relative_permeability >= IRON_FROM:
+    if is_iron(material):
         return "iron, moving" if moving else "iron, fixed"
     return "not magnetic"
-
-
-def all_regions(actuator: Actuator) -> tuple[Region, ...]:
-    """Fixed and moving parts, without the winding."""
-    return (*actuator.fixed, *actuator.moving.regions)
-
-
-def saturates(actuator: Actuator) -> bool:
-    """Whether any part has a B-H curve."""
-    return any(isinstance(region.material, NonlinearMaterial) for region in all_regions(actuator))
-
-
-def is_iron(material: Material) -> bool:
-    """Whether a material is soft and magnetic."""
-    return not material.remanence_T and material.relative_permeability >= IRON_FROM
 
 
 def half_sections(actuator: Actuator, distance: float) -> list[tuple[Outline, float, str]]:
@@ -70,10 +52,10 @@ def mirrored(radius: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatA
 
 def standing_corners(actuator: Actuator) -> FloatArray:
     """Corners (r, z) of what stands still in m, shape (n, 2)."""
-    return np.concatenate([np.asarray(part_corners(part)) for part in fixed_parts(actuator)])
+    return np.concatenate([np.asarray(part_corners(fixed_part)) for fixed_part in fixed_parts(actuator)])
 
 
 def moving_corners(actuator: Actuator, distance: float) -> FloatArray:
     """Corners (r, z) of the moving part at a distance in m, shape (n, 2)."""
-    drawn = np.concatenate([np.asarray(part_corners(part)) for part in moving_parts(actuator)])
+    drawn = np.concatenate([np.asarray(part_corners(moving_part)) for moving_part in moving_parts(actuator)])
     return np.asarray(drawn + np.array([0.0, distance]))

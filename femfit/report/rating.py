@@ -1,6 +1,6 @@
 """What coil and iron allow: currents at the supply, continuous rating, force over the stroke, knee of the iron.
 
-A sweep table as arrays over currents and distances, and its reciprocity.
+Forces come from a sweep table as arrays over currents and distances, whose reciprocity is checked.
 """
 
 from collections.abc import Callable
@@ -10,15 +10,14 @@ import numpy as np
 import shapely
 from scipy.interpolate import CubicSpline, RegularGridInterpolator
 
-from femfit.audit.carried import WARM_C, resistance_at
+from femfit.audit.carried import WARM_C
 from femfit.core.numerics import FloatArray, IntArray, evenly_spread
 from femfit.device.bh import BHCurve
-from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material
+from femfit.device.parts import REFERENCE_TEMPERATURE, Actuator, LinearMaterial, Material, copper_growth, is_iron
 from femfit.fit.rows import FitRows
 from femfit.heat.result import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.field_cells import FieldSample
-from femfit.report.parts import all_regions, is_iron
 
 FEWEST_DISTANCES = 5
 
@@ -155,7 +154,7 @@ def rate(
     cold = circuit.resistance_ohm
     # As warm as the supply makes it, where that may last
     warm_C = float(heat.windings_C[0]) if heat is not None and heat.lasts else WARM_C
-    warm = resistance_at(cold, warm_C)
+    warm = cold * float(copper_growth(warm_C))
     distance = np.linspace(*model.travel_m, POINTS)
     missed = _missed(model, grid)
 
@@ -163,17 +162,17 @@ def rate(
         return float(np.clip(current, box.current_min_A, box.current_max_A))
 
     def force(current: float) -> FloatArray:
-        at = np.full_like(distance, drawn(current))
-        return np.asarray(model.force(distance, at) + missed(np.column_stack([at, distance])))
+        currents = np.full_like(distance, drawn(current))
+        return np.asarray(model.force(distance, currents) + missed(np.column_stack([currents, distance])))
 
     ends = (circuit.voltage_max_V, circuit.voltage_min_V)
     # Where a supply is the same in both directions, the direction that attracts more
     voltage = max(ends, key=lambda end: (abs(end), float(force(end / warm)[0])))
-    other = min(ends) if voltage == max(ends) else max(ends)
+    opposite = min(ends) if voltage == max(ends) else max(ends)
     wanted = [("cold", voltage / cold, REFERENCE_TEMPERATURE), ("warm", voltage / warm, warm_C)]
     magnet = model.has_magnet
-    if magnet and voltage * other < 0.0 and box.current_min_A < 0.0 < box.current_max_A:
-        wanted.append(("reversed", other / cold, REFERENCE_TEMPERATURE))
+    if magnet and voltage * opposite < 0.0 and box.current_min_A < 0.0 < box.current_max_A:
+        wanted.append(("reversed", opposite / cold, REFERENCE_TEMPERATURE))
     at_limit = None if heat is None else heat.at_limit
     if at_limit is not None:
         current = float(np.copysign(at_limit.currents_A[0], voltage))
@@ -185,7 +184,7 @@ def rate(
     feeds, forces = [], {}
     for name, current, temperature in wanted:
         forces[name] = force(current)
-        ohm = resistance_at(cold, temperature)
+        ohm = cold * float(copper_growth(temperature))
         density = None if section is None else abs(current) / section
         near, far = float(forces[name][0]), float(forces[name][-1])
         feeds.append(Feed(name, current, drawn(current), temperature, ohm * current**2, density, near, far))
@@ -242,10 +241,10 @@ def growth(model: ActuatorModel, current: float | tuple[float, ...]) -> Growth |
         return None
     powers = (0, 1, 2) if model.has_magnet else (2,)
     columns = np.column_stack([(i / current) ** power for power in powers])
-    whole = columns @ np.linalg.lstsq(columns[half], force[half], rcond=None)[0]
+    fitted = columns @ np.linalg.lstsq(columns[half], force[half], rcond=None)[0]
     middle = int(np.argmin(np.abs(i - 0.5 * current)))
-    sign = np.copysign(1.0, whole[-1] - whole[middle])
-    gained, expected = force[-1] - force[middle], whole[-1] - whole[middle]
+    sign = np.copysign(1.0, fitted[-1] - fitted[middle])
+    gained, expected = force[-1] - force[middle], fitted[-1] - fitted[middle]
     return Growth(low, float(i[middle]), float(i[-1]), float(sign * gained), float(sign * expected))
 
 
@@ -295,7 +294,7 @@ def iron_loads(actuator: Actuator, sample: FieldSample) -> tuple[IronLoad, ...]:
     """Each iron part's largest flux density at a point: the part nearest to its knee first, then the most loaded."""
     loads = [
         IronLoad(region.name, region.material.name, sample.part_flux_density_T[region.name], knee_T(region.material))
-        for region in all_regions(actuator)
+        for region in actuator.regions
         if is_iron(region.material) and region.name in sample.part_flux_density_T
     ]
     return tuple(

@@ -1,7 +1,4 @@
-"""One look for all pictures: sizes, fonts, words, a palette that colour-blind readers can tell apart.
-
-Numbers with their unit and formulas, as text.
-"""
+"""One look for pages and pictures: sizes, fonts, words, numbers, a palette that colour-blind readers can tell apart."""
 
 import base64
 import io
@@ -12,10 +9,12 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from functools import cache, wraps
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from markupsafe import Markup, escape
 
+from femfit.core.files import PICTURE, replacing, require_outputs
 from femfit.core.text import amount, probability, rounded
 
 if TYPE_CHECKING:
@@ -130,6 +129,14 @@ def svg_uri(draw: Drawing, name: str) -> str:
     with style(svg__hashsalt=name):
         draw().savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None, "Creator": None})
     return data_uri("image/svg+xml", buffer.getvalue())
+
+
+def write_picture(draw: Drawing, path: str | Path) -> None:
+    """Draw a figure and write it as PNG, SVG or PDF, by the file's suffix."""
+    path = Path(path)
+    require_outputs([], (path, PICTURE))
+    with style(), replacing(path) as unfinished:
+        draw().savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
 
 
 def data_uri(kind: str, content: bytes) -> str:

@@ -12,7 +12,6 @@ from femfit.device.summary import actuator_from_record
 from femfit.fit.build import fit_model
 from femfit.fit.result import FitResult
 from femfit.heat.find_temperatures import temperatures_at_supply
-from femfit.heat.result import Temperatures
 from femfit.identify.comparison.compare import Comparison
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.refit.add_result import AddResult
@@ -76,12 +75,12 @@ def _page(result: Any) -> str:
         return render_diagnosis(result)
     content = result if isinstance(result, ReportContent) else _content(result)
     if not isinstance(result, ReportContent):
-        content = replace(content, motion=motion_at_supply(content.model), heat=_heat(content))
+        content = replace(
+            content,
+            motion=motion_at_supply(content.model),
+            heat=(None if content.actuator is None else temperatures_at_supply(content.actuator, content.model)),
+        )
     return render_report(content, draw_figures(content))
-
-
-def _heat(content: ReportContent) -> Temperatures | None:
-    return None if content.actuator is None else temperatures_at_supply(content.actuator, content.model)
 
 
 def _content(result: Any) -> ReportContent:
@@ -104,8 +103,8 @@ def _run_content(directory: Path) -> ReportContent:
     table = read_sweep_table(directory)
     file = directory / MODEL_FILE
     model = read_model(file) if file.is_file() else None
-    kept = [f for f in (directory / "sweep.parquet", file) if f.is_file()]
-    return _table_content(table, model, hashes(kept))
+    present = [f for f in (directory / "sweep.parquet", file) if f.is_file()]
+    return _table_content(table, model, hashes(present))
 
 
 def _table_content(
