@@ -133,5 +133,5 @@ def test_a_mesh_that_covers_a_region_twice_is_refused(monkeypatch):
     monkeypatch.setattr("femfit.field.layout.without_spikes", lambda outline: outline)
     actuator = actuator_from_toml(POT)
     settings = settings_for(actuator)
-    with pytest.raises(FieldSolverError, match=r"2\.0\d times the area of layer"):
+    with pytest.raises(FieldSolverError, match=r"2\.0\d times"):
         MovingMesh(actuator, (0.0015,), layout_of(actuator, settings), settings)

@@ -127,7 +127,7 @@ NEIGHBOURS = {
 }
 
 
-@pytest.mark.parametrize("frequency", [50.0, 1e5])
+@pytest.mark.parametrize("frequency", [1e5, pytest.param(50.0, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", NEIGHBOURS)
 def test_conductors_that_touch_are_meshed_and_solved(name, frequency):
     harmonic = cases.Harmonic(cases.drawing(NEIGHBOURS[name], [(0.01, 0.014, -0.005, 0.005)]), frequency, order=4)

@@ -61,7 +61,7 @@ def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole
     searches = []
     search = tolerance_module.meet_tolerance
     monkeypatch.setattr("femfit.field.problem.meet_tolerance", lambda *given: searches.append(given) or search(*given))
-    for kept in range(1, len(lines), 3):
+    for kept in range(1, len(lines), 4):
         target = tmp_path / str(kept)
         target.mkdir()
         (target / "journal.jsonl").write_bytes(b"".join(lines[:kept]) + lines[kept][:30])

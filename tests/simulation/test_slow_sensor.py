@@ -1,17 +1,25 @@
-"""A sensor that is read at every few samples: the linear loop's noise and delay against runs and a prompt sensor."""
+"""Sensors read at every few samples, and what a drawn sensor's column holds."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.stats import chi2
 
 from femfit.core.errors import DomainError
-from femfit.device.electrics import PositionSensor
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, PositionSensor
+from femfit.fit.build import fit_model
+from femfit.model.drive import circuit_terms
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop_text import design_lines
+from femfit.simulation.observers import coil_currents
+from femfit.simulation.open_loop import simulate
+from support.bearing import CIRCUITS, ENTRY, table_of
+from support.pickups import SHARE, search_coil
+from support.solenoids import solenoid
 
 PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
 
@@ -100,3 +108,57 @@ def test_a_sample_time_between_those_of_the_controller_is_refused(levitation_mod
 def test_a_sensor_is_read_at_whole_samples_and_a_faster_one_at_each(levitation_model, times, period):
     (sensor,) = design_with(levitation_model, NOISE, times).loop_sensors()
     assert sensor.period == period
+
+
+LASER = PositionSensor(
+    name="laser", noise=1e-3, distances_m=(0.0, 5e-3), readings=(1.0, 6.0), maximum=4.0, delay_s=1e-3, unit="V"
+)
+STEP_S = 1e-4
+
+
+def sensed(*sensors):
+    model = solenoid()
+    model = replace(model, other_sensors=tuple(one(model) if callable(one) else one for one in sensors))
+    return simulate(model, voltage_V=12.0, duration_s=0.02, sample_time_s=STEP_S).table
+
+
+def test_a_position_sensor_reads_its_characteristic_late_and_within_its_range():
+    table = sensed(LASER)
+    late = np.r_[np.full(10, table["distance_m"][0]), table["distance_m"][:-10]]
+    np.testing.assert_allclose(table["position_V"], np.minimum(1.0 + 1e3 * late, 4.0), atol=1e-9)
+
+
+def test_an_accelerometer_reads_what_changes_the_velocity():
+    table = sensed(AccelerationSensor(name="mems"))
+    flying = np.flatnonzero((table["velocity_m_s"] < -0.05) & (table["distance_m"] < 3.5e-3))[1:10]
+    steps = np.diff(table["velocity_m_s"])[flying - 1] / STEP_S
+    between = 0.5 * (table["acceleration_m_s2"][flying] + table["acceleration_m_s2"][flying - 1])
+    np.testing.assert_allclose(between, steps, rtol=0.02)  # the trapezium's own error
+
+
+def test_a_pickup_coil_reads_the_mean_voltage_of_the_step_before():
+    """Its flux linkage is a share of the winding's."""
+    table = sensed(search_coil)
+    means = SHARE * np.diff(table["flux_linkage_Wb"]) / STEP_S
+    np.testing.assert_allclose(table["pickup_V"][1:], means, atol=1e-3 * np.abs(means).max())
+
+
+def test_the_true_current_is_not_replaced_by_a_sensors_reading():
+    shunt = CurrentSensor(name="shunt", circuit="coil", gain=1.1)
+    np.testing.assert_array_equal(sensed(shunt)["current_A"], sensed()["current_A"])
+
+
+BRIDGES = [{**circuit, "voltage_min_V": -24.0, "drive": {}} for circuit in CIRCUITS]
+
+
+@pytest.mark.parametrize("currents", [(1.0, -0.5), (0.0, 1.5)])
+def test_two_coupled_coils_follow_their_matrix_exponential(currents):
+    """L i' = U - R i + k_m v with distance and velocity held over a sample."""
+    model = fit_model(table_of(entry={**ENTRY, "circuits": BRIDGES})).model
+    mean, volts = np.array([[0.4e-3, 0.05, *currents]]), np.array([[6.0, -3.0]])
+    _, motional, inductance = circuit_terms(model, mean[:, 0], mean[:, 2:])
+    drive = np.linalg.solve(inductance[0], volts[0] + 0.05 * motional[0])
+    A = -np.linalg.solve(inductance[0], np.diag(model.resistances_ohm))
+    whole = expm(model.sample_time_s * np.block([[A, drive[:, None]], [np.zeros((1, 3))]]))
+    expected = whole[:2, :2] @ currents + whole[:2, 2]
+    np.testing.assert_allclose(coil_currents(model, mean, volts)[0], expected, rtol=1e-9)

@@ -1,8 +1,15 @@
-"""Readings of several sensors of a model at once."""
+"""Sensors that many tests read, and readings of several of a model at once."""
 
 import numpy as np
 
+from femfit.device.electrics import PositionSensor
 from femfit.model.sensors import predict_sensor, sensor_named, sensors_of
+
+LASER = PositionSensor(name="laser", noise=2e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+LASER_10_V = PositionSensor(
+    name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
+)
+"""The same noise of 20 um as a voltage through a converter."""
 
 
 def predict_sensors(model, state, names=None):

@@ -1,0 +1,224 @@
+"""Noise, the bound on its reduction, and the direct distance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import DomainError, FilterError
+from femfit.core.numerics import central_differences
+from femfit.estimate.cholesky import cholesky
+from femfit.estimate.direct import hall_inverse
+from femfit.estimate.holding import holding_current
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import (
+    default_noise,
+    initial_covariance,
+    noise_ratio_bound,
+    process_covariance,
+    unstable_pole,
+)
+from femfit.estimate.process import FilterProcess, Output
+from femfit.model.bspline import TensorSpline
+from femfit.model.sensors import reading_of
+
+RANDOM = np.random.default_rng(8)
+
+
+@pytest.mark.parametrize("rho", [1e-4, 0.3, 3.0, 30.0])
+def test_the_steady_filter_of_an_unstable_body_reaches_the_formula(rho):
+    pole, step, noise = 33.0, 5e-5, 1e-4
+    density = rho * noise**2 * step * pole**4
+    c, s = np.cosh(pole * step), np.sinh(pole * step)
+    advance = np.array([[c, s / pole], [pole * s, c]])
+    process = FilterProcess(
+        names=("d", "v"),
+        step_s=step,
+        transition=lambda x, _u: x @ advance.T,
+        outputs=(Output("d", "m", lambda x: x[:, 0], noise**2, jacobian=lambda x: np.tile([1.0, 0.0], (len(x), 1))),),
+        process_covariance=density * np.array([[step**3 / 3.0, step**2 / 2.0], [step**2 / 2.0, step]]),
+        transition_jacobian=lambda x, _u: np.broadcast_to(advance, (len(x), 2, 2)),
+    )
+    filter_ = ExtendedFilter(process)
+    state = filter_.start(np.zeros(2), np.diag([1e-8, 1e-4]))
+    for _ in range(6_000):  # ten time constants of the slowest pole, 1 / lambda
+        state = filter_.step(state, 0.0, 0.0)
+    ratio = noise / np.sqrt(state.covariance[0, 0, 0])
+    bound = 1.0 / np.sqrt(2.0 * pole * step)
+    # White acceleration noise of density q = rho r lambda^4 moves the poles to (s^2 - lambda^2)^2 = -rho lambda^4.
+    # The formula is that of continuous time: relative error lambda t_s = 0.17 % times a few.
+    assert ratio == pytest.approx(bound * (0.5 * (1.0 + np.sqrt(1.0 + rho))) ** -0.25, rel=1e-2)
+    assert ratio <= 1.005 * bound
+
+
+@pytest.mark.parametrize("distance", [0.022, 0.030])
+def test_default_noise_leaves_the_filter_within_15_percent_of_the_bound(levitation_model, distance, as_the_plant_moves):
+    process = as_the_plant_moves(levitation_process(levitation_model, distance=distance))
+    current = holding_current(levitation_model, distance)
+    rest = np.array([[distance, 0.0, current]])
+    voltage = levitation_model.circuit.resistance_ohm * current
+    filter_ = UnscentedFilter(process)
+    state = filter_.start(rest, initial_covariance())
+    for _ in range(1500):
+        state = filter_.predict(replace(state, mean=rest), voltage)
+        state = filter_.update(state, process.outputs[0].measure(rest))
+    slope = abs(process.output_jacobian(rest, process.outputs[0])[0, 0])
+    ratio = np.sqrt(process.outputs[0].variance) / slope / np.sqrt(state.covariance[0, 0, 0])
+    bound = noise_ratio_bound(levitation_model, distance)
+    # The issue's figure; above the bound only by discretisation, lambda t_s = 1.7 %.
+    assert 0.85 < ratio / bound < 1.02
+    assert ratio > 5.0
+
+
+def test_the_body_is_held_where_force_equals_weight(levitation_model):
+    current = holding_current(levitation_model, 0.025)
+    force = float(levitation_model.magnetics.force(np.asarray(0.025), np.asarray(current)))
+    assert force == pytest.approx(4.35e-3 * 9.80665, rel=1e-13)
+    gradient = float(levitation_model.magnetics.force_gradient(np.asarray(0.025), np.asarray(current)))
+    assert unstable_pole(levitation_model, 0.025) == pytest.approx(np.sqrt(-gradient / 4.35e-3), rel=1e-12)
+
+
+def test_a_distance_at_which_nothing_holds_the_body_is_refused(levitation_model):
+    with pytest.raises(DomainError, match="44 mm"):
+        holding_current(levitation_model, 0.044)
+    with pytest.raises(DomainError, match="60 mm"):
+        holding_current(levitation_model, 0.060)
+
+
+def test_the_noise_of_a_reading_adds_the_converters_rounding(levitation_model):
+    sensor = levitation_model.sensor
+    step = 5.0 / 4096
+    exact = RANDOM.uniform(1.0, 4.0, 400_000)
+    error = step * np.round((exact + sensor.noise_V * RANDOM.normal(size=exact.size)) / step) - exact
+    # Standard error of a standard deviation from 4e5 samples is 0.11 %.
+    assert reading_of(levitation_model, "hall").white == pytest.approx(error.std(), rel=5e-3)
+    assert default_noise(levitation_model).hall_V == reading_of(levitation_model, "hall").white
+    bare = replace(levitation_model, sensor=replace(sensor, adc_bits=0))
+    assert reading_of(bare, "hall").white == sensor.noise_V
+
+
+def test_a_misfit_that_is_no_part_of_the_weight_is_not_taken_for_an_unknown_one(levitation_model):
+    weight = levitation_model.motion.mass_kg * levitation_model.motion.gravity_m_s2
+    known = replace(levitation_model.misfit, force_rms_N=0.02 * weight, force_rms_of_weight=0.02)
+    strong = replace(known, force_rms_of_weight=None)
+    densities = [
+        default_noise(replace(levitation_model, misfit=misfit)).acceleration_density for misfit in (known, strong)
+    ]
+    assert densities[1] == pytest.approx(densities[0])
+
+
+def test_default_noise_scales_as_its_derivation_says(levitation_model):
+    base = default_noise(levitation_model)
+    pole = unstable_pole(levitation_model, 0.022)
+    assert base.acceleration_density == pytest.approx(2.0 * (2.3e-4 * 9.80665) ** 2 / pole, rel=1e-12)
+    worse = replace(levitation_model, misfit=replace(levitation_model.misfit, force_rms_of_weight=2.3e-3))
+    assert default_noise(worse).acceleration_density == pytest.approx(100.0 * base.acceleration_density, rel=1e-12)
+
+
+def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
+    noise = default_noise(levitation_model)
+    Q = process_covariance(levitation_model, noise, 0.022, (noise.bias_density,))
+    parts, runs = 50, 20_000
+    h = levitation_model.sample_time_s / parts
+    velocity, distance = np.zeros(runs), np.zeros(runs)
+    for _ in range(parts):
+        kick = np.sqrt(noise.acceleration_density * h) * RANDOM.normal(size=runs)
+        distance, velocity = distance + h * (velocity + 0.5 * kick), velocity + kick
+    # Sampling error of a variance 1 / sqrt(1e4) = 1 %, discretisation 1 / parts.
+    np.testing.assert_allclose(np.cov(distance, velocity), Q[:2, :2], rtol=0.05)
+    assert Q[3, 3] == pytest.approx(noise.bias_density**2 * 0.5e-3)
+    assert np.linalg.eigvalsh(Q[:2, :2] / np.sqrt(np.outer(np.diag(Q)[:2], np.diag(Q)[:2]))).min() > 0.1
+
+
+def test_the_direct_distance_inverts_the_hall_voltage(levitation_model):
+    d, i = RANDOM.uniform(0.015, 0.045, 500), RANDOM.uniform(0.0, 1.4, 500)
+    found, clipped = hall_inverse(levitation_model).distance(levitation_model.sensor.voltage(d, i), i)
+    # Rounding of 2.5 V is 4e-16 V, at the far edge's 1.5 V/m 3e-16 m; Newton's last step leaves a few of it.
+    np.testing.assert_allclose(found, d, atol=1e-13)
+    assert not clipped.any()
+
+
+def test_the_direct_distance_is_clipped_to_the_box_and_flagged(levitation_model):
+    sensor = levitation_model.sensor
+    edge = sensor.voltage(np.array([0.015, 0.045]), np.asarray(0.5))
+    volts = np.array([edge[0] + 0.01, edge[1] - 0.01, np.nan, np.inf, edge.mean()])
+    found, clipped = hall_inverse(levitation_model).distance(volts, np.asarray(0.5))
+    np.testing.assert_array_equal(clipped, [True, True, True, True, False])
+    np.testing.assert_array_equal(found[:2], [0.015, 0.045])
+    assert np.isnan(found[2:4]).all()
+    assert 0.015 < found[4] < 0.045
+
+
+def test_a_hall_element_that_sees_the_magnet_the_other_way_round_is_inverted_too(levitation_model):
+    turned = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=-50.0))
+    d = np.linspace(0.016, 0.044, 20)
+    volts = turned.sensor.voltage(d, np.asarray(0.3))
+    found, clipped = hall_inverse(turned).distance(volts, np.asarray(0.3))
+    np.testing.assert_allclose(found, d, atol=1e-13)
+    assert not clipped.any()
+    low, _ = hall_inverse(turned).distance(np.array([0.0]), np.asarray(0.3))
+    assert low[0] == 0.015
+
+
+def test_a_hall_voltage_that_turns_cannot_be_inverted(levitation_model):
+    spline = levitation_model.sensor.field.spline
+    bent = spline.coefficients.copy()
+    bent[3] += 0.05
+    field = replace(
+        levitation_model.sensor.field,
+        spline=TensorSpline(spline.x_knots, spline.y_knots, spline.x_degree, spline.y_degree, bent),
+    )
+    with pytest.raises(FilterError, match=r"turns at"):
+        hall_inverse(replace(levitation_model, sensor=replace(levitation_model.sensor, field=field)))
+
+
+def test_batched_cholesky_equals_numpys_and_names_each_failure():
+    roots = RANDOM.normal(size=(50, 4, 4))
+    matrices = roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(4)
+    matrices[7] = -np.eye(4)
+    matrices[9, 3, 3] = np.nan
+    factor, definite = cholesky(matrices)
+    good = np.delete(np.arange(50), [7, 9])
+    np.testing.assert_array_equal(np.flatnonzero(~definite), [7, 9])
+    np.testing.assert_allclose(factor[good], np.linalg.cholesky(matrices[good]), atol=1e-13)
+    assert np.isnan(factor[[7, 9]]).all()
+
+
+@pytest.mark.parametrize("hall_bias", [False, True])
+def test_analytic_jacobians_of_the_process_equal_central_differences(levitation_model, hall_bias):
+    process = levitation_process(levitation_model, hall_bias=hall_bias)
+    count, order = 30, process.order
+    states = np.stack(
+        [RANDOM.uniform(0.018, 0.04, count), RANDOM.normal(scale=0.1, size=count), RANDOM.uniform(0.1, 1.2, count)]
+        + [RANDOM.normal(scale=0.01, size=count)] * hall_bias,
+        axis=1,
+    )
+    inputs = RANDOM.uniform(0.5, 3.0, count)
+    (hall,) = process.outputs
+    plain = replace(process, transition_jacobian=None, outputs=(replace(hall, jacobian=None),))
+    scale = np.array([1e-4, 1e-2, 1e-2, 1e-2])[:order]  # typical deviations of the states
+    found = plain.state_jacobian(states, inputs) * scale / scale[:, None]
+    exact = process.state_jacobian(states, inputs) * scale / scale[:, None]
+    # Central differences with steps of eps^(1/3): about eps^(2/3) = 4e-11, times d'' / d of steep forces.
+    np.testing.assert_allclose(found, exact, atol=1e-6)
+    np.testing.assert_allclose(
+        plain.output_jacobian(states, *plain.outputs) * scale, process.output_jacobian(states, hall) * scale, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-13, 1e-9, 1e-3])
+def test_central_differences_do_not_lose_their_digits_near_zero(size):
+    found = central_differences(lambda x: 9.80665 - 5.0 * x, np.array([[size]]), np.array([0.02]))
+    np.testing.assert_allclose(found, [[[-5.0]]], rtol=1e-7)
+
+
+def test_a_reading_outside_of_its_range_does_not_disturb_the_others(levitation_model):
+    # A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are solved.
+    inverse = hall_inverse(levitation_model)
+    volts = levitation_model.require_sensor().voltage(np.array(0.022), np.array(0.5))
+    distance, clipped = inverse.distance(np.array([volts, 4.9, volts]), np.array([0.5, 1e4, np.nan]))
+    assert distance[0] == pytest.approx(0.022, abs=1e-12)
+    assert clipped.tolist() == [False, True, True]
+    assert distance[1] in (levitation_model.validity.distance_min_m, levitation_model.validity.distance_max_m)
+    assert np.isnan(distance[2])

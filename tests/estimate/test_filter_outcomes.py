@@ -1,0 +1,226 @@
+"""A filter that breaks down is named, run by run, and one run in floats is one of many."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import FilterError, MissingPartError
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.estimate.filter import Filter
+from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalman_filter
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import initial_covariance
+from femfit.estimate.process import FilterOutcome, FilterProcess, Output
+from femfit.model.bspline import CellPolynomials
+from femfit.model.json_file import write_model
+from femfit.model.with_effects import with_effects
+
+ALL = [UnscentedFilter, ExtendedFilter]
+START = np.array([0.022, 0.0, 0.32])
+
+
+@pytest.fixture(scope="module")
+def process(levitation_model):
+    return levitation_process(levitation_model)
+
+
+def plain_process(transition=lambda x, _u: x, covariance=None):
+    return FilterProcess(
+        names=("x", "v"),
+        step_s=1.0,
+        transition=transition,
+        outputs=(Output("x", "m", lambda x: x[:, 0], 1.0),),
+        process_covariance=1e-6 * np.eye(2) if covariance is None else covariance,
+    )
+
+
+@pytest.mark.parametrize("filter_class", [UnscentedFilter, ExtendedFilter])
+def test_a_covariance_that_is_lost_is_named_and_its_run_becomes_nan(filter_class):
+    # A process covariance with a negative eigenvalue takes the covariance below zero after a few steps.
+    filter_ = filter_class(plain_process(covariance=np.diag([1e-6, -0.3])))
+    state = filter_.start(np.zeros(2), np.diag([1.0, 1.0]), runs=2)
+    for _ in range(5):
+        state = filter_.step(state, 0.0, 0.0)
+    assert state.outcomes() == (FilterOutcome.COVARIANCE_LOST,) * 2
+    assert np.isnan(state.mean).all()
+
+
+@pytest.mark.parametrize("filter_class", ALL)
+@pytest.mark.parametrize("bad", [np.inf, -np.inf])
+def test_a_reading_that_is_infinite_ends_its_own_run_only(process, filter_class, bad):
+    filter_ = filter_class(process)
+    state = filter_.start(START, initial_covariance(), runs=3)
+    hall = float(process.outputs[0].measure(START[None])[0])
+    state = filter_.step(state, 0.86, np.array([hall, bad, hall]))
+    state = filter_.step(state, 0.86, hall)
+    assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.NOT_FINITE, FilterOutcome.RUNNING)
+    assert np.isnan(state.mean[1]).all()
+    assert np.isfinite(state.mean[[0, 2]]).all()
+
+
+@pytest.mark.parametrize("filter_class", ALL)
+def test_an_overflowing_process_is_named(filter_class):
+    filter_ = filter_class(plain_process(transition=lambda x, _u: np.exp(1e4 * (1.0 + x))))
+    state = filter_.predict(filter_.start(np.zeros(2), np.eye(2)), 0.0)
+    assert state.outcomes() == (FilterOutcome.NOT_FINITE,)
+
+
+@pytest.mark.parametrize("filter_class", ALL)
+def test_an_estimate_far_outside_of_the_model_is_named(process, filter_class):
+    filter_ = filter_class(process)
+    far = np.array([[0.022, 0.0, 0.32], [0.2, 0.0, 0.3], [0.022, 0.0, 9.0]])
+    state = filter_.predict(filter_.start(far, initial_covariance()), 0.86)
+    assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
+
+
+@pytest.mark.parametrize("filter_class", ALL)
+def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_window(levitation_model, filter_class):
+    """The filter is told of 0.1 mV; the sensor jumps by +-10 mV from sample to sample."""
+    rng = np.random.default_rng(4)
+    process = levitation_process(levitation_model)
+    process = replace(process, outputs=(replace(process.outputs[0], variance=(1e-4) ** 2),))
+    filter_ = filter_class(process, divergence_steps=50)
+    state = filter_.start(START, initial_covariance(1e-5, 1e-3, 1e-3), runs=2)
+    clean = float(process.outputs[0].measure(START[None])[0])
+    named_at = None
+    for k in range(60):
+        # The mean is held, as the magnet is by its controller: only the innovations tell.
+        held = replace(filter_.predict(state, 0.86), mean=np.tile(START, (2, 1)))
+        state = filter_.update(held, np.array([clean + 0.01 * rng.choice([-1.0, 1.0]), clean]))
+        if named_at is None and state.diverged[0]:
+            named_at = k
+    assert state.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND, FilterOutcome.RUNNING)
+    # The fraction 1 - (1 - 1/50)^k passes one half at the 35th innovation out of the band.
+    assert named_at == 34
+    assert np.isfinite(state.mean[0]).all()
+
+
+def test_the_first_outcome_stays(process):
+    filter_ = UnscentedFilter(process)
+    state = filter_.start(np.array([0.2, 0.0, 0.3]), initial_covariance())
+    state = filter_.predict(state, 0.86)
+    state = filter_.update(state, np.nan)
+    assert state.outcomes() == (FilterOutcome.LEFT_MODEL,)
+
+
+@pytest.mark.parametrize(
+    ("mean", "covariance", "message"),
+    [
+        (np.zeros(2), np.eye(3), r"shapes \(3,\) and \(3, 3\).*instead received \(2,\)"),
+        (START, np.diag([1.0, 1.0, 0.0]), "positive definite"),
+        (np.array([np.nan, 0.0, 0.0]), np.eye(3), "finite"),
+    ],
+)
+def test_a_bad_start_is_refused(process, mean, covariance, message):
+    with pytest.raises(FilterError, match=message):
+        UnscentedFilter(process).start(mean, covariance)
+
+
+def test_sigma_points_without_spread_are_refused(process):
+    with pytest.raises(FilterError, match="alpha > 0"):
+        UnscentedFilter(process, alpha=0.0)
+
+
+@pytest.mark.parametrize(("part", "absent"), [("circuits", ()), ("motion", None), ("sensor", None)])
+def test_a_model_without_a_part_makes_no_process(levitation_model, part, absent):
+    with pytest.raises(MissingPartError, match=part.rstrip("s")):
+        levitation_process(replace(levitation_model, **{part: absent}))
+
+
+def test_states_are_never_changed_in_place(process, record):
+    filter_ = UnscentedFilter(process)
+    state = filter_.start(START, initial_covariance())
+    before = state.mean.copy(), state.covariance.copy()
+    filter_.step(state, record.voltage[0, 0], record.hall[0, 0])
+    np.testing.assert_array_equal(state.mean, before[0])
+    np.testing.assert_array_equal(state.covariance, before[1])
+
+
+RANDOM = np.random.default_rng(5)
+
+
+def both_ways(filter_, record):
+    """The same record by the single step and by the general path."""
+    alone = general = filter_.start(np.array([0.022, 0.0, 0.32]))
+    for voltage, hall in zip(record.voltage[:, 0], record.hall[:, 0], strict=True):
+        alone = filter_.step(alone, voltage, hall)
+        general = filter_.update(filter_.predict(general, voltage), hall)
+        yield alone, general
+
+
+@pytest.mark.parametrize("hall_bias", [False, True])
+@pytest.mark.parametrize("effects", [(), ("core_saturation",)])
+def test_the_single_step_is_the_general_path_to_1e_12_of_a_deviation(levitation_model, record, hall_bias, effects):
+    """With an effect the model goes by arrays of seven points, without one by floats."""
+    named = [effect_by_name(name) for name in effects]
+    model = with_effects(levitation_model, [AddedEffect(e, e.null() | {"mmf_loss_3": 0.02}) for e in named])
+    for alone, general in both_ways(kalman_filter(model, hall_bias=hall_bias), record):
+        sigma = np.sqrt(np.diagonal(general.covariance[0]))
+        np.testing.assert_allclose(alone.mean / sigma, general.mean / sigma, rtol=0.0, atol=1e-9)
+        scale = sigma[:, None] * sigma
+        np.testing.assert_allclose(alone.covariance / scale, general.covariance / scale, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(alone.mean, general.mean, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(
+            alone.normalised_innovation_squared, general.normalised_innovation_squared, atol=1e-9
+        )
+
+
+def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
+    filter_ = kalman_filter(levitation_model)
+    monkeypatch.setattr(Filter, "predict", None)  # the general path would need it
+    state = filter_.start([0.022, 0.0, 0.32])
+    for voltage, hall in zip(record.voltage[:9, 0], record.hall[:9, 0], strict=True):
+        state = filter_.step(state, voltage, np.array([hall]))
+    assert np.isfinite(state.mean).all()
+
+
+@pytest.mark.parametrize(
+    ("hall", "outcome"), [(np.nan, FilterOutcome.RUNNING), (np.inf, FilterOutcome.NOT_FINITE), (50.0, None)]
+)
+def test_what_goes_wrong_is_named_as_by_the_general_path(levitation_model, hall, outcome):
+    filter_ = kalman_filter(levitation_model)
+    state = filter_.start([0.022, 0.0, 0.32])
+    named = filter_.step(state, 0.86, hall).outcomes()
+    assert named == filter_.update(filter_.predict(state, 0.86), hall).outcomes()
+    assert outcome is None or named == (outcome,)
+
+
+def test_innovations_out_of_their_band_are_named_in_one_run_too(levitation_model):
+    process = levitation_process(levitation_model)
+    process = replace(process, outputs=(replace(process.outputs[0], variance=(1e-4) ** 2),))
+    filter_ = UnscentedFilter(process, divergence_steps=20)
+    state = filter_.start(np.array([0.022, 0.0, 0.32]), initial_covariance(1e-5, 1e-3, 1e-3))
+    clean, generator = state.mean, np.random.default_rng(4)
+    volts = float(process.outputs[0].measure(clean)[0])
+    for _ in range(30):
+        held = replace(state, mean=clean)  # the body is held by its controller: only the innovations tell
+        state = filter_.step(held, 0.86, volts + 0.03 * generator.choice([-1.0, 1.0]))
+    assert state.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND,)
+
+
+def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    filter_ = kalman_filter(tmp_path / "model.json", "ekf")
+    state = filter_.start([0.022, 0.0, 0.32])
+    assert state.mean.tolist() == [[0.022, 0.0, 0.32, 0.0]]
+    assert np.sqrt(state.covariance[0, 0, 0]) == pytest.approx(1e-3)
+    with pytest.raises(FilterError, match="ukf, ekf"):
+        kalman_filter(levitation_model, "kf")
+
+
+def test_a_piecewise_polynomial_in_floats_is_the_one_in_arrays():
+    """Cells in both directions, points outside of them, and an order beyond the degree."""
+    cells = CellPolynomials(np.array([0.0, 0.4, 1.0]), np.array([0.0, 1.0, 3.0, 4.0]), RANDOM.normal(size=(6, 5, 4)))
+    x, y = RANDOM.uniform(-0.2, 1.2, 40), RANDOM.uniform(-0.5, 4.5, 40)
+    orders = ((0, 0), (1, 0), (1, 1), (0, 2), (2, 3), (1, 4), (5, 0))
+    arrays = np.array(cells.derivatives(x, y, orders)).T
+    np.testing.assert_allclose(cells.in_floats(orders)(x.tolist(), y.tolist()), arrays, rtol=1e-12, atol=1e-12)
+    for point, (one_x, one_y) in enumerate(zip(x, y, strict=True)):
+        k, j = int(one_x >= 0.4), int(one_y >= 1.0) + int(one_y >= 3.0)
+        exact = np.polynomial.polynomial.polyval2d(
+            one_x - cells.x_breaks[k], one_y - cells.y_breaks[j], cells.polynomials[3 * k + j]
+        )
+        assert arrays[point, 0] == pytest.approx(exact, rel=1e-12)
+    assert not arrays[:, 5:].any()

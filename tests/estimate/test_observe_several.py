@@ -1,0 +1,137 @@
+"""A record of several circuits through their filter: halves of a coil are the coil, and a bearing is followed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from femfit.core.errors import TableError
+from femfit.device.electrics import CurrentSensor, Drive
+from femfit.estimate.found_noise import with_noise
+from femfit.estimate.holding import holding_currents
+from femfit.estimate.observe import observe
+from femfit.fit.build import fit_model
+from femfit.model.dynamics import runge_kutta_step
+from femfit.report.motion_figures import replay_figure
+from support.bearing import ENTRY, table_of
+from support.eddies import magnets_alone
+from support.halves import NAMES, cut_in_two
+from support.readings import LASER
+
+STEP_S, SAMPLES = 0.5e-3, 400
+
+
+@pytest.fixture(scope="module")
+def whole(levitation_model):
+    shunt = CurrentSensor(name="shunt", noise=2e-3, circuit="inner")
+    return replace(levitation_model, sensor=None, other_sensors=(LASER, shunt), sample_time_s=STEP_S)
+
+
+@pytest.fixture(scope="module")
+def truth(whole):
+    """The body hangs on a weak controller's square wave for a fifth of a second."""
+    generator = np.random.default_rng(3)
+    states, volts = np.empty((SAMPLES, 3)), np.empty(SAMPLES)
+    state = np.array([0.024, 0.0, 0.5])
+    for k in range(SAMPLES):
+        volts[k] = np.clip(1.6 + 400.0 * (state[0] - 0.024) + 12.0 * state[1] + 0.3 * generator.normal(), 0.5, 3.0)
+        states[k] = state
+        state = runge_kutta_step(whole, state[None], volts[k : k + 1], STEP_S)[0]
+    return states, volts, generator.standard_normal((SAMPLES, 2)) * [2e-5, 2e-3]
+
+
+def written(path, columns):
+    pd.DataFrame({"time_s": STEP_S * np.arange(SAMPLES)} | columns).to_csv(path, index=False)
+    return path
+
+
+def test_the_halves_are_seen_as_the_whole(whole, truth, tmp_path):
+    states, volts, noise = truth
+    d, i = states[:, 0] + noise[:, 0], states[:, 2] + noise[:, 1]
+    one = observe(whole, written(tmp_path / "one.csv", {"voltage_V": volts, "distance_m": d, "current_A": i}))
+    halves = {f"voltage_{name}_V": 0.5 * volts for name in NAMES} | {"distance_m": d, "current_inner_A": i}
+    two = observe(cut_in_two(whole), written(tmp_path / "two.csv", halves))
+    mine, other = two.filters[0], one.filters[0]
+    deviation = other.replayed.deviation[-1, 0]
+    late = slice(SAMPLES // 2, None)
+    # The drivers of the halves err independently, so that a half's current is believed a little less
+    assert np.abs(mine.replayed.mean[late, 0] - other.replayed.mean[late, 0]).max() < 0.1 * deviation
+    assert mine.trusted
+    assert other.trusted
+    np.testing.assert_allclose(mine.replayed.mean[late, 3], states[late, 2], atol=0.02)  # a current that nothing reads
+    assert {"ukf_current_inner_A", "ukf_current_outer_A"} <= set(two.table.columns)
+    assert [each.column for each in mine.beside] == [each.column for each in other.beside[:1]] + ["current_inner_A"]
+    assert len(replay_figure(two).axes) == 3
+    found = {each.name: each for each in two.noise.estimates}
+    assert found["laser"].low < 2e-5 < found["laser"].high
+    assert with_noise(cut_in_two(whole), two.noise).process_noise is not None
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    """Nothing reads its upper current by a sensor of the drawing; the record does."""
+    gap = {"kind": "position", "name": "gap", "noise": 1e-7, "distances_m": [0, 1], "readings": [0, 1], "unit": "m"}
+    model = fit_model(table_of(entry={**ENTRY, "sensors": [gap]})).model
+    bridges = tuple(replace(one, voltage_min_V=-24.0, drive=Drive()) for one in model.circuits)
+    return replace(model, circuits=bridges, sample_time_s=1e-4)
+
+
+@pytest.fixture(scope="module")
+def bearing_record(bearing, tmp_path_factory):
+    """Held for a hundredth of a second by a differential current, with a bias of 1 A."""
+    generator, step = np.random.default_rng(4), 1e-4
+    hold = holding_currents(bearing, 0.5e-3, np.array([1.0, 1.0]))
+    state, rows = np.array([[0.5e-3, 0.0, *hold]]), []
+    for k in range(300):
+        wanted = 3e3 * (state[0, 0] - 0.5e-3) + 3.0 * state[0, 1]
+        error = hold + np.array([wanted, -wanted]) - state[0, 2:]
+        volts = np.clip(bearing.resistances_ohm * hold + 40.0 * error + generator.normal(size=2), -24.0, 24.0)
+        read = [state[0, 0] + 1e-7 * generator.normal(), *(state[0, 2:] + 2e-3 * generator.normal(size=2))]
+        rows.append([k * step, *volts, *read])
+        state = runge_kutta_step(bearing, state, volts[None], step, 2)
+    columns = ["time_s", "voltage_lower_V", "voltage_upper_V", "distance_m", "current_lower_A", "current_upper_A"]
+    path = tmp_path_factory.mktemp("records") / "bearing.csv"
+    pd.DataFrame(rows, columns=columns).to_csv(path, index=False)
+    return path
+
+
+def test_a_bearing_is_followed_by_gap_and_currents(bearing, bearing_record):
+    assert observe(bearing, bearing_record, find=False).sensors == ("gap",)  # that of the drawing
+    sensors = ("gap", "current_lower", "current_upper")  # those that the record alone has, too
+    seen = observe(bearing, bearing_record, filter=("ukf", "ekf"), sensors=sensors)
+    for one in seen.filters:
+        assert one.lost_at_s is None
+        assert one.built.process.names[2:] == ("current_lower_A", "current_upper_A")
+    found = {one.name: one for one in seen.noise.estimates}
+    for name in ("current_lower", "current_upper"):
+        assert found[name].low < 2e-3 < found[name].high
+
+
+def test_a_circuit_whose_voltage_is_missing_is_named(bearing, bearing_record, tmp_path):
+    rows = pd.read_csv(bearing_record).drop(columns="voltage_upper_V")
+    rows.to_csv(tmp_path / "lacking.csv", index=False)
+    with pytest.raises(TableError, match="voltage_upper_V"):
+        observe(bearing, tmp_path / "lacking.csv")
+
+
+def test_commands_beyond_one_circuits_supply_name_it(bearing, bearing_record, tmp_path):
+    rows = pd.read_csv(bearing_record)
+    rows.loc[50:60, "voltage_upper_V"] = 40.0
+    rows.to_csv(tmp_path / "beyond.csv", index=False)
+    said = [one.text for one in observe(bearing, tmp_path / "beyond.csv", find=False).findings if "beyond" in one.text]
+    assert len(said) == 1
+    assert "upper" in said[0]
+
+
+def test_magnets_alone_need_no_voltage(levitation_model, tmp_path):
+    model = replace(magnets_alone(levitation_model), other_sensors=(LASER,), sample_time_s=STEP_S)
+    generator, state, read = np.random.default_rng(5), np.array([[0.03, 0.0]]), []
+    for _ in range(100):
+        read.append(state[0, 0] + 2e-5 * generator.normal())
+        state = runge_kutta_step(model, state, np.zeros((1, 0)), STEP_S)
+    path = tmp_path / "fall.csv"
+    pd.DataFrame({"time_s": STEP_S * np.arange(100), "distance_m": read}).to_csv(path, index=False)
+    seen = observe(model, path)
+    assert seen.filters[0].trusted
+    assert seen.noise is None or all(one.name != "voltage" for one in seen.noise.estimates)

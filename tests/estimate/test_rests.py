@@ -1,0 +1,141 @@
+"""Rests on stops, held bodies and lift-off are recognised by the noise, and a hover is not one of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import femfit as ff
+from femfit.device.mechanics import Mechanics, Stop
+from femfit.estimate.rests import find_rests
+from support.closed_loop import closed_loop, recorded
+from support.solenoids import solenoid
+from support.switching import CURRENT_A, DISTANCE_M, logged, switched
+
+
+def rests_of(model, record):
+    rows = record.rows
+    columns = (rows[name].to_numpy() for name in ("time_s", "segment", "distance_m", "current_A"))
+    return find_rests(model, *columns, DISTANCE_M)
+
+
+@pytest.fixture(scope="module")
+def free():
+    return switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)
+
+
+@pytest.fixture(scope="module")
+def blocked():
+    return [switched([0.0, 0.02, 0.04], [0.0, 12.0, 4.0], 0.06, start_m=at, blocked=True) for at in (1.5e-3, 3e-3)]
+
+
+def test_rests_on_both_stops_lie_where_the_simulated_body_rests(free):
+    found = rests_of(solenoid(), logged([free]))
+    assert {rest.place for rest in found.rests} == {"near", "far"}
+    still = free.table["velocity_m_s"] == 0.0
+    assert found.held[still].mean() > 0.85  # blocks at the ends are given away
+    off = np.minimum(np.abs(free.table["distance_m"] - 0.2e-3), np.abs(free.table["distance_m"] - 4e-3))
+    assert off[found.held].max() < 2.0 * DISTANCE_M  # bounces that noise hides
+    assert not found.contact[(free.table["distance_m"] > 0.5e-3) & (free.table["distance_m"] < 3.5e-3)].any()
+
+
+def test_the_samples_around_every_impact_are_contact_however_fast_the_body_is():
+    model = solenoid()
+    elastic = replace(model.motion, far_stop=Stop(model.motion.far_stop.distance_m, 0.9))
+    loop = switched([0.0], [0.0], 0.06, model=replace(model, motion=elastic), start_m=1e-3)
+    record = logged([loop])
+    rows = record.rows.iloc[::8].reset_index(drop=True)
+    found = rests_of(model, replace(record, rows=rows))
+    times = rows["time_s"].to_numpy()
+    hits = [event for event in loop.events if event.name == "hits_far" and abs(event.velocity_m_s) > 0.2]
+    assert len(hits) == 2
+    for event in hits:
+        after = int(np.searchsorted(times, event.time_s))
+        assert found.contact[after - 1 : after + 1].all(), event
+
+
+def test_departure_is_told_before_the_body_has_gone_as_far_as_the_noise(free):
+    found = rests_of(solenoid(), logged([free]))
+    starts = next(event.time_s for event in free.events if event.name == "starts")
+    gone = 1e-4 * np.argmax(free.table["distance_m"] < 4e-3 - 2.0 * DISTANCE_M)
+    assert starts - 1e-3 < 1e-4 * found.rests[0].last < gone
+    said = next(one.text for one in found.findings if one.code == "lift-off")
+    by = float(said.partition(" by ")[2].split()[0])
+    assert starts < 1e-3 * by < starts + 5e-3, said
+
+
+def test_a_blocked_body_away_from_stops_is_held_whatever_the_model_misses(blocked):
+    for factor in (0.7, 1.0, 1.5):
+        model = solenoid()
+        wrong = replace(model, magnetics=Scaled(model.magnetics, factor))
+        found = rests_of(wrong, logged(blocked))
+        assert {rest.place for rest in found.rests} == {"held"}
+        assert found.held.mean() > 0.9
+
+
+class Scaled:
+    """Another model's magnetics with another force."""
+
+    def __init__(self, magnetics, factor):
+        self.magnetics, self.factor = magnetics, factor
+
+    def force(self, distance, current):
+        return self.factor * self.magnetics.force(distance, current)
+
+
+def test_a_body_that_swings_on_its_spring_is_free():
+    model = solenoid()
+    motion = Mechanics(0.025, 0.0, springs=model.motion.springs)
+    loop = ff.simulate(replace(model, motion=motion), voltage_V=0.0, duration_s=0.3, start_m=3.7e-3, sample_time_s=1e-4)
+    stiffer = replace(motion, springs=(replace(motion.springs[0], stiffness_N_per_m=120.0),))
+    assert not rests_of(replace(model, motion=stiffer), logged([loop])).rests
+
+
+def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation_model):
+    model = replace(levitation_model, sample_time_s=1e-3)
+    record = recorded(closed_loop(model, runs=2, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
+    for factor in (0.8, 1.0, 1.25):
+        wrong = replace(model, magnetics=Scaled(model.magnetics, factor))
+        rows = record.rows
+        columns = (rows[name].to_numpy() for name in ("time_s", "segment", "distance_m", "current_A"))
+        assert not find_rests(wrong, *columns, 3e-5).rests
+
+
+def test_a_body_that_a_loop_moves_has_left_no_place_however_wrong_the_model_is(levitation_model, blocked):
+    model = replace(levitation_model, sample_time_s=1e-3)
+    record = recorded(closed_loop(model, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
+    wrong = replace(model, motion=replace(model.motion, mass_kg=4.0 * model.motion.mass_kg))
+    rows = record.rows
+    columns = (rows[name].to_numpy() for name in ("time_s", "segment", "distance_m", "current_A"))
+    found = find_rests(wrong, *columns, 3e-5)
+    assert found.rests  # the model is wrong by more than it may be
+    assert "lift-off" not in {one.code for one in found.findings}
+
+
+@pytest.mark.parametrize("with_blocked", [False, True])
+def test_compare_agrees_on_switching_with_and_without_blocked_runs(free, blocked, with_blocked):
+    """A body that is balanced as free while it is held misses by hundreds of times the noise."""
+    comparison = ff.compare(solenoid(), logged([free, *(blocked if with_blocked else ())]))
+    assert comparison.verdict == "agrees", str(comparison)
+    codes = {one.code for one in comparison.findings}
+    assert "at-stop" in codes
+    assert ("held" in codes) == with_blocked
+
+
+def test_a_filter_does_not_let_a_held_body_fall(blocked):
+    seen = ff.observe(solenoid(), logged(blocked), find=False)
+    one = seen.filters[0]
+    assert "is held" in str(seen).splitlines()[1]
+    judged = {each.sensor: each for each in one.innovations}
+    assert judged["distance"].mean_square == pytest.approx(1.0, abs=0.15)
+    assert judged["current"].mean_square == pytest.approx(1.0, abs=0.15)
+
+
+def test_noise_of_the_sensors_alone_leaves_a_resting_body_at_rest():
+    generator = np.random.default_rng(3)
+    for _ in range(20):
+        time = 1e-4 * np.arange(4000)
+        distance = 4e-3 + DISTANCE_M * generator.standard_normal(4000)
+        current = CURRENT_A * generator.standard_normal(4000)
+        (rest,) = find_rests(solenoid(), time, np.zeros(4000, int), distance, current, DISTANCE_M).rests
+        assert (rest.first, rest.last) == (0, 3999)

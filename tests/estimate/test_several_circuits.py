@@ -1,0 +1,213 @@
+"""Filters of several circuits, and of none, and the currents that hold against scipy's least heat."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from femfit.core.errors import DomainError, FilterError
+from femfit.device.electrics import CurrentSensor
+from femfit.estimate.direct import hall_inverse
+from femfit.estimate.error_bound import error_bound
+from femfit.estimate.holding import bias_currents, holding_current, holding_currents
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.estimate.levitation import fastest_time_constant
+from femfit.estimate.noise import unstable_pole
+from femfit.fit.build import fit_model
+from femfit.model.exponential_step import exponential_step
+from femfit.simulation.allocation import current_ranges, currents_for_force
+from support.bearing import hall_field, table_of, table_with_hall
+from support.eddies import magnets_alone
+from support.halves import cut_in_two
+from support.readings import LASER, predict_sensors
+
+SENSORS = (LASER, CurrentSensor(name="shunt", noise=2e-3, circuit="inner"))
+TWICE = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0, 0, 1.0]])
+"""State of the whole coil -> state of its halves."""
+
+
+@pytest.fixture(scope="module")
+def whole(levitation_model):
+    circuit = replace(levitation_model.circuit, inductance_H=2e-3)
+    return replace(levitation_model, other_sensors=SENSORS, sensor=None, circuits=(circuit,))
+
+
+@pytest.fixture(scope="module")
+def halves(whole):
+    return cut_in_two(whole)
+
+
+def as_halves(covariance):
+    """A covariance of the whole's states as one of the halves', whose difference is known all but exactly."""
+    apart = np.array([0.0, 0.0, 1.0, -1.0])
+    return TWICE @ covariance @ TWICE.T + 1e-15 * np.outer(apart, apart)
+
+
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_the_filters_current_rises_with_the_inductance_in_series(whole, kind):
+    """From rest, by the part of U / R that 1 - exp(-t R / (L + L_s)) is."""
+    built, start = kalman_filter(whole, kind), np.array([0.024, 0.0, 0.5])
+    volts = whole.circuit.resistance_ohm * start[2] + 1.0
+    moved = built.step(built.start(start), volts, np.full(2, np.nan)).mean[0, 2] - start[2]
+    inductance = float(whole.inductance(*start[[0, 2]])) + 2e-3
+    ohms = whole.circuit.resistance_ohm
+    assert moved == pytest.approx(-np.expm1(-whole.sample_time_s * ohms / inductance) / ohms, rel=1e-3)
+
+
+@pytest.mark.parametrize(("kind", "digits"), [("ekf", 1e-6), ("ukf", 1e-4)])
+def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
+    """With the same errors of start and process; unscented points of four states lie farther out than of three."""
+    one, two = (kalman_filter(model, kind) for model in (whole, cut_in_two(whole)))
+    process = replace(two.process, process_covariance=as_halves(one.process.process_covariance))
+    two = replace(two, process=process)
+    start = np.array([0.024, 0.0, 0.5])
+    first = one.start(start), two.start(TWICE @ start, as_halves(one.process.start_covariance))
+    truth, generator = np.array([[0.0245, 0.01, 0.52]]), np.random.default_rng(2)
+    for _ in range(40):
+        volts = generator.uniform(0.5, 3.0)
+        truth = exponential_step(whole, truth, np.array([volts]), whole.sample_time_s)
+        readings = predict_sensors(whole, truth)[0] + generator.standard_normal(2) * [2e-5, 2e-3]
+        first = one.step(first[0], volts, readings), two.step(first[1], [0.5 * volts, 0.5 * volts], readings)
+    deviation = np.sqrt(np.diag(first[0].covariance[0]))
+    assert np.abs((first[1].mean[0, :3] - first[0].mean[0]) / deviation).max() < digits
+    np.testing.assert_allclose(np.sqrt(np.diag(first[1].covariance[0]))[:3], deviation, rtol=digits)
+
+
+def test_one_run_is_a_batch_of_one(halves):
+    """The quick step of one run goes by the same inputs as many runs at once."""
+    filter_ = kalman_filter(halves)
+    volts, readings = np.array([[0.6, 0.8]]), np.array([[0.0241, 0.51]])
+    alone = filter_.step(filter_.start([0.024, 0.0, 0.5, 0.5]), volts, readings)
+    both = filter_.step(
+        filter_.start([0.024, 0.0, 0.5, 0.5], runs=2), np.tile(volts, (2, 1)), np.tile(readings, (2, 1))
+    )
+    np.testing.assert_allclose(both.mean[0], alone.mean[0], rtol=1e-12)
+    np.testing.assert_allclose(both.covariance[1], alone.covariance[0], rtol=1e-9, atol=1e-18)
+
+
+def test_a_filter_asks_for_a_voltage_of_each_circuit(halves):
+    filter_ = kalman_filter(halves)
+    with pytest.raises(FilterError, match="2 voltages"):
+        filter_.step(filter_.start([0.024, 0.0, 0.5, 0.5]), 1.2, [0.024, 0.5])
+
+
+def test_magnets_alone_are_followed_by_a_laser(levitation_model):
+    model = replace(magnets_alone(levitation_model), other_sensors=(LASER,))
+    filter_ = kalman_filter(model)
+    assert filter_.process.names == ("distance_m", "velocity_m_s")
+    truth, state = np.array([[0.03, 0.0]]), filter_.start([0.031, 0.0])
+    for _ in range(60):
+        truth = exponential_step(model, truth, np.zeros((1, 0)), model.sample_time_s)
+        state = filter_.step(state, np.zeros(0), truth[0, 0])
+    assert state.mean[0] == pytest.approx(truth[0], abs=2e-5)
+    assert error_bound(model).observed.all()
+
+
+def test_the_currents_that_hold_are_shared_by_the_halves(whole, halves):
+    alone = holding_current(whole, 0.024)
+    assert holding_currents(whole, 0.024).tolist() == [alone]
+    np.testing.assert_allclose(holding_currents(halves, 0.024), [alone, alone], rtol=1e-9)
+    assert unstable_pole(halves, 0.024) == pytest.approx(unstable_pole(whole, 0.024), rel=1e-9)
+    assert fastest_time_constant(halves, 0.024) < fastest_time_constant(whole, 0.024)  # of their stray flux
+    with pytest.raises(DomainError, match="inner"):
+        holding_currents(halves, 0.044)
+
+
+def test_without_a_magnet_the_bias_is_half_of_the_largest_current(halves):
+    """Where no current moves the force, at zero current, there is nothing to hold the body by."""
+    coefficients = halves.magnetics.coefficients.copy()
+    coefficients[:, 1:3] = 0.0
+    magnetics = replace(halves.magnetics, coefficients=coefficients)
+    box = replace(halves.validity, current_min_A=-1.4, further_A=((-1.4, 1.4),))
+    np.testing.assert_allclose(bias_currents(replace(halves, magnetics=magnetics, validity=box), 0.024), [0.7, 0.7])
+    np.testing.assert_allclose(bias_currents(halves, 0.024), [0.7, 0.7])  # the middle of 0 to 1.4 A
+
+
+def test_the_bound_of_the_halves_names_both_currents(whole, halves):
+    found = error_bound(halves, distances_m=(0.024,), currents_A=((0.5, 0.5),))
+    assert found.names == ("distance_m", "velocity_m_s", "current_inner_A", "current_outer_A")
+    one = error_bound(whole, distances_m=(0.024,), currents_A=(0.5,))
+    assert found.deviations[0, 0] == pytest.approx(one.deviations[0, 0], rel=0.02)  # their drivers err by themselves
+    assert found.observed[0, :3].all()
+    with pytest.raises(FilterError, match="2 currents"):
+        error_bound(halves, distances_m=(0.024,), currents_A=(0.5,))
+
+
+def test_the_direct_distance_takes_all_currents_from_the_hall_voltage():
+    model = fit_model(table_with_hall()).model
+    d = np.array([0.3e-3, 0.55e-3, 0.7e-3])
+    currents = np.array([[1.5, -2.0], [0.0, 0.3], [-1.0, 1.0]])
+    volts = 2.5 + 50.0 * hall_field(d, currents)
+    inverse = hall_inverse(model)
+    found, clipped = inverse.distance(volts, currents)
+    np.testing.assert_allclose(found, d, atol=1e-9)  # the fit's rounding over 3 kV/m
+    assert not clipped.any()
+    lost, clipped = inverse.distance(np.array([volts[0], np.nan, 9.0]), currents)
+    np.testing.assert_allclose(lost, [d[0], np.nan, 0.8e-3], atol=1e-9)
+    assert clipped.tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize("current", [np.zeros(5), np.zeros((5, 3)), np.array(0.5)])
+def test_a_sensors_field_refuses_currents_that_are_not_one_for_each_circuit(current):
+    sensor = fit_model(table_with_hall()).model.sensor
+    with pytest.raises(DomainError, match=r"shape \(\.\.\., 2\)"):
+        sensor.field.field(np.full(5, 0.5e-3), current)
+
+
+@pytest.fixture(scope="module")
+def bearing():
+    return fit_model(table_of()).model
+
+
+def least_heat(model, distance, force, bias, limits):
+    """By sequential quadratic programming from nine starts; None where none of them ends with the force."""
+
+    def missing(currents):
+        return float(model.magnetics.force(np.array(distance), currents)) - force
+
+    def heat(currents):
+        return model.resistances_ohm @ (currents - bias) ** 2
+
+    starts = np.stack(np.meshgrid(*np.linspace(*limits.T, 3).T), axis=-1).reshape(-1, 2)
+    constraint = {"type": "eq", "fun": missing}
+    ends = [minimize(heat, one, bounds=limits, constraints=[constraint], options={"ftol": 1e-12}).x for one in starts]
+    ends = [one for one in ends if abs(missing(one)) < 1e-6 * abs(force)]
+    return min(ends, key=heat) if ends else None
+
+
+@pytest.mark.parametrize(
+    ("distance", "mass", "bias", "highest"),
+    [
+        (0.7e-3, 2.7, (1.0, 1.0), 2.0),
+        (0.7e-3, 2.7, (1.0, 1.0), 1.42),  # the upper circuit comes to its limit
+        (0.5e-3, 2.7, (0.0, 0.0), 2.0),
+        (0.5e-3, 2.7, (1.0, 1.0), 2.0),  # only far from the bias, against the magnet's field
+        (0.3e-3, 0.5, (0.0, 0.0), 2.0),  # the force is bent so much that whole steps go to and fro
+        (0.3e-3, 2.7, (1.0, 1.0), 2.0),  # none
+    ],
+)
+def test_the_currents_that_hold_heat_least(bearing, distance, mass, bias, highest):
+    box = replace(bearing.validity, further_A=((-2.0, highest),))
+    model = replace(bearing, validity=box, motion=replace(bearing.motion, mass_kg=mass))
+    expected = least_heat(model, distance, -9.81 * mass, np.array(bias), box.current_limits_A)
+    if expected is None:
+        with pytest.raises(DomainError):
+            holding_currents(model, distance, np.array(bias))
+        return
+    found = holding_currents(model, distance, np.array(bias))
+    # Heat is flat about its minimum: scipy ends within the root of its tolerance
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    assert model.magnetics.force(np.array(distance), found) == pytest.approx(-9.81 * mass, rel=1e-8)
+
+
+def test_the_currents_of_a_loop_heat_least_and_keep_the_drivers_limits(bearing):
+    """At several distances at once; the diode's circuit gives no negative current."""
+    limits = current_ranges(bearing)
+    bias = np.clip(bias_currents(bearing, 0.5e-3), *limits.T)
+    distance, force = np.array([0.4e-3, 0.6e-3, 0.6e-3, 0.7e-3]), np.array([30.0, 3.0, -3.0, -20.0])
+    found = currents_for_force(bearing, distance, force)
+    for one, d, f in zip(found, distance, force, strict=True):
+        expected = least_heat(bearing, d, f, bias, limits)
+        assert expected is not None
+        np.testing.assert_allclose(one, expected, atol=1e-3)

@@ -1,0 +1,166 @@
+"""Motion in open loop against closed forms: fall, spring, friction, rebounds, and the fixed-step plant."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.device.electrics import Circuit, Drive
+from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.model.dynamics import runge_kutta_step
+from femfit.model.with_effects import with_effects
+from femfit.simulation.open_loop import simulate
+from femfit.simulation.profile import Profile
+from support.solenoids import LinearInductance, NoField, inductance, solenoid
+
+
+def body(**mechanics):
+    """A body of 20 g without field, between 0.1 and 6 mm, level unless it is said otherwise."""
+    model = replace(solenoid(), magnetics=NoField())
+    return replace(model, motion=Mechanics(**{"mass_kg": 0.02, "gravity_m_s2": 0.0} | mechanics))
+
+
+def test_a_body_falls_by_half_g_t_squared():
+    found = simulate(body(gravity_m_s2=9.80665), voltage_V=0.0, start_m=1e-3, duration_s=0.03).table
+    np.testing.assert_allclose(found["distance_m"], 1e-3 + 0.5 * 9.80665 * found["time_s"] ** 2, atol=1e-12)
+    np.testing.assert_allclose(found["velocity_m_s"], 9.80665 * found["time_s"], atol=1e-10)
+
+
+def test_a_mass_on_a_spring_swings_as_a_cosine():
+    found = simulate(body(springs=(Spring(80.0, 0.0, 3e-3),)), voltage_V=0.0, start_m=1e-3, duration_s=0.4).table
+    swing = 3e-3 - 2e-3 * np.cos(np.sqrt(80.0 / 0.02) * found["time_s"])
+    np.testing.assert_allclose(found["distance_m"], swing, atol=1e-9)  # of 4 mm, over four periods
+
+
+def test_dry_friction_takes_the_same_length_from_every_swing_until_the_body_sticks():
+    stiffness, friction, amplitude = 80.0, 0.02, 2e-3
+    model = body(springs=(Spring(stiffness, 0.0, 3e-3),), coulomb_N=friction)
+    motion = simulate(model, voltage_V=0.0, start_m=3e-3 - amplitude, duration_s=0.4)
+    shift, half = friction / stiffness, np.pi / np.sqrt(stiffness / 0.02)
+    swings = int((amplitude - shift) / (2.0 * shift)) + 1  # until the spring is weaker than the friction
+    stuck = [event for event in motion.events if event.name == "sticks"]
+    assert [event.time_s for event in stuck] == [pytest.approx(swings * half, rel=1e-7)]
+    remaining = (amplitude - 2.0 * shift * swings) * (-1.0) ** (swings + 1)
+    assert motion.table["distance_m"][-1] == pytest.approx(3e-3 + remaining, abs=1e-9)
+    assert motion.table["velocity_m_s"][-1] == 0.0
+
+
+@pytest.mark.parametrize("restitution", [0.3, 0.8])
+def test_a_bouncing_body_hits_after_times_of_a_geometric_series(restitution):
+    height = 4e-3
+    model = body(gravity_m_s2=-9.80665, near_stop=Stop(1e-3, restitution))
+    motion = simulate(model, voltage_V=0.0, start_m=1e-3 + height, duration_s=0.4)
+    hits = np.array([event.time_s for event in motion.events if event.name == "hits_near"])
+    fall = np.sqrt(2.0 * height / 9.80665)
+    series = fall * (1.0 + 2.0 * np.cumsum(np.r_[0.0, restitution ** np.arange(1, len(hits))]))
+    np.testing.assert_allclose(hits, series, rtol=1e-6)
+    speeds = np.array([abs(event.velocity_m_s) for event in motion.events if event.name == "hits_near"])
+    np.testing.assert_allclose(speeds, 9.80665 * fall * restitution ** np.arange(len(hits)), rtol=1e-4)
+    end = fall * (1.0 + restitution) / (1.0 - restitution)
+    assert motion.switchings[0].rested_s == pytest.approx(end, rel=2e-3)  # rebounds below 1e-7 of the travel are cut
+    assert motion.energy.impact_J == pytest.approx(0.02 * 9.80665 * height, rel=1e-9)
+
+
+@pytest.mark.parametrize("restitution", [0.05, 0.3, 0.9])
+def test_a_stop_that_gives_way_returns_the_speed_that_it_is_said_to(restitution):
+    model = body(gravity_m_s2=-9.80665, near_stop=Stop(1e-3, restitution, 1e10))
+    motion = simulate(model, voltage_V=0.0, start_m=5e-3, duration_s=0.05)
+    hit, left = (next(e for e in motion.events if e.name == name) for name in ("hits_near", "leaves_near"))
+    # The weight of 0.2 N slows a body that creeps out of the stop by less
+    assert left.velocity_m_s == pytest.approx(-restitution * hit.velocity_m_s, rel=0.01)
+    assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
+
+
+def test_a_body_pressed_on_its_stop_rests_until_the_force_exceeds_the_spring():
+    motion = simulate(solenoid(), voltage_V=12.0)
+    start = next(event for event in motion.events if event.name == "starts")
+    coil = inductance(4e-3)
+    current = np.sqrt(2.0 * 0.1 * 5e-3**2 / 3e-5)  # F = i^2 |dL/dd| / 2 against a preload of 0.1 N
+    # It starts when the net force is 1e-9 of the largest one, 50 N
+    assert start.current_A == pytest.approx(current, rel=1e-5)
+    assert start.time_s == pytest.approx(-coil / 20.0 * np.log(1.0 - 20.0 * current / 12.0), rel=1e-5)
+    assert np.all(motion.table["distance_m"][motion.table["time_s"] < start.time_s] == 4e-3)
+
+
+def test_a_held_force_table_lets_the_body_go_where_it_says():
+    table = ForceTable((0.0, 2e-3, 4e-3), (3.0, 0.5, 0.2))
+    model = solenoid(Mechanics(0.025, 0.0, springs=(table,), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3)))
+    start = next(event for event in simulate(model, voltage_V=12.0).events if event.name == "starts")
+    assert start.current_A == pytest.approx(np.sqrt(2.0 * 0.2 * 5e-3**2 / 3e-5), rel=1e-6)
+
+
+def test_a_solenoid_with_a_constant_slope_moves_as_an_own_quadrature_says():
+    model = replace(solenoid(), magnetics=LinearInductance(), motion=Mechanics(0.025, 9.80665))
+    found = simulate(model, voltage_V=9.0, start_m=4e-3, duration_s=0.02).table
+
+    def rates(x):
+        d, v, i = x
+        whole = 0.05 - 5.0 * d
+        return np.array([v, 9.80665 - 2.5 * i**2 / 0.025, (9.0 - 20.0 * i + 5.0 * v * i) / whole])
+
+    x, step = np.array([4e-3, 0.0, 0.0]), 1e-6
+    for _ in range(20_000):
+        k1 = rates(x)
+        k2 = rates(x + 0.5 * step * k1)
+        k3 = rates(x + 0.5 * step * k2)
+        x = x + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rates(x + step * k3))
+    assert found["distance_m"][-1] == pytest.approx(x[0], rel=1e-8)
+    assert found["velocity_m_s"][-1] == pytest.approx(x[1], rel=1e-8)
+    assert found["current_A"][-1] == pytest.approx(x[2], rel=1e-8)
+
+
+@pytest.mark.parametrize("effect", ["", "viscous_friction", "eddy_current_lag", "coil_temperature"])
+def test_without_events_the_motion_is_that_of_the_fixed_step_plant(levitation_model, effect):
+    model = replace(levitation_model, circuits=(Circuit(2.69, -3.0, 3.0),))
+    if effect:
+        chosen = effect_by_name(effect)
+        usual = {p.name: p.null + 0.2 * (max(p.plausible, key=abs) - p.null) for p in chosen.amplitudes}
+        model = with_effects(model, [AddedEffect(chosen, chosen.null() | usual)])
+    motion = simulate(model, voltage_V=2.0, start_m=0.022, duration_s=0.02, outside="extrapolate")
+    state = np.array([[0.022, 0.0, 0.0, *np.zeros(len(model.memory_names))]])
+    for _ in range(200):
+        state = runge_kutta_step(model, state, np.full(1, 2.0), 1e-4)
+    last = [motion.table[name][-1] for name in ("distance_m", "velocity_m_s", "current_A")]
+    np.testing.assert_allclose(last, state[0, :3], rtol=1e-6)
+
+
+def test_the_body_stops_and_goes_on_as_a_profile_tells_it():
+    pulse = Profile("voltage", np.array([0.0, 0.07]), np.array([12.0, 0.0]))
+    motion = simulate(solenoid(), drive=pulse, duration_s=0.2)
+    assert [one.kind for one in motion.switchings] == ["pull_in", "drop_out"]
+    pull_in, drop_out = motion.switchings
+    assert pull_in.command_s == 0.0
+    assert drop_out.command_s == 0.07
+    assert 0.07 < drop_out.started_s < drop_out.reached_s < 0.2
+    assert pull_in.bounces == sum(e.name == "hits_near" for e in motion.events) - 1
+    assert str(motion).startswith("Pull-in")
+
+
+def test_a_start_that_rounding_keeps_from_the_stop_is_on_it():
+    given = simulate(solenoid(), voltage_V=12.0, start_m=4e-3 * (1.0 - 1e-15))
+    assert given.switchings == simulate(solenoid(), voltage_V=12.0).switchings
+
+
+def test_a_body_pressed_on_a_stop_that_gives_way_comes_to_rest_in_it():
+    stops = {"near_stop": Stop(0.2e-3, 0.2), "far_stop": Stop(4e-3, 0.2, 1e6)}
+    model = solenoid(Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), **stops))
+    motion = simulate(model, voltage_V=0.0, duration_s=0.02)
+    assert not motion.switchings
+    assert motion.table["distance_m"][-1] == pytest.approx(4e-3 + 5.0 / 1e6, abs=1e-9)
+
+
+def test_eddy_currents_delay_the_pull_in_and_take_energy_also_while_the_diode_blocks():
+    chosen = effect_by_name("eddy_current_lag")
+    usual = {p.name: p.null + 0.5 * (max(p.plausible, key=abs) - p.null) for p in chosen.amplitudes}
+    bare = solenoid(drive=Drive(diode_V=0.7))
+    lagging = with_effects(bare, [AddedEffect(chosen, chosen.null() | usual)])
+    command = Profile("voltage", np.array([0.0, 0.07]), np.array([12.0, 0.0]))
+    quick, slow = (simulate(one, drive=command, duration_s=0.12) for one in (bare, lagging))
+    assert slow.switchings[0].started_s > quick.switchings[0].started_s
+    assert slow.energy.remainder_J > 1e-4 * slow.energy.supplied_J
+    assert slow.table["current_A"].min() == 0.0
+    stops = next(event.time_s for event in slow.events if event.name == "current_stops")
+    assert np.all(slow.table["current_A"][slow.table["time_s"] > stops] == 0.0)
+    assert [one.kind for one in slow.switchings] == ["pull_in", "drop_out"]
