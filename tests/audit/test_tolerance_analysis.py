@@ -48,7 +48,7 @@ def test_the_scatter_is_the_root_of_the_sum_of_squares_and_shares_add_up_to_one(
     assert found.shares[0].number.title in str(found)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_shares_are_sobols_indices_of_drawings_that_are_solved(table):
     """By Saltelli's estimate from 256 drawings of which two dimensions scatter; good to a few hundredths."""
     distance, current = next(iter(_points(table)))

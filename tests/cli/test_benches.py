@@ -371,7 +371,7 @@ def test_a_simulated_record_agrees_with_its_own_model(loops):
     assert {one["noise_source"] for one in data["channels"]} == {"samples"}
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_friction_in_the_plant_is_named_from_the_record_and_the_error_falls_to_the_noise_once_it_is_added(loops):
     assert femfit(*LOOP.split(), "record.csv", "--plant", "plant.json", cwd=loops).returncode == 0
     data = worked(loops, "diagnose model.json record.csv --bootstrap 0 --report d.html", *IDEAL)

@@ -8,7 +8,7 @@ from support.actuators import GEOMETRY
 from support.command import femfit
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_device_is_tried_from_its_drawing_alone(tmp_path):
     text = (GEOMETRY / "emaws-rig.toml").read_text(encoding="utf-8")
     drawing = tmp_path / "rig.toml"

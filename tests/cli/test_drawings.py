@@ -57,7 +57,7 @@ FEWER = {
 }
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", FEWER)
 def test_a_drawing_runs_to_its_report_and_pictures(kind, tmp_path):
     path = tmp_path / "mine.toml"
@@ -84,7 +84,7 @@ distance_mm = [24, 26]
 """
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_run_does_the_whole_main_job(tmp_path):
     """The rig on a grid of 4 x 9 points, with small steps of the reference and long samples, enough for all."""
     target, begin = tmp_path / "run", RIG.index("[sweep]")
@@ -100,7 +100,7 @@ def test_run_does_the_whole_main_job(tmp_path):
     assert data["sweep"]["failed"] == 0
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_run_of_an_actuator_that_cannot_levitate_says_so(tmp_path):
     result = worked("run", GEOMETRY / "plunger-solenoid.toml", "-o", tmp_path / "run")
     assert result.stdout.count("no sensor that a filter could read") == 1  # with its remedy, and not once a step
@@ -327,7 +327,7 @@ def weak(tmp_path_factory):
     return directory
 
 
-@pytest.mark.parametrize("name", ["assumed", pytest.param("declared", marks=pytest.mark.long)])
+@pytest.mark.parametrize("name", ["assumed", pytest.param("declared", marks=pytest.mark.nightly)])
 def test_a_tolerance_is_taken_as_meant_only_where_it_was_declared(weak, name):
     """One that is assumed holds the number far from the truth, and its width says nothing of that."""
     done = worked(

@@ -216,7 +216,7 @@ def test_a_signal_that_the_solver_swallows_is_no_failed_distance(tmp_path, monke
     assert ((rows["status"] == "ok").all(), len(rows)) == (True, 9)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_sweep_in_two_processes_keeps_its_points_and_goes_on(tmp_path, number):
     (tmp_path / "many.toml").write_text(SMALL.replace("step = 1", "step = 0.1"))  # it must not end before

@@ -239,7 +239,7 @@ def model_file(levitation_model, tmp_path):
     return tmp_path / "model.json"
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
     result = worked("simulate", model_file, "--json", tmp_path / "result.json")
     for part in ("held the body", "bound", "pulled in", "Hall offset", "force +1 %"):

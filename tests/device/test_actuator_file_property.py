@@ -90,7 +90,7 @@ def test_a_range_is_the_decimals_counted_by_hand(start, count, step, digits):
 
 
 @pytest.mark.parametrize(("text", "name"), [(text, path.stem) for text, path in zip(FILES, PATHS, strict=True)])
-@pytest.mark.parametrize("few", [True, pytest.param(False, marks=pytest.mark.long)])
+@pytest.mark.parametrize("few", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_odd_values_at_each_key_load_or_are_refused(text, name, few):
     """A few at each key, others at the next one, of drawings with keys that no other has; all of them take a minute."""
     lines = text.splitlines()

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = sorted(path for path in (ROOT / "docs" / "devices").glob("*.md") if path.name != "index.md")
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_about_a_device_says_what_happens(page, tmp_path):
     for folder in ("geometry", "data"):

@@ -33,21 +33,21 @@ def site(tmp_path_factory):
     return target
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_every_page_can_be_read_from_disk(site):
     pages = list(site.rglob("*.html"))
     assert len(pages) > len(BUILT_IN) + 20
     assert [page.name for page in pages if FROM_A_NETWORK.search(page.read_text(encoding="utf-8"))] == []
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_every_effect_has_a_page_with_its_signature_drawn(site):
     for effect in BUILT_IN:
         page = (site / "generated" / "effects" / f"{effect.name}.html").read_text(encoding="utf-8")
         assert f"{effect.name}.svg" in page
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_every_public_name_has_its_place(site):
     page = (site / "generated" / "library.html").read_text(encoding="utf-8")
     assert [name for name in femfit.__all__ if name[0] != "_" and f'id="femfit.{name}"' not in page] == []
@@ -59,7 +59,7 @@ def test_every_link_of_a_page_leads_somewhere_in_a_clone_without_the_site(page):
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_every_tutorial_shows_what_its_notebook_answered(site):
     for notebook in (ROOT / "notebooks").glob("*.ipynb"):
         page = (site / "tutorial" / f"{notebook.stem}.html").read_text(encoding="utf-8")
@@ -82,7 +82,7 @@ def test_the_example_file_uses_every_key():
     assert wanted - keys - tables <= {"regions", "parameters"}
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_key_of_the_actuator_file_has_an_example_from_its_own_table(site):
     page = (site / "generated" / "actuator_file.html").read_text(encoding="utf-8")
     sections = {part.split('"')[0]: part for part in page.split('<section id="')}

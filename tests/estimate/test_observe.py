@@ -210,7 +210,7 @@ def test_a_late_laser_of_a_record_is_followed_where_a_prompt_one_is_not_consiste
     assert errors[0] < 0.5 * errors[1]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_true_noise_lies_in_both_intervals_in_most_of_20_records():
     """Of twenty intervals of 95 % sixteen or more hold the truth but for 0.3 % of such sets."""
     least = {"estimates": 16, "by_autocovariance": 18}

@@ -36,7 +36,7 @@ def arrival(loop):
 
 @pytest.mark.parametrize(
     ("restitution", "records", "least"),  # of intervals of 95 %: fewer in 1.4 % and 1.6 % of such sets
-    [(0.0, 4, 3), (0.6, 4, 3), *(pytest.param(one, 20, 17, marks=pytest.mark.long) for one in (0.0, 0.6))],
+    [(0.0, 4, 3), (0.6, 4, 3), *(pytest.param(one, 20, 17, marks=pytest.mark.nightly) for one in (0.0, 0.6))],
 )
 def test_the_interval_holds_the_time_of_the_first_touch_and_the_speed_is_right(restitution, records, least):
     device = model(restitution)
@@ -93,7 +93,7 @@ def offset_by(record, amperes):
     return replace(record, rows=record.rows.assign(current_A=record.rows["current_A"] + amperes))
 
 
-@pytest.mark.parametrize("amperes", [0.02, *(pytest.param(one, marks=pytest.mark.long) for one in (0.05, -0.05))])
+@pytest.mark.parametrize("amperes", [0.02, *(pytest.param(one, marks=pytest.mark.nightly) for one in (0.05, -0.05))])
 def test_a_filter_that_does_not_follow_the_readings_claims_neither_seatings_nor_rests(amperes):
     device = model()
     loop = switched([0.0, 0.02, 0.1], [0.0, 12.0, 0.0], 0.2, model=device)

@@ -73,7 +73,7 @@ def test_fields_at_real_frequencies_are_exact_too(case, body, s):
     assert departure(case, body, s) < LAYERS
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", [cases.PLATE_CASE, cases.BALL_CASE], ids=["plate", "ball"])
 @BODIES
 def test_no_frequency_falls_between_two_layers(case, body):

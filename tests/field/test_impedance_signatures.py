@@ -64,8 +64,8 @@ def solved(actuator, distance, frequencies):
 
 LOW, HIGH = (10.0, 100.0, 1000.0), (10.0, 300.0, 5000.0)
 CASES = [
-    pytest.param(RINGED, None, LOW, id="ringed", marks=pytest.mark.long),
-    pytest.param(POT_MAGNET, None, HIGH, id="pot-magnet", marks=pytest.mark.long),
+    pytest.param(RINGED, None, LOW, id="ringed", marks=pytest.mark.nightly),
+    pytest.param(POT_MAGNET, None, HIGH, id="pot-magnet", marks=pytest.mark.nightly),
     pytest.param(
         RINGED, ("ring.r_mm[0]", "iron.relative_permeability", "sheets.lamination_mm"), LOW, id="ringed, three numbers"
     ),

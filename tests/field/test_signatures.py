@@ -35,7 +35,7 @@ def _table(problem, distance, currents):
         ("ball", 0.005, 1.0),  # arcs and saturation
         ("plunger-solenoid", 0.002, 1.0),  # a bore: every distance has its own mesh
         # a moving coil in a saturating magnet system
-        pytest.param("voice-coil", -0.006, 2.0, marks=pytest.mark.long),
+        pytest.param("voice-coil", -0.006, 2.0, marks=pytest.mark.nightly),
     ],
 )
 def test_scaling_of_all_lengths_and_currents(name, distance, current):
@@ -88,7 +88,7 @@ def test_scaling_of_all_lengths_and_currents(name, distance, current):
                 "materials.steel_1010.B_T": 0.005,
                 "materials.steel_1010.H_A_per_m": 0.01,
             },
-            marks=pytest.mark.long,
+            marks=pytest.mark.nightly,
         ),
         pytest.param(
             "voice-coil",
@@ -99,7 +99,7 @@ def test_scaling_of_all_lengths_and_currents(name, distance, current):
                 "fixed.regions.pole.r_mm[1]": 0.02,  # a face that the magnet below shares, which stays
                 "fixed.regions.magnet.z_mm[1]": 0.02,  # a joint
             },
-            marks=pytest.mark.long,
+            marks=pytest.mark.nightly,
         ),
     ],
 )

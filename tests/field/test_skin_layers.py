@@ -90,7 +90,7 @@ def test_mesh_of_every_drawing_fits_together(path):
     check_drawing(path, 1e5)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("frequency", [10.0, 1e3, 1e5])
 @pytest.mark.parametrize("path", DRAWINGS, ids=lambda one: one.stem)
 def test_mesh_of_every_drawing_fits_together_at_every_distance(path, frequency):
@@ -127,7 +127,7 @@ NEIGHBOURS = {
 }
 
 
-@pytest.mark.parametrize("frequency", [1e5, pytest.param(50.0, marks=pytest.mark.long)])
+@pytest.mark.parametrize("frequency", [1e5, pytest.param(50.0, marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("name", NEIGHBOURS)
 def test_conductors_that_touch_are_meshed_and_solved(name, frequency):
     harmonic = cases.Harmonic(cases.drawing(NEIGHBOURS[name], [(0.01, 0.014, -0.005, 0.005)]), frequency, order=4)

@@ -41,7 +41,7 @@ def test_both_ends_and_the_middle_of_the_rig_are_within_their_error(rig_sweep, t
     check(compare("emaws-rig", rig_sweep.rows, tmp_path, 30))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["emaws", "emaws-rig", "plunger-solenoid"])
 def test_every_row_is_within_its_error(name, tmp_path):
     check(compare(name, run_sweep(GEOMETRY / f"{name}.toml", tmp_path / "plain").rows, tmp_path, 1))

@@ -35,7 +35,7 @@ def journal_keys(directory):
     return [json.loads(line)["key"] for line in lines]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_worker_killed_half_way_costs_no_row_and_doubles_none(actuator, tmp_path):
     local = run_sweep(actuator, tmp_path / "local", workers=1, settings=QUICK)
     killed = []
@@ -58,7 +58,7 @@ def test_a_worker_killed_half_way_costs_no_row_and_doubles_none(actuator, tmp_pa
     pd.testing.assert_frame_equal(table.rows, local.rows, check_exact=True)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_distance_that_kills_every_worker_is_a_row_and_the_others_go_on(actuator, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep_module, "solve_task", die_at_20_mm)
     with cluster(nanny=True, allowed_failures=1) as (address, _, _):

@@ -39,7 +39,7 @@ def sweep_of(kind):
 KINDS = ("linear", "saturating", "variants")
 
 
-KIND_PARAMETERS = [KINDS[0], *(pytest.param(kind, marks=pytest.mark.long) for kind in KINDS[1:])]
+KIND_PARAMETERS = [KINDS[0], *(pytest.param(kind, marks=pytest.mark.nightly) for kind in KINDS[1:])]
 """Workers, meshes and journals know no kind of sweep: the others are tried in the long tests."""
 
 

@@ -57,7 +57,11 @@ def kill_when(command, moment):
 # A saturating sweep that is cut resumes bit for bit in test_nonlinear_sweep too, on a coarser mesh.
 @pytest.mark.parametrize(
     "kind",
-    [pytest.param("linear", marks=pytest.mark.long), pytest.param("saturating", marks=pytest.mark.long), "variants"],
+    [
+        pytest.param("linear", marks=pytest.mark.nightly),
+        pytest.param("saturating", marks=pytest.mark.nightly),
+        "variants",
+    ],
 )
 def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_path):
     path = actuator_file(kind, tmp_path)

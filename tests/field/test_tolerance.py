@@ -54,12 +54,12 @@ def check(actuator, tolerance, distances):
     assert np.median(stated / force) <= 10.0
 
 
-@pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-4, marks=pytest.mark.long)])
+@pytest.mark.parametrize("tolerance", [1e-3, pytest.param(1e-4, marks=pytest.mark.nightly)])
 def test_the_rig_meets_its_tolerance_and_states_its_error(tolerance):
     check(read_actuator(GEOMETRY / "emaws-rig.toml"), tolerance, (0.016, 0.0405))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
 @pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "emaws-saturable"])
 def test_every_actuator_meets_its_tolerance_and_states_its_error(name, tolerance):
@@ -67,7 +67,7 @@ def test_every_actuator_meets_its_tolerance_and_states_its_error(name, tolerance
     check(actuator, tolerance, actuator.sweep.distances_m[1::7])
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "distances"), {"solenoid": (3e-4, 3e-3), "voice-coil": (-7e-3,), "relay": (1e-4, 6e-4)}.items()
 )

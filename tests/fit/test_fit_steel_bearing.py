@@ -189,7 +189,7 @@ def test_a_bench_of_the_device_itself_fits_and_one_of_more_turns_does_not(model,
     assert ff.diagnose(model, tmp_path / "more.csv").to_dict()["verdict"] != same.verdict
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @needs_reference
 def test_a_swept_bearing_of_steel_1010_is_met_at_every_point(tmp_path):
     drawing = REFERENCE / "strangers" / "amb2.toml"

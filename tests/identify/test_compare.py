@@ -1,27 +1,37 @@
-"""A comparison says how bad, against which noise, and whether the law or the physics is to blame."""
+"""A comparison says how bad, against which noise, where, and whether the law or the physics is to blame."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from femfit.core.errors import TableError
-from femfit.effects.catalogue import effect_by_name
+from effect_signature import typical_parameters
+from femfit.effects.catalogue import all_effects
+from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
-from femfit.identify.comparison.lack_of_fit import LackOfFit, PatternSpace
+from femfit.identify.comparison.lack_of_fit import LackOfFit, PatternSpace, where_it_fails
+from femfit.identify.comparison.misfit import error_fall, measured_curves
+from femfit.identify.comparison.region import describe_region
 from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis_text import verdict_sentence
 from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.whitening import Whitening, chains_of
 from femfit.identify.readings.bench import bench_observations
-from femfit.identify.refit.add_effects import add_effects
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.model.validity import Misfit
-from support.campaign import NOISE, campaign
+from femfit.model.readings import predict_readings
+from femfit.model.validity import Misfit, ValidityBox
+from femfit.model.with_effects import nominal_of
+from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
+from support.campaign import NOISE, campaign, hidden
 
-HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
+HALL = hidden("hall_offset", offset_V=0.02)
+
+
+def by_channel(comparison):
+    return {one.channel: one for one in comparison.channels}
 
 
 @pytest.mark.parametrize("held", [0.0, 0.025])
@@ -32,10 +42,6 @@ def test_a_channel_that_never_varies_has_no_noise_and_says_so(levitation_model, 
     assert by_channel(comparison)["force_N"].noise_floor is None
     assert [one.column for one in comparison.findings if one.code == "never-varies"] == ["force_N"]
     assert by_channel(comparison)["hall_V"].noise_floor == pytest.approx(NOISE["hall_V"], rel=0.2)
-
-
-def by_channel(comparison):
-    return {one.channel: one for one in comparison.channels}
 
 
 @pytest.fixture(scope="module")
@@ -77,15 +83,6 @@ def test_a_pure_error_test_accuses_the_channel_that_is_wrong_and_no_other(levita
     assert by_channel(comparison)["hall_V"].mean == pytest.approx(0.02, abs=1e-3)
 
 
-def test_a_declared_noise_is_not_called_one_from_repeats(levitation_model):
-    table = campaign(levitation_model, 16, runs=1, noise={"force_N": NOISE["force_N"]})
-    once = table.rows[table.rows["branch"] > 0].drop_duplicates(["distance_m", "current_A"]).reset_index(drop=True)
-    declared = replace(table, rows=once, declared_noise={"force_N": NOISE["force_N"]})
-    said = str(by_channel(compare(levitation_model, declared))["force_N"])
-    assert "repeats" not in said
-    assert "(declared)" in said
-
-
 @pytest.mark.parametrize(("source", "declared"), [("declared", True), ("samples", False)])
 def test_a_noise_that_nobody_declared_is_not_called_declared(levitation_model, source, declared):
     """A record's own samples say a noise too, which its repeats may contradict."""
@@ -94,7 +91,6 @@ def test_a_noise_that_nobody_declared_is_not_called_declared(levitation_model, s
     said = [str(one) for one in campaign_remarks(campaigned) if one.code == "declared-noise"]
     assert len(said) == len(NOISE)
     assert all(("declared" in one) is declared for one in said)
-    assert not any(name in one for one in said for name in NOISE)
 
 
 def test_rms_and_maximum_are_those_of_recorded_minus_predicted(levitation_model):
@@ -113,14 +109,9 @@ def test_a_law_is_blamed_for_its_own_shape_before_any_measurement(levitation_mod
     law, rms = law_model
     comparison = compare(law, campaign(levitation_model, 14))
     assert comparison.verdict == "wrong_shape"
-    said = verdict_sentence(diagnose(law, campaign(levitation_model, 14), bootstrap=0))
-    granted = "is missing beyond the model's own misfit"
-    assert granted in str(comparison).split("\n")[0]
-    assert granted in said
     assert set(comparison.beyond_noise) == {"force_N", "flux_linkage_Wb"}
     assert comparison.shape.wrong
     assert comparison.shape.force_rms_N == rms
-    assert "wrong shape before any measurement" in comparison.shape.sentence
     assert compare(levitation_model, campaign(levitation_model, 14)).shape is None
 
 
@@ -164,27 +155,12 @@ def test_maps_hold_every_reading_once(levitation_model):
     assert [cell.at for cell in force["branch",].cells] == [(-1.0,), (1.0,)]
 
 
-def test_the_verdict_is_the_first_line(levitation_model):
-    comparison = compare(levitation_model, campaign(levitation_model, 17, [HALL]))
-    lines = str(comparison).split("\n")
-    assert comparison.where.sentence in lines[0]
-    assert [one.channel for one in comparison.channels] == list(comparison.observations.channels)
-    assert "<pre>" in comparison._repr_html_()
-
-
-def test_a_channel_of_which_nothing_is_left_is_passed_over(levitation_model):
-    table = campaign(levitation_model, 18)
-    emptied = replace(table, rows=table.rows.assign(hall_V=np.nan))
-    assert "hall_V" not in by_channel(compare(levitation_model, emptied))
-
-
 def test_a_suspected_unit_comes_before_all_numbers(levitation_model):
     table = campaign(levitation_model, 19)
     wrong = replace(table, rows=table.rows.assign(force_N=1e3 * table.rows["force_N"]))
     comparison = compare(levitation_model, wrong)
     (finding,) = [one for one in comparison.findings if one.code == "suspected-unit"]
     assert finding.column == "force_N"
-    assert str(finding) in str(comparison).split("\n")[0]
 
 
 @pytest.mark.parametrize("given", [True, False])
@@ -195,32 +171,27 @@ def test_the_freedom_of_the_mounts_is_said(levitation_model, given):
     assert comparison.verdict == "agrees"
     assert comparison.mount_m == pytest.approx(300e-6, rel=0.9)  # three mounts
     assert not comparison.mount_assumed  # they contradict the 20 um that are assumed otherwise
-    assert ("from mount to mount" in str(comparison)) is given
 
 
 def test_what_assumed_mounts_would_make_is_said_to_rest_on_them(levitation_model):
     """Two runs do not show how well a body comes back: what 20 um make is neither noise nor missing."""
     noise = {name: 0.2 * sd for name, sd in NOISE.items()}
     table = campaign(levitation_model, 22, runs=2, mount_m=20e-6, rho=0.0, noise=noise)
-    comparison, diagnosis = compare(levitation_model, table), diagnose(levitation_model, table, bootstrap=0)
+    comparison = compare(levitation_model, table)
     assert comparison.verdict == "agrees"
     assert comparison.mount_assumed
     assert comparison.beyond_noise
-    for text in (str(comparison), verdict_sentence(diagnosis)):
-        assert text.startswith("Nothing is missing if each time that it is put back the body may stand")
     declared = compare(levitation_model, replace(table, declared_noise={"distance_m": 20e-6}))
     assert not declared.beyond_noise
 
 
-def test_a_channel_of_unknown_noise_is_said_not_to_be_judged(levitation_model):
+def test_a_channel_that_was_read_in_one_run_is_not_judged(levitation_model):
     """A voltage that was read in one run of three has no repeats; a resistance that is wrong would not be seen."""
     table = campaign(levitation_model, 23, rho=0.0)
     once = table.rows["run"] == 1.0
     rows = table.rows.assign(voltage_V=table.rows["voltage_V"].where(once) * 1.1)
-    comparison = compare(levitation_model, replace(table, rows=rows))
-    assert "Not judged: the coil voltage, whose noise nothing says." in str(comparison)
-    assert "Not judged" in str(diagnose(levitation_model, replace(table, rows=rows), bootstrap=0))
-    assert "Not judged" not in str(compare(levitation_model, table))
+    for one in compare(levitation_model, replace(table, rows=rows)).channels:
+        assert (one.noise_floor is None) is (one.lack_of_fit is None) is (one.channel == "voltage_V")
 
 
 @pytest.mark.parametrize(("times", "missed"), [(1.3, False), (1.8, False), (3.0, True)])
@@ -234,7 +205,6 @@ def test_few_readings_that_scatter_as_by_chance_are_within_their_noise(levitatio
     rows.loc[kept, "force_N"] = levitation_model.force(distance, current) + off
     comparison = compare(levitation_model, replace(table, rows=rows, declared_noise=NOISE))
     assert ("force_N" in comparison.beyond_noise) is missed
-    assert ("misses the force" in str(comparison) or comparison.verdict == "fails") is missed
     assert by_channel(comparison)["force_N"].rms == pytest.approx(times * NOISE["force_N"], rel=1e-6)
 
 
@@ -246,9 +216,11 @@ def test_a_single_run_without_mounts_has_no_freedom_to_be_put_back(levitation_mo
     assert comparison.mount_m is None
 
 
-@pytest.mark.parametrize("offset_m", [0.0, 5e-5, *(pytest.param(one, marks=pytest.mark.long) for one in (3e-5, 8e-5))])
+@pytest.mark.parametrize(
+    "offset_m", [0.0, 5e-5, *(pytest.param(one, marks=pytest.mark.nightly) for one in (3e-5, 8e-5))]
+)
 def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
-    offset = AddedEffect(effect_by_name("distance_offset"), {"offset_m": offset_m})
+    offset = hidden("distance_offset", offset_m=offset_m)
     table = campaign(levitation_model, 30, [offset], runs=1, distances=8, currents=5, mount_m=0.0)
     table = replace(table, declared_noise=NOISE, given=tuple(n for n in table.given if n not in ("mount", "run")))
     comparison, diagnosis = compare(levitation_model, table), diagnose(levitation_model, table, bootstrap=0)
@@ -282,17 +254,6 @@ def test_the_scatter_of_repeats_holds_the_declared_error_of_their_settings_once(
     assert known.sigma[force] == pytest.approx(NOISE["force_N"], rel=0.1)
 
 
-@pytest.mark.parametrize("count", [1, 5])
-def test_too_few_readings_are_neither_a_pass_nor_a_crash(levitation_model, count):
-    table = campaign(levitation_model, 32, runs=1)
-    few = replace(table, rows=table.rows.iloc[:count].reset_index(drop=True), declared_noise=NOISE)
-    comparison, diagnosis = compare(levitation_model, few), diagnose(levitation_model, few, bootstrap=2)
-    assert {comparison.verdict, diagnosis.verdict} == {"compare_only"}
-    assert comparison.findings[-1].code == diagnosis.findings[-1].code == "too-few-readings"
-    with pytest.raises(TableError, match="too few"):
-        add_effects(levitation_model, few, ["hall_offset"])
-
-
 def test_the_sidecar_declares_the_uncertainty_of_the_distance(levitation_model, tmp_path):
     table = campaign(levitation_model, 33, distances=6, currents=5)
     table.rows.drop(columns="mount").to_csv(tmp_path / "bench.csv", index=False)
@@ -306,3 +267,201 @@ def test_the_first_of_groups_that_are_equally_unlikely_to_be_noise_is_reported()
     tests = [LackOfFit(2.0, count, 1e-4 * (1.0 - 1e-9) ** count) for count in (1, 2, 3)]
     groups = tuple(SimpleNamespace(test=lambda *_, one=one: one) for one in tests)
     assert PatternSpace(None, groups).test(np.ones(5)).degrees_of_freedom == 1
+
+
+def located(model, seed, change, **settings):
+    observations = bench_observations(model, campaign(model, seed, change=change, **settings))
+    noise = estimate_noise(observations)
+    return where_it_fails(observations, Whitening(observations, noise, chains_of(observations)))
+
+
+def changed(channel, by):
+    """A campaign's change: ``by`` maps (readings of the channel, rows) to what is added to them."""
+
+    def change(readings, rows):
+        return readings | {channel: readings[channel] + by(readings[channel], rows)}
+
+    return change
+
+
+def corner(force, rows):
+    return np.where((rows["current_A"] > 0.8) & (rows["distance_m"] < 0.02), -0.06 * force, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("channel", "by", "covariates", "amounts"),
+    [
+        # The campaign reads at 0.7 and 0.93 A, at 18.4 and 21.6 mm: any threshold between is right
+        ("force_N", corner, {"distance_m", "current_A"}, (" % low above 0.", " below 20 mm")),
+        ("flux_linkage_Wb", lambda flux, rows: -1e-4 * rows["branch"], {"branch"}, ("100 µWb",)),
+        ("hall_V", lambda hall, rows: 0.02, set(), ("20 mV", "everywhere")),
+        ("hall_V", lambda hall, rows: 0.1 * (hall - 2.5), set(), ("10 %",)),  # less its quiescent voltage
+    ],
+    ids=["corner", "branch", "everywhere", "share of a Hall output"],
+)
+def test_a_misfit_is_located_and_its_amount_is_said(levitation_model, channel, by, covariates, amounts):
+    where = located(levitation_model, 3, changed(channel, by))
+    assert where.channel == channel
+    assert set(where.covariates) >= covariates
+    assert len(where.covariates) == len(covariates) or channel == "hall_V"
+    assert all(one in where.sentence for one in amounts)
+
+
+def test_a_misfit_of_both_signs_without_a_place_is_not_said_to_be_everywhere_twice(levitation_model):
+    off = {"hall_V": lambda hall, rows: 0.02 * (-1.0) ** np.arange(len(hall))}
+    observations = bench_observations(levitation_model, campaign(levitation_model, 3, change=changed(*off.popitem())))
+    sentence = describe_region(observations, "hall_V", (), np.zeros(len(observations.value)))
+    assert sentence.count("20 mV") == 2
+
+
+def test_the_channel_is_one_that_is_off_the_most_in_units_of_its_noise(levitation_model):
+    observations = bench_observations(levitation_model, campaign(levitation_model, 1, distances=8, currents=5))
+    for effect in all_effects().values():
+        added = AddedEffect(effect, effect.null() | typical_parameters(effect))
+        change = observations.predict([added]) - observations.base
+        off = [
+            float(np.sqrt(np.mean(change[observations.of(name)] ** 2))) / NOISE[name] for name in observations.channels
+        ]
+        if max(off) < 1e-6:
+            continue  # nothing of it shows on a bench
+        # Three times the noise: at once the noise, the channel of one misfit in eight is one that chance put there
+        read = observations.with_values(observations.value + 3.0 * change / max(off))
+        found = where_it_fails(read, Whitening(read, estimate_noise(read), chains_of(read)))
+        assert off[observations.channels.index(found.channel)] >= 0.5 * max(off), effect.name
+
+
+@pytest.mark.parametrize("seed", [None, 0, 1])
+def test_a_share_of_the_force_is_everywhere_in_any_order_of_the_rows_and_without_a_time(ball_model, seed):
+    """A force sensor that reads 5 % too much, on a body of steel: without current there is nothing to read."""
+    generator = np.random.default_rng(4)
+    d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.016, 0.044, 8), np.linspace(-1.2, 1.4, 14).round(2)))
+    force = 1.05 * ball_model.magnetics.force(d, i) + 2e-4 * generator.standard_normal(len(d))
+    rows = pd.DataFrame({"distance_m": d, "current_A": i, "force_N": force})
+    rows = rows if seed is None else rows.sample(frac=1.0, random_state=seed, ignore_index=True)
+    rows = rows.assign(run=1.0, order=np.arange(len(rows), dtype=float), branch=0.0, mount=np.nan)
+    rows = rows.assign(**dict.fromkeys([name for name in (*SETTINGS, *CHANNELS) if name not in rows], np.nan))
+    table = BenchTable(rows, ("distance_m", "current_A", "force_N"), declared_noise={"force_N": 2e-4})
+    sentence = compare(ball_model, table).where.sentence
+    assert " 5 % high everywhere" in sentence
+    assert "time" not in sentence
+
+
+def test_a_misfit_that_halves_over_the_range_is_not_said_to_be_everywhere(levitation_model):
+    """A distance 0.1 mm off, which re-mounts may explain: the force is 1.1 % off at 16 mm and 0.6 % at 43 mm."""
+    d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.016, 0.043, 10), [0.2, 0.5, 0.8, 1.1, 1.3]))
+    rows = pd.concat([pd.DataFrame({"run": run, "distance_m": d, "current_A": i}) for run in (1.0, 2.0, 3.0)])
+    noise = 2e-5 * np.random.default_rng(1).standard_normal(len(rows))
+    force = levitation_model.force(rows["distance_m"].to_numpy() + 1e-4, rows["current_A"].to_numpy()) + noise
+    rows = rows.assign(force_N=force, order=np.arange(len(rows), dtype=float), branch=0.0).reset_index(drop=True)
+    rows = rows.assign(**dict.fromkeys([name for name in (*SETTINGS, *CHANNELS) if name not in rows], np.nan))
+    sentence = compare(levitation_model, BenchTable(rows, ("run", "distance_m", "current_A", "force_N"))).where.sentence
+    assert "everywhere" not in sentence
+    assert " % low" in sentence
+
+
+@pytest.fixture
+def ball_model(levitation_model):
+    """F = c i^2 / d^2: no magnet."""
+    law = LawMagnetics("F1e", (Coefficient("d^-2", 2, 5e-5, ""),), {}, 0.016, 0.0)
+    return replace(levitation_model, magnetics=law, validity=ValidityBox(0.015, 0.045, -1.4, 1.4))
+
+
+@pytest.mark.parametrize(
+    ("channel", "column", "by"),
+    [
+        ("force_N", "distance_m", lambda y, rows: np.sin(rows["distance_m"] / 2e-3)),
+        ("force_N", "current_A", lambda y, rows: rows["current_A"] ** 2),
+        ("flux_linkage_Wb", "branch", lambda y, rows: rows["branch"]),
+        (
+            "hall_V",
+            "coil_temperature_C",
+            lambda y, rows: rows["coil_temperature_C"] - rows["coil_temperature_C"].mean(),
+        ),
+        ("hall_V", "current_A", lambda y, rows: rows["current_A"]),
+        ("voltage_V", "current_A", lambda y, rows: rows["current_A"]),
+    ],
+)
+def test_the_channel_and_the_covariate_of_a_misfit_of_one_sigma_are_found(levitation_model, channel, column, by):
+    def one_sigma(readings, rows):
+        shape = np.asarray(by(readings, rows))
+        return NOISE[channel] * shape / np.sqrt(np.mean(shape**2))
+
+    # Misfits of one standard deviation rms, re-mounts of 20 um: at least three of four campaigns must be right
+    found = [located(levitation_model, seed, changed(channel, one_sigma)) for seed in range(4)]
+    right = [one for one in found if one.channel == channel and column in one.covariates[:1]]
+    assert len(right) >= 3
+
+
+def test_an_amount_has_the_sign_of_the_misfit_and_a_share_that_of_the_magnitude(levitation_model):
+    box = levitation_model.validity
+    both = replace(levitation_model, validity=replace(box, current_min_A=-1.4))
+    up = located(both, 6, changed("voltage_V", lambda voltage, rows: np.where(rows["current_A"] < -0.5, 0.05, 0.0)))
+    assert " mV high" in up.sentence
+    share = located(both, 7, changed("voltage_V", lambda voltage, rows: 0.03 * voltage))
+    assert " % high" in share.sentence
+
+
+@pytest.mark.parametrize(("flux_noise", "worst"), [(2e-5, "flux_linkage_Wb"), (5e-5, "force_N")])
+def test_a_core_that_saturates_near_contact_is_said_to_lower_what_it_lowers_most(strong_pot, flux_noise, worst):
+    """At 50 µWb of noise the force is off by 91 times its noise and the flux linkage by 84 times."""
+    noise = {"force_N": 0.1, "flux_linkage_Wb": flux_noise, "voltage_V": 5e-3}
+
+    def saturated(readings, rows):
+        kept = (1.0 + (readings["flux_linkage_Wb"] / 0.15) ** 8) ** -0.125
+        return readings | {
+            "flux_linkage_Wb": kept * readings["flux_linkage_Wb"],
+            "force_N": kept**2 * readings["force_N"],
+        }
+
+    where = located(strong_pot, 8, saturated, noise=noise, mount_m=5e-6, runs=4)
+    assert where.channel == worst
+    assert " low " in where.sentence
+    assert "high" not in where.sentence
+
+
+@pytest.mark.parametrize("gain", [-0.05, -0.2])
+def test_the_share_that_is_said_is_the_true_one_beside_the_freedom_of_the_mounts(pot, gain):
+    """The structured part of the misfit lacks what re-mounts may be; its size is not that of the misfit."""
+    weak = changed("force_N", lambda force, rows: gain * force)
+    where = located(pot, 9, weak, noise={"force_N": 0.02}, mount_m=0.0, rho=0.0)
+    share = float(where.sentence.split("force is ")[1].split(" %")[0])
+    assert share == pytest.approx(-100.0 * gain, rel=0.06)
+    assert "low everywhere" in where.sentence
+
+
+def test_a_misfit_that_is_rounding_is_none(levitation_model):
+    observations = bench_observations(levitation_model, campaign(levitation_model, 10))
+    same = observations.with_values(observations.base * (1.0 + 1e-14))
+    whitening = Whitening(same, estimate_noise(observations), chains_of(same))
+    assert " 0 " not in where_it_fails(same, whitening).sentence
+
+
+@pytest.fixture(scope="module")
+def observations(levitation_model):
+    return bench_observations(levitation_model, campaign(levitation_model, 21, [HALL]))
+
+
+def test_the_fall_is_the_rms_of_all_readings_as_recorded(observations):
+    fall = error_fall(observations, observations.base, observations.predict([HALL]), NOISE)
+    rows = {one.channel: one for one in fall.channels}
+    one = rows["hall_V"]
+    here = observations.of("hall_V")
+    assert one.readings == here.sum()
+    assert one.rms_before == pytest.approx(np.sqrt(np.mean(observations.residual[here] ** 2)), rel=1e-12)
+    assert one.before_over_noise == pytest.approx(0.02 / NOISE["hall_V"], rel=0.1)
+    assert one.after_over_noise == pytest.approx(1.0, rel=0.15)
+    assert rows["force_N"].rms_before == rows["force_N"].rms_after  # a Hall element's offset pulls at nothing
+
+
+def test_measured_points_lie_on_the_curves_of_what_was_hidden(levitation_model, observations):
+    curves = {one.channel: one for one in measured_curves(levitation_model, observations, after=[HALL])}
+    hall, force = curves["hall_V"], curves["force_N"]
+    assert (force.along, force.over) == ("distance_m", "current_A")
+    assert force.before.shape == (len(force.levels), len(force.axis))
+    np.testing.assert_array_equal(force.before, force.after)
+    np.testing.assert_allclose(hall.after - hall.before, 0.02, rtol=1e-9)
+    at = Conditions(nominal_of(levitation_model))
+    read = predict_readings(levitation_model, force.axis, np.full(len(force.axis), force.levels[0]), at)
+    np.testing.assert_allclose(force.before[0], read["force_N"], rtol=1e-9)
+    assert np.mean(hall.misfit_before) == pytest.approx(0.02, abs=2e-3)
+    assert abs(np.mean(hall.misfit_after)) < 2e-3

@@ -7,17 +7,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
+from femfit.core.errors import TableError
 from femfit.identify.comparison.compare import compare
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.readings.bench import placed
+from femfit.identify.refit.add_effects import add_effects
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_measurement
-from support.campaign import NOISE, campaign
+from support.campaign import NOISE, campaign, hidden
 
-HALL = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
+HALL = hidden("hall_offset", offset_V=0.02)
 COLUMNS = ["run", "mount", "order", "current_A", "distance_m", "branch", *NOISE]
 SIZE = {"runs": 3, "distances": 7, "currents": 5}
 
@@ -49,21 +49,21 @@ def assert_same(one, other, rtol=1e-6):
 
 
 @pytest.fixture(scope="module")
-def hidden(levitation_model):
+def offset(levitation_model):
     """Readings of a bench with a Hall offset."""
     return campaign(levitation_model, 71, [HALL], **SIZE).rows[COLUMNS]
 
 
 @pytest.fixture(scope="module")
-def as_read(levitation_model, hidden, tmp_path_factory):
+def as_read(levitation_model, offset, tmp_path_factory):
     """What is told of them."""
-    result = told(levitation_model, written(hidden, tmp_path_factory.mktemp("bench")))
+    result = told(levitation_model, written(offset, tmp_path_factory.mktemp("bench")))
     assert result[1].missing
     return result
 
 
-def test_the_order_of_rows_is_no_evidence_without_a_clock(levitation_model, hidden, tmp_path):
-    rows = hidden.drop(columns="order")
+def test_the_order_of_rows_is_no_evidence_without_a_clock(levitation_model, offset, tmp_path):
+    rows = offset.drop(columns="order")
     as_read = told(levitation_model, written(rows, tmp_path, "rows"))
     assert as_read[1].missing
     shuffled = rows.groupby("run").sample(frac=1.0, random_state=1)
@@ -95,30 +95,29 @@ def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wr
     comparison = compare(levitation_model, table)
     assert estimate_noise(comparison.observations).run[0] < 0.2 * sigma  # nor is it an offset of the runs
     assert comparison.verdict == "fails"
-    assert "within their noise" not in str(comparison)
     assert diagnose(levitation_model, table, bootstrap=0).verdict != "nothing_missing"
 
 
-def test_rows_with_a_clock_may_stand_in_any_order(levitation_model, hidden, as_read, tmp_path):
-    shuffled = hidden.groupby("run").sample(frac=1.0, random_state=1)
+def test_rows_with_a_clock_may_stand_in_any_order(levitation_model, offset, as_read, tmp_path):
+    shuffled = offset.groupby("run").sample(frac=1.0, random_state=1)
     assert_same(as_read, told(levitation_model, written(shuffled, tmp_path)))
 
 
-def test_the_units_of_columns_do_not_matter(levitation_model, hidden, as_read, tmp_path):
+def test_the_units_of_columns_do_not_matter(levitation_model, offset, as_read, tmp_path):
     milli = {"force_N": "force_mN", "distance_m": "distance_mm", "current_A": "current_mA"}
-    other = hidden.assign(**{name: 1e3 * hidden[name] for name in milli}).rename(columns=milli)
+    other = offset.assign(**{name: 1e3 * offset[name] for name in milli}).rename(columns=milli)
     # 1e-3 * (1e3 * x) is x to a rounding, which the search's ends may carry on
     assert_same(as_read, told(levitation_model, written(other, tmp_path)), rtol=1e-5)
 
 
-def test_the_names_of_runs_do_not_matter(levitation_model, hidden, as_read, tmp_path):
+def test_the_names_of_runs_do_not_matter(levitation_model, offset, as_read, tmp_path):
     names = {1.0: 40.0, 2.0: 7.0, 3.0: 11.0}
-    other = hidden.assign(run=hidden["run"].map(names), mount=hidden["mount"].map(names))
+    other = offset.assign(run=offset["run"].map(names), mount=offset["mount"].map(names))
     assert_same(as_read, told(levitation_model, written(other, tmp_path)))
 
 
-def test_rows_that_stand_twice_in_a_file_are_no_repeats(levitation_model, hidden, as_read, tmp_path):
-    assert_same(as_read, told(levitation_model, written(pd.concat([hidden, hidden]), tmp_path)))
+def test_rows_that_stand_twice_in_a_file_are_no_repeats(levitation_model, offset, as_read, tmp_path):
+    assert_same(as_read, told(levitation_model, written(pd.concat([offset, offset]), tmp_path)))
 
 
 def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_model):
@@ -136,14 +135,14 @@ def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_mo
     assert (more.repeats > 2.0 * noise.repeats).all()
 
 
-def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, hidden, tmp_path):
+def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, offset, tmp_path):
     rng = np.random.default_rng(3)
-    span = float(np.ptp(hidden["flux_linkage_Wb"]))
-    noisy = hidden.assign(flux_linkage_Wb=hidden["flux_linkage_Wb"] + 50.0 * span * rng.standard_normal(len(hidden)))
+    span = float(np.ptp(offset["flux_linkage_Wb"]))
+    noisy = offset.assign(flux_linkage_Wb=offset["flux_linkage_Wb"] + 50.0 * span * rng.standard_normal(len(offset)))
     file = tmp_path / "noisy.csv"
     noisy.to_csv(file, index=False)
     with_noise = read_measurement(file, noise={"flux_linkage_Wb": 50.0 * span})
-    without = written(hidden.drop(columns="flux_linkage_Wb"), tmp_path)
+    without = written(offset.drop(columns="flux_linkage_Wb"), tmp_path)
     found = [diagnose(levitation_model, data, bootstrap=0) for data in (without, with_noise)]
     assert found[0].missing
     assert said(found[0])[:2] == said(found[1])[:2]
@@ -168,10 +167,10 @@ def wave(rows):
 @pytest.mark.parametrize(
     ("shape", "declared"),
     [
-        pytest.param("wave", False, id="wave-repeats", marks=pytest.mark.long),
+        pytest.param("wave", False, id="wave-repeats", marks=pytest.mark.nightly),
         pytest.param("wave", True, id="wave-declared"),
         pytest.param("offset", False, id="offset-repeats"),
-        pytest.param("offset", True, id="offset-declared", marks=pytest.mark.long),
+        pytest.param("offset", True, id="offset-declared", marks=pytest.mark.nightly),
     ],
 )
 def test_more_structure_never_looks_more_like_noise(levitation_model, declared, shape):
@@ -189,24 +188,27 @@ def test_more_structure_never_looks_more_like_noise(levitation_model, declared, 
     assert all(after <= before + 1e-5 for before, after in pairwise(p_values)), p_values
     assert p_values[-1] < p_values[0]
     if shape == "wave":  # 2 sigma rms: where patterns are too broad to see it, the sentence says it all the same
-        assert "within" not in str(comparison).split("\n")[0]
         assert set(comparison.beyond_noise) == {"force_N"}
 
 
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 7, 9, 12])
+@pytest.mark.parametrize("count", [1, 2, 5, 6, 12])
 def test_few_readings_are_neither_a_crash_nor_a_pass(levitation_model, declared, count):
     table = campaign(levitation_model, 75, [HALL], runs=1, distances=4, currents=3)
     few = replace(table, rows=table.rows.iloc[:count].reset_index(drop=True), declared_noise=NOISE if declared else {})
     comparison, diagnosis = compare(levitation_model, few), diagnose(levitation_model, few, bootstrap=0)
+    assert comparison.verdict != "agrees"  # the Hall readings are seven times their noise off
     if count < 6 or not declared:
         assert {comparison.verdict, diagnosis.verdict} == {"compare_only"}
-        assert comparison.findings[-1].code in {"too-few-readings", "no-noise"}
-    assert "within their noise" not in str(comparison)  # the Hall readings are seven times their noise off
+        assert comparison.findings[-1].code == diagnosis.findings[-1].code in {"too-few-readings", "no-noise"}
+        with pytest.raises(TableError):
+            add_effects(levitation_model, few, ["hall_offset"])
 
 
-@pytest.mark.parametrize("effects", [[], [HALL]], ids=["clean", "hall"])
-@pytest.mark.parametrize("wild", [1, 3])
+@pytest.mark.parametrize(
+    ("effects", "wild"),
+    [([], 3), ([HALL], 1), *(pytest.param(*one, marks=pytest.mark.nightly) for one in (([], 1), ([HALL], 3)))],
+)
 def test_a_wild_reading_neither_names_an_effect_nor_hides_one(levitation_model, effects, wild):
     """A decimal point that slipped, in one and in three of 200 readings of the force."""
     table = campaign(levitation_model, 76, effects, runs=2, distances=8, currents=6)

@@ -87,7 +87,7 @@ def test_the_page_has_the_issues_figures():
         assert float(CELLS[ERRORS, "cs2-identified", rate]) < 100.0
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_page_has_the_drifts_of_many_draws():
     drifts = draws()
     for key, cell in printed_draws().items():
@@ -170,7 +170,7 @@ def test_one_state_lags_and_two_do_not(figures):
     assert figures["cs1-offset"].plateau_rms < 10e-6
 
 
-@pytest.fixture(scope="module", params=[0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, 6))])
+@pytest.fixture(scope="module", params=[0, *(pytest.param(k, marks=pytest.mark.nightly) for k in range(1, 6))])
 def settled(request):
     """Fields by method on one of several records, and first and last second of what (17) compares."""
     wander, noise = np.random.default_rng(request.param).spawn(2)

@@ -276,7 +276,7 @@ def test_innovations_of_a_true_filter_are_as_large_as_it_says():
 
 @pytest.mark.parametrize(
     ("rate", "peaks"),
-    [(100.0, (260.0, 140.0, 300.0)), pytest.param(32.0, (180.0, 220.0, 100.0), marks=pytest.mark.long)],
+    [(100.0, (260.0, 140.0, 300.0)), pytest.param(32.0, (180.0, 220.0, 100.0), marks=pytest.mark.nightly)],
 )
 def test_an_identified_field_holds_on_other_amplitudes(rate, peaks, field_model):
     inputs = ExperimentInputs(ramp_rate=rate, amplitudes=peaks, sample_rate=SLOW)

@@ -67,7 +67,7 @@ SLOW = ("CalibrationResult", "calibrate", "observe", "write_report")
 """They take from five to twenty seconds each."""
 
 
-@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.long] * (one in SLOW)) for one in NAMES])
+@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.nightly] * (one in SLOW)) for one in NAMES])
 def test_the_example_of_a_public_name_runs(name, bench, monkeypatch):
     public = getattr(femfit, name)
     # Methods have examples of their own only where a reader needs one

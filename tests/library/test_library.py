@@ -156,7 +156,7 @@ def test_public_functions_are_found_again_by_pickle():
 
 
 # test_sweep_run has a shorter one.
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_script_without_a_guard_sweeps_in_several_processes(tmp_path):
     drawing = tmp_path / "small.toml"
     replaced = {"current_A = {": "current_A = [0, 1]", "distance_mm = {": "distance_mm = [15, 20, 30, 45]"}

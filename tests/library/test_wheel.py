@@ -13,7 +13,7 @@ from support.actuators import GEOMETRY
 
 ROOT = Path(__file__).parents[2]
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.nightly
 
 
 def run(*command, **options):

@@ -182,7 +182,7 @@ def test_a_bench_whose_core_was_cycled_before_recalls_the_cycle(levitation_model
         np.testing.assert_allclose(path[name], cycle[name], atol=1e-12)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_loop_takes_energy_from_the_current(levitation_model):
     model = held(with_effects(levitation_model, [added("hysteresis", width_medium=0.02)]))
     x = np.array([[0.02, 0.0, 0.7, 0.0, 0.0, 0.0]])

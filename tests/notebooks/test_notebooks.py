@@ -38,7 +38,7 @@ def workplace(request, tmp_path):
     return tmp_path
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path, workplace):
     notebook = nbformat.read(path, as_version=4)
@@ -51,7 +51,7 @@ def test_notebook_runs(path, workplace):
     assert any("image/png" in output["data"] for output in shown)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_bench_of_the_notebook_still_lacks_the_effects_that_it_names(rig_sweep):
     found = ff.diagnose(ff.fit_model(rig_sweep).model, ROOT / "data" / "levitation_bench.csv", bootstrap=0)
     assert {effect.name for effect in found.missing} == {"coil_temperature", "core_saturation"}

@@ -8,7 +8,7 @@ import pytest
 TABLE6 = runpy.run_path(str(Path(__file__).with_name("chowdhury_table6.py")))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_direct_rms_is_the_papers_and_the_filter_stays_within_the_bound(levitation_model):
     rows = TABLE6["table6"](levitation_model)
     for controller in ("backstepping", "pid"):

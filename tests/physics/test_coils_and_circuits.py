@@ -70,7 +70,7 @@ def test_coils_in_series_are_one_coil_of_all_their_turns():
     np.testing.assert_allclose(second.flux_linkage, first.flux_linkage, rtol=5e-4)
 
 
-@pytest.mark.parametrize("distance", [pytest.param(-9e-3, marks=pytest.mark.long), -6e-3])
+@pytest.mark.parametrize("distance", [pytest.param(-9e-3, marks=pytest.mark.nightly), -6e-3])
 def test_a_voice_coils_force_is_the_lorentz_force_of_the_gaps_field(distance):
     speaker = linear(loudspeaker(distances=(distance,)))
     problem = prepared(speaker, distance)

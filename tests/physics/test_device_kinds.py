@@ -70,7 +70,7 @@ def force_of_two_cylinders(remanence, radius, height, gap):
     return math.pi * (remanence * radius) ** 2 / MU_0 * total
 
 
-@pytest.mark.parametrize("gap", [pytest.param(1e-4, marks=pytest.mark.long), 0.01, 0.04])
+@pytest.mark.parametrize("gap", [pytest.param(1e-4, marks=pytest.mark.nightly), 0.01, 0.04])
 def test_pull_of_a_magnet_pair_without_any_circuit_is_exact(gap):
     lower = magnet(1.32, 0.0225, 0.03, z_min=-0.03, name="lower")
     pair = device("pair", fixed=[lower], moving=[magnet(1.32, 0.0225, 0.03)], distances=(gap,))

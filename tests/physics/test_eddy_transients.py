@@ -44,14 +44,14 @@ def test_without_a_winding_there_is_braking_and_nothing_else():
     assert found.force.shape == (1, 1, 0)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_step_of_voltage_on_a_solid_pot_is_that_of_the_field():
     steps, current, flux = pot_step()
     assert steps < 0.001  # what halving the time steps changes
     assert max(current, flux) < 0.01  # as asked for
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_magnet_falls_through_a_tube_as_fast_as_its_weight_is_braked():
     model, late = fall.fallen()
     distances = np.linspace(-8.9e-3, 8.9e-3, 200)

@@ -191,7 +191,7 @@ def test_plunger_is_pulled_with_the_square_of_the_current():
     assert prepared(actuator, 0.005).layout.stretchable is False
 
 
-@pytest.mark.long  # of a plunger that saturates too: test_device_kinds.py
+@pytest.mark.nightly  # of a plunger that saturates too: test_device_kinds.py
 def test_plungers_force_is_the_slope_of_its_inductance():
     # Remeshed at every distance, so a central difference over 0.2 mm instead of a Chebyshev derivative.
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")

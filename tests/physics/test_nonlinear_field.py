@@ -150,7 +150,7 @@ DISC, BACK = (
 
 
 def long(case):
-    return pytest.param(*case.values, id=case.id, marks=pytest.mark.long)
+    return pytest.param(*case.values, id=case.id, marks=pytest.mark.nightly)
 
 
 @pytest.mark.parametrize("mover", [long(DISC), BACK])  # both magnetisations are in the second

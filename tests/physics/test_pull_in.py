@@ -17,7 +17,7 @@ def model(tmp_path_factory):
     return ff.fit_model(ff.run_sweep(actuator_from_toml(FLAT), tmp_path_factory.mktemp("flat"), workers=2)).model
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_without_conductors_the_model_switches_with_the_field(model):
     times, distances, currents, *_ = switched_field(12.0, STEP, conducts=False)
     end, found = switched_model(model.without_eddies, 12.0, times)
@@ -26,7 +26,7 @@ def test_without_conductors_the_model_switches_with_the_field(model):
     assert np.abs(found - currents)[before].max() < 0.01 * currents.max()
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("volts", [6.0, 12.0, 24.0])
 def test_solid_steel_switches_late_and_the_model_says_by_how_much(model, volts):
     times, distances, currents, *_ = switched_field(volts, STEP * 12.0 / volts)

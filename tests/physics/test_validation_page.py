@@ -52,14 +52,14 @@ def test_the_page_says_what_is_computed(name):
     check(name)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @needs_reference
 @pytest.mark.parametrize("name", [name for name, row in ROWS.items() if not row.default])
 def test_the_page_says_what_takes_longer_to_compute(name):
     check(name)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_solid_pot_has_as_many_states_as_the_page_says():
     assert pot_transfers.states() == 8
 

@@ -35,7 +35,7 @@ def test_a_child_that_fails_leaves_a_reason_and_this_process_alive(
     assert re.search(reason, why)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_where_vtk_can_draw_the_picture_is_cropped_and_in_colour(rig_content, tmp_path):
     drawn, why = draw_off_screen(rig_content.actuator, rig_content.field)
     if drawn is None:

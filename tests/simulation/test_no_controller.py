@@ -7,7 +7,7 @@ import pytest
 from femfit.simulation.design import design_loop
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_latency_that_leaves_no_pid_is_named_and_nothing_unstable_is_advised(levitation_model):
     """At 22 mm the rig's magnet runs away by a factor e in 30 ms; 50 ms are more than any PID bears."""
     model = replace(levitation_model, reference_distances_m=(0.022,))

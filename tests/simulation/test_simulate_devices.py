@@ -48,7 +48,7 @@ DRIVES = {
 }
 
 
-@pytest.mark.parametrize("drive", [*list(DRIVES)[:3], pytest.param(list(DRIVES)[3], marks=pytest.mark.long)])
+@pytest.mark.parametrize("drive", [*list(DRIVES)[:3], pytest.param(list(DRIVES)[3], marks=pytest.mark.nightly)])
 def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball, drive):
     loop = close_loop(driven(ball, **DRIVES[drive]), runs=2, seconds=0.9, recorded=1)
     assert loop.held == 2, loop

@@ -69,7 +69,7 @@ def test_poles_and_response_of_the_loop_belong_together(request, kind, name):
     np.testing.assert_allclose(difference, rational, rtol=2e-5)
 
 
-@pytest.mark.parametrize("kind", ["design", pytest.param("late", marks=pytest.mark.long)])
+@pytest.mark.parametrize("kind", ["design", pytest.param("late", marks=pytest.mark.nightly)])
 def test_a_deviation_of_the_simulated_loop_decays_as_its_slowest_pole_says(request, kind):
     """Without noise, from a small error, on the exact plant with the filter of the linear loop."""
     loop = request.getfixturevalue(kind)

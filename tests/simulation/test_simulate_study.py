@@ -115,7 +115,7 @@ def test_the_study_says_first_which_controllers_hold_and_knows_no_paper(study):
     assert len(data["holds"]) == len(study.holds)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_loops_that_are_all_lost_have_no_spectrum_and_no_warning(levitation_model):
     study = closed_loop_study(levitation_model, noise=1.0)  # of the 0.9 V that the magnet moves the output
     assert all(row.held == 0 for row in study.holds)
@@ -145,7 +145,7 @@ def turning(levitation_model):
     return replace(levitation_model, sensor=replace(levitation_model.sensor, field=field))
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_hall_voltage_that_cannot_be_inverted_leaves_the_filters_study(turning, study):
     alone = closed_loop_study(turning, seed=1)
     assert "it turns at 36.8 mm" in alone.no_direct

@@ -1,8 +1,12 @@
 """Bench campaigns of a model: repeated cycles of the current, re-mounts, correlated noise, quantised readings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.bench import conditions_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
@@ -61,3 +65,15 @@ def campaign(model, seed, effects=(), *, mount_m=20e-6, rho=0.3, noise=NOISE, ch
         rows[channel] = np.round(value / step) * step
     kept = rows[generator.random(len(rows)) > 0.02].reset_index(drop=True)
     return BenchTable(rows=kept, given=tuple(kept.columns))
+
+
+def hidden(name, **parameters):
+    """An effect of the catalogue with these parameters, the others as where it is not there."""
+    effect = effect_by_name(name)
+    return AddedEffect(effect, effect.null() | parameters)
+
+
+def without(table, *columns):
+    """The table as if nobody had read these columns."""
+    given = tuple(name for name in table.given if name not in columns)
+    return replace(table, rows=table.rows.assign(**dict.fromkeys(columns, np.nan)), given=given)

@@ -35,7 +35,7 @@ class Row:
 
     ``reference`` is None where the number is itself a difference; ``bound`` is what the test allows of the relative
     error; ``cheap`` rows that no other test computes are computed again in every run of the tests, the others with
-    ``-m long``.
+    ``-m nightly``.
     """
 
     section: str
@@ -230,7 +230,7 @@ HEAD = """# Validation
 
 What the field solver gives for problems whose answer is known. The numbers are written by
 `cd tests && python -m support.validation_page`; `tests/physics/test_validation_page.py` computes them again (all of
-them with `-m long`) and fails when this page says anything else. Settings are the defaults unless a line says so.
+them with `-m nightly`) and fails when this page says anything else. Settings are the defaults unless a line says so.
 
 What the lines can prove: a closed form proves the last digit printed. The maker's figures are whole kilograms of
 unstated remanence (1.32 T is taken), so 4 % is agreement. One measured point of TEAM 23 cannot tell a wrong

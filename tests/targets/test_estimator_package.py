@@ -148,7 +148,7 @@ def test_the_example_holds_the_body_in_a_bare_environment(exported, bare_paths):
     assert abs(held - wanted) < 0.1
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_example_chooses_a_distance_at_which_the_hall_element_is_not_saturated(
     levitation_model, bare_paths, tmp_path
 ):
@@ -160,7 +160,7 @@ def test_the_example_chooses_a_distance_at_which_the_hall_element_is_not_saturat
     assert abs(float(words[4]) - float(words[1])) < 0.1
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_bearing_of_two_circuits_holds_itself_where_only_numpy_is(bare_paths, tmp_path):
     gap = {"kind": "position", "name": "gap", "noise": 2e-7, "distances_m": [0, 1], "readings": [0, 1], "unit": "m"}
     bearing = fit_model(table_of(entry={**ENTRY, "sensors": [gap], "sample_time_s": 1e-4})).model

@@ -59,7 +59,7 @@ def linear(tmp_path_factory):
     return Device(drawing, tables["drawn"], {"remanence-scaled": family}), tables["fewer"]
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_weaker_magnet_scales_its_flux_exactly(linear):
     device, _ = linear
     settings = conditions(1.0, distance=np.array([0.012, 0.02]))
@@ -71,7 +71,7 @@ def test_a_weaker_magnet_scales_its_flux_exactly(linear):
     np.testing.assert_allclose(change["force_N"], -0.07 * 0.5 * (ahead - back), rtol=1e-6)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_fewer_turns_are_the_solution_with_fewer_turns(linear):
     device, fewer = linear
     settings = conditions(0.7, distance=np.array([0.012, 0.02]))
@@ -81,7 +81,7 @@ def test_fewer_turns_are_the_solution_with_fewer_turns(linear):
     np.testing.assert_allclose(change["flux_linkage_Wb"], solved.flux_linkage - drawn.flux_linkage, rtol=1e-6)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("set_name", ["calibration", "development", "final"])
 def test_an_error_that_comes_and_goes_is_whole_in_its_runs_and_away_in_the_others(device, set_name):
     settings, clean = conditions(1.0, 40.0, runs=5), true_readings(device, conditions(1.0, 40.0, runs=5), {}, {})
@@ -169,7 +169,7 @@ def test_every_law_of_saturation_starts_at_the_drawn_permeability_and_holds_its_
         assert material.flux_density_T[-1] - mu_0 * material.field_A_per_m[-1] == pytest.approx(0.5, rel=0.03)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_magnet_little_beside_the_axis_sees_the_curvature_of_the_coils_field():
     # Harmonic and symmetric: f(d, e) = f - (e^2 / 4) f'' + ..., for the flux of the coil through the magnet
     rig = read_actuator(DRAWING)
@@ -195,7 +195,7 @@ def test_the_core_seen_as_an_equipotential_attracts_like_the_solved_one(distance
     assert 1.0 < (energy[1] - energy[0]) / 2e-4 / converged_N < 1.12
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_offsets_of_half_the_magnets_radius_leave_the_parabola(device):
     settings = conditions(1.0)
     half, largest = np.full(N, 2.75e-3), 2.75e-3
@@ -229,7 +229,7 @@ def truths(drawing):
     return {name: sets.truths_of(GEOMETRY / f"{drawing}.toml", name) for name in sets.SETS}
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawing", DRAWINGS)
 def test_sets_share_no_truth_and_say_what_a_drawing_lacks_and_which_name_is_right(drawing, device):
     actuator, members = read_actuator(GEOMETRY / f"{drawing}.toml"), truths(drawing)
@@ -254,7 +254,7 @@ def test_sets_share_no_truth_and_say_what_a_drawing_lacks_and_which_name_is_righ
             assert truth.group != "unseen" or not right, name
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_the_same_effect_is_made_in_three_ways(device):
     distance = np.linspace(0.0155, 0.0445, 24)
     settings = conditions(
@@ -275,7 +275,7 @@ def test_the_same_effect_is_made_in_three_ways(device):
             assert abs(first @ second) < 1.0 - 1e-6, stem
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("set_name", sets.SETS)
 def test_a_truth_of_no_size_changes_nothing(set_name, device):
     settings = conditions(1.0, 40.0, 35.0, runs=2)
@@ -344,7 +344,7 @@ def test_habits_come_in_their_shares():
     assert np.mean([habit.order == "kept" for habit in habits]) == pytest.approx(0.6, abs=0.03)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_twenty_campaigns_of_a_set_hide_all_kinds_as_large_as_asked_and_declare_what_they_say(tmp_path, device):
     possible = {
         name: truth
@@ -384,7 +384,7 @@ def physics():
     )
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_body_is_pulled_to_its_stop_and_a_one_sided_driver_lets_the_current_die_and_not_turn_round(physics):
     rows = settled(physics, np.r_[np.full(1800, 6.0), np.zeros(1500)])
     assert rows["current_A"][1800] == pytest.approx(0.5, rel=0.01)
@@ -394,14 +394,14 @@ def test_a_body_is_pulled_to_its_stop_and_a_one_sided_driver_lets_the_current_di
     assert rows["current_A"].iloc[-1] == 0.0
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_an_eddy_path_lets_the_current_jump_and_leaves_where_it_settles(physics):
     drawn, eddies = (settled(replace(physics, eddy_S=conductance), np.full(1800, 6.0)) for conductance in (0.0, 0.01))
     assert eddies["current_A"][0] == pytest.approx(6.0 * 0.01 / 1.12)
     assert eddies["current_A"].iloc[-1] == pytest.approx(drawn["current_A"].iloc[-1], rel=1e-3)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_body_whose_bristles_hold_stays_where_it_is(physics):
     free, stuck = (settled(replace(physics, sticking_N=level), np.full(1800, 6.0)) for level in (0.0, 0.2))
     assert free["distance_m"].iloc[-1] == pytest.approx(0.2e-3, abs=5e-6)

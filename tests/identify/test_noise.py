@@ -1,4 +1,4 @@
-"""Variance components against another program, and the noise model of simulated benches."""
+"""The noise of readings: its variance components, repeats, converters, and a guess where nothing tells it."""
 
 from dataclasses import replace
 
@@ -7,11 +7,19 @@ import pandas as pd
 import pytest
 from statsmodels.regression.mixed_linear_model import MixedLM
 
+from femfit.identify.comparison.compare import compare
+from femfit.identify.constants import GUESS_WIDER
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
+from femfit.identify.noise.scatter import guessed_noise
 from femfit.identify.noise.whitening import Whitening, chains_of, stops
 from femfit.identify.readings.bench import bench_observations
+from femfit.identify.readings.settings import quantisation_step, repeat_cells
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.magnetics import CoenergySpline
+from femfit.model.validity import ValidityBox
 from support.campaign import NOISE, campaign
+from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 
 def alone(n):
@@ -212,3 +220,135 @@ def test_a_channel_that_no_distance_changes_has_neither_mounts_nor_stops(levitat
     assert noise.channels == ("voltage_V",)
     assert (noise.stop_m, noise.mount_m) == (0.0, 0.0)
     assert noise.sigma[0] == pytest.approx(NOISE["voltage_V"], rel=0.2)
+
+
+def test_readings_with_another_magnetic_history_are_no_repeats(levitation_model):
+    """Two of four runs turn at half the current; the way down is then 8 sigma lower, as a minor loop's is."""
+    table = campaign(levitation_model, 5, runs=4, distances=8, currents=9, mount_m=0.0, rho=0.0)
+    half = (table.rows["run"] > 2.0).to_numpy()
+    rows = table.rows[~half | (table.rows["current_A"] < 0.75)].reset_index(drop=True)
+    lower = (rows["run"] > 2.0) & (rows["branch"] < 0.0)
+    rows = rows.assign(force_N=rows["force_N"] - 8.0 * NOISE["force_N"] * lower, voltage_V=np.nan, hall_V=np.nan)
+    observations = bench_observations(levitation_model, replace(table, rows=rows))
+    noise = estimate_noise(observations)
+    # About 100 repeats: 7 % standard error
+    assert noise.sigma[noise.channels.index("force_N")] == pytest.approx(NOISE["force_N"], rel=0.2)
+    down = np.flatnonzero(observations.column("branch") < 0.0)
+    cells, run = repeat_cells(observations)[down], observations.column("run")[down]
+    assert not set(cells[run < 2]) & set(cells[run > 1])
+
+
+def test_without_an_order_or_branches_a_setting_has_no_history(levitation_model):
+    table = campaign(levitation_model, 6, runs=2, distances=4, currents=4)
+    for name in ("order", "branch"):
+        given = tuple(one for one in table.given if one != name)
+        rows = table.rows.assign(branch=0.0) if name == "branch" else table.rows
+        observations = bench_observations(levitation_model, replace(table, rows=rows, given=given))
+        assert len(np.unique(repeat_cells(observations))) == (4 * 4 if name == "branch" else 4 * 4 * 2)
+
+
+@pytest.mark.parametrize("step", [1e-4, 0.00122, 3.0])
+def test_the_step_of_a_converter_is_recognised(step):
+    values = np.random.default_rng(1).normal(0.3, 12.0 * step, 200)
+    assert quantisation_step(np.round(values / step) * step) == pytest.approx(step, rel=1e-6)
+
+
+def test_readings_that_were_not_rounded_have_no_step():
+    rng = np.random.default_rng(2)
+    settings = np.repeat(rng.normal(size=40), 5)  # settings that repeat exactly are no converter's steps
+    for values in (rng.normal(size=1000), settings, np.ones(30), np.zeros(0), np.array([1.0, 2.0])):
+        assert quantisation_step(values) == 0.0
+
+
+def test_a_converter_coarser_than_the_noise_bounds_it(levitation_model):
+    table = campaign(levitation_model, 7, runs=3, mount_m=0.0, noise={"force_N": 1e-6})
+    step = 5e-3
+    rows = table.rows.assign(force_N=np.round(table.rows["force_N"] / step) * step)
+    noise = estimate_noise(bench_observations(levitation_model, replace(table, rows=rows)))
+    assert noise.never_varying == ("force_N",)
+    assert noise.source == {"force_N": "resolution"}
+    assert noise.sigma[0] == pytest.approx(step / np.sqrt(12.0))
+
+
+def rising(model, seed, **more):
+    table = campaign(model, seed, **({"runs": 1, "mount_m": 0.0, "rho": 0.0} | more))
+    return replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
+
+
+def voice_coil(d, i):
+    """A moving coil: its flux linkage changes with its place, its inductance is 4 mH."""
+    return 0.06 * np.exp(-(((d - 0.02) / 0.04) ** 2)) * i + 0.002 * i**2
+
+
+def lifting_magnet(d, i):
+    """A reluctance that falls with the air gap, no magnet."""
+    return 0.5 * (0.02 + 6e-4 / (d + 0.004)) * i**2
+
+
+@pytest.fixture(scope="module")
+def devices(levitation_model):
+    def other(name, coenergy, low, high):
+        return replace(
+            levitation_model,
+            name=name,
+            magnetics=CoenergySpline(
+                DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(coenergy, np.linspace(low, high, 8), 2)
+            ),
+            sensor=None,
+            validity=ValidityBox(0.015, 0.045, low, high),
+        )
+
+    others = (other("voice coil", voice_coil, -1.5, 1.5), other("lifting magnet", lifting_magnet, 0.0, 2.0))
+    return {one.name: one for one in (levitation_model, *others)}
+
+
+@pytest.mark.parametrize("name", ["test-rig", "voice coil", "lifting magnet"])
+def test_a_clean_sweep_is_not_accused(devices, name):
+    noise = {channel: sigma for channel, sigma in NOISE.items() if channel != "hall_V" or devices[name].sensor}
+    verdicts = [
+        compare(devices[name], rising(devices[name], seed, rho=0.5, noise=noise, distances=8, currents=6)).verdict
+        for seed in range(4)
+    ]
+    assert verdicts == 4 * ["agrees"]
+
+
+def test_white_noise_is_guessed_and_widened(levitation_model):
+    observations = bench_observations(levitation_model, rising(levitation_model, 3, distances=24, currents=16))
+    for name, sigma in NOISE.items():
+        guess, degrees = guessed_noise(observations, name)
+        # The larger of two medians of 350 pseudo-residuals each is known to 10 %
+        assert guess == pytest.approx(GUESS_WIDER * sigma, rel=0.25)
+        assert 20 < degrees < len(observations.value)
+
+
+def test_a_smooth_misfit_is_not_taken_for_noise(levitation_model):
+    def bent(readings, rows):
+        return readings | {"force_N": 1.3 * readings["force_N"] + 0.02 * rows["current_A"].to_numpy() ** 2}
+
+    observations = bench_observations(
+        levitation_model, rising(levitation_model, 4, distances=16, currents=12, change=bent)
+    )
+    assert np.abs(observations.residual[observations.of("force_N")]).max() > 50 * NOISE["force_N"]
+    assert guessed_noise(observations, "force_N")[0] < 2.5 * NOISE["force_N"]
+
+
+def test_noise_that_lasts_along_a_sweep_shows_across_it(levitation_model):
+    table = rising(levitation_model, 5, distances=24, currents=16, rho=0.8)
+    guess, _ = guessed_noise(bench_observations(levitation_model, table), "hall_V")
+    assert guess > 0.9 * NOISE["hall_V"]
+
+
+def test_a_declaration_or_repeats_leave_no_room_for_a_guess(levitation_model):
+    table = rising(levitation_model, 6)
+    assert set(estimate_noise(bench_observations(levitation_model, table)).source.values()) == {"guess"}
+    declared = replace(table, declared_noise={"force_N": 4e-4})
+    assert estimate_noise(bench_observations(levitation_model, declared)).source == {"force_N": "declared"}
+    repeated = campaign(levitation_model, 6, runs=3)
+    assert set(estimate_noise(bench_observations(levitation_model, repeated)).source.values()) == {"repeats"}
+
+
+def test_a_comparison_calls_its_noise_a_guess(levitation_model):
+    comparison = compare(levitation_model, rising(levitation_model, 8))
+    assert comparison.verdict == "agrees"
+    assert {one.noise_source for one in comparison.channels} == {"guess"}
+    assert any(one.code == "guessed-noise" for one in comparison.findings)

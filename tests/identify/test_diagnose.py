@@ -1,0 +1,564 @@
+"""The decision on campaigns whose truth is known: nothing, something known or unknown, too little to say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from femfit.core.errors import DomainError, FemfitError, ModelFileError, TableError, UsageError
+from femfit.core.text import amount
+from femfit.effects.catalogue import all_effects, effect_by_name
+from femfit.effects.effect import AddedEffect
+from femfit.identify.comparison.compare import compare
+from femfit.identify.comparison.misfit import ChannelFall, ErrorFall
+from femfit.identify.constants import LEVEL
+from femfit.identify.decision.allowances import also_allowed
+from femfit.identify.decision.campaign import considered_effects, detectable_magnitudes, gather
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.decision.diagnosis import CleanCampaigns
+from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
+from femfit.identify.decision.evidence import Linear, LogDensity, of_sizes, sizes_of
+from femfit.identify.decision.naming import decide
+from femfit.identify.experiments.suggest import suggest
+from femfit.identify.noise.components import estimate_noise, simulated_noise
+from femfit.identify.readings.bench import bench_observations, placed
+from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.refit.refit import refit
+from femfit.model.json_file import write_model
+from femfit.model.validity import Misfit
+from support.campaign import NOISE, campaign, hidden, without
+
+QUICK = {"bootstrap": 0}
+SATURATION, HALL = hidden("core_saturation", mmf_loss_3=0.02), hidden("hall_offset", offset_V=0.02)
+
+
+def decided(model, table):
+    return decide(gather(bench_observations(model, table), list(all_effects().values())))
+
+
+# The gate opens on 1 % of clean campaigns: two openings are less likely than 0.04 % among three, and 0.3 % among eight
+@pytest.mark.parametrize("campaigns", [3, pytest.param(8, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(("rho", "mount_m"), [(0.0, 0.0), (0.6, 50e-6)])
+def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_model, rho, mount_m, campaigns):
+    verdicts = [
+        decided(levitation_model, campaign(levitation_model, seed, rho=rho, mount_m=mount_m)).verdict
+        for seed in range(campaigns)
+    ]
+    assert verdicts.count("nothing_missing") >= campaigns - 1
+    assert "named" not in verdicts
+
+
+def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_refits(levitation_model, monkeypatch):
+    """What many others stand for as well, beside the same saturation, is small: first order says as much as refits.
+
+    Refitted are the saturation, the offset beside it, and the offset alone, beside which exchanges for the saturation
+    are looked for.
+    """
+    made = []
+
+    def counted(*given):
+        made.append(given)
+        return refit(*given)
+
+    monkeypatch.setattr("femfit.identify.decision.search.refit", counted)
+    small = hidden("hall_offset", offset_V=1e-3)
+    table = campaign(levitation_model, 3, [SATURATION, small])
+    result = diagnose(levitation_model, table, **QUICK)
+    assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
+    assert {"hall_temperature", "hall_drift", "external_field"} < set(result.missing[1].members)
+    assert len(made) <= 3
+    assert not [one for one in result.findings if one.code == "search-ended"]
+    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", len(made))  # It ends by itself at the limit
+    assert not [one for one in diagnose(levitation_model, table, **QUICK).findings if one.code == "search-ended"]
+    monkeypatch.setattr("femfit.identify.decision.search.MOST_REFITS", 2)
+    made.clear()
+    ended = diagnose(levitation_model, table, **QUICK)
+    assert len(made) == 2
+    assert [one.size for one in ended.findings if one.code == "search-ended"] == [2]
+
+
+def test_three_hidden_effects_are_named_though_the_first_alone_explains_little(levitation_model):
+    causes = [HALL, hidden("turns", turns_error=0.03), SATURATION]
+    result = diagnose(levitation_model, campaign(levitation_model, 6, causes), **QUICK)
+    assert {"core_saturation", "hall_offset", "turns"} == {one.name for one in result.missing}
+
+
+def crooked(readings, rows):
+    """A force sensor whose gain is 10 % wrong and whose characteristic bends: no form of the catalogue is exact."""
+    force = readings["force_N"]
+    return readings | {"force_N": 1.1 * force - 0.02 * force**2 / np.abs(force).max()}
+
+
+def test_a_second_effect_is_named_where_the_first_one_changes_nothing(levitation_model):
+    small = hidden("hall_offset", offset_V=0.01)  # a fiftieth of what the force is off by, in units of noise
+    alone, beside = (
+        diagnose(levitation_model, campaign(levitation_model, 14, effects, change=crooked), **QUICK)
+        for effects in ([], [small])
+    )
+    assert alone.missing[0].name == "force_gain"
+    assert not alone.confident
+    assert not beside.confident
+    assert any("hall_offset" in one.members for one in beside.missing)
+    assert any("force_gain" in one.members for one in beside.missing)
+
+
+def clipped(readings, _):
+    """A load cell that ends at half of the largest force."""
+    force = readings["force_N"]
+    return readings | {"force_N": np.minimum(force, 0.5 * force.max())}
+
+
+def rippled(readings, rows):
+    """A stage's leadscrew of 9 mm pitch that the force sensor alone feels."""
+    wave = 1.2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
+    return readings | {"force_N": readings["force_N"] + wave}
+
+
+@pytest.mark.parametrize(
+    ("cause", "verdicts"), [(clipped, {"unexplained", "form_insufficient"}), (rippled, {"unexplained"})]
+)
+def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_was_right(
+    levitation_model, cause, verdicts
+):
+    result = diagnose(levitation_model, campaign(levitation_model, 5, change=cause), **QUICK)
+    assert result.verdict in verdicts
+    assert result.where.channel == "force_N"
+    for one in result.error_fall.channels:
+        assert one.rms_after <= 1.2 * max(one.rms_before, one.noise)
+    if cause is rippled:
+        assert (result.missing, result.dominant) == ((), None)
+        assert result.where.covariates[0] == "distance_m"
+
+
+def single_sweep(model, seed, effects=(), **size):
+    table = campaign(model, seed, effects, runs=1, rho=0.0, **size)
+    return replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
+
+
+def test_without_repeats_or_declared_noise_a_guess_serves_and_nothing_is_certain(levitation_model):
+    rising = single_sweep(levitation_model, 7, [HALL])
+    result = diagnose(levitation_model, rising, **QUICK)
+    assert (result.verdict, result.missing[0].name) == ("named", "hall_offset")
+    assert not result.confident
+    assert [one.code for one in result.findings].count("guessed-noise") == 1
+    declared = diagnose(levitation_model, replace(rising, declared_noise=NOISE), **QUICK)
+    assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
+    assert "guessed-noise" not in {one.code for one in declared.findings}
+
+
+def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(levitation_model):
+    table = campaign(
+        levitation_model, 13, change=lambda r, rows: r | {"voltage_V": (1.0 + 25 * 3.93e-3) * r["voltage_V"]}
+    )
+    result = diagnose(levitation_model, without(table, "coil_temperature_C"), **QUICK)
+    (named,) = result.missing
+    assert set(named.members) == {"resistance", "coil_temperature"}  # the same readings, the commoner cause first
+    assert named.plausible
+
+
+def test_the_noise_model_recovers_what_made_the_data(levitation_model):
+    table = campaign(levitation_model, 8, rho=0.6, mount_m=40e-6, runs=6)
+    noise = estimate_noise(bench_observations(levitation_model, table))
+    truth = np.array([NOISE[name] for name in noise.channels])
+    # 840 readings a channel, worth about 400 independent ones: 3.5 % standard error each
+    np.testing.assert_allclose(noise.sigma, truth, rtol=0.15)
+    np.testing.assert_allclose(noise.rho, 0.6, atol=0.1)
+    assert 15e-6 < noise.mount_m < 100e-6  # six mounts and a weak prior
+
+
+def test_a_hidden_effect_does_not_widen_the_noise(levitation_model):
+    clean, changed = (
+        estimate_noise(bench_observations(levitation_model, campaign(levitation_model, 9, effects)))
+        for effects in ([], [SATURATION])
+    )
+    np.testing.assert_allclose(changed.sigma, clean.sigma, rtol=0.05)
+
+
+def test_a_distance_error_of_all_mounts_does_not_widen_their_scatter(strong_pot):
+    model = strong_pot
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 5e-5, "voltage_V": 5e-3}
+    offset = hidden("distance_offset", offset_m=60e-6)
+    clean, moved = (
+        estimate_noise(bench_observations(model, campaign(model, 12, e, mount_m=5e-6, noise=noise, runs=4))).mount_m
+        for e in ([], [offset])
+    )
+    # The mounts are 60 um off together and 5 um from each other; over 60 um the steepest slope changes by a quarter
+    assert moved == pytest.approx(clean, rel=0.3)
+
+
+def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(pot):
+    """Three runs that agree to micrometres leave no room for 20 um of re-mount, and the model misses its own table."""
+
+    def coarse(readings, rows):  # what a coarse spline misses: 1.5 % of the force, changing its sign
+        wave = np.sin(2e3 * rows["distance_m"].to_numpy()) * np.cos(3.0 * rows["current_A"].to_numpy())
+        return {"force_N": readings["force_N"] * (1.0 + 1.5e-2 * wave)}
+
+    gap = hidden("distance_offset", offset_m=150e-6)
+    table = campaign(pot, 15, [gap], change=coarse, noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0)
+    noise = estimate_noise(bench_observations(pot, table))
+    assert noise.mount_m < 3e-6
+    assert noise.test_mount_m < 15e-6
+    rms = 0.01 * float(np.sqrt(np.mean(table.rows["force_N"] ** 2)))
+    known = replace(pot, misfit=Misfit(rms, 3.0 * rms, 0.01, None, None, None, 99, "sweep"))
+    found = diagnose(known, table, **QUICK)
+    assert (found.verdict, found.missing[0].members[0]) == ("named", "distance_offset")
+    # The model's own misfit is steepest where the force is, and takes its part of the gap
+    assert found.missing[0].parameters["offset_m"] == pytest.approx(150e-6, rel=0.1)
+    exact = replace(pot, misfit=Misfit(0.0, 0.0, 0.0, None, None, None, 99, "sweep"))
+    assert diagnose(exact, table, **QUICK).verdict != "named"  # this model would have no such misfit
+
+
+def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
+    turns = hidden("turns", turns_error=-0.03)
+    noise = {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
+    found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0), **QUICK)
+    alone = found.decision.posterior.explanations
+    behind = alone[frozenset({"turns"})].log_evidence - alone[frozenset({"current_gain"})].log_evidence
+    assert 50.0 < behind < 0.005 * found.excess
+    assert [one.members for one in found.missing] == [("turns",)]
+
+
+def test_a_name_with_a_rival_that_fits_as_well_with_more_parameters_is_not_certain(pot):
+    gap = hidden("distance_offset", offset_m=30e-6)
+    found = diagnose(pot, campaign(pot, 17, [gap], noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0), **QUICK)
+    named = {one.name for one in found.missing}
+    assert not found.confident or all(named <= set(one.names) for one in found.explanations)
+
+
+def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):
+    table = campaign(levitation_model, 10, distances=5, currents=4)
+    first, again = (diagnose(levitation_model, table, bootstrap=4, rng=1) for _ in range(2))
+    assert first.clean == again.clean
+    assert first.clean.named <= 1
+
+
+@pytest.mark.parametrize(("named", "campaigns", "bound"), [(0, 40, 0.088), (2, 40, 0.169), (40, 40, 1.0)])
+def test_a_bootstrap_is_a_count_with_the_end_of_its_interval(named, campaigns, bound):
+    # Exact binomial intervals at 95 % (Clopper and Pearson, 1934)
+    clean = CleanCampaigns(named, campaigns)
+    assert clean.bound == pytest.approx(bound, abs=5e-4)
+    assert f"{named} of {campaigns}" in str(clean)
+
+
+def test_what_the_data_could_show_scales_with_the_noise(levitation_model):
+    quiet, loud = (
+        diagnose(
+            levitation_model,
+            campaign(levitation_model, 11, mount_m=0.0, rho=0.0, noise={k: f * v for k, v in NOISE.items()}),
+            **QUICK,
+        )
+        for f in (1.0, 4.0)
+    )
+    ratio = loud.detectable["core_saturation"]["mmf_loss_3"] / quiet.detectable["core_saturation"]["mmf_loss_3"]
+    assert ratio == pytest.approx(4.0, rel=0.25)  # up to what re-mounts take, and the noise estimate's own error
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        pytest.param(hidden("core_saturation", mmf_loss_3=0.02), marks=pytest.mark.nightly),
+        hidden("force_gain", gain_error=0.05),
+    ],
+    ids=lambda effect: effect.effect.name,
+)
+def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levitation_model, effect):
+    table = campaign(levitation_model, 3, [effect])
+    found = diagnose(levitation_model, table, **QUICK)
+    assert (found.missing[0].name, found.look_alikes, found.confident) == (effect.effect.name, (), True)
+    beside = diagnose(levitation_model, table, **QUICK, exclude=("hall_offset",))
+    assert beside.missing[0].name == effect.effect.name
+    assert "hall_offset" in certainty_sentence(beside)
+    assert certainty_sentence(beside).startswith("Not certain")
+    withheld = diagnose(levitation_model, table, **QUICK, exclude=(effect.effect.name,))
+    assert withheld.verdict in {"unexplained", "form_insufficient"}
+    assert not withheld.confident
+
+
+def test_a_cause_named_as_its_neighbour_is_not_called_sure(levitation_model):
+    withheld = diagnose(levitation_model, campaign(levitation_model, 3, [HALL]), **QUICK, exclude=("hall_offset",))
+    assert withheld.verdict in {"unexplained", "named"}
+    assert not withheld.confident
+
+
+def test_force_alone_cannot_make_a_small_gain_sure(levitation_model):
+    table = campaign(levitation_model, 3, [hidden("force_gain", gain_error=0.008)], noise={"force_N": NOISE["force_N"]})
+    found = diagnose(levitation_model, table, **QUICK)
+    assert found.verdict == "named"
+    assert "current_gain" in found.look_alikes
+    assert {name for one in found.missing for name in one.members[1:]} <= set(found.look_alikes)
+    assert not found.confident
+
+
+def test_a_zero_error_is_never_sure_because_no_list_holds_all_its_causes(levitation_model):
+    table = campaign(levitation_model, 3, [hidden("constant_force", pull=0.03)])
+    alone = diagnose(levitation_model, table, **QUICK, exclude=("force_offset",))
+    assert alone.missing[0].name == "constant_force"
+    assert not alone.confident
+    assert "a constant error of the force" in alone.look_alikes
+
+
+@pytest.fixture(scope="module")
+def found(levitation_model):
+    warm = AddedEffect(effect_by_name("current_gain"), {"gain_error": 0.05})
+    return diagnose(levitation_model, campaign(levitation_model, 7, [warm]), bootstrap=0)
+
+
+@pytest.mark.parametrize(("times", "readings", "said"), [(1.76, 121, True), (1.1, 121, False), (1.4, 4, True)])
+def test_an_error_that_is_left_beyond_the_noise_is_said_in_the_verdict(found, times, readings, said):
+    sigma = found.campaign.noise.floor["voltage_V"]
+    left = ChannelFall("voltage_V", readings, 3.0, times * sigma, sigma)
+    campaign_without_mounts = replace(
+        found.campaign,
+        whitening=replace(found.campaign.whitening, noise=replace(found.campaign.noise, mount_m=0.0)),
+    )
+    one = replace(found, verdict="named", error_fall=ErrorFall((left,)), campaign=campaign_without_mounts)
+    assert (f"{times:.3g} times" in verdict_sentence(one)) is said
+
+
+HIDDEN = [("force_gain", "gain_error"), ("distance_offset", "offset_m"), ("current_gain", "gain_error")]
+
+
+def ripple(share):
+    """What a coarse spline misses: a share of the force that changes its sign."""
+
+    def change(readings, rows):
+        wave = np.sin(2e3 * rows["distance_m"].to_numpy()) * np.cos(3.0 * rows["current_A"].to_numpy())
+        return {"force_N": readings["force_N"] * (1.0 + share * wave)}
+
+    return change
+
+
+def coarse(model, share=0.02, noise=4e-3):
+    """The model with the misfit of a coarse fit, and what makes tables with that misfit in them, seed by seed."""
+    size = float(np.sqrt(np.mean(campaign(model, 1, noise={"force_N": 1e-9}).rows["force_N"] ** 2)))
+    rms = 0.5 * share * size
+    known = replace(model, misfit=Misfit(rms, 3.0 * rms, share, None, None, None, 99, "sweep"))
+
+    def table(seed, effects=()):
+        return campaign(known, seed, effects, noise={"force_N": noise * size}, mount_m=2e-6, change=ripple(share))
+
+    return known, table
+
+
+def gathered(device, seed, effects=()):
+    model, table = device
+    return gather(bench_observations(model, table(seed, effects)), list(all_effects().values()))
+
+
+@pytest.fixture(params=["levitation", "solenoid"], scope="module")
+def device(request, levitation_model, pot):
+    return coarse(levitation_model if request.param == "levitation" else pot)
+
+
+@pytest.fixture(scope="module")
+def clean_decision(device):
+    """What the readings of a device as drawn could show, by seed."""
+    found = {}
+
+    def of(seed):
+        if seed not in found:
+            clean = gathered(device, seed)
+            assert decide(clean).own_misfit
+            found[seed] = detectable_magnitudes(clean, LEVEL)
+        return found[seed]
+
+    return of
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize(("name", "amplitude"), HIDDEN)
+def test_what_is_said_to_show_is_not_passed_for_the_models_own_misfit(device, clean_decision, name, amplitude, seed):
+    limit = clean_decision(seed)[name][amplitude]
+    for size in (1.5 * limit, -1.5 * limit):
+        assert decide(gathered(device, seed, [hidden(name, **{amplitude: size})])).verdict != "nothing_missing"
+
+
+def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levitation_model):
+    finer = {"distance_m": [1.25e-3, 2.75e-3], "current_A": [0.35]}
+    model, table = coarse(replace(levitation_model, provenance={"fit": {"finer_sweep": finer}}))
+    data = table(1)
+    found, compared = diagnose(model, data, bootstrap=0), compare(model, data)
+    force = next(one for one in compared.channels if one.channel == "force_N")
+    assert found.own_misfit
+    said = verdict_sentence(found)
+    wanted = [
+        amount(force.rms, "N"),
+        amount(force.model_misfit, "N"),
+        amount(2.0 * force.model_misfit, "N"),
+    ]
+    assert [words for words in wanted if words not in said] == []
+    for text in (str(found), str(compared), str(suggest(model, data, found))):
+        assert said in text
+        assert "1.25 and 2.75 mm" in text
+        assert "0.35 A" in text
+
+
+def test_a_test_that_passes_beside_a_channel_beyond_its_noise_says_what_it_allows_for(levitation_model):
+    model, table = coarse(levitation_model)
+    observations = bench_observations(model, table(1))
+    text = also_allowed(observations, {"force_N": "the force by 5 N"})
+    assert amount(model.misfit.force_rms_N, "N") in text
+    assert also_allowed(observations, {}) == ""
+
+
+def test_a_law_is_to_be_replaced_by_the_co_energy_rather_than_swept_again(pot):
+    model, table = coarse(pot)
+    advice = str(suggest(model, table(1)))
+    assert "co-energy" in advice
+    assert "[sweep]" not in advice
+
+
+READINGS = 30
+
+
+@pytest.fixture
+def drawn():
+    rng = np.random.default_rng(3)
+    return 3.0 * rng.standard_normal(READINGS), rng.standard_normal((READINGS, 2)), rng.standard_normal((READINGS, 3))
+
+
+def normal(y, *blocks):
+    covariance = np.eye(READINGS) + sum(block @ block.T for block in blocks)
+    return stats.multivariate_normal(np.zeros(READINGS), covariance).logpdf(y) + 0.5 * READINGS * np.log(2.0 * np.pi)
+
+
+def linear(y, columns, density):
+    result = Linear(y, columns, density, 0.0)
+    triangle = np.linalg.slogdet(np.eye(READINGS) + columns @ columns.T)[1]
+    return Linear(y, columns, density, float(density(result.square, triangle)))
+
+
+def test_the_evidence_is_the_density_of_the_readings(drawn):
+    y, columns, _ = drawn
+    assert linear(y, columns, LogDensity(READINGS, np.inf)).log_evidence == pytest.approx(normal(y, columns), rel=1e-12)
+
+
+def test_further_columns_at_a_fit_change_it_as_all_columns_together_do(drawn):
+    y, columns, more = drawn
+    one = linear(y, columns, LogDensity(READINGS, np.inf))
+    beside = one.beside(more)
+    gram, along = more.T @ more - beside.T @ beside, one.along(more, beside)
+    sizes = np.array([0.1, 1.0, 7.0])
+    together = [normal(y, columns, size * more) for size in sizes]
+    np.testing.assert_allclose(one.with_more(gram, along, sizes)[0], together, rtol=1e-11)
+
+
+def test_a_wide_guess_of_the_noise_is_never_taken_for_smaller_and_may_be_larger():
+    guess, known = LogDensity(READINGS, 7.0, guessed=True), LogDensity(READINGS, np.inf)
+    student = LogDensity(READINGS, 7.0)
+    fewer, more = READINGS * np.array([0.1, 0.5, 1.0]), READINGS * np.array([1.0, 2.0, 20.0])
+    np.testing.assert_allclose(np.diff(guess(fewer, 0.0)), np.diff(known(fewer, 0.0)), rtol=1e-12)
+    np.testing.assert_allclose(np.diff(guess(more, 0.0)), np.diff(student(more, 0.0)), rtol=1e-12)
+
+
+def test_noise_from_few_repeats_gives_students_density(drawn):
+    y, columns, _ = drawn
+    few = 7.0
+    shape = np.eye(READINGS) + columns @ columns.T
+    exact = stats.multivariate_t(np.zeros(READINGS), shape, df=few)
+    other = stats.multivariate_t(np.zeros(READINGS), np.eye(READINGS), df=few)
+    density = LogDensity(READINGS, few)
+    nothing = linear(y, np.zeros((READINGS, 0)), density)
+    assert linear(y, columns, density).log_evidence - nothing.log_evidence == pytest.approx(
+        exact.logpdf(y) - other.logpdf(y), rel=1e-10
+    )
+
+
+def test_a_size_is_averaged_over_orders_of_magnitude(drawn):
+    y, columns, _ = drawn
+    alone = of_sizes(y, columns[:, :1], [np.array([0])], np.array([], dtype=int), LogDensity(READINGS, np.inf))
+    sizes = sizes_of(float(np.linalg.norm(columns[:, 0])))
+    assert sizes[0] * np.linalg.norm(columns[:, 0]) == pytest.approx(1.0)
+    logs = [normal(y, size * columns[:, :1]) for size in sizes]
+    assert alone.log_evidence == pytest.approx(np.logaddexp.reduce(logs) - np.log(len(logs)), rel=1e-12)
+
+
+def test_all_probabilities_make_one(levitation_model):
+    found = diagnose(levitation_model, campaign(levitation_model, 81), bootstrap=0)
+    assert sum(found.probability.values()) == pytest.approx(1.0, abs=1e-9)
+    assert found.verdict == "nothing_missing"
+
+
+def test_simulated_readings_are_decided_alike_with_the_directions_of_the_first_and_their_own(levitation_model):
+    observations = placed(levitation_model, campaign(levitation_model, 4))
+    first = gather(observations, considered_effects())
+    simulated = observations.base + simulated_noise(first.whitening, np.random.default_rng(2))
+    own = decide(first.with_readings(simulated)).probability
+    observations.of_settings.clear()
+    decide(first)
+    for word, probability in decide(first.with_readings(simulated)).probability.items():
+        assert probability == pytest.approx(own[word], abs=1e-3)  # a tenth of a class's end
+
+
+def test_an_effect_that_begins_between_two_runs_is_named_with_its_run_and_added_for_the_last(levitation_model):
+    clean, wrong = (
+        campaign(levitation_model, 82, effects, runs=4) for effects in ([], [hidden("force_gain", gain_error=0.04)])
+    )
+    from_third = clean.rows["run"] >= clean.rows["run"].min() + 2
+    clean.rows.loc[from_third, "force_N"] = wrong.rows.loc[from_third, "force_N"]
+    found = diagnose(levitation_model, clean, bootstrap=0)
+    assert [(one.name, one.runs) for one in found.missing] == [("force_gain", (3, 4))]
+    assert found.to_dict()["missing"][0]["when"] == {"first_run": 3, "last_run": 4}
+    better = add_effects(levitation_model, clean, found)
+    (added,) = better.model.effects
+    assert added.runs is None
+    assert added.parameters["gain_error"] == pytest.approx(0.04, rel=0.1)
+    force = next(one for one in better.fall.channels if one.channel == "force_N")
+    assert force.after_over_noise < 1.15 < force.before_over_noise
+
+
+BENCH = "run,current_A,distance_m,force_N\n" + "".join(
+    f"1,{i},{d},{0.02 + 0.05 * i + k * 1e-4}\n" for k in range(3) for i in (0.2, 0.4, 0.8) for d in (0.02, 0.03, 0.04)
+)
+
+
+@pytest.fixture
+def files(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    (tmp_path / "bench.csv").write_text(BENCH)
+    return str(tmp_path / "model.json"), tmp_path / "bench.csv"
+
+
+def test_a_model_may_be_given_by_its_file(levitation_model, files):
+    model, bench = files
+    assert str(compare(model, bench)) == str(compare(levitation_model, bench))
+    found, same = (diagnose(one, bench, bootstrap=0) for one in (model, levitation_model))
+    assert found.verdict == same.verdict
+    assert suggest(model, bench, found).explanations == suggest(levitation_model, bench, same).explanations
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "named"),
+    [
+        (lambda model, bench, _: add_effects(f"{model}.absent", bench, "friction"), FemfitError, "absent"),
+        (lambda model, bench, _: add_effects(model, bench, []), TableError, "No effect"),
+        (add_effects, TableError, "No effect"),
+        (lambda model, bench, found: add_effects(model, found, "friction"), TableError, "Comparison"),
+        (suggest, TableError, "Comparison"),
+        (lambda model, bench, found: diagnose(found, None), ModelFileError, "Comparison"),
+        *[
+            (lambda model, bench, found, judge=judge: judge(model, None), TableError, "NoneType")
+            for judge in (compare, diagnose, suggest)
+        ],
+        *[
+            (lambda model, bench, found, k=k: diagnose(model, bench, bootstrap=k), TableError, str(k))
+            for k in (-1, 1.5, None)
+        ],
+        *[
+            (lambda model, bench, found, seed=seed: diagnose("absent", "absent", rng=seed), DomainError, str(seed))
+            for seed in (-1, 1.5, "one")
+        ],
+        *[
+            (
+                lambda model, bench, _, part=part: add_effects(model, bench, "friction", **{part: -300.0}),
+                UsageError,
+                "-300",
+            )
+            for part in ("coil_temperature_C", "magnet_temperature_C")
+        ],
+    ],
+)
+def test_an_argument_of_another_kind_is_refused_by_its_name(files, call, error, named):
+    with pytest.raises(error, match=named):
+        call(*files, compare(*files))

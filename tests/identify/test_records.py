@@ -1,0 +1,531 @@
+"""Records of closed loops: their windows and balances, clean ones name nothing, hidden effects are found in them."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import sparse
+from scipy.signal import lfilter
+
+import femfit as ff
+from femfit.core.errors import TableError
+from femfit.device.electrics import PositionSensor
+from femfit.effects.catalogue import all_effects, effect_by_name
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect
+from femfit.estimate.record import converter_step, white_noise
+from femfit.identify.comparison.lack_of_fit import pattern_space
+from femfit.identify.decision.diagnose import diagnose
+from femfit.identify.noise.components import estimate_noise
+from femfit.identify.noise.whitening import Whitening, chains_of
+from femfit.identify.refit.add_effects import add_effects
+from femfit.identify.series.balances import states_along
+from femfit.identify.series.noise import EddiesAlong, SensorNoise, induced_along, propagated, pull_of
+from femfit.identify.series.observations import series_observations
+from femfit.identify.series.samples import between_samples, held_from, take_samples
+from femfit.identify.series.views import local_polynomials
+from femfit.identify.series.weights import Windows, held_weights, window_weights
+from femfit.model.drawn_effect import DrawnEffect
+from femfit.model.eddy_magnetics import EddyMagnetics
+from femfit.model.with_effects import nominal_of, with_effects
+from femfit.tables.measurement_file import read_measurement
+from support.campaign import hidden, without
+from support.closed_loop import closed_loop, recorded
+from support.conductivities import KEY, with_conductivity
+from support.eddies import eddies, with_eddies
+from support.solenoids import solenoid
+from support.switching import STEP_S, logged, switched
+
+QUICK = {"bootstrap": 0}
+
+
+def disturbed(model, *effects):
+    return recorded(closed_loop(model, effects, seconds=2.0, seed=3))
+
+
+def test_balances_of_an_undisturbed_record_close_far_below_what_effects_do(model, loops):
+    observations = series_observations(model, recorded(loops, distance_m=0.0, current_A=0.0))
+    assert observations.channels == ("force_balance_N", "voltage_balance_V", "hall_V")
+    force, volts = (observations.residual[observations.of(name)] for name in observations.channels[:2])
+    # Of 0.043 N and 3 V: the windows' own error beside the kinks that a held command makes
+    assert np.sqrt(np.mean(force**2)) < 5e-5 * 0.043
+    assert np.sqrt(np.mean(volts**2)) < 5e-6 * 3.0
+
+
+def test_the_voltage_of_an_inductance_in_series_is_balanced_too(model):
+    coil = replace(model, circuits=(replace(model.circuit, inductance_H=0.02),))  # as much as the winding's own
+    samples = closed_loop(coil, seconds=1.0)
+    for gain_error in (0.0, 0.1):
+        read = samples.assign(current_A=samples["current_A"] / (1.0 + gain_error))
+        observations = series_observations(coil, recorded(read, distance_m=0.0, current_A=0.0))
+        left = observations.value - observations.predict([hidden("current_gain", gain_error=gain_error)])
+        assert np.sqrt(np.mean(left[observations.of("voltage_balance_V")] ** 2)) < 2e-5 * 3.0
+
+
+@pytest.mark.parametrize("how", [{}, {"lost": 0.02}, {"converter_A": 5e-3}, {"distance_m": 3e-5, "current_A": 4e-3}])
+def test_the_scatter_of_the_balances_is_what_the_sensors_noise_makes(model, loops, how):
+    observations = series_observations(model, recorded(loops, seed=1, runs=range(1, 7), **how))
+    for name in observations.channels:
+        rms = float(np.sqrt(np.mean(observations.residual[observations.of(name)] ** 2)))
+        # Some 360 windows: 4 %; a converter's error is no white noise and is bounded from above
+        low = 0.6 if "converter_A" in how else 0.85
+        assert low < rms / observations.declared_noise[name] < 1.15
+
+
+# The gate opens on 1 % of clean campaigns: two openings are less likely than 0.1 % among four, and 1 % among twelve
+@pytest.mark.parametrize("records", [4, pytest.param(12, marks=pytest.mark.nightly)])
+def test_clean_records_name_nothing_though_the_hall_noise_is_fed_back(model, loops, records):
+    ways = [{}, {"lost": 0.02}, {"converter_A": 5e-3, "current_A": 3e-4}, {"distance_m": 3e-5, "current_A": 4e-3}]
+    verdicts = [
+        diagnose(model, recorded(loops, seed=run, runs=(run,), **ways[run % 4]), **QUICK).verdict
+        for run in range(1, records + 1)
+    ]
+    assert verdicts.count("nothing_missing") >= records - 1
+    assert "named" not in verdicts
+
+
+def test_many_clean_runs_together_show_no_structure_in_any_channel(model, loops):
+    # A Hall element's noise drives the current that follows it: settings must be taken from before a reading
+    observations = series_observations(model, recorded(loops, seed=2, runs=range(1, 13)))
+    noise = estimate_noise(observations)
+    whitening = Whitening(observations, noise, chains_of(observations))
+    test = pattern_space(observations, whitening).test(whitening.full(observations.residual))
+    assert test.p_value > 0.01
+
+
+@pytest.mark.nightly
+def test_forty_long_clean_records_are_called_clean_but_for_chance(model):
+    samples = closed_loop(model, runs=40, seconds=8.0, seed=11)
+    generator = np.random.default_rng(0)
+    verdicts = []
+    for run in range(1, 41):
+        how = {
+            "distance_m": 10.0 ** generator.uniform(-6.0, -4.5),
+            "current_A": 10.0 ** generator.uniform(-3.5, -2.2),
+            "lost": float(generator.choice([0.0, 0.02])),
+            "converter_A": float(generator.choice([0.0, 5e-3])),
+        }
+        verdicts.append(diagnose(model, recorded(samples, run, runs=(run,), **how), **QUICK).verdict)
+    assert verdicts.count("nothing_missing") >= 38  # 1 % each: three among forty are less likely than 1 %
+
+
+@pytest.mark.parametrize(
+    ("effect", "key", "rel", "beside"),
+    [
+        (hidden("viscous_friction", damping_per_s=6.0), "damping_per_s", 0.2, set()),
+        pytest.param(hidden("motional_emf", share=1.0), "share", 0.3, set(), marks=pytest.mark.nightly),
+        pytest.param(hidden("core_saturation", mmf_loss_3=0.04), "mmf_loss_3", 0.3, set(), marks=pytest.mark.nightly),
+        pytest.param(hidden("driver_gain", gain_error=0.03), "gain_error", 0.05, set(), marks=pytest.mark.nightly),
+        (hidden("eddy_current_lag", ring_share=0.15, time_s=4e-3), "ring_share", None, set()),
+        # A closed loop does not tell mass and pull apart, nor a sagging supply from a larger resistance
+        (hidden("mass_error", mass_error=0.03), "mass_error", 0.3, {"constant_force"}),
+        pytest.param(
+            hidden("supply_sag", inner_resistance=0.05),
+            "inner_resistance",
+            0.3,
+            {"resistance"},
+            marks=pytest.mark.nightly,
+        ),
+    ],
+    ids=lambda value: value.effect.name if isinstance(value, AddedEffect) else "",
+)
+def test_a_hidden_effect_is_in_the_class_with_its_size_and_a_model_that_has_it_lacks_nothing(
+    model, effect, key, rel, beside
+):
+    record = disturbed(model, effect)
+    result = diagnose(model, record, **QUICK)
+    assert result.verdict == "named"
+    assert {effect.effect.name, *beside} <= set(result.missing[0].members)
+    if rel and result.missing[0].name == effect.effect.name:  # of a lag the share and the time go together
+        assert result.missing[0].parameters[key] == pytest.approx(effect.parameters[key], rel=rel)
+    if key == "damping_per_s":
+        assert diagnose(with_effects(model, [effect]), record, **QUICK).verdict == "nothing_missing"
+    if key == "mass_error":
+        assert result.where.channel == "force_balance_N"
+
+
+def test_a_heavier_body_is_not_charged_with_the_noise_of_its_acceleration(model):
+    samples = closed_loop(model, [hidden("mass_error", mass_error=0.2)], runs=6, seconds=2.5, seed=5)
+    result = diagnose(model, recorded(samples, seed=3, runs=range(1, 7), distance_m=3e-5), **QUICK)
+    assert result.missing[0].name == "mass_error"
+    assert result.missing[0].parameters["mass_error"] == pytest.approx(0.2, rel=0.02)
+    # Weighed by the true mass, the noise of the distance would leave a fifth more
+    fall = {one.channel: one for one in result.error_fall.channels}
+    assert 0.74 < fall["force_balance_N"].after_over_noise < 1.08  # 30 windows: 13 %, two of them below one
+
+
+@pytest.mark.nightly  # its name alone is in the table above
+def test_an_eddy_lag_is_separated_from_friction_by_the_voltage_and_hardly_by_the_motion_alone(model):
+    record = disturbed(model, hidden("eddy_current_lag", ring_share=0.15, time_s=4e-3))
+    blind = without(record, "voltage_V", "hall_V")
+    assert series_observations(model, blind).channels == ("force_balance_N",)
+    whole, motion = (diagnose(model, one, **QUICK) for one in (record, blind))
+    assert whole.missing[0].members == ("eddy_current_lag",)
+    falls = [{one.name: one.chi2_fall for one in result.ranking} for result in (whole, motion)]
+    shares = [fall["viscous_friction"] / fall["eddy_current_lag"] for fall in falls]
+    # A body that follows slowly needs a current that changes with its speed, so that a lag pulls like friction
+    assert shares[0] < 0.25
+    assert shares[1] > 0.5
+    assert "viscous_friction" in motion.look_alikes
+    assert not motion.confident
+
+
+def test_a_record_from_a_file_is_diagnosed_like_one_in_memory(model, loops, tmp_path):
+    record = recorded(loops)
+    record.rows.drop(columns="segment").to_csv(tmp_path / "record.csv", index=False, float_format="%.12g")
+    read = read_measurement(tmp_path / "record.csv")
+    assert read.findings == ()
+    first, second = (series_observations(model, one) for one in (record, read))
+    np.testing.assert_allclose(second.residual, first.residual, atol=1e-9)
+
+
+def test_a_record_without_a_distance_is_told_of_the_position_sensors_volts(model, loops):
+    record = recorded(loops)
+    unplaced = without(record, "distance_m")
+    laser = PositionSensor(name="laser", distances_m=(0.0, 0.1), readings=(0.5, 80.5), unit="V")
+    with pytest.raises(TableError, match=r"--column HEADER=position_V"):
+        series_observations(replace(model, other_sensors=(laser,)), unplaced)
+    with pytest.raises(TableError) as refused:
+        series_observations(model, unplaced)
+    assert "position_V" not in str(refused.value)
+
+
+def test_records_that_cannot_be_balanced_are_refused_with_the_remedy(model, loops):
+    record = recorded(loops)
+    unplaced = without(record, "distance_m")
+    with pytest.raises(TableError, match="distance_m"):
+        series_observations(model, unplaced)
+    millimetres = replace(record, rows=record.rows.assign(distance_m=1e3 * record.rows["distance_m"]))
+    with pytest.raises(TableError, match="in mm"):
+        series_observations(model, millimetres)
+    short = replace(record, rows=record.rows.iloc[:20])
+    with pytest.raises(TableError, match="gap"):
+        series_observations(model, short)
+
+
+def test_readings_at_an_end_of_an_output_without_a_converter_count_as_missing(model, loops):
+    """Without steps a limited output stands next to its end, not on it."""
+    analogue = replace(model, sensor=replace(model.sensor, adc_bits=0))
+    series = recorded(loops, runs=range(1, 2))
+    volts = series.rows["hall_V"]
+    limited = np.minimum(volts + 4.999 - volts.median(), 4.999)
+    samples = take_samples(analogue, replace(series, rows=series.rows.assign(hall_V=limited)))
+    assert np.isnan(samples.columns["hall_V"][limited == 4.999]).all()
+    assert np.isfinite(take_samples(analogue, series).columns["hall_V"]).all()
+    assert "clipped" in {finding.code for finding in samples.findings}
+
+
+def test_a_record_that_can_show_none_of_the_effects_considered_is_unexplained(model):
+    others = [name for name in all_effects() if name != "flux_integrator_drift"]  # no record has the flux linkage
+    found = diagnose(model, disturbed(model, hidden("mass_error", mass_error=0.05)), exclude=others, **QUICK)
+    assert found.verdict == "unexplained"
+
+
+EVEN = np.linspace(0.0, 1.0, 201)
+UNEVEN = np.sort(np.random.default_rng(0).random(201))
+UNEVEN[[0, -1]] = 0.0, 1.0
+ONE = Windows(np.array([0.3, 0.7]), np.array([0, 0]), 0.4)
+
+
+def everywhere(time):
+    return np.zeros(len(time), dtype=int), np.ones(len(time), dtype=bool)
+
+
+@pytest.mark.parametrize("time", [EVEN, UNEVEN], ids=["even", "uneven"])
+def test_means_and_mean_derivatives_of_a_quintic_are_exact_whatever_the_sampling(time):
+    weights = window_weights(ONE, time, *everywhere(time))
+    polynomial = np.polynomial.Polynomial([0.3, -1.0, 2.0, 5.0, -4.0, 7.0])
+    fine = np.linspace(-1.0, 1.0, 20001)
+    bump = (1.0 - fine**2) ** 2
+    for order, rows in enumerate((weights.mean, weights.slope, weights.curvature)):
+        derivative = polynomial.deriv(order) if order else polynomial
+        expected = [np.sum(bump * derivative(c + 0.2 * fine)) / np.sum(bump) for c in ONE.centre_s]
+        np.testing.assert_allclose(rows @ polynomial(time), expected, rtol=1e-7)  # the fine sum's own error
+
+
+def test_windows_with_a_gap_or_too_few_samples_are_not_valid():
+    gap = (EVEN < 0.25) | (EVEN > 0.35)
+    weights = window_weights(ONE, EVEN, np.zeros(201, dtype=int), gap)
+    assert weights.valid.tolist() == [False, True]
+    assert abs(weights.mean[[0]]).sum() == 0.0
+    assert not window_weights(ONE, EVEN, np.zeros(201, dtype=int), np.arange(201) % 20 == 0).valid.any()
+
+
+def test_a_change_driven_by_a_held_input_is_balanced_to_rounding():
+    u = np.random.default_rng(1).standard_normal(len(UNEVEN))
+    x = np.concatenate([[0.0], np.cumsum(u[:-1] * np.diff(UNEVEN))])
+    known, held = np.ones(len(u), dtype=bool), np.random.default_rng(2).random(len(u)) > 0.1
+    driven, _, slope, valid = held_weights(ONE, UNEVEN, np.zeros(len(u), dtype=int), known, held)
+    assert valid.all()
+    np.testing.assert_allclose(slope @ x, driven @ u, atol=1e-12)
+    np.testing.assert_allclose(driven.sum(axis=1), 1.0)
+
+
+def test_local_polynomials_are_exact_up_to_their_degree_and_may_look_back_alone():
+    nodes = np.array([0.0, 0.41, 0.8])
+    cubic = np.polynomial.Polynomial([1.0, 2.0, -3.0, 4.0])
+    segment, known = everywhere(UNEVEN)
+    options = {"centre_s": nodes, "behind_s": 0.1, "ahead_s": 0.1, "degree": 3}
+    level, slope = local_polynomials(nodes, segment[:3], UNEVEN, segment, known, **options)
+    np.testing.assert_allclose(level @ cubic(UNEVEN), cubic(nodes), rtol=1e-8)
+    np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes), rtol=1e-6)
+    options = {"centre_s": nodes[1:] - 0.05, "behind_s": 0.2, "ahead_s": 0.0, "degree": 3}
+    level, slope = local_polynomials(nodes[1:], segment[:2], UNEVEN, segment, known, **options)
+    np.testing.assert_allclose(slope @ cubic(UNEVEN), cubic.deriv()(nodes[1:]), rtol=1e-6)
+    assert UNEVEN[level[[0]].indices].max() <= 0.36
+
+
+def test_white_noise_is_read_from_neighbours_under_a_smooth_motion():
+    generator = np.random.default_rng(3)
+    values = np.sin(20.0 * EVEN.repeat(20)) * 0.0 + np.sin(np.linspace(0.0, 20.0, 4020))
+    noisy = values + 1e-3 * generator.standard_normal(4020)
+    assert white_noise(noisy, np.zeros(4020, dtype=int)) == pytest.approx(1e-3, rel=0.06)  # 4020 differences
+    assert np.isnan(white_noise(noisy[:50], np.zeros(50, dtype=int)))
+
+
+def test_a_converter_is_known_by_its_step():
+    values = np.round(np.random.default_rng(4).standard_normal(2000) / 0.05) * 0.05
+    assert converter_step(values) == pytest.approx(0.05)
+    assert converter_step(np.random.default_rng(4).standard_normal(2000)) == 0.0
+
+
+def test_the_error_of_a_coarse_converter_does_not_average_until_noise_dithers_it():
+    mean = sparse.csr_array(np.full((1, 400), 1.0 / 400.0))
+    generator, errors = np.random.default_rng(5), {}
+    for sigma in (0.0, 1.0):
+        draws = []
+        for level in generator.random(300):
+            values = np.round(level + sigma * generator.standard_normal(400))
+            draws.append(float((mean @ values)[0]) - level)
+        white = np.hypot(sigma, 1.0 / np.sqrt(12.0))
+        said = propagated(mean, (mean, SensorNoise(white, 1.0, values)))
+        errors[sigma] = np.std(draws), float(said[0])
+    for seen, said in errors.values():
+        assert said == pytest.approx(seen, rel=0.15)  # 300 draws
+
+
+def test_states_along_a_motion_follow_their_equation(levitation_model):
+    effect = effect_by_name("eddy_current_lag")
+    added = AddedEffect(effect, effect.null() | {"ring_share": 0.2, "time_s": 0.02})
+    nominal = nominal_of(levitation_model)
+    time = np.linspace(0.0, 0.5, 2001)
+    current = 0.7 + 0.2 * np.sin(25.0 * time)
+    first = np.zeros(2001, dtype=bool)
+    first[[0, 1200]] = True
+    still = np.zeros(2001)
+    states = states_along(added, time, still + 0.02, current, still, Conditions(nominal), first)
+    seen = states["eddy_ring"] * nominal.peak_current_A
+    # x' = i' - x / tau from rest, integrated by hand
+    ramp = np.diff(current) * np.exp(-0.5 * 0.25e-3 / 0.02)
+    expected = np.zeros(2001)
+    for k in range(1, 2001):
+        expected[k] = 0.0 if first[k] else expected[k - 1] * np.exp(-0.25e-3 / 0.02) + ramp[k - 1]
+    np.testing.assert_allclose(seen, expected, atol=1e-5 * np.abs(expected).max())  # steps of 1/80 of tau
+
+
+def test_every_effect_with_states_has_rates_affine_in_each_state_alone(levitation_model):
+    from femfit.effects.catalogue import BUILT_IN
+
+    nominal = nominal_of(levitation_model)
+    v, i, rate = (np.array([x]) for x in (0.05, 0.7, 3.0))
+    at = Conditions(nominal, velocity_m_s=v, current_rate_A_s=rate, motional_V=np.array([0.01]))
+    for effect in BUILT_IN:
+        if effect.memory is None:
+            continue
+        memory, p = effect.memory, effect.null() | dict.fromkeys(effect.memory.amplitudes, 0.1)
+
+        def rates(levels, memory=memory, p=p):
+            states = {name: np.array([z]) for name, z in zip(memory.names, levels, strict=True)}
+            rate = memory.rate(states, i, at, p)
+            return np.array([float(rate[name][0]) for name in memory.names])
+
+        count = len(memory.names)
+        zero = rates(np.zeros(count))
+        slopes = np.stack([rates(row) - zero for row in np.eye(count)])
+        np.testing.assert_allclose(slopes, np.diag(np.diag(slopes)), atol=1e-12)
+        np.testing.assert_allclose(rates(np.full(count, 0.5)) - zero, 0.5 * np.diag(slopes), rtol=1e-9, atol=1e-12)
+        assert np.all(np.diag(slopes) <= 0.0)
+
+
+FINER = 20  # steps of the winding within a sample
+HELD_M = 0.022
+
+
+def record(model, command, step_s):
+    """A held body's samples, one of every so many steps of a winding that such commands drive, with noise."""
+    time, resistance = step_s / FINER * np.arange(8000 * FINER), model.circuit.resistance_ohm
+    volts, kept = command(time), np.exp(-resistance / model.inductance(HELD_M, 0.5) * step_s / FINER)
+    current = lfilter([0.0, (1.0 - kept) / resistance], [1.0, -kept], volts)
+    here = slice(None, None, FINER)
+    columns = {"run": 1.0, "time_s": time[here], "voltage_V": volts[here], "current_A": current[here]}
+    return recorded(pd.DataFrame({**columns, "distance_m": HELD_M}), distance_m=0.0)
+
+
+def levels_from(edge_s):
+    """Commands that go between levels so long after a sample."""
+    levels = np.array([0.8, 2.4, 1.2, 2.8, 0.6, 2.0])
+    return lambda time: levels[(np.floor((time - edge_s) / 0.4 + 1e-6)).astype(int) % len(levels)]
+
+
+@pytest.fixture(scope="module")
+def held_rig(levitation_model):
+    """Held: without a motion, whose force would be compared, and without a Hall element."""
+    return replace(levitation_model, motion=None, sensor=None)
+
+
+@pytest.fixture(scope="module")
+def at_samples(held_rig):
+    return record(held_rig, levels_from(0.0), held_rig.sample_time_s)
+
+
+def misfit(model, series):
+    """Of each window's voltage, over its noise."""
+    observations = series_observations(model, series)
+    return observations.residual / observations.declared_noise["voltage_balance_V"]
+
+
+@pytest.mark.parametrize("edge_s", [0.0, 0.185e-3, 0.45e-3])
+def test_edges_are_balanced_wherever_they_are_between_two_samples(held_rig, edge_s):
+    left = misfit(held_rig, record(held_rig, levels_from(edge_s), held_rig.sample_time_s))
+    assert 0.8 < np.sqrt(np.mean(left**2)) < 1.15  # 222 windows: 5 %, and edges at samples make no error
+    assert np.abs(left).max() < 4.5
+
+
+def test_an_edge_still_shows_an_inductance_that_the_model_lacks(held_rig, at_samples):
+    longer = replace(held_rig, circuits=(replace(held_rig.circuit, inductance_H=3e-3),))  # 18 % of the winding's own
+    assert np.abs(misfit(longer, at_samples)).max() > 4.5
+
+
+def test_a_command_that_changes_from_sample_to_sample_is_held_between_them(held_rig, at_samples):
+    samples = take_samples(held_rig, at_samples)
+    volts, held = samples.columns["voltage_V"], held_from(samples, 0)
+    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s)
+    np.testing.assert_array_equal(mean, volts)
+    np.testing.assert_allclose(error, np.append(np.diff(volts), 0.0) ** 2 / 3.0)
+    volts += 1e-3 * np.random.default_rng(2).standard_normal(len(volts))
+    mean, error = between_samples(samples, 0, held, held_rig.sample_time_s)
+    np.testing.assert_array_equal(mean, volts)
+    assert not error.any()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_commands_that_a_slow_record_does_not_show_count_as_its_noise(held_rig, seed):
+    fast = replace(held_rig, sample_time_s=0.1 * held_rig.sample_time_s)
+    scatter = 0.15 * np.random.default_rng(seed).standard_normal(80000)
+
+    def command(time):
+        place = np.floor(time / fast.sample_time_s + 1e-6).astype(int)
+        return 1.6 + 0.4 * np.sin(2.0 * np.pi * time / 0.37) + scatter[place]
+
+    left = misfit(fast, record(held_rig, command, held_rig.sample_time_s))
+    assert 0.85 < np.sqrt(np.mean(left**2)) < 1.15
+
+
+DISTANCE_M, FORCE_N = 2e-6, 0.02
+
+
+def test_no_reading_is_compared_where_the_body_never_was():
+    motion = solenoid().motion
+    springy = replace(motion, near_stop=replace(motion.near_stop, restitution=0.6))
+    device = replace(solenoid(springy), sample_time_s=STEP_S)
+    loop = switched([0.0, 0.01, 0.11], [0.0, 12.0, 0.0], 0.17, model=device)
+    assert sum(event.name == "hits_near" for event in loop.events) > 1
+    record = logged([loop] * 4, noise=(5e-3, DISTANCE_M))
+    force = np.tile(loop.table["force_N"], 4)
+    rows = record.rows.assign(force_N=force + FORCE_N * np.random.default_rng(2).standard_normal(len(force)))
+    compared = ff.compare(device, replace(record, rows=rows, given=(*record.given, "force_N"))).observations
+    for name in ("force_balance_N", "voltage_balance_V", "force_N"):
+        distance = compared.column("distance_m")[compared.of(name)]
+        assert len(distance) > 40, name
+        assert distance.min() >= rows["distance_m"].min(), name
+        assert distance.max() <= rows["distance_m"].max(), name
+    # Neither the impact nor what came before it is in a mean of the force: what is left is the sensor's noise
+    here = compared.of("force_N")
+    assert np.abs(compared.value - compared.base)[here].max() < 1.5 * FORCE_N
+
+
+PERIOD_S = 1e-3
+
+
+def held(model, seconds=2.0):
+    """Samples of a current that goes from level to level, its voltage and Hall voltage: trapezoids in fine steps."""
+    n = round(seconds / PERIOD_S) * FINER
+    time = np.arange(n + 1) * PERIOD_S / FINER
+    levels = 0.4 + 0.3 * np.sign(np.sin(2.0 * np.pi * time / 0.23)) * (1.0 + 0.2 * np.sin(2.0 * np.pi * time / 0.9))
+    kernel = np.hanning(12 * FINER)
+    current = np.convolve(np.concatenate([np.full(12 * FINER, levels[0]), levels]), kernel / kernel.sum())
+    current = current[12 * FINER : 12 * FINER + n + 1]
+    eddy, d = model.eddy, np.asarray(HELD_M)
+    (at,), inductance = eddy.forms(d), model.inductance(HELD_M, 0.4)
+    own, coupling = inductance * at.coupling.T @ at.coupling + at.inductance, inductance * at.coupling[0]
+    step, resistance = PERIOD_S / FINER, np.diag(eddy.resistances_ohm)
+    before = np.linalg.solve(own + 0.5 * step * resistance, own - 0.5 * step * resistance)
+    driven = -np.linalg.solve(own + 0.5 * step * resistance, coupling)
+    induced = np.zeros((n + 1, eddy.count))
+    for k in range(n):
+        induced[k + 1] = before @ induced[k] + driven * (current[k + 1] - current[k])
+    magnetics = EddyMagnetics(model.magnetics, eddy)
+    whole, distance = np.concatenate([current[:, None], induced], axis=1), np.full(n + 1, HELD_M)
+    flux = magnetics.flux_linkage(distance, whole)[:, 0]
+    ohmic = model.circuit.resistance_ohm * 0.5 * (current[1:] + current[:-1])
+    volts = (ohmic + np.diff(flux) / step).reshape(-1, FINER).mean(axis=1)  # held from sample to sample
+    seen = model.sensor.field.derivatives(distance, current + induced @ at.coupling[0])[0]
+    seen = seen + induced @ at.hall
+    here = slice(None, n, FINER)
+    noise = model.sensor.noise_V * np.random.default_rng(5).standard_normal(len(volts))
+    hall = model.sensor.quiescent_V + model.sensor.sensitivity_V_per_T * seen[here] + noise
+    columns = {"time_s": time[here], "voltage_V": volts, "current_A": current[here], "hall_V": hall}
+    return pd.DataFrame({"run": 1.0, **columns, "distance_m": HELD_M})
+
+
+@pytest.fixture(scope="module")
+def conducting(levitation_model):
+    """Without mass: what holds the body is not recorded. Its iron does not saturate at these currents."""
+    drawn = DrawnEffect(KEY, (), "the conductivity of core", 6.0, "", 0.1, (), conducts=True)
+    return replace(with_eddies(levitation_model), motion=None, drawn=(drawn,), sample_time_s=PERIOD_S)
+
+
+def test_the_drawing_s_eddy_currents_close_the_balances(conducting):
+    exact = recorded(held(conducting), distance_m=0.0, current_A=0.0)
+    with_them, without = (
+        series_observations(one, exact) for one in (conducting, replace(conducting, eddy=None, drawn=()))
+    )
+    for name, share in (("voltage_balance_V", 0.02), ("hall_V", 0.25)):  # noise is left of the Hall voltage
+        left, whole = (np.sqrt(np.mean(one.residual[one.of(name)] ** 2)) for one in (with_them, without))
+        assert left < share * whole
+
+
+def test_a_lag_that_the_drawing_predicts_is_said_to_be_that(conducting):
+    found = diagnose(conducting, recorded(held(conducting)), bootstrap=0)
+    assert not found.missing
+    assert re.search(r"lag .* \d\S* ms at 22 mm", str(found))
+
+
+@pytest.mark.parametrize(("share", "word"), [(0.1, "more"), pytest.param(-0.1, "less", marks=pytest.mark.nightly)])
+def test_a_lag_that_it_does_not_predict_is_named_with_its_size(conducting, share, word):
+    built = replace(with_conductivity(conducting, share), motion=None)
+    record = recorded(held(built))
+    found = diagnose(conducting, record, bootstrap=0)
+    assert [one.name for one in found.missing] == [KEY]
+    said = re.search(r"lags .* by (\S+) ms (more|less) than the (\S+) ms", str(found))
+    assert said, str(found)
+    assert said[2] == word
+    assert float(said[1]) == pytest.approx(abs(share) * float(said[3]), rel=0.2)
+    (effect,) = add_effects(conducting, record, KEY).model.effects
+    assert effect.parameters["change"] == pytest.approx(share, abs=0.01)
+
+
+def test_a_magnet_without_a_circuit_is_braked_by_what_its_motion_induces():
+    """At a constant velocity v each e becomes -lambda' v / R: a force against it of v sum(lambda'^2 / R)."""
+    eddy, velocity = eddies((), (2e-3, 5e-3)), 1e-3
+    time = np.linspace(0.0, 0.1, 401)
+    distance, still = 0.02 + velocity * time, np.zeros((len(time), 1))
+    along = EddiesAlong.at(eddy, distance)
+    induced = induced_along(along, time, time == 0.0, still, still[..., None])
+    slope = along.rising.flux_linkage[-1]
+    assert pull_of(along, still, induced)[-1] == pytest.approx(
+        velocity * (slope**2 / eddy.resistances_ohm).sum(), rel=1e-3
+    )
+    assert not along.acting(still, induced).any()
