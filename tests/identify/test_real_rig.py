@@ -135,6 +135,7 @@ def test_an_ammeter_that_shows_twenty_milliamperes_at_rest_accounts_for_the_volt
     assert left["zero.json"] == pytest.approx({"force_balance_N": 32.0, "voltage_balance_V": 27.2}, rel=0.03)
 
 
+@pytest.mark.nightly
 def test_a_closed_loop_record_tells_the_same_by_its_motion(rig):
     result = answer(rig, "diagnose", "rig.json", "record.csv", "--bootstrap", 0)
     assert result["verdict"] == "unexplained"
