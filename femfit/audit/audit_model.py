@@ -12,8 +12,6 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
 from femfit.core.text import amount
 from femfit.device.electrics import REMEDY, where_clipped
-from femfit.fit.circuit_system import CircuitRows
-from femfit.fit.circuits_build import circuit_rows, misfit_of_circuits
 from femfit.fit.constants import POOR_POINT, SMALL_CIRCUIT_FORCE
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
@@ -82,7 +80,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
     several = len(model.validity.current_limits_A) > 1
     d, i = model.validity.grid(_GRID[0], _EACH if several else _GRID[1])
     findings += [*_misfit(model, rows, d, i), *_positive(model), *_circuit(model, d, i)]
-    if isinstance(rows, CircuitRows):
+    if rows is not None and rows.several:
         findings.append(_worst_point(model, rows))
     if several and model.kind is not None and not model.kind.has_magnet:
         findings += _without_magnet(model, d, i)
@@ -97,7 +95,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
     return Audit(tuple(findings))
 
 
-def _rows_of(path: Path, model: ActuatorModel) -> FitRows | CircuitRows:
+def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
     motion = model.without_effects.motion
     several, table = len(model.validity.current_limits_A) > 1, read_sweep_table(path)
     columns = current_names(table.rows)
@@ -107,21 +105,19 @@ def _rows_of(path: Path, model: ActuatorModel) -> FitRows | CircuitRows:
             f"{path} must have the current of each circuit of the model ({listing(names)}); it has "
             f"{listing(columns)}. Give the table that the model was fitted to."
         )
-    if several:
-        return circuit_rows(table, model.kind)
-    return rows_of_table(table, motion.mass_kg if motion else None, motion.gravity_m_s2 if motion else 0.0)
+    mass, gravity = (motion.mass_kg, motion.gravity_m_s2) if motion else (None, 0.0)
+    return rows_of_table(table, mass, gravity, model.kind)
 
 
-def _require_within(rows: FitRows | CircuitRows, model: ActuatorModel, table: str | Path) -> None:
+def _require_within(rows: FitRows, model: ActuatorModel, table: str | Path) -> None:
     """Refuse a table of another device: one without force, or that goes where the model does not hold, to rounding."""
     if not rows.force.any():
         raise TableError(f"{table} must have forces; all are 0 N. Give the table that the model was fitted to.")
     box = model.validity
-    currents = rows.currents if isinstance(rows, CircuitRows) else rows.current[:, None]
     limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])
-    if isinstance(rows, CircuitRows):  # currents of one sign may hold for the other one
+    if rows.several:  # currents of one sign may hold for the other one
         limits[1:] = np.abs(limits[1:]).max(axis=1, keepdims=True) * (-1.0, 1.0)
-    values = np.column_stack([rows.distance, currents])
+    values = np.column_stack([rows.distance, rows.circuit_currents])
     more = _ROUNDING * np.ptp(limits, axis=1)
     for (low, high), beyond, column, unit in zip(limits, more, values.T, ("m", *"A" * (len(limits) - 1)), strict=True):
         if column.min() < low - beyond or column.max() > high + beyond:
@@ -132,25 +128,24 @@ def _require_within(rows: FitRows | CircuitRows, model: ActuatorModel, table: st
             )
 
 
-def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | CircuitRows | None:
+def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
     if not any((directory / f"{TABLE_STEM}{suffix}").is_file() for suffix in (".parquet", ".csv")):
         return None
     rows = _rows_of(directory, model)
     domain = model.validity
     limits = np.array([[domain.distance_min_m, domain.distance_max_m], *domain.current_limits_A])
-    columns = rows.currents.T if isinstance(rows, CircuitRows) else [rows.currents]
-    ends = np.array([[axis.min(), axis.max()] for axis in (rows.distances, *columns)])
-    if isinstance(rows, CircuitRows):  # currents of one sign may hold for the other one
+    ends = np.array([[axis.min(), axis.max()] for axis in (rows.distances, *rows.axes)])
+    if rows.several:  # currents of one sign may hold for the other one
         limits[1:], ends[1:] = (np.abs(ranges[1:]).max(axis=1, keepdims=True) for ranges in (limits, ends))
     return rows if limits.shape == ends.shape and np.allclose(limits, ends) else None
 
 
-def _worst_point(model: ActuatorModel, rows: CircuitRows) -> AuditFinding:
+def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
     """The point of the table whose force several circuits' co-energy misses most, beside that force."""
-    force = model.without_effects.magnetics.force(rows.distance, rows.currents)
+    force = model.without_effects.magnetics.force(*rows.points)
     missed = np.abs(force - rows.force) / rows.force_scale
     k = int(np.argmax(missed))
-    currents = ", ".join(amount(float(current), "A", 3) for current in rows.currents[k])
+    currents = ", ".join(amount(float(current), "A", 3) for current in rows.circuit_currents[k])
     text = f"it misses a point of its table by at most {amount(float(missed[k]), '')} of the force there: at "
     text += f"{amount(float(rows.distance[k]), 'm', 3)} and {currents} it is {amount(float(force[k]), 'N', 3)}, "
     text += f"{amount(float(rows.force[k]), 'N', 3)} in the table."
@@ -182,15 +177,13 @@ def _without_magnet(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[
     return findings
 
 
-def _misfit(
-    model: ActuatorModel, rows: FitRows | CircuitRows | None, d: FloatArray, i: FloatArray
-) -> list[AuditFinding]:
+def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """How far the model is from its table: recomputed where that is at hand, else as the file states it."""
     base = model.without_effects
     stated = base.misfit
     misfit = stated
     if rows is not None:
-        misfit = misfit_of_circuits(base, rows) if isinstance(rows, CircuitRows) else misfit_to_rows(base, rows)
+        misfit = misfit_to_rows(base, rows)
     if misfit is None:
         return []
     source = "its table" if rows is not None else f"its {misfit.against}, as the file states,"

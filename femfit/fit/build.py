@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,34 +12,41 @@ import numpy as np
 from femfit.core.errors import FitError, UsageError
 from femfit.core.numerics import GRAVITY
 from femfit.core.text import amount
-from femfit.fit.circuits_build import fit_several
+from femfit.device.electrics import Circuit
+from femfit.fit.circuit_system import require_currents
+from femfit.fit.circuits_fit import CircuitsFit, fit_circuits
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy, missed_between
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.drawing import drawn_effects
 from femfit.fit.eddy import with_eddy_currents
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
-from femfit.fit.misfit import as_written, import_notes, misfit_notes, misfit_to_rows, sheet_notes
+from femfit.fit.misfit import absent_points, as_written, import_notes, misfit_notes, misfit_to_rows, sheet_notes
 from femfit.fit.model_parts import (
     actuator_entry,
+    circuit_of,
+    circuits_of,
+    hall_sensor_of,
     kind_of,
     mechanics_of,
-    model_parts,
+    one_sided,
     other_sensors_of,
+    validity_of,
     with_period,
     within_sweep,
 )
-from femfit.fit.network_fit import better_network, fit_network
-from femfit.fit.ranking import rank_laws
+from femfit.fit.network_fit import NetworkFit, better_network, fit_network
+from femfit.fit.ranking import Ranking, rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
-from femfit.fit.sensed_field import fit_hall, fit_pickups
+from femfit.fit.sensed_field import HallFit, SensedRows, fit_hall, fit_pickups, fit_sensed
 from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 from femfit.model.network_magnetics import NETWORK
-from femfit.model.validity import Misfit, ValidityBox
-from femfit.tables.sweep_table import SweepTable, current_names, read_sweep_table
+from femfit.model.validity import Misfit
+from femfit.tables.sweep_table import SweepTable, read_sweep_table
 from femfit.tables.variant_choice import choose_variant
 
 COENERGY = "coenergy"
@@ -112,64 +119,155 @@ def fit_model(
         table = read_sweep_table(table)
     table = choose_variant(table, dict(where or {}))
     entry = actuator_entry(table.manifest.get("actuator"), actuator, mass_kg, resistance_ohm, supply_V)
-    if len(current_names(table.rows)) > 1:
-        if law is not None:
-            raise UsageError(f"Several circuits take the co-energy alone; instead received model {law!r}.")
-        return fit_several(table, entry)
-    mechanics = mechanics_of(entry)
-    rows = rows_of_table(table, *((mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)))
-
-    law_fit, ranking, network = None, None, None
-    if law == ALL:
-        ranking = rank_laws(tuple(all_laws().values()), rows)
-        law_fit = ranking.recommended.fit
-        network = None if ranking.reached else better_network(rows, ranking)
-        law_fit = None if network else law_fit
-    elif law == NETWORK:
-        network = fit_network(rows)
-    elif law is not None:
-        named = law_by_name(law)
-        law_fit = fit_law(named, rows, default_bounds(named).with_single(named, bounds or {}), functions)
-    coenergy = _coenergy(rows, constraints, inductance_H, needed=law_fit is None and network is None)
-    magnetics: Magnetics
-    if law_fit is not None:
-        magnetics = law_magnetics(law_fit, rows, inductance_H)
-    else:
-        chosen = network or coenergy
-        assert chosen is not None  # noqa: S101  a co-energy that is needed raises
-        magnetics = chosen.magnetics
-    one_current = len(rows.currents) < 2 and not rows.without_current
-    hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
-    circuits, motion, sensor, lacks = model_parts(entry, rows, hall, inductance_H is not None)
-    motion, beyond = within_sweep(motion, rows.distances)
+    kind, mechanics = kind_of(entry), mechanics_of(entry)
+    mass, gravity = (mechanics.mass_kg, mechanics.gravity_m_s2) if mechanics else (None, GRAVITY)
+    rows = rows_of_table(table, mass, gravity, kind)
+    if rows.several and law is not None:
+        raise UsageError(f"Several circuits take the co-energy alone; instead received model {law!r}.")
+    if rows.several and kind is not None and kind.saturates:
+        require_currents(rows, "The drawing's iron has a magnetisation curve")
+    fits = (
+        Fits(circuits=fit_circuits(rows))
+        if rows.several
+        else _fits(rows, law, bounds or {}, functions, constraints, inductance_H)
+    )
+    circuits, unknown = _circuits(entry, rows, inductance_H)
+    validity, unswept = validity_of(fits.magnetics(rows, inductance_H), rows)
+    motion, unmoved = within_sweep(mechanics, rows.distances)
+    field, hall, unsensed = _hall_field(entry, rows)
     other_sensors, not_held = other_sensors_of(entry, fit_pickups(table))
-    drawn, missed_by = drawn_effects(table.signatures, rows, coenergy, hall)
+    drawn, missed_by = drawn_effects(None if rows.several else table.signatures, rows, fits.coenergy, hall)
     model = ActuatorModel(
         name=str(entry.get("name") or table.manifest.get("name") or "actuator"),
-        magnetics=magnetics,
-        validity=ValidityBox(
-            float(rows.distances[0]), float(rows.distances[-1]), float(rows.currents[0]), float(rows.currents[-1])
-        ),
+        magnetics=fits.magnetics(rows, inductance_H),
+        validity=validity,
         circuits=circuits,
         motion=motion,
-        sensor=sensor,
+        sensor=hall_sensor_of(entry["hall"], field) if field and entry.get("hall") else None,
         reference_distances_m=tuple(float(d) for d in entry.get("reference_distances_m") or ()),
-        covariance=law_fit.interval.block_covariance if law_fit else None,
-        kind=kind_of(entry),
+        covariance=fits.law.interval.block_covariance if fits.law else None,
+        kind=kind,
         other_sensors=other_sensors,
         drawn=drawn,
     )
     model = with_period(with_eddy_currents(model, table), entry)
     built, model = misfit_to_rows(model, rows), replace(model, misfit=misfit_to_rows(as_written(model), rows))
-    _require_as_fitted(model, built, law_fit)
-    missed = None if law_fit or network or coenergy is None else coenergy.missed_N
-    between = None if missed is None or coenergy is None else missed_between(coenergy, rows)
-    notes = (*lacks, *beyond, *not_held, *sheet_notes(table), *misfit_notes(model, rows, missed, between), *missed_by)
-    result = FitResult(
-        model, coenergy, law_fit, ranking, hall, rows, notes, import_notes(table), network, between=between
+    _require_as_fitted(model, built, fits.law)
+    spline = None if fits.law or fits.network else fits.coenergy
+    between = missed_between(spline, rows) if spline else None
+    notes = (
+        *unknown,
+        *unswept,
+        *absent_points(rows),
+        *one_sided(circuits, validity),
+        *unmoved,
+        *not_held,
+        *sheet_notes(table),
+        *unsensed,
+        *(fits.circuits.notes() if fits.circuits else misfit_notes(model, rows, spline, between)),
+        *missed_by,
     )
+    result = FitResult(
+        model,
+        fits.coenergy,
+        fits.law,
+        fits.ranking,
+        hall,
+        rows,
+        notes,
+        import_notes(table),
+        fits.network,
+        fits.circuits,
+        between,
+    )
+    if rows.several:
+        return result.with_provenance(table.manifest)
     versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
     return result.with_provenance(table.manifest, versions={"python": platform.python_version(), **versions})
+
+
+@dataclass(frozen=True)
+class Fits:
+    """What was fitted: of one circuit a co-energy and perhaps a law in its place, or the co-energy of several."""
+
+    coenergy: CoenergyFit | None = None
+    law: LawFit | None = None
+    ranking: Ranking | None = None
+    network: NetworkFit | None = None
+    circuits: CircuitsFit | None = None
+
+    def magnetics(self, rows: FitRows, inductance_H: float | None) -> Magnetics:
+        """The law's, the network's or the co-energy's."""
+        if self.law is not None:
+            return law_magnetics(self.law, rows, inductance_H)
+        fit = self.network or self.circuits or self.coenergy
+        assert fit is not None  # noqa: S101  a co-energy that is needed raises
+        return fit.magnetics
+
+
+def _fits(
+    rows: FitRows,
+    law: str | None,
+    bounds: Mapping[str, tuple[float, float]],
+    functions: Sequence[str] | None,
+    constraints: Sequence[str] | None,
+    inductance_H: float | None,
+) -> Fits:
+    """The law, or the best of all, and the co-energy beside it; without that where a table is too small for it."""
+    law_fit, ranking, network, coenergy = None, None, None, None
+    if law == ALL:
+        ranking = rank_laws(tuple(all_laws().values()), rows)
+        network = None if ranking.reached else better_network(rows, ranking)
+        law_fit = None if network else ranking.recommended.fit
+    elif law == NETWORK:
+        network = fit_network(rows)
+    elif law is not None:
+        named = law_by_name(law)
+        law_fit = fit_law(named, rows, default_bounds(named).with_single(named, bounds), functions)
+    try:
+        coenergy = fit_coenergy(rows, constraints, inductance_H or 0.0)
+    except FitError:
+        if law_fit is None and network is None:
+            raise
+    return Fits(coenergy, law_fit, ranking, network)
+
+
+def _circuits(
+    entry: Mapping[str, Any],
+    rows: FitRows,
+    inductance_H: float | None,
+) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:
+    """The circuits, and what is unknown of them; a pair of magnets lacks none."""
+    if rows.several:
+        return circuits_of(entry, rows.names)
+    circuits, unknown = circuit_of(entry, rows.flux_linkage is not None, inductance_H is not None)
+    has_coil = not rows.without_current or entry.get("resistance_ohm") is not None
+    return circuits, unknown if has_coil else ()
+
+
+def _hall_field(entry: Mapping[str, Any], rows: FitRows) -> tuple[HallField | None, HallFit | None, tuple[str, ...]]:
+    """The field at the Hall element, how one circuit's was fitted, and what is said of an element left out."""
+    drawn = entry.get("hall")
+    if not rows.several:
+        one_current = len(rows.currents) < 2 and not rows.without_current
+        hall = None if rows.hall is None or one_current else fit_hall(rows, rows.hall)
+        field = None if hall is None else hall.field
+        has_coil = not rows.without_current or entry.get("resistance_ohm") is not None
+        if (hall and drawn) or not has_coil or entry.get("sensors"):
+            return field, hall, ()
+        how = "draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the table as well."
+        return field, hall, (f"No sensor in the model: {how}",)
+    if not drawn:
+        return None, None, ()
+    if rows.hall is None:
+        return None, None, ("The Hall element is not in the model: the table has no hall_T. Sweep the drawing again.",)
+    try:
+        sensed = fit_sensed(
+            SensedRows(rows.distance, rows.circuit_currents, rows.hall), "The field at the Hall element"
+        )
+    except FitError as error:
+        return None, None, (f"The Hall element is not in the model: {error}",)
+    return sensed.field, None, (sensed.said("The field at the Hall element", "T"),)
 
 
 def _check_options(
@@ -192,18 +290,6 @@ def _check_options(
     for name, value in positive.items():
         if value is not None and not (np.isfinite(value) and value > 0):
             raise UsageError(f"{name} must be > 0; instead received {value:g}.")
-
-
-def _coenergy(
-    rows: FitRows, constraints: Sequence[str] | None, inductance_H: float | None, needed: bool
-) -> CoenergyFit | None:
-    """The co-energy; None for a table too small for one, where only a law's reference was wanted."""
-    try:
-        return fit_coenergy(rows, constraints, inductance_H or 0.0)
-    except FitError:
-        if needed:
-            raise
-        return None
 
 
 def _require_as_fitted(written: ActuatorModel, built: Misfit, law: LawFit | None) -> None:

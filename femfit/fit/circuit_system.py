@@ -30,72 +30,27 @@ from femfit.fit.constants import (
     HELD_OUT_TARGET,
     INDUCTANCE_SIGMA,
     NEARLY_BEST,
-    SMALL_CIRCUIT_FORCE,
     SMALL_FLUX,
     SMOOTH_DISTANCE,
     SMOOTHNESS,
     TWO_GAPS,
     U_DEGREE,
 )
-from femfit.fit.rows import rms
+from femfit.fit.rows import FitRows, rms
 from femfit.fit.splines import clamped_knots, row_products
 from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 
 
-@dataclass(frozen=True, eq=False)
-class CircuitRows:
-    """Rows of a sweep of n circuits, in SI units."""
-
-    names: tuple[str, ...]
-    distance: FloatArray  # (rows,)
-    currents: FloatArray  # (rows, n)
-    force: FloatArray
-    flux_linkage: FloatArray  # (rows, n)
-    force_error: FloatArray  # Estimated error of the force; zero where the table gives none
-    # Slopes of the flux linkages over the currents in H, (rows, n, n); None where the table does not give all
-    inductance: FloatArray | None = None
-    magnet: bool = True  # Without one W' is even: no force, and no flux linkage, where no current flows
-
-    @property
-    def force_scale(self) -> FloatArray:
-        """What an error of each row's force is a part of: the force, or a part of the largest one; (rows,)."""
-        force = np.abs(self.force)
-        return np.asarray(np.maximum(force, SMALL_CIRCUIT_FORCE * np.max(force)))
-
-    @property
-    def relative_flux_scale(self) -> FloatArray:
-        """The same of each flux linkage; (rows, n)."""
-        flux = np.abs(self.flux_linkage)
-        return np.asarray(np.maximum(flux, SMALL_FLUX * flux.max(axis=0)))
-
-    @property
-    def flux_scale(self) -> FloatArray:
-        """Rms of each flux linkage in Wb, so that a winding with few turns counts as much as one with many; (n,)."""
-        return np.asarray(np.sqrt(np.mean(self.flux_linkage**2, axis=0)))
-
-    def worst_flux_share(self, missed: FloatArray) -> float:
-        """The largest of the circuits' rms errors of shape (rows, n), each over its flux linkage's own rms."""
-        return float(np.max(np.sqrt(np.mean(missed**2, axis=0)) / self.flux_scale))
-
-    @property
-    def distances(self) -> FloatArray:
-        """Distinct distances, ascending."""
-        return np.unique(self.distance)
-
-    @property
-    def grid_points(self) -> int:
-        """Points of the grid of all distances and currents, of which a row may be missing."""
-        return len(self.distances) * int(np.prod([len(np.unique(column)) for column in self.currents.T]))
+def flux_scale(rows: FitRows) -> FloatArray:
+    """What an error of each flux linkage is a part of: its size, or a part of the circuit's largest; (rows, n)."""
+    flux = np.abs(rows.linked)
+    return np.asarray(np.maximum(flux, SMALL_FLUX * flux.max(axis=0)))
 
 
-def require_currents(rows: CircuitRows, why: str) -> None:
+def require_currents(rows: FitRows, why: str) -> None:
     """Refuse two currents of a circuit whose iron bends: a quadratic form would meet both, however it bends."""
-    few = [
-        name
-        for name, column in zip(rows.names, rows.currents.T, strict=True)
-        if len(np.unique(column)) < FEWEST_CURRENTS
-    ]
+    few = [name for name, axis in zip(rows.names, rows.axes, strict=True) if len(axis) < FEWEST_CURRENTS]
     if few:
         raise FitError(
             f"{why}, and each circuit then needs {FEWEST_CURRENTS} currents or more to show how it bends; "
@@ -201,23 +156,23 @@ class CircuitSolution:
 
 
 def solve_circuits(
-    rows: CircuitRows, coordinate: DistanceCoordinate, knots: FloatArray, functions: CurrentFunctions
+    rows: FitRows, coordinate: DistanceCoordinate, knots: FloatArray, functions: CurrentFunctions
 ) -> CircuitSolution | None:
     """The least squares; None where the rows do not determine it."""
     u, slope, _ = coordinate.with_slopes(rows.distance)
     along = basis_matrix(u, knots, U_DEGREE)
     rising = -slope[:, None] * basis_matrix(u, knots, U_DEGREE, 1)
-    n, flux_scale = len(rows.names), rows.relative_flux_scale
-    blocks = [row_products(rising, functions.columns(rows.currents)) / _divisor(rows.force_scale)[:, None]]
+    n = len(rows.names)
+    blocks = [row_products(rising, functions.columns(rows.circuit_currents)) / _divisor(rows.force_scale)[:, None]]
     data = [rows.force / _divisor(rows.force_scale)]
-    for k, scale in enumerate(map(_divisor, flux_scale.T)):
-        blocks.append(row_products(along, functions.columns(rows.currents, k)) / scale[:, None])
-        data.append(rows.flux_linkage[:, k] / scale)
+    for k, scale in enumerate(map(_divisor, flux_scale(rows).T)):
+        blocks.append(row_products(along, functions.columns(rows.circuit_currents, k)) / scale[:, None])
+        data.append(rows.linked[:, k] / scale)
     if rows.inductance is not None:
         self_inductance = _divisor(np.diagonal(rows.inductance, axis1=1, axis2=2))
         for j, k in combinations_with_replacement(range(n), 2):
             scale = INDUCTANCE_SIGMA * np.sqrt(self_inductance[:, j] * self_inductance[:, k])
-            blocks.append(row_products(along, functions.columns(rows.currents, j, k)) / scale[:, None])
+            blocks.append(row_products(along, functions.columns(rows.circuit_currents, j, k)) / scale[:, None])
             data.append(rows.inductance[:, j, k] / scale)
     matrix, values = np.concatenate(blocks), np.concatenate(data)
     free = np.ones(matrix.shape[1], dtype=np.bool_)
@@ -245,7 +200,7 @@ def solve_circuits(
     )
 
 
-def best_along_distance(rows: CircuitRows, functions: CurrentFunctions) -> Along:
+def best_along_distance(rows: FitRows, functions: CurrentFunctions) -> Along:
     """The coordinate of the distance and the knots that miss least with each inner distance left out."""
 
     def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:

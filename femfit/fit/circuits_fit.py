@@ -13,25 +13,24 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.text import amount
-from femfit.fit.circuit_system import CircuitRows, CircuitSolution, best_along_distance, solve_circuits
+from femfit.fit.circuit_system import CircuitSolution, best_along_distance, flux_scale, solve_circuits
 from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, SMALL_CIRCUIT_FORCE, U_DEGREE
 from femfit.fit.misfit import middles
-from femfit.fit.rows import rms
+from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.fit.saturating_circuits import fit_saturating, points_left_out
 from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 
 
 @dataclass(frozen=True, eq=False)
 class CircuitsFit:
-    """A fitted co-energy and its errors; those of the force are parts of :attr:`CircuitRows.force_scale`."""
+    """A fitted co-energy and its errors; those of the force are parts of :attr:`FitRows.force_scale`."""
 
     magnetics: CoenergyMatrix | CoenergyTensor
     worst: float  # Of the force at any point of the table
     # Of the force at points left out: the largest and the rms; infinite where the sweep has too few points
     left_out_worst: float
     left_out_rms: float
-    force_share: float
-    flux_linkage_share: float
+    share: float  # Rms error over the rms, of the force or the flux linkage that is met worst
     # Where the iron saturates: of the force, with a whole distance, and with a whole current, left out; the largest
     whole_distance_worst: float
     whole_current_worst: float
@@ -137,7 +136,7 @@ class _Products:
         return np.zeros((0, self.count))
 
 
-def fit_circuits(rows: CircuitRows) -> CircuitsFit:
+def fit_circuits(rows: FitRows) -> CircuitsFit:
     """Fit M(d), or where the iron saturates a spline in the distance and all currents.
 
     Raises
@@ -186,24 +185,23 @@ class _Planes:
         )
 
 
-def _judged(magnetics: CoenergyMatrix | CoenergyTensor, solution: CircuitSolution, rows: CircuitRows) -> CircuitsFit:
-    force = magnetics.force(rows.distance, rows.currents) - rows.force
-    flux = magnetics.flux_linkage(rows.distance, rows.currents) - rows.flux_linkage
+def _judged(magnetics: CoenergyMatrix | CoenergyTensor, solution: CircuitSolution, rows: FitRows) -> CircuitsFit:
+    force = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
+    flux = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
     folds = [rows.distance == d for d in rows.distances[1:-1]]
     if isinstance(magnetics, CoenergyTensor):
         folds = points_left_out(rows)
     left_out = np.concatenate([solution.left_out(out)[0] for out in folds]) if folds else np.array([np.inf])
     axes = [("distance", rows.distance)]
     if isinstance(magnetics, CoenergyTensor):
-        axes += list(zip(rows.names, rows.currents.T, strict=True))
+        axes += list(zip(rows.names, rows.circuit_currents.T, strict=True))
     planes = [_Planes.of(solution, name, column) for name, column in axes]
     fit = CircuitsFit(
         magnetics,
         float(np.max(np.abs(force) / rows.force_scale)),
         float(np.max(np.abs(left_out))),
         rms(left_out),
-        rms(force) / rms(rows.force),
-        rows.worst_flux_share(flux),
+        max(rms_share(force, rows.force) or 0.0, rms_share(flux, rows.linked) or 0.0),
         planes[0].worst,
         max((plane.worst for plane in planes[1:]), default=0.0),
         max(planes, key=lambda plane: plane.poorest).finer,
@@ -212,13 +210,13 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, solution: CircuitSolutio
     return fit
 
 
-def _not_quadratic(rows: CircuitRows, functions: _Products) -> float:
+def _not_quadratic(rows: FitRows, functions: _Products) -> float:
     """What the best quadratic form in the currents misses at each distance by itself, over the scale, at most."""
-    flux = enumerate(zip(rows.flux_linkage.T, rows.relative_flux_scale.T, strict=True))
+    flux = enumerate(zip(rows.linked.T, flux_scale(rows).T, strict=True))
     readings = [((), rows.force, rows.force_scale), *(((circuit,), *column) for circuit, column in flux)]
     worst = 0.0
     for circuits, values, scale in readings:
-        columns = functions.columns(rows.currents, *circuits) / scale[:, None]
+        columns = functions.columns(rows.circuit_currents, *circuits) / scale[:, None]
         for d in rows.distances:
             at_distance = rows.distance == d
             best = (
@@ -231,7 +229,7 @@ def _not_quadratic(rows: CircuitRows, functions: _Products) -> float:
 
 def _require_agreement(fit: CircuitsFit) -> None:
     """Refuse a force and flux linkages that no one co-energy has."""
-    worst = max(fit.force_share, fit.flux_linkage_share)
+    worst = fit.share
     if worst > POOR_CIRCUIT and isinstance(fit.magnetics, CoenergyTensor):
         raise FitError(
             f"The iron saturates, and the co-energy misses force or flux linkages by {amount(worst, '')} of their rms: "
@@ -245,7 +243,7 @@ def _require_agreement(fit: CircuitsFit) -> None:
         )
 
 
-def _require_definite(magnetics: CoenergyMatrix, rows: CircuitRows) -> None:
+def _require_definite(magnetics: CoenergyMatrix, rows: FitRows) -> None:
     """Refuse inductances that would store a negative energy at some distance between the rows."""
     d = np.unique(np.concatenate([np.linspace(low, high, 8) for low, high in pairwise(rows.distances)]))
     least = np.linalg.eigvalsh(magnetics.matrix(d)[:, 1:, 1:])[:, 0]

@@ -225,7 +225,7 @@ def missed_between(fit: CoenergyFit, rows: FitRows) -> Between | None:
     distance, current = halfway(rows)
     splines = fit.magnetics, *_others(fit.basis, rows)
     values = np.array([_quantities(spline, distance, current) for spline in splines])
-    table = (rows.force, rows.flux_linkage, rows.inductance[np.isfinite(rows.inductance)])
+    table = (rows.force, rows.flux_linkage[:, 0], rows.inductance[np.isfinite(rows.inductance)])
     off = np.abs(values[1:] - values[0]) / np.array([[rms(column)] for column in table])
     parted = np.array([np.quantile(off[:, k], share, axis=0) for k, share in enumerate(PARTED)])
     force, flux_linkage, inductance = (rms(departure) for departure in parted)
@@ -258,7 +258,8 @@ def _others(basis: CoenergyBasis, rows: FitRows) -> Iterator[CoenergySpline]:
 
     They go without the shape constraints, which hold at the points and hardly act between them.
     """
-    system, columns = coenergy_system(rows), np.array([rows.force, rows.flux_linkage, rows.inductance])[..., None]
+    system = coenergy_system(rows)
+    columns = np.array([rows.force, rows.flux_linkage[:, 0], rows.inductance[:, 0, 0]])[..., None]  # type: ignore[index]
     knots = basis.current_knots
     step = MOVED_BREAKS * np.diff(np.unique(knots)).min() * ((knots > knots[0]) & (knots < knots[-1]))
     alike = [replace(basis, **trial) for trial in distance_trials(rows)]

@@ -217,8 +217,9 @@ def coenergy_system(rows: FitRows) -> CoenergySystem:
     every, scale = np.arange(len(rows.force)), rows.force_scale
     channels = [Channel((1, 0), -1.0, every, rows.force, scale, np.hypot(rows.force_error, RELATIVE_SIGMA * scale))]
     slopes = (((0, 1), rows.flux_linkage, 1.0), ((0, 2), rows.inductance, INDUCTANCE_SIGMA))
-    for order, column, weaker in slopes:
-        if column is not None:
+    for order, values, weaker in slopes:
+        if values is not None:
+            column = values.reshape(-1)
             which = np.flatnonzero(np.isfinite(column))
             scale = np.full(len(which), _change_over_distance(rows.current[which], column[which]))
             channels.append(Channel(order, 1.0, which, column[which], scale, RELATIVE_SIGMA * weaker * scale))

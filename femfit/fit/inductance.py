@@ -25,7 +25,7 @@ from femfit.fit.bounded_qp import non_negative
 from femfit.fit.constants import POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
-from femfit.fit.model_parts import actuator_entry, circuit_and_motion, sample_time
+from femfit.fit.model_parts import MASS_UNKNOWN, actuator_entry, circuit_of, mechanics_of, sample_time
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -110,7 +110,8 @@ def fit_inductance(
         for basis, unit, value in zip(chosen.basis, chosen.coefficient_units, solution[1:], strict=True)
     )
     magnetics = LawMagnetics(chosen.name, coefficients, shape, constant_inductance_H=float(solution[0]))
-    circuits, motion, notes = circuit_and_motion(entry)
+    (circuits, notes), motion = circuit_of(entry), mechanics_of(entry)
+    notes = notes if motion else (*notes, MASS_UNKNOWN)
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
         magnetics=magnetics,

@@ -9,9 +9,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.device.parts import thick_sheets
 from femfit.device.summary import actuator_from_record
-from femfit.fit.coenergy import Between
+from femfit.fit.coenergy import Between, CoenergyFit
 from femfit.fit.constants import COARSE, POOR_CIRCUIT
-from femfit.fit.rows import FitRows, rms
+from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import CoenergySpline, Magnetics
@@ -25,22 +25,26 @@ def as_written(model: ActuatorModel) -> ActuatorModel:
 
 
 def misfit_to_rows(model: ActuatorModel | Magnetics, rows: FitRows) -> Misfit:
-    """Model minus table in force, flux linkage, inductance and, with a sensor, the field at the Hall element."""
+    """Model minus table in force, flux linkage and, with a sensor, the field at the Hall element.
+
+    Beside those, of one circuit, the inductance. Of several, the rms misfit of all flux linkages together, and the
+    largest of the circuits' shares, each of its own rms.
+    """
     sensor = model.sensor if isinstance(model, ActuatorModel) else None
     magnetics = model.magnetics if isinstance(model, ActuatorModel) else model
-    d, i = rows.distance, rows.current
-    error = magnetics.force(d, i) - rows.force
+    error = magnetics.force(*rows.points) - rows.force
     flux_rms = flux_share = inductance_rms = inductance_share = hall_rms = None
     if rows.flux_linkage is not None:
-        flux = magnetics.flux_linkage(d, i)
-        flux_rms = rms(flux - rows.flux_linkage)
-        flux_share = _share(flux_rms, rows.flux_linkage)
-        table, of_model = chord_inductance(rows, rows.flux_linkage), chord_inductance(rows, flux)
+        linked = magnetics.flux_linkage(*rows.points).reshape(rows.flux_linkage.shape)
+        missed = linked - rows.flux_linkage
+        flux_rms = rms(missed)
+        flux_share = rms_share(missed, rows.flux_linkage)
+    if rows.flux_linkage is not None and not rows.several:
+        table, of_model = (chord_inductance(rows, flux[:, 0]) for flux in (rows.flux_linkage, linked))
         if len(table):
-            inductance_rms = rms(of_model - table)
-            inductance_share = _share(inductance_rms, table)
+            inductance_rms, inductance_share = rms(of_model - table), rms_share(of_model - table, table)
     if sensor is not None and rows.hall is not None:
-        hall_rms = rms(sensor.field.field(d, i) - rows.hall)
+        hall_rms = rms(sensor.field.field(*rows.points) - rows.hall)
     return Misfit(
         force_rms_N=rms(error),
         force_max_N=float(np.max(np.abs(error))),
@@ -51,7 +55,7 @@ def misfit_to_rows(model: ActuatorModel | Magnetics, rows: FitRows) -> Misfit:
         rows=len(error),
         against="sweep",
         inductance_rms_H=inductance_rms,
-        force_share=_share(rms(error), rows.force),
+        force_share=rms_share(error, rows.force),
         flux_linkage_share=flux_share,
         inductance_share=inductance_share,
     )
@@ -62,11 +66,6 @@ def chord_inductance(rows: FitRows, flux_linkage: FloatArray) -> FloatArray:
     order = np.lexsort((rows.current, rows.distance))
     same = np.diff(rows.distance[order]) == 0.0
     return np.asarray((np.diff(flux_linkage[order])[same]) / (np.diff(rows.current[order])[same]))
-
-
-def _share(error: float, values: FloatArray) -> float | None:
-    size = rms(values)
-    return error / size if size > 0.0 else None
 
 
 _UNITS_ASSUMED = "assumed-units"
@@ -91,8 +90,21 @@ def sheet_notes(table: SweepTable) -> tuple[str, ...]:
     return tuple(thick_sheets(actuator_from_record(drawn, str(table.manifest.get("name") or "the sweep"))))
 
 
+def absent_points(rows: FitRows) -> tuple[str, ...]:
+    """What points that the grid of several currents lacks mean for the co-energy between the others."""
+    absent = rows.grid_points - len(rows.distance)
+    if absent <= 0 or not rows.several:
+        return ()
+    return (
+        (
+            f"{absent} of the {rows.grid_points} points of the grid failed or are missing, and the co-energy is less "
+            "sure around them. Mend what made them fail, or move these points, and sweep again before anything else."
+        ),
+    )
+
+
 def misfit_notes(
-    model: ActuatorModel, rows: FitRows, missed: FloatArray | None, between: Between | None = None
+    model: ActuatorModel, rows: FitRows, coenergy: CoenergyFit | None, between: Between | None = None
 ) -> tuple[str, ...]:
     """Warnings where the model misses the table that it was fitted to.
 
@@ -102,16 +114,16 @@ def misfit_notes(
         With its misfit.
     rows : FitRows
         The table's.
-    missed : array, shape (rows,), or None
-        What a co-energy's force is judged by, in N; None of other models.
+    coenergy : CoenergyFit or None
+        The model, where it is one.
     between : Between or None
         What a co-energy may be off by between the points.
     """
     misfit = model.misfit
     assert misfit is not None  # noqa: S101  every fit computes it
     notes = []
-    if missed is not None:
-        notes += _finer_sweep(missed, misfit, rows)
+    if coenergy is not None:
+        notes += _finer_sweep(coenergy.missed_N, misfit, rows)
     if not notes and between is not None and between.poor:
         notes.append(f"The steps of the sweep are too wide for a bend of the steel. {to_be_added(between.finer)}")
     poor = [
@@ -125,7 +137,7 @@ def misfit_notes(
     if poor:
         remedy = "A co-energy (femfit fit without --model) holds both."
         if isinstance(model.magnetics, CoenergySpline) and rows.flux_linkage is not None:
-            off = model.magnetics.flux_linkage(rows.distance, rows.current) - rows.flux_linkage
+            off = model.magnetics.flux_linkage(rows.distance, rows.current) - rows.flux_linkage[:, 0]
             more = middles(rows.currents, rows.current[np.argmax(np.abs(off))])
             finer = " and ".join(f"{x:.4g}" for x in more)
             wanted = f"Add to [sweep] the currents {finer} A" if len(more) else "Give [sweep] more than one current"
@@ -143,7 +155,7 @@ def _finer_sweep(missed: FloatArray, misfit: Misfit, rows: FitRows) -> list[str]
     points added there also help between the points, where points added at the smallest forces do not.
     """
     shares = (
-        (_share(rms(missed), rows.force) or 0.0, "its rms"),
+        (rms_share(missed, rows.force) or 0.0, "its rms"),
         (misfit.force_rms_relative, "each point's own force (rms)"),
     )
     poor = next((pair for pair in shares if pair[0] >= COARSE), None)

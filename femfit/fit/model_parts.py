@@ -18,10 +18,12 @@ from femfit.device.mechanics import Mechanics
 from femfit.device.summary import circuit_of_this_version, sweep_manifest_entry
 from femfit.fit.constants import STOP_ROUNDING_M
 from femfit.fit.rows import FitRows
-from femfit.fit.sensed_field import HallFit, SensedFit
+from femfit.fit.sensed_field import SensedFit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallField, HallSensor, OtherSensor, PickupSensor
-from femfit.model.validity import ActuatorKind
+from femfit.model.magnetics import Magnetics
+from femfit.model.several_magnetics import CoenergyMatrix
+from femfit.model.validity import ActuatorKind, ValidityBox
 
 MASS_UNKNOWN = "No motion in the model: mass unknown. Give --actuator ACTUATOR.toml or --mass-g."
 
@@ -31,10 +33,6 @@ Part = TypeVar("Part")
 @dataclass(frozen=True)
 class _OneSensor:
     sensor: AnySensor
-
-
-Parts = tuple[tuple[Circuit, ...], Mechanics | None, HallSensor | None, tuple[str, ...]]
-"""The parts of a model as far as they are known, and what is missing."""
 
 
 def actuator_entry(
@@ -58,19 +56,6 @@ def actuator_entry(
     }
 
 
-def model_parts(entry: Mapping[str, Any], rows: FitRows, hall: HallFit | None, inductance_given: bool) -> Parts:
-    """What a manifest's actuator entry makes of a model beside its magnetics, and how to give each part missing."""
-    has_coil = not rows.without_current or entry.get("resistance_ohm") is not None
-    circuits, motion, notes = circuit_and_motion(entry, rows.flux_linkage is not None, inductance_given, has_coil)
-    element = entry.get("hall")
-    if hall is None or not element:
-        if has_coil and not entry.get("sensors"):
-            how = "draw [sensors.NAME] in the actuator file; one of kind hall needs hall_T in the table as well."
-            notes = (*notes, f"No sensor in the model: {how}")
-        return circuits, motion, None, notes
-    return circuits, motion, hall_sensor_of(element, hall.field), notes
-
-
 def hall_sensor_of(element: Mapping[str, Any], field: HallField) -> HallSensor:
     """The Hall element of a manifest's record with the field that the sweep holds."""
     names = ("sensitivity_V_per_T", "quiescent_V", "output_min_V", "output_max_V", "noise_V")
@@ -83,31 +68,27 @@ def hall_sensor_of(element: Mapping[str, Any], field: HallField) -> HallSensor:
     )
 
 
-def circuit_and_motion(
-    entry: Mapping[str, Any], flux_linkage: bool = True, inductance_given: bool = True, has_coil: bool = True
-) -> tuple[tuple[Circuit, ...], Mechanics | None, tuple[str, ...]]:
-    """Circuit and motion of an actuator entry, and how to give what is missing.
+def circuit_of(
+    entry: Mapping[str, Any], flux_linkage: bool = True, inductance_given: bool = True
+) -> tuple[tuple[Circuit, ...], tuple[str, ...]]:
+    """The circuit of an actuator entry, and how to give what is missing.
 
-    A circuit needs an inductance: from the table's flux linkage, or given. A pair of magnets lacks no circuit.
+    It needs an inductance: from the table's flux linkage, or given.
     """
-    keys, notes = ("resistance_ohm", "voltage_min_V", "voltage_max_V"), []
+    keys = ("resistance_ohm", "voltage_min_V", "voltage_max_V")
     missing = [key for key in keys if entry.get(key) is None]
     if not (flux_linkage or inductance_given):
         missing.append("flux_linkage_Wb or an inductance")
-    if missing and has_coil:
-        notes.append(
-            f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml, or "
-            "--resistance-ohm and --supply-V"
-            + ("." if flux_linkage else ", and --inductance-H since the table has no flux linkage.")
-        )
-    motion = mechanics_of(entry)
-    if motion is None:
-        notes.append(MASS_UNKNOWN)
-    circuits: tuple[Circuit, ...] = ()
     if not missing:
         record = (entry.get("circuits") or [{}])[0]
-        circuits = (_circuit(entry, {**record, **{key: number(entry, key) for key in keys}}),)
-    return circuits, motion, tuple(notes)
+        return (_circuit(entry, {**record, **{key: number(entry, key) for key in keys}}),), ()
+    remedy = "." if flux_linkage else ", and --inductance-H since the table has no flux linkage."
+    return (), (
+        (
+            f"No circuit in the model: {', '.join(missing)} unknown. Give --actuator ACTUATOR.toml, or "
+            f"--resistance-ohm and --supply-V{remedy}"
+        ),
+    )
 
 
 def mechanics_of(entry: Mapping[str, Any]) -> Mechanics | None:
@@ -118,9 +99,9 @@ def mechanics_of(entry: Mapping[str, Any]) -> Mechanics | None:
 
 
 def within_sweep(motion: Mechanics | None, distances: FloatArray) -> tuple[Mechanics | None, tuple[str, ...]]:
-    """The mechanics without the stops that lie beyond the swept distances in m, where the model ends, and a note."""
+    """The mechanics without the stops that lie beyond the swept distances in m, and what is said."""
     if motion is None:
-        return None, ()
+        return None, (MASS_UNKNOWN,)
     low, high = float(distances.min()) - STOP_ROUNDING_M, float(distances.max()) + STOP_ROUNDING_M
     near, far = motion.ends
     beyond = {"near": near} if -np.inf < near < low else {}
@@ -145,6 +126,45 @@ def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[C
         unknown = f"No circuits in the model: the voltage limits behind {', '.join(without)} are unknown."
         return (), (f"{unknown} Give [supply] in the actuator file, and --actuator ACTUATOR.toml.",)
     return circuits, ()
+
+
+def validity_of(magnetics: Magnetics, rows: FitRows) -> tuple[ValidityBox, tuple[str, ...]]:
+    """The distances and currents that a model holds for, and which signs of several currents were not swept.
+
+    A quadratic form holds for currents of either sign. A spline of several holds where it was swept and, without a
+    magnet, where all of these currents flow the other way, which is a box again where all circuits but one were swept
+    to both sides.
+    """
+    low, high = rows.circuit_currents.min(axis=0), rows.circuit_currents.max(axis=0)
+    even = rows.several and not (rows.magnet or isinstance(magnetics, CoenergyMatrix))
+    lopsided = int((low != -high).sum())
+    mirrored = even and lopsided > 1
+    if isinstance(magnetics, CoenergyMatrix) or (even and lopsided == 1 and np.all(low * high <= 0.0)):
+        low, high = np.minimum(low, -high), np.maximum(high, -low)
+    first, *other_limits = zip(low.tolist(), high.tolist(), strict=True)
+    ends = float(rows.distances[0]), float(rows.distances[-1])
+    notes = (
+        (
+            f"The currents of {' and '.join(rows.names)} were swept with these signs, and the co-energy also holds "
+            "with all of them reversed, for there is no magnet. Other signs together were not swept: sweep all "
+            "circuits but one to both sides of 0 A."
+        ),
+    )
+    return ValidityBox(*ends, *first, tuple(other_limits), mirrored), notes if mirrored else ()
+
+
+def one_sided(circuits: Sequence[Circuit], validity: ValidityBox) -> tuple[str, ...]:
+    """What to do about several circuits that a simulation drives below 0 A at once, where the sweep says nothing."""
+    names = [
+        circuit.name
+        for circuit, (low, high) in zip(circuits, validity.current_limits_A, strict=False)
+        if circuit.drive.kind == "voltage" and circuit.drive.diode_V is None and low * high == 0.0
+    ]
+    text = (
+        f"The sweep has currents of {' and '.join(names)} to one side of 0 A alone, and a simulation ends where other "
+        "circuits induce a current of the other sign. Sweep both sides, or draw diode_V for a driver that blocks."
+    )
+    return (text,) if names and len(circuits) > 1 else ()
 
 
 def _circuit(entry: Mapping[str, Any], record: Mapping[str, Any]) -> Circuit:

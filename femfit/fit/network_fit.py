@@ -87,8 +87,7 @@ def _require_plunger(rows: FitRows) -> None:
 
 def _starts(rows: FitRows) -> list[FloatArray]:
     """Numbers of a gap whose reluctance grows with a power of the distance, and of iron a little above the largest."""
-    flux = rows.flux_linkage
-    assert flux is not None  # noqa: S101  _require_plunger asks
+    flux = rows.linked[:, 0]
     carries = rows.current != 0.0
     inductance = float(np.median(flux[carries] / rows.current[carries]))
     largest, current = float(np.max(np.abs(flux))), float(np.max(np.abs(rows.current)))
@@ -125,9 +124,8 @@ def _best(rows: FitRows, fitted: BoolArray, starts: list[FloatArray]) -> FloatAr
 
 def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], FloatArray]:
     d, i, force = rows.distance[fitted], rows.current[fitted], rows.force[fitted]
-    assert rows.flux_linkage is not None  # noqa: S101  _require_plunger asks
-    flux = rows.flux_linkage[fitted]
-    flux_scale = rms(rows.flux_linkage)
+    flux = rows.linked[fitted, 0]
+    flux_scale = rms(rows.linked)
 
     def residual(numbers: FloatArray) -> FloatArray:
         with np.errstate(all="ignore"):
@@ -136,8 +134,7 @@ def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], FloatA
                 (magnetics.force(d, i) - force) / rows.rms_force,
                 (magnetics.flux_linkage(d, i) - flux) / flux_scale,
             ]
-        return np.nan_to_num(np.concatenate(errors), nan=NETWORK_OFF, posinf=NETWORK_OFF, neginf=-NETWORK_OFF).clip(
-            -NETWORK_OFF, NETWORK_OFF
-        )
+        finite = np.nan_to_num(np.concatenate(errors), nan=NETWORK_OFF)
+        return np.asarray(finite.clip(-NETWORK_OFF, NETWORK_OFF))
 
     return residual

@@ -18,7 +18,6 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
 from femfit.fit.circuit_system import (
-    CircuitRows,
     CircuitSolution,
     best_along_distance,
     require_currents,
@@ -32,7 +31,7 @@ from femfit.fit.constants import (
     MOST_UNKNOWNS,
     U_DEGREE,
 )
-from femfit.fit.rows import rms
+from femfit.fit.rows import FitRows, rms
 from femfit.fit.splines import clamped_knots, row_products
 from femfit.model.bspline import basis_matrix
 from femfit.model.several_magnetics import CoenergyTensor
@@ -103,7 +102,7 @@ def _differences(knots: FloatArray, order: int) -> FloatArray:
     return differences
 
 
-def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
+def fit_saturating(rows: FitRows) -> tuple[CoenergyTensor, CircuitSolution]:
     """The spline, and how it was found.
 
     Raises
@@ -112,7 +111,7 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
         If a circuit has fewer than three currents, the rows are no grid or do not determine the spline, or the
         inductances are not positive definite everywhere.
     """
-    axes = [np.unique(column) for column in rows.currents.T]
+    axes = rows.axes
     _require_grid(rows)
     signed = axes if rows.magnet else [np.unique(np.concatenate([axis, -axis])) for axis in axes]
     trials = [
@@ -151,7 +150,7 @@ def fit_saturating(rows: CircuitRows) -> tuple[CoenergyTensor, CircuitSolution]:
     )
 
 
-def _tightly_coupled(magnetics: CoenergyTensor, rows: CircuitRows) -> str:
+def _tightly_coupled(magnetics: CoenergyTensor, rows: FitRows) -> str:
     """Why no finer sweep helps windings that share a core; empty where the swept inductances do not say so.
 
     Divided by sqrt(L_jj L_kk) the inductances have 1 on the diagonal, and the couplings k beside it. Their least
@@ -162,7 +161,7 @@ def _tightly_coupled(magnetics: CoenergyTensor, rows: CircuitRows) -> str:
         return ""
     self_inductance = np.diagonal(rows.inductance, axis1=1, axis2=2)
     scale = np.sqrt(self_inductance[:, :, None] * self_inductance[:, None, :])
-    off = magnetics.inductance(rows.distance, rows.currents) - rows.inductance
+    off = magnetics.inductance(rows.distance, rows.circuit_currents) - rows.inductance
     missed = rms(np.linalg.norm(off / scale, ord=2, axis=(1, 2)))
     leakage = float(np.linalg.eigvalsh(rows.inductance / scale).min())
     if not leakage <= missed < 1.0:
@@ -175,7 +174,7 @@ def _tightly_coupled(magnetics: CoenergyTensor, rows: CircuitRows) -> str:
     )
 
 
-def _require_grid(rows: CircuitRows) -> None:
+def _require_grid(rows: FitRows) -> None:
     require_currents(rows, "The iron saturates")
     points = rows.grid_points
     if len(rows.distance) < LEAST_OF_GRID * points:
@@ -185,10 +184,12 @@ def _require_grid(rows: CircuitRows) -> None:
         )
 
 
-def points_left_out(rows: CircuitRows) -> list[BoolArray]:
+def points_left_out(rows: FitRows) -> list[BoolArray]:
     """The inner points with a current, in folds of every so many-th; the signs of all currents are one."""
-    inner = (rows.distance > rows.distances[0]) & (rows.distance < rows.distances[-1]) & rows.currents.any(axis=1)
-    for column in rows.currents.T:
+    inner = (
+        (rows.distance > rows.distances[0]) & (rows.distance < rows.distances[-1]) & rows.circuit_currents.any(axis=1)
+    )
+    for column in rows.circuit_currents.T:
         low, high = column.min(), column.max()
         inner &= ((column > low) | (not rows.magnet and low == 0.0)) & (column < high)
     places = np.flatnonzero(inner)
@@ -206,7 +207,7 @@ def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
     return clamped_knots(breaks, U_DEGREE)
 
 
-def _tensor(functions: CurrentSplines, solution: CircuitSolution, rows: CircuitRows) -> CoenergyTensor:
+def _tensor(functions: CurrentSplines, solution: CircuitSolution, rows: FitRows) -> CoenergyTensor:
     """The model's magnetics; with a magnet W' is counted from zero current at the farthest distance."""
     degrees = (U_DEGREE,) * len(rows.names)
 
@@ -218,16 +219,16 @@ def _tensor(functions: CurrentSplines, solution: CircuitSolution, rows: CircuitR
     table = (solution.coefficients @ functions.products.T).reshape(-1, *functions.shape)
     if functions.even:
         return tensor(table)
-    origin = np.clip(np.zeros(len(rows.names)), rows.currents.min(axis=0), rows.currents.max(axis=0))
+    origin = np.clip(np.zeros(len(rows.names)), rows.circuit_currents.min(axis=0), rows.circuit_currents.max(axis=0))
     return tensor(table - tensor(table).coenergy(rows.distances[-1], origin))
 
 
-def _indefinite(magnetics: CoenergyTensor, rows: CircuitRows, axes: list[FloatArray]) -> str:
+def _indefinite(magnetics: CoenergyTensor, rows: FitRows, axes: list[FloatArray]) -> str:
     """Where at or between the rows the inductances are not positive definite; empty where they are everywhere."""
     fine = [np.unique(np.concatenate([axis, 0.5 * (axis[1:] + axis[:-1])])) for axis in (rows.distances, *axes)]
     distance, *along = (point.ravel() for point in np.meshgrid(*fine, indexing="ij"))
     currents = np.stack(along, axis=-1)
-    swept = {tuple(point) for point in np.column_stack([rows.distance, rows.currents])}
+    swept = {tuple(point) for point in np.column_stack([rows.distance, rows.circuit_currents])}
     grid = np.isin(distance, rows.distances) & np.all(
         [np.isin(i, axis) for i, axis in zip(along, axes, strict=True)], 0
     )

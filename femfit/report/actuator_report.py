@@ -164,7 +164,7 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
         figures["ranking"] = partial(ranking_figure, ranking)
         if grid is not None and grid.is_plane:
             figures["residuals"] = partial(residual_figure, rows, _fitted_forces(content, rows, ranking))
-    if rows is not None and rows.hall is not None and model.sensor is not None:
+    if rows is not None and rows.hall is not None and model.sensor is not None and several is None:
         figures["hall"] = partial(hall_figure, model, rows)
     if content.study is not None:
         figures |= loop_figures(content.study)
@@ -254,8 +254,7 @@ def _at_rest(content: ReportContent) -> str:
 def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) -> dict[str, Any]:
     largest = float(np.max(np.abs(rows.force))) or 1.0
     estimated = rows.force_error > 0.0
-    several = content.several
-    combined = rows.currents[:, None] if several is None else np.unique(several.currents, axis=0)
+    combined = np.unique(rows.circuit_currents, axis=0)
     facts: dict[str, Any] = {
         "combinations": len(combined),
         "failed": 0 if content.sweep is None else len(content.sweep.rows) - len(rows.force),
@@ -340,7 +339,7 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
         "near_T": float(idle[0]),
         "far_T": float(idle[-1]),
         "slopes": [_hall_slope(name, slope) for name, slope in zip(names, slopes.T, strict=True)],
-        "shown": content.rows is not None and content.rows.hall is not None,
+        "shown": content.rows is not None and content.rows.hall is not None and content.several is None,
         "misfit_T": None if content.model.misfit is None else content.model.misfit.hall_rms_T,
     }
 

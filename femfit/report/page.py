@@ -20,8 +20,6 @@ from femfit.core.numerics import GRAVITY, BoolArray
 from femfit.core.text import counted
 from femfit.device.parts import Actuator
 from femfit.estimate.holding import holding_current
-from femfit.fit.circuit_system import CircuitRows
-from femfit.fit.circuits_build import circuit_rows
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.heat.result import Temperatures
@@ -131,22 +129,17 @@ class ReportContent:
         if self.sweep is None:
             return None
         mass = None if self.model.motion is None else self.model.motion.mass_kg
-        return rows_of_table(self.sweep, mass, GRAVITY)
+        return rows_of_table(self.sweep, mass, GRAVITY, self.model.kind)
 
     @property
-    def several(self) -> CircuitRows | None:
-        """The same with all currents, where there are several circuits."""
-        if self.sweep is None or len(self.model.validity.current_limits_A) == 1:
-            return None
-        return circuit_rows(self.sweep, self.model.kind)
+    def several(self) -> FitRows | None:
+        """The same, where there are several circuits."""
+        return self.rows if self.rows is not None and self.rows.several else None
 
     @property
     def idle(self) -> BoolArray:
         """Which of the sweep's rows have no current in any circuit."""
-        several = self.several
-        if several is not None:
-            return np.asarray(np.all(several.currents == 0.0, axis=1))
-        return np.zeros(0, dtype=np.bool_) if self.rows is None else self.rows.current == 0.0
+        return np.zeros(0, dtype=np.bool_) if self.rows is None else self.rows.idle
 
     @property
     def weight(self) -> float | None:

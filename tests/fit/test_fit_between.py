@@ -35,7 +35,7 @@ def rows_of(table):
 def missed(magnetics, device, rows):
     """Rms of what the model misses force, flux linkage and inductance by halfway, over the rms of the rows."""
     d, i = halfway(rows)
-    columns = (("force", rows.force), ("flux_linkage", rows.flux_linkage), ("inductance", rows.inductance))
+    columns = (("force", rows.force), ("flux_linkage", rows.linked[:, 0]), ("inductance", rows.inductance[:, 0, 0]))
     return [rms(getattr(magnetics, name)(d, i) - getattr(device, name)(d, i)) / rms(column) for name, column in columns]
 
 
@@ -69,9 +69,9 @@ def test_a_conical_solenoid_says_what_it_misses_within_a_factor_of_two(amperes):
     new = ~(np.isin(truth.distance, fit.rows.distances) & np.isin(truth.current, fit.rows.currents))
     at, magnetics = (truth.distance[new], truth.current[new]), fit.model.magnetics
     for estimate, name in ((fit.between.force, "force"), (fit.between.inductance, "inductance")):
-        column = getattr(truth, name)
+        column = getattr(truth, name).ravel()
         assert 0.5 < estimate / (rms(getattr(magnetics, name)(*at) - column[new]) / rms(column)) < 2.0
-    largest = np.abs(magnetics.inductance(*at) - truth.inductance[new]).max() / rms(truth.inductance)
+    largest = np.abs(magnetics.inductance(*at) - truth.inductance[new, 0, 0]).max() / rms(truth.inductance)
     assert largest > 0.25
     assert 0.5 < fit.between.largest / largest < 2.0
     assert sum("Add to [sweep] the distances" in note for note in fit.notes) == 1

@@ -173,7 +173,7 @@ def test_a_winding_of_few_turns_is_judged_by_its_own_flux_linkage(fit):
     column = f"flux_linkage_{NAMES[1]}_Wb"
     few = {f"current_{NAMES[1]}_A": drawn.rows[f"current_{NAMES[1]}_A"] * 50.0, column: drawn.rows[column] / 50.0}
     fair = fit_model(replace(drawn, rows=drawn.rows.assign(**few))).circuits
-    assert fair.flux_linkage_share == pytest.approx(fit.circuits.flux_linkage_share, rel=0.2)
+    assert fair.share == pytest.approx(fit.circuits.share, rel=0.2)
     few[column] = 1.2 * few[column]
     with pytest.raises(FitError):  # reciprocity does not hold between the force and this winding
         fit_model(replace(drawn, rows=drawn.rows.assign(**few)))

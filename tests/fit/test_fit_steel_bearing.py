@@ -11,7 +11,7 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import DomainError, FitError
-from femfit.fit.circuits_build import circuit_rows
+from femfit.fit.rows import rows_of_table
 from support.bearing import grid
 from support.command import femfit
 from support.reference import REFERENCE, needs_reference
@@ -101,7 +101,7 @@ def test_settings_that_differ_by_rounding_are_one(folder):
     jitter = 1.0 + 1e-9 * np.random.default_rng(1).uniform(-1.0, 1.0, len(table.rows))
     rounded = replace(table, rows=table.rows.assign(distance_m=table.rows["distance_m"] * jitter))
     assert len(np.unique(rounded.rows["distance_m"])) > len(DISTANCES)
-    np.testing.assert_allclose(circuit_rows(rounded, None).distances, DISTANCES, rtol=1e-8)
+    np.testing.assert_allclose(rows_of_table(rounded).distances, DISTANCES, rtol=1e-8)
 
 
 def test_two_currents_that_cannot_show_how_iron_bends_are_refused(tmp_path):

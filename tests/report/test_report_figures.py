@@ -135,7 +135,7 @@ def through_a_coil(rows):
     """The rows with the force of a magnet that is drawn into a coil and out of it, with both signs of the current."""
     middle = np.median(rows.distance)
     current = rows.current - np.median(rows.current)
-    return replace(rows, current=current, force=3.0 * current * (rows.distance - middle), force_error=rows.force_error)
+    return replace(rows, circuit_currents=current[:, None], force=3.0 * current * (rows.distance - middle))
 
 
 def test_a_force_of_both_signs_is_drawn_on_linear_axes(rig_content):
