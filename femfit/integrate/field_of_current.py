@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+import pydantic
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from femfit.core.errors import ModelFileError
@@ -29,14 +30,19 @@ MOST_TERMS = 50
 """Highest degree, and most radii or lag times, that a file may have."""
 
 
-@dataclass(frozen=True)
+_STRICT = ConfigDict(strict=True, allow_inf_nan=False)
+_Positive = Annotated[float, Field(gt=0.0)]
+_Terms = Annotated[tuple[_Positive, ...], Field(max_length=MOST_TERMS)]
+
+
+@pydantic.dataclasses.dataclass(frozen=True, config=_STRICT)
 class FieldTerms:
     """Which terms a field model has; the magnet was cycled to ``current_max_A`` before the record."""
 
-    current_max_A: float
-    degree: int = 7
-    play_radii_A: tuple[float, ...] = ()
-    lag_times_s: tuple[float, ...] = ()
+    current_max_A: _Positive
+    degree: Annotated[int, Field(ge=0, le=MOST_TERMS)] = 7
+    play_radii_A: _Terms = ()
+    lag_times_s: _Terms = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -142,23 +148,11 @@ def field_model_of_sweep(
     return FieldModel(terms, coefficients, rms)
 
 
-_Positive = Annotated[float, Field(gt=0.0)]
-
-
-class _FileTerms(BaseModel):
-    model_config = ConfigDict(strict=True, allow_inf_nan=False)
-
-    current_max_A: _Positive
-    degree: int = Field(ge=0, le=MOST_TERMS)
-    play_radii_A: list[_Positive] = Field(max_length=MOST_TERMS)
-    lag_times_s: list[_Positive] = Field(max_length=MOST_TERMS)
-
-
 class _File(BaseModel):
-    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+    model_config = _STRICT
 
     kind: Literal["field of current"]
-    terms: _FileTerms
+    terms: FieldTerms
     coefficients_T: dict[str, float]
     rms_T: float = Field(ge=0.0)
 
@@ -174,9 +168,7 @@ def read_field_model(path: Path) -> FieldModel:
     """Read a field model."""
     try:
         data = _File.model_validate_json(path.read_bytes())
-        listed = data.terms
-        terms = FieldTerms(listed.current_max_A, listed.degree, tuple(listed.play_radii_A), tuple(listed.lag_times_s))
-        coefficients = np.array([data.coefficients_T[name] for name in terms.names])
+        coefficients = np.array([data.coefficients_T[name] for name in data.terms.names])
     except ValidationError as error:
         wrong = [
             f"{'.'.join(map(str, problem['loc'])) or 'the file'}: {problem['msg']}" for problem in error.errors()[:3]
@@ -186,7 +178,7 @@ def read_field_model(path: Path) -> FieldModel:
         raise ModelFileError(_refusal(path, error.strerror or str(error))) from error
     except KeyError as error:
         raise ModelFileError(_refusal(path, f"coefficients_T: {error} is missing")) from error
-    return FieldModel(terms, coefficients, data.rms_T)
+    return FieldModel(data.terms, coefficients, data.rms_T)
 
 
 def _refusal(path: Path, reason: str) -> str:

@@ -222,32 +222,28 @@ def field_of_swept_model(
     return CurrentField(field_model_of_sweep(curve, *currents, sigma), currents)
 
 
-@dataclass
 class GainTest:
-    """Sums over stretches of a record: of sum(nu^2 / S) - n, a = sum(nu r / S), b = sum(r^2 / S), a^2, a b and b^2."""
+    """Sums over stretches of a record: of sum(nu^2 / S) - n, and of a = sum(nu r / S) and b = sum(r^2 / S)."""
 
-    excess: float = 0.0
+    def __init__(self) -> None:
+        self._excess, self._sums, self._products = 0.0, np.zeros(2), np.zeros((2, 2))
 
-    a: float = 0.0
-    b: float = 0.0
-    aa: float = 0.0
-    ab: float = 0.0
-    bb: float = 0.0
-
-    def see(self, excess: FloatArray, a: FloatArray, b: FloatArray) -> None:
-        """Add stretches; each of shape (n,)."""
-        self.excess += float(excess.sum())
-        self.a, self.b = self.a + float(a.sum()), self.b + float(b.sum())
-        self.aa, self.ab, self.bb = self.aa + float(a @ a), self.ab + float(a @ b), self.bb + float(b @ b)
+    def see(self, excess: FloatArray, pairs: FloatArray) -> None:
+        """Add stretches, of shape (n,), with their a and b, of shape (2, n)."""
+        self._excess += float(excess.sum())
+        self._sums += pairs.sum(axis=1)
+        self._products += pairs @ pairs.T
 
     def result(self) -> tuple[float, float] | None:
         """Reference's changes over the coil's, and the ratio's standard uncertainty; None where none is shown."""
-        if self.b <= 0.0:
+        a, b = self._sums.tolist()
+        if b <= 0.0:
             return None
-        e = self.a / self.b
-        scatter = math.sqrt(max(self.aa - 2.0 * e * self.ab + e**2 * self.bb, 0.0)) / self.b
-        sigma = max(1.0 / math.sqrt(self.b), scatter)
-        if abs(e) <= GAIN_SIGMAS * sigma or e >= 1.0 or e**2 * self.b < 0.5 * self.excess:
+        e = a / b
+        residual = np.array([1.0, -e])
+        scatter = math.sqrt(max(float(residual @ self._products @ residual), 0.0)) / b
+        sigma = max(1.0 / math.sqrt(b), scatter)
+        if abs(e) <= GAIN_SIGMAS * sigma or e >= 1.0 or e**2 * b < 0.5 * self._excess:
             return None
         # r is the reading's part, gain included: reading = field / (1 - e)
         return 1.0 / (1.0 - e), sigma / (1.0 - e) ** 2

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
@@ -20,19 +21,23 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import read_model
 from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
 
-USED_BY = {
-    "--zero-reading-s": ("ffa1",),
-    "--settling-s": ("ffa2",),
-    "--still-A": ("ffa2",),
-    "--current-to-field": ("cs2",),
-    "--lab": ("cs2-identified",),
-    "--field-model": ("cs2-identified",),
-    "--model": ("cs2-identified",),
-    "--smooth": FILTERS,
-    "--reference-gain-sigma": FILTERS,
-    "--reference-offset-sigma-T": FILTERS,
+_OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
+    "coil_area_m2": ("--coil-area", (), ""),
+    "zero_reading_s": ("--zero-reading-s", ("ffa1",), ""),
+    "settling_s": ("--settling-s", ("ffa2",), ""),
+    "still_A": ("--still-A", ("ffa2",), ""),
+    "current_to_field_A_per_T": ("--current-to-field", ("cs2",), ""),
+    "lab": ("--lab", ("cs2-identified",), ""),
+    "field_model": ("--field-model", ("cs2-identified",), ""),
+    "model": ("--model", ("cs2-identified",), ""),
+    "distance_m": ("--distance-mm", (), "--model"),
+    "model_sigma": ("--model-sigma", (), "--model"),
+    "smooth": ("--smooth", FILTERS, ""),
+    "coil_area_sigma_m2": ("--coil-area-sigma", (), "--coil-area"),
+    "reference_gain_sigma": ("--reference-gain-sigma", FILTERS, ""),
+    "reference_offset_sigma_T": ("--reference-offset-sigma-T", FILTERS, ""),
 }
-"""Options that not every method uses, with those that do."""
+"""By keyword: the option, the methods that use it (all where none is named), and the option that it belongs to."""
 
 
 def integrate_coil(
@@ -116,7 +121,7 @@ def integrate_coil(
     >>> round(flux.value, 4)  # 0.05 sin(2)
     0.0455
     """
-    begin = time.perf_counter()
+    arguments, begin = locals(), time.perf_counter()
     output = None if output is None else Path(output)
     if isinstance(record, pd.DataFrame):
         source: CoilRecord | pd.DataFrame = record
@@ -124,23 +129,7 @@ def integrate_coil(
         source = open_coil_record(record, columns=columns, units=units, table=table)
     recorded = tuple(name for name in COLUMNS if name in source.columns)
     chosen: Method = method or ("cs1-offset" if coil_area_m2 is not None and "hall_T" in recorded else "ffa2")
-    keywords = {
-        "--coil-area": coil_area_m2,
-        "--zero-reading-s": zero_reading_s,
-        "--settling-s": settling_s,
-        "--still-A": still_A,
-        "--current-to-field": current_to_field_A_per_T,
-        "--lab": lab,
-        "--field-model": field_model,
-        "--model": model,
-        "--distance-mm": distance_m,
-        "--model-sigma": model_sigma,
-        "--smooth": smooth or None,
-        "--coil-area-sigma": coil_area_sigma_m2,
-        "--reference-gain-sigma": reference_gain_sigma,
-        "--reference-offset-sigma-T": reference_offset_sigma_T,
-    }
-    _require_fitting(chosen, {option for option, value in keywords.items() if value is not None})
+    _require_fitting(chosen, arguments)
     written = Path(field_model) if lab is not None and isinstance(field_model, str | Path) else None
     _require_free([record, lab, model, field_model if lab is None else None], output, written)
     coil = SensingCoil(1.0 if coil_area_m2 is None else coil_area_m2)
@@ -172,40 +161,57 @@ def integrate_coil(
     if chosen == "ffa2" and offset_sigma_V is None:
         before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
-    doubts = before, systematics
-    made = stream_record(
-        source, recorded, options, current_field, doubts, quantity, smooth=smooth, output=output, progress=progress
+    streamed = stream_record(
+        source,
+        recorded,
+        options,
+        current_field,
+        (before, systematics),
+        quantity,
+        smooth=smooth,
+        output=output,
+        progress=progress,
     )
+    end, claimed = streamed.last, systematics if streamed.corrected else before
+    parts = {name: float(values[-1]) for name, values in end.responses.parts(claimed).items()}
     return CoilIntegral(
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
         method=chosen,
         smoothed=smooth,
         quantity=quantity,
+        samples=streamed.samples,
+        sample_time_s=streamed.sample_time,
+        end_s=float(end.time[-1]),
+        value=float(end.field[-1]),
+        standard_uncertainty=float(end.sigma(claimed)[-1]),
         coverage=coverage,
+        parts={"noise": float(np.sqrt(end.variance[-1])), **parts},
+        offset_V=float(end.offset[-1]),
+        findings=streamed.findings,
         output=output,
         field_model=written,
+        rows=streamed.rows,
         seconds=time.perf_counter() - begin,
-        **made.result(systematics if made.corrected else before),
     )
 
 
-def _require_fitting(method: Method, options: set[str]) -> None:
+def _require_fitting(method: Method, arguments: Mapping[str, Any]) -> None:
     """Refuse options that would do nothing, and say what a method lacks."""
-    for option in sorted(options & USED_BY.keys()):
-        if method not in USED_BY[option]:
+    options = {
+        option
+        for keyword, (option, _, _) in _OPTIONS.items()
+        if not (arguments[keyword] is None or arguments[keyword] is False)
+    }
+    for option, methods, partner in _OPTIONS.values():
+        if option in options and methods and method not in methods:
             raise TableError(
-                f"{option} is for {' and '.join(USED_BY[option])}; {method} does not use it. Leave it out, or give "
-                "another --method."
+                f"{option} is for {' and '.join(methods)}; {method} does not use it. Leave it out, or give another "
+                "--method."
             )
+        if option in options and partner and partner not in options:
+            raise TableError(f"{option} belongs to {partner} and does nothing without it. Give both, or neither.")
     if "--model" in options and ("--distance-mm" not in options or options & {"--lab", "--field-model"}):
         raise TableError("--model goes with --distance-mm, without --lab and --field-model.")
-    for option, partner in (
-        ("--distance-mm", "--model"),
-        ("--model-sigma", "--model"),
-        ("--coil-area-sigma", "--coil-area"),
-    ):
-        if option in options and partner not in options:
-            raise TableError(f"{option} belongs to {partner} and does nothing without it. Give both, or neither.")
     if method in FILTERS and not options & {"--coil-area", "--model"}:
         raise TableError(f"{method} compares a coil with a field and needs the coil's area: give --coil-area in m2.")
     if method == "cs2" and "--current-to-field" not in options:

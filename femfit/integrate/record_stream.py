@@ -6,7 +6,6 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -35,22 +34,6 @@ class Streamed:
     corrected: bool  # Whether an offset voltage was taken off
     findings: tuple[Finding, ...]
     rows: pd.DataFrame | None
-
-    def result(self, systematics: Systematics) -> dict[str, Any]:
-        """The fields of a :class:`~femfit.integrate.methods.CoilIntegral` that the stream decides."""
-        end = self.last
-        parts = {name: float(values[-1]) for name, values in end.responses.parts(systematics).items()}
-        return {
-            "samples": self.samples,
-            "sample_time_s": self.sample_time,
-            "end_s": float(end.time[-1]),
-            "value": float(end.field[-1]),
-            "standard_uncertainty": float(end.sigma(systematics)[-1]),
-            "parts": {"noise": float(np.sqrt(end.variance[-1])), **parts},
-            "offset_V": float(end.offset[-1]),
-            "findings": self.findings,
-            "rows": self.rows,
-        }
 
 
 def stream_record(
@@ -168,8 +151,8 @@ def _plausible(block: CoilBlock) -> CoilBlock:
             f"A coil's voltage must stay below {LARGEST_VOLTAGE_V:g} V; instead received {highest:.3g} V. Check the "
             "column and its unit."
         )
-
-    def known(column: FloatArray | None) -> FloatArray | None:
-        return None if column is None else np.where(np.isfinite(column), column, np.nan)
-
-    return CoilBlock(block.time, block.voltage, known(block.hall), known(block.current))
+    hall, current = (
+        None if column is None else np.where(np.isfinite(column), column, np.nan)
+        for column in (block.hall, block.current)
+    )
+    return CoilBlock(block.time, block.voltage, hall, current)

@@ -152,7 +152,7 @@ class RecordWatch:
             innovations[1:, :complete].reshape(3, -1, INNOVATIONS_AVERAGED).sum(2),
         )
         means = sums[0] / INNOVATIONS_AVERAGED
-        self._gain.see(sums[0] - INNOVATIONS_AVERAGED, *sums[1:])
+        self._gain.see(sums[0] - INNOVATIONS_AVERAGED, sums[1:])
         outside = means > INNOVATION_BAND
         self._add("innovations", times[outside])
         if outside.any():

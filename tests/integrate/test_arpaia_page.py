@@ -137,39 +137,6 @@ def test_flicker_has_a_spectrum_of_1_over_f():
     assert slope == pytest.approx(-1.0, abs=0.05)
 
 
-def test_the_seed_makes_the_record(experiment):
-    again = synthesise(experiment.inputs, np.random.default_rng(1))
-    np.testing.assert_array_equal(again.record.voltage, experiment.record.voltage)
-
-
-def test_the_plain_integral_drifts_by_offset_over_area(figures, measured):
-    begin, end = measured.flat_tops[0][0] + SETTLING, measured.flat_tops[-1][1]
-    between = (measured.record.time > begin) & (measured.record.time < end)
-    expected = measured.offset[between].mean() / 0.059394 / 1.0124
-    # The integral has drifted before, by 4 mT in 1.012 T, and the means over a second move by 1 ppm/s.
-    assert figures["trapezoid"].drift == pytest.approx(expected, rel=0.02)
-
-
-def test_the_filters_end_the_drift(figures):
-    # The issue's figure for both filters.
-    assert figures["cs1"].drift < 0.1e-6
-    assert figures["cs2"].drift < 0.1e-6
-    assert figures["ffa2"].drift < figures["trapezoid"].drift / 5.0
-
-
-def test_uncertainties_at_the_end_are_those_of_table_3(figures):
-    # 65 is printed; the filter's covariance alone makes 65.6 at full field.
-    assert figures["cs1"].uncertainty_end == pytest.approx(65.6e-6, abs=0.2e-6)
-    assert 480e-6 < figures["cs2"].uncertainty_end < 670e-6
-    assert figures["trapezoid"].uncertainty_end > 50e-3
-
-
-def test_one_state_lags_and_two_do_not(figures):
-    # ERRATA of the paper: 44 uT at 7 uV, and an offset that flickers.
-    assert 25e-6 < figures["cs1"].plateau_rms < 60e-6
-    assert figures["cs1-offset"].plateau_rms < 10e-6
-
-
 @pytest.fixture(scope="module", params=[0, *(pytest.param(k, marks=pytest.mark.nightly) for k in range(1, 6))])
 def settled(request):
     """Fields by method on one of several records, and first and last second of what (17) compares."""

@@ -73,12 +73,6 @@ def test_trapezoid_drifts_by_offset_over_area():
     assert block.field[-1] == pytest.approx(7e-6 * 10.0 / 0.059394, rel=1e-10)
 
 
-def test_an_area_of_one_gives_the_flux_linkage():
-    time = np.arange(1001) * DT
-    integrator = FeedForwardIntegrator(SensingCoil(1.0), QUIET, DT)
-    assert run(integrator, CoilBlock(time, np.sin(time))).field[-1] == pytest.approx(1.0 - np.cos(1.0), rel=1e-6)
-
-
 def test_the_variance_of_the_integral_is_that_of_its_samples():
     rng = np.random.default_rng(3)
     time = np.arange(400) * DT
@@ -86,14 +80,6 @@ def test_the_variance_of_the_integral_is_that_of_its_samples():
     spread = np.var([block.field[-1] for block in ends])
     # 800 repeats give a variance within 5 % (one standard deviation); (11) would give half of it.
     assert spread == pytest.approx(ends[0].variance[-1], rel=0.15)
-
-
-def test_zero_reading_holds_the_field_and_removes_a_constant_offset():
-    time = np.arange(2000) * DT
-    block = run(INTEGRATORS["ffa1"], CoilBlock(time, np.full(2000, 7e-6)))
-    assert np.all(block.field[:200] == 0.0)
-    assert block.offset[-1] == pytest.approx(7e-6)
-    assert abs(block.field[-1]) < 1e-15
 
 
 @pytest.mark.parametrize("with_current", [True, False])
@@ -140,54 +126,6 @@ def test_one_state_lags_by_offset_times_time_constant_over_area():
     assert block.responses.voltage_unit[-1] * 7e-6 == pytest.approx(block.field[-1] - 1.0, rel=1e-6)
 
 
-def test_settled_filter_answers_to_the_probe_and_not_to_the_coil():
-    time = np.arange(20_000) * DT
-    integrator = KalmanIntegrator(PAPER_COIL, paper_noise(True, 1.0 / DT), DT)
-    answers = run(integrator, CoilBlock(time, np.zeros(20_000), np.full(20_000, 1.0))).responses
-    # 20 s are 50 time constants.
-    assert answers.reference[-1] == pytest.approx(1.0, abs=1e-9)
-    assert answers.reference_unit[-1] == pytest.approx(1.0, abs=1e-9)
-    assert abs(answers.coil[-1]) < 1e-9
-
-
-@pytest.mark.parametrize("part", ["coil", "reference", "voltage"])
-@pytest.mark.parametrize(
-    "integrator",
-    [KalmanIntegrator(PAPER_COIL, QUIET, DT, initial_field=2.27e-3), replace(HALL, initial_field=0.0)],
-    ids=["cs1", "offset"],
-)
-def test_sensitivities_are_those_of_a_changed_record(part, integrator, experiment):
-    record = experiment.record[60_000:66_000]
-    base, small = run(integrator, record), 1e-3
-    changes = {
-        "coil": CoilBlock(record.time, record.voltage * (1 + small), record.hall),
-        "reference": CoilBlock(record.time, record.voltage, record.hall * (1 + small)),
-        "voltage": CoilBlock(record.time, record.voltage + small, record.hall),
-    }
-    moved = (run(integrator, changes[part]).field - base.field) / small
-    told = base.responses.voltage_unit if part == "voltage" else getattr(base.responses, part)
-    # Linear, so that only rounding is left: 1e-16 of 1 T over a change of 1e-3.
-    np.testing.assert_allclose(told, moved, atol=1e-9 * max(1.0, float(np.abs(told).max())))
-
-
-def test_missing_readings_leave_the_prediction(stretch):
-    hall = stretch.hall.copy()
-    hall[100:400] = np.nan
-    block = run(INTEGRATORS["cs1"], CoilBlock(stretch.time, stretch.voltage, hall))
-    assert np.all(np.isfinite(block.field))
-    assert np.all(np.isnan(block.innovation[100:400]))
-    assert np.all(np.diff(block.variance[99:400]) > 0)
-
-
-def test_a_gap_costs_the_certainty_that_it_may_hide():
-    time = np.r_[np.arange(1000), np.arange(1500, 2000)] * DT
-    voltage = np.full(1500, 1e-2)
-    block = run(INTEGRATORS["trapezoid"], CoilBlock(time, voltage))
-    hidden = 1e-2 * 0.501 / 0.059394
-    # The noise of 1500 samples is 1e-6 of what the gap hides.
-    assert np.sqrt(block.variance[-1]) == pytest.approx(hidden, rel=1e-4)
-
-
 @pytest.mark.parametrize("area", [0.0, -0.1, np.nan, np.inf])
 def test_an_area_that_is_not_positive_is_refused(area):
     with pytest.raises(TableError, match="> 0 m2"):
@@ -224,15 +162,6 @@ def test_plateaus_are_told_online_as_offline_where_samples_are_averaged(cuts, st
     whole = run(integrator, fast)
     assert 1 < len(np.unique(whole.offset)) < 20
     np.testing.assert_allclose(run(integrator, fast, cuts).offset, whole.offset, rtol=1e-9)
-
-
-def plateau_rms(block, experiment, settling=30.0):
-    """Rms of the error on each settled flat-top, T."""
-    error = block.field - experiment.field
-    return [
-        float(np.sqrt(np.mean(error[(block.time > begin + settling) & (block.time < end)] ** 2)))
-        for begin, end in experiment.flat_tops
-    ]
 
 
 @pytest.fixture(scope="module")
@@ -282,8 +211,10 @@ def test_an_identified_field_holds_on_other_amplitudes(rate, peaks, field_model)
     inputs = ExperimentInputs(ramp_rate=rate, amplitudes=peaks, sample_rate=SLOW)
     other = synthesise(inputs, np.random.default_rng(5)).after_zero_reading()
     block = run(hall_filter(SLOW, field_model), other.record)
+    settled = [(block.time > begin + 30.0) & (block.time < end) for begin, end in other.flat_tops]
+    errors = [np.sqrt(np.mean((block.field - other.field)[rows] ** 2)) for rows in settled]
     # The issue's figure; the ratio I / g alone is off by 0.2 to 5 mT there.
-    assert max(plateau_rms(block, other)) < 100e-6
+    assert max(errors) < 100e-6
 
 
 @pytest.mark.parametrize("cuts", [(), (100, 500, 900)], ids=["whole", "blocks"])

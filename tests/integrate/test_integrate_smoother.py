@@ -1,9 +1,10 @@
-"""Smoothing is the batch least-squares solution; folded recursions give the numbers of the plain loop."""
+"""Smoothing is the batch least-squares solution; responses of filters and smoother; the paper's folded recursions."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from arpaia2022.kalman import KalmanIntegrator
 from arpaia2022.parallel_prefix import CHUNK_LENGTH, Folding, affine_recursion, riccati_recursion
 from arpaia2022.sensors import PAPER_COIL
 
@@ -11,6 +12,7 @@ from femfit.integrate.feed_forward import LastSample, increments
 from femfit.integrate.offset_filter import OffsetFilter, smooth
 from femfit.integrate.uncertainty import LinearSigma, Noise
 from femfit.tables.coil_record import CoilBlock
+from support.field_blocks import run
 
 DT = 1e-3
 NOISE = Noise(LinearSigma(2e-6), LinearSigma(1e-5), 1e-3)
@@ -91,52 +93,44 @@ def test_a_record_shorter_than_a_correction_is_only_filtered():
 
 
 @pytest.mark.parametrize(("name", "change"), [("reference", 1e-3), ("reference_unit", 1e-4), ("voltage_unit", 1e-6)])
-def test_a_smoothed_fields_responses_are_what_a_systematic_error_does_to_it(name, change):
+@pytest.mark.parametrize(
+    ("integrate", "integrator"),
+    [
+        (smooth, OffsetFilter(PAPER_COIL, NOISE, DT)),
+        (run, OffsetFilter(PAPER_COIL, NOISE, DT, initial_field=0.4)),
+        (run, KalmanIntegrator(PAPER_COIL, NOISE, DT, initial_field=0.4)),
+    ],
+    ids=["smoother", "offset filter", "the paper's filter"],
+)
+def test_responses_are_what_a_systematic_error_does_to_the_field(name, change, integrate, integrator):
     record, _ = made(3000)
     wrong = {
         "reference": replace(record, hall=record.hall * (1.0 + change)),
         "reference_unit": replace(record, hall=record.hall + change),
         "voltage_unit": replace(record, voltage=record.voltage + change),
     }[name]
-    integrator = OffsetFilter(PAPER_COIL, NOISE, DT)
-    smoothed = smooth(integrator, record)
-    moved = (smooth(integrator, wrong).field - smoothed.field) / change
-    expected = getattr(smoothed.responses, name)
+    block = integrate(integrator, record)
+    moved = (integrate(integrator, wrong).field - block.field) / change
+    expected = getattr(block.responses, name)
     # Both are linear in the record; differences of 1 T over the change keep ten digits.
     np.testing.assert_allclose(moved, expected, rtol=1e-6, atol=1e-9 * max(1.0, abs(expected).max()))
 
 
-# Rounding of some thousand operations, each 1e-16.
-ROUNDING = 1e-12
-LENGTHS = [1, 2, CHUNK_LENGTH - 1, CHUNK_LENGTH, CHUNK_LENGTH + 1, 3 * CHUNK_LENGTH, 5000]
-
-
-@pytest.mark.parametrize("samples", LENGTHS)
-def test_affine_recursion_is_that_of_a_loop(samples):
-    rng = np.random.default_rng(1)
-    a, b = rng.uniform(0.9, 1.0, samples), rng.normal(size=samples)
-    x, expected = 0.7, np.empty(samples)
-    for k in range(samples):
-        expected[k] = x = a[k] * x + b[k]
-    folding = Folding(samples)
-    first, second = affine_recursion(folding.fold(a, 1.0), [folding.fold(b, 0.0), folding.fold(0 * b, 0.0)], [0.7, 1.0])
-    np.testing.assert_allclose(folding.unfold(first), expected, rtol=ROUNDING, atol=ROUNDING)
-    np.testing.assert_allclose(folding.unfold(second), np.cumprod(a), rtol=ROUNDING)
-
-
-@pytest.mark.parametrize("samples", LENGTHS)
-@pytest.mark.parametrize("strength", [1e-9, 1e-3, 1.0, 1e6])
-def test_riccati_recursion_is_that_of_a_loop(samples, strength):
-    rng = np.random.default_rng(2)
-    w = rng.uniform(0.5, 2.0, samples)
+@pytest.mark.parametrize("samples", [1, CHUNK_LENGTH - 1, CHUNK_LENGTH, CHUNK_LENGTH + 1, 5000])
+@pytest.mark.parametrize("strength", [1e-9, 1.0, 1e6])
+def test_folded_recursions_are_those_of_a_loop(samples, strength):
+    rng, folding = np.random.default_rng(2), Folding(samples)
+    a, b, w = rng.uniform(0.9, 1.0, samples), rng.normal(size=samples), rng.uniform(0.5, 2.0, samples)
     j = strength * rng.uniform(0.5, 2.0, samples) * (rng.uniform(size=samples) > 0.1)  # a tenth without a reading
-    variance, expected, gain = 5.0, np.empty(samples), np.empty(samples)
+    x, variance, expected = 0.7, 5.0, np.empty((3, samples))
     for k in range(samples):
-        prior = variance + w[k]
-        gain[k] = prior * j[k] / (1.0 + prior * j[k])
-        expected[k] = variance = (1.0 - gain[k]) * prior
-    folding = Folding(samples)
+        x, prior = a[k] * x + b[k], variance + w[k]
+        gain = prior * j[k] / (1.0 + prior * j[k])
+        variance = (1.0 - gain) * prior
+        expected[:, k] = x, variance, 1.0 - gain
+    (affine,) = affine_recursion(folding.fold(a, 1.0), [folding.fold(b, 0.0)], [0.7])
+    np.testing.assert_allclose(folding.unfold(affine), expected[0], rtol=1e-12, atol=1e-12)
     posterior, share = riccati_recursion(folding.fold(w, 0.0), folding.fold(j, 0.0), 5.0)
     # 1 - K cancels digits in the loop where K is within 1e-6 of 1; the folded form does not subtract.
-    np.testing.assert_allclose(folding.unfold(posterior), expected, rtol=1e-9)
-    np.testing.assert_allclose(folding.unfold(share), 1.0 - gain, rtol=1e-9)
+    np.testing.assert_allclose(folding.unfold(posterior), expected[1], rtol=1e-9)
+    np.testing.assert_allclose(folding.unfold(share), expected[2], rtol=1e-9)

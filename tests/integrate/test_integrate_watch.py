@@ -39,9 +39,42 @@ def changed(record, **columns):
     return CoilBlock(*(columns.get(name, getattr(record, name)) for name in names))
 
 
-@pytest.mark.parametrize("block", [777, 5000, 62_000])
-def test_a_good_record_has_no_findings(block, stretch):
-    assert found(stretch, block=block) == {}
+def stuck(record):
+    hall = record.hall.copy()
+    hall[3000:20_000] = hall[3000]
+    return changed(record, hall=hall)
+
+
+def stumbling(record):
+    time = record.time.copy()
+    time[3000] = time[2999] + 0.1 * DT
+    return changed(record, time=time)
+
+
+def without_readings(record):
+    return changed(record, hall=np.where(np.arange(len(record)) // 1000 == 5, np.nan, record.hall))
+
+
+@pytest.mark.parametrize("block", [777, 62_000])
+@pytest.mark.parametrize(
+    ("fault", "codes", "words"),
+    [
+        (lambda record: record, set(), None),
+        (without_readings, set(), None),
+        (stumbling, {"clock"}, "60.999"),
+        (stuck, {"stuck", "innovations"}, "stuck"),
+        (lambda record: changed(record, voltage=np.minimum(record.voltage, 0.0185)), {"clipped"}, "clipped"),
+        (lambda record: changed(record, hall=np.minimum(record.hall, 0.5)), {"saturated", "innovations"}, "saturated"),
+        (lambda record: changed(record, voltage=-record.voltage), {"sign", "innovations"}, "sign"),
+        (lambda record: changed(record, voltage=-record.voltage, hall=None), {"sign", "innovations"}, "sign"),
+    ],
+)
+def test_each_fault_is_found_and_suspected_in_blocks_of_any_size(fault, codes, words, block, stretch):
+    record = fault(stretch)
+    findings = found(record, block=block, of_hall=record.hall is not None)
+    assert codes <= set(findings)
+    assert codes or not findings
+    assert words is None or words in findings.get("innovations", findings[min(codes)])
 
 
 @pytest.mark.parametrize("block", [777, 62_000])
@@ -49,43 +82,6 @@ def test_a_gap_is_counted_and_measured(block, stretch):
     rows = np.r_[0:20_000, 20_500:40_000, 40_010:62_000]
     sentence = found(stretch[rows], block=block)["gap"]
     assert re.findall(r"[\d.]+", sentence)[:3] == ["2", "78.5", "0.51"]
-
-
-def test_a_clock_that_stumbles_is_found(stretch):
-    time = stretch.time.copy()
-    time[3000] = time[2999] + 0.1 * DT
-    assert "60.999" in found(changed(stretch, time=time))["clock"]
-
-
-def test_a_converter_that_clips_is_found(stretch):
-    clipped = changed(stretch, voltage=np.minimum(stretch.voltage, 0.0185))
-    findings = found(clipped)
-    assert "clipped" in findings
-
-
-@pytest.mark.parametrize("block", [777, 62_000])
-def test_a_probe_that_sticks_is_found_and_suspected(block, stretch):
-    hall = stretch.hall.copy()
-    hall[3000:20_000] = hall[3000]
-    findings = found(changed(stretch, hall=hall), block=block)
-    assert set(findings) == {"stuck", "innovations"}
-    assert "stuck" in findings["innovations"]
-
-
-def test_a_probe_that_saturates_is_found_and_suspected(stretch):
-    findings = found(changed(stretch, hall=np.minimum(stretch.hall, 0.5)))
-    assert "saturated" in findings
-    assert "saturated" in findings["innovations"]
-
-
-@pytest.mark.parametrize("of_hall", [True, False], ids=["hall", "current"])
-def test_a_coil_wired_the_wrong_way_is_found_and_suspected(of_hall, stretch):
-    record = changed(stretch, voltage=-stretch.voltage)
-    if not of_hall:
-        record = changed(record, hall=None)
-    findings = found(record, of_hall=of_hall)
-    assert "sign" in findings
-    assert "sign" in findings["innovations"]
 
 
 def test_a_wrong_area_is_found_and_the_right_one_proposed(stretch):
@@ -110,18 +106,6 @@ def test_without_a_ratio_the_signs_alone_are_compared(stretch):
         watch = RecordWatch(PAPER_COIL.area_m2, DT, "current_A")
         watch.see(changed(stretch, voltage=voltage))
         assert [finding.code for finding in watch.findings()] == expected
-
-
-def test_missing_readings_are_no_fault(stretch):
-    hall = stretch.hall.copy()
-    hall[5000:6000] = np.nan
-    assert found(changed(stretch, hall=hall)) == {}
-
-
-def test_findings_stream_like_they_are_read_at_once(stretch):
-    hall = np.minimum(stretch.hall, 0.5)
-    faulty = changed(stretch, hall=hall, voltage=-stretch.voltage)[np.r_[0:5000, 5500:62_000]]
-    assert set(found(faulty, block=62_000)) == set(found(faulty, block=1000))
 
 
 RATE, INDUCTANCE, RESISTANCE = 100.0, 0.02, 2.0
