@@ -17,22 +17,25 @@ A. Ruhe, Linear Algebra Appl. 58 (1984) 391: rational Krylov spaces, whose real 
 """
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from ngsolve import H1, GridFunction, InnerProduct
+from ngsolve import H1, GridFunction, InnerProduct, SetNumThreads
 from numpy.typing import NDArray
 
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.eddy_task import principal
+from femfit.field.eddy_task import Patterns, principal
 from femfit.field.force import weight
 from femfit.field.harmonic import ConductorPoints, FieldArray, HarmonicSystem
 from femfit.field.linear_system import Coefficients
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.nonlinear_system import BiasedSystem, static_system
-from femfit.field.weak_form import hall_field
+from femfit.field.signature_rows import ImpedanceSignatures
+from femfit.field.sweep_task import MeshGroup
+from femfit.field.weak_form import function_of, hall_field
 from femfit.tables.eddy_table import Transfers
 
 MOTION_STEP = 0.02
@@ -45,7 +48,7 @@ class EddyProbe:
     def __init__(
         self, actuator: Actuator, moving: MovingMesh, distance: float, order: int, bias: Sequence[float] = ()
     ) -> None:
-        self._hall, self._moving, self.distance = actuator.hall, moving, distance
+        self._actuator, self._hall, self._moving, self.distance = actuator, actuator.hall, moving, distance
         self._static = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), order)
         points = None
         if isinstance(self._static, BiasedSystem):
@@ -69,6 +72,11 @@ class EddyProbe:
                 solutions.append(self._responses(2j * np.pi * frequency, fields[-1]))
         flux, force, hall = (np.array(values) for values in zip(*solutions, strict=True))
         return Transfers(frequencies, flux, force, None if self._hall is None else hall), np.array(fields)
+
+    def slopes(self, numbers: Sequence[DrawnNumber], frequencies: FloatArray, fields: FieldArray) -> ComplexArray:
+        """What numbers of the drawing change of the inductances, as :meth:`ImpedanceSignatures.at` has it."""
+        signatures = ImpedanceSignatures(self._actuator, numbers, self._moving, self.points.space)
+        return signatures.at(self.distance, frequencies, fields)
 
     def patterns(self, fields: FieldArray, shifts: FloatArray, places: ConductorPoints, tolerance: float) -> FloatArray:
         """Rows (k, n) of induced currents at the points of another mesh.
@@ -110,10 +118,10 @@ class EddyProbe:
     def _responses(self, s: complex, fields: FieldArray) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """Flux linkages (n, n), forces (m, n) and Hall fields (n,) of harmonic fields at s of 1 A in each circuit."""
         system, hall = self._static, self._hall
-        source_fields = [self._function(np.zeros(system.space.ndof)) for _ in fields]
+        source_fields = [GridFunction(system.space) for _ in fields]
         forces, halls = [], []
         for component in (np.real, np.imag):
-            totals = [self._function(component(field)) for field in fields]
+            totals = [function_of(system.space, component(field)) for field in fields]
             loads = [component(-s * self._mass(field)) for field in fields]
             if component is np.real:
                 loads = [of_coils + induced for of_coils, induced in zip(system.own_loads[1:], loads, strict=True)]
@@ -140,11 +148,6 @@ class EddyProbe:
         """M w of the moving part."""
         real, imaginary = self.points.loads(self.points.rows(np.array([field.real, field.imag])), moving=True)
         return np.asarray(real + 1j * imaginary)
-
-    def _function(self, state: FloatArray) -> GridFunction:
-        function = GridFunction(self._static.space)
-        function.vec.FV().NumPy()[:] = state
-        return function
 
 
 class PatternFields:
@@ -184,3 +187,29 @@ class EddyActuator:
             self._system.bias = np.array(bias)
         with self._moving.at(distance):
             return self._system.evaluate()
+
+
+@lru_cache(maxsize=2)
+def moving_mesh(mesh: MeshGroup) -> MovingMesh:
+    """The mesh of a group, with skin layers, kept while this process's tasks stay in it."""
+    SetNumThreads(1)
+    return MovingMesh(mesh.actuator, mesh.distances, mesh.layout, mesh.settings)
+
+
+@lru_cache(maxsize=1)
+def conductor_points(mesh: MeshGroup) -> ConductorPoints:
+    """The points of the conducting parts on the mesh of a group."""
+    moving = moving_mesh(mesh)
+    return ConductorPoints(H1(moving.mesh, order=mesh.settings.order), mesh.actuator, moving.reference)
+
+
+@lru_cache(maxsize=1)
+def _pattern_fields(patterns: Patterns) -> PatternFields:
+    mesh = patterns.mesh
+    return PatternFields(mesh.actuator, moving_mesh(mesh), mesh.settings.order, patterns.rows)
+
+
+@lru_cache(maxsize=1)
+def eddy_actuator(mesh: MeshGroup, patterns: Patterns) -> EddyActuator:
+    """The actuator on the mesh of a group, with patterns."""
+    return EddyActuator(mesh.actuator, moving_mesh(mesh), _pattern_fields(patterns), mesh.settings.order)

@@ -18,8 +18,9 @@ from femfit.core.journal import Journal
 from femfit.core.numerics import ComplexArray, FloatArray, evenly_spread
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
-from femfit.field.eddy_task import EddyMesh, FormsTask, Patterns, ProbeTask, principal
+from femfit.field.eddy_task import FormsTask, Patterns, ProbeTask, principal
 from femfit.field.layout import layout_of, stretch_groups
+from femfit.field.sweep_task import MeshGroup
 from femfit.field.sweep_workers import AGAIN
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.eddy_table import EddyTable, Transfers
@@ -132,8 +133,8 @@ def induces(actuator: Actuator) -> bool:
 class _Plan:
     """Which distances are probed, on which meshes and at which frequencies."""
 
-    meshes: dict[float, EddyMesh]  # By distance
-    reference: EddyMesh
+    meshes: dict[float, MeshGroup]  # By distance
+    reference: MeshGroup
     probes: tuple[float, ...]
     checks: tuple[float, ...]
     frequencies: tuple[float, ...]
@@ -147,7 +148,7 @@ class _Plan:
         settings = SolverSettings(order=ORDER, skin_frequency_Hz=high)
         layout, distances = layout_of(actuator, settings), actuator.sweep.distances_m
         groups = stretch_groups(distances, layout, settings)
-        meshes = {d: EddyMesh(actuator, layout, settings, group) for group in groups for d in group}
+        meshes = {d: MeshGroup(actuator, layout, settings, group) for group in groups for d in group}
         probes = tuple(distances[k] for k in evenly_spread(len(distances), PROBES))
         between = [d for d in distances if d not in probes]
         return cls(

@@ -33,8 +33,7 @@ from typing import Any
 import ngsolve as ng
 import numpy as np
 import shapely
-from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, dx
-from ngsolve.comp import IntegrationRuleSpace
+from ngsolve import H1, BilinearForm, InnerProduct, Mesh, dx
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -43,10 +42,11 @@ from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator, Material, Region, skin_depth
 from femfit.field.layout import AIR, Layout, polygon
 from femfit.field.linear_system import SummedInverse
-from femfit.field.material_points import MaterialPoints, csr
+from femfit.field.material_points import MaterialPoints, QuadraturePoints
 from femfit.field.weak_form import (
     RADIAL_WEIGHT_ORDER,
     flux_density,
+    function_of,
     linear_materials,
     materials,
     reluctivity,
@@ -151,21 +151,16 @@ class ConductorPoints:
     def __init__(self, space: H1, actuator: Actuator, distance: float) -> None:
         self.space, self.distance = space, distance
         self._named = conductors(actuator)
-        region = space.mesh.Materials("|".join(self._named))
-        self._points = IntegrationRuleSpace(space.mesh, order=space.globalorder + 1, definedon=region)
-        self._measure = dx("|".join(self._named), intrules=self._points.GetIntegrationRules())
+        self._points = QuadraturePoints(space.mesh, space.globalorder + 1, "|".join(self._named))
         self.moving = self._sampled({"moving:.*": 1.0}) > 0.5
         self.sheets = self._sampled({n: float(m.lamination_m > 0.0) for n, m in self._named.items()}) > 0.5
         thickness = {n: m.lamination_m / math.sqrt(12.0) or 1.0 for n, m in self._named.items()}
         self.factor = self._sampled(
             {n: thickness[n] * math.sqrt(m.conductivity_S_per_m) for n, m in self._named.items()}
         )
-        q = self._points.TestFunction()
-        measure = LinearForm(self._points)
-        measure += q * self._measure
-        area = np.array(measure.Assemble().vec.FV().NumPy())
-        self.places = np.column_stack([self._interpolated(ng.x), self._interpolated(ng.y) - distance * self.moving])
-        weight = 2.0 * math.pi * self.places[:, 0] * area
+        r, z = self._points.values(ng.x), self._points.values(ng.y)
+        self.places = np.column_stack([r, z - distance * self.moving])
+        weight = 2.0 * math.pi * r * self._points.weight
         self.weight = np.concatenate([weight, weight[self.sheets]])
         places = {
             name: float(k) for k, name in enumerate(dict.fromkeys(material.name for material in self._named.values()))
@@ -173,7 +168,7 @@ class ConductorPoints:
         of_material = self._sampled({n: places[m.name] for n, m in self._named.items()}).round().astype(np.int64)
         self.material_rows = np.concatenate([of_material, of_material[self.sheets]])  # Which of the materials
         self.moving_rows = np.concatenate([self.moving, self.moving[self.sheets]])
-        self._map = self._rows_map(area)
+        self._map = self._rows_map()
         self._to_load = self._map.T.tocsr()
 
     def rows(self, states: FloatArray) -> FloatArray:
@@ -192,9 +187,9 @@ class ConductorPoints:
     def rows_of(self, states: FloatArray, space: H1, distance: float) -> FloatArray:
         """Rows (k, n) of fields (k, unknowns) on another mesh, which was made with the moving part at a distance."""
         points = space.mesh(self.places[:, 0], self.places[:, 1] + distance * self.moving)
-        function, result = GridFunction(space), []
+        result = []
         for state in states:
-            function.vec.FV().NumPy()[:] = state
+            function = function_of(space, state)
             rows = self.factor * self.places[:, 0] * function(points)[:, 0]
             if self.sheets.any():
                 b = self.factor[:, None] * flux_density(function)(points)
@@ -211,25 +206,15 @@ class ConductorPoints:
         return result
 
     def _sampled(self, of_regions: dict[str, float]) -> FloatArray:
-        return self._interpolated(self.space.mesh.MaterialCF(of_regions, default=0.0))
+        return self._points.values(self.space.mesh.MaterialCF(of_regions, default=0.0))
 
-    def _interpolated(self, values: Any) -> FloatArray:
-        function = GridFunction(self._points)
-        function.Interpolate(values)
-        return np.array(function.vec.FV().NumPy())
-
-    def _rows_map(self, area: FloatArray) -> Any:
-        w = self.space.TrialFunction()
+    def _rows_map(self) -> Any:
+        w, factor, sheets = self.space.TrialFunction(), sparse.diags(self.factor), self.sheets
         b = flux_density(w)
-        current = self._component(ng.x * w, area)
-        if not self.sheets.any():
+        current = factor @ self._points.map_of(self.space, ng.x * w)
+        if not sheets.any():
             return current
-        along, across = self._component(b[0], area), self._component(b[1], area)
-        sheets = sparse.diags(self.sheets.astype(np.float64))
-        first = current - sheets @ current + sheets @ along
-        return sparse.vstack([first, across[self.sheets]]).tocsr()
-
-    def _component(self, value: Any, area: FloatArray) -> Any:
-        form = BilinearForm(trialspace=self.space, testspace=self._points)
-        form += value * self._points.TestFunction() * self._measure
-        return sparse.diags(self.factor / area) @ csr(form.Assemble().mat, self.space.ndof)
+        along, across = (factor @ self._points.map_of(self.space, component) for component in (b[0], b[1]))
+        of_sheets = sparse.diags(sheets.astype(np.float64))
+        first = current - of_sheets @ current + of_sheets @ along
+        return sparse.vstack([first, across[sheets]]).tocsr()

@@ -14,7 +14,6 @@ import numpy as np
 from ngsolve import H1, BilinearForm, GridFunction, Mesh, dx
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
-from femfit.device.electrics import HallElement
 from femfit.device.parts import Actuator
 from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import AIR, Layout
@@ -37,12 +36,38 @@ class Coefficients:
     rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
 
 
-class LinearSystem:
-    """Forms, loads and force matrix; from one distance to the next only the air's form changes.
+class SourceFields:
+    """Right-hand sides and fields of all sources on one space: the magnets, 1 A in each circuit, and patterns.
 
-    ``total`` and ``own`` have one field a source: the magnets', that of 1 A in each circuit, and those of patterns of
-    induced currents, if there are any.
+    ``loads`` and ``own_loads``, of what of them moves, have the shape (m, unknowns); ``total`` and ``own`` have one
+    function a source.
     """
+
+    def __init__(self, space: H1, actuator: Actuator, g: GridFunction, patterns: PatternLoads | None) -> None:
+        self.mesh, self.space, self._hall = space.mesh, space, actuator.hall
+        self.loads, self.own_loads = (source_loads(space, actuator, moving=moving) for moving in (False, True))
+        if patterns is not None:
+            induced, induced_moving = patterns(space)
+            self.loads = np.concatenate([self.loads, induced])
+            self.own_loads = np.concatenate([self.own_loads, induced_moving])
+        self.total, self.own = (tuple(GridFunction(space) for _ in self.loads) for _ in range(2))
+        self.layer_force = LayerForce(space, g)
+
+    def coefficients(self) -> Coefficients:
+        """Force, flux linkages, co-energy and Hall field of the fields as they are."""
+        self_force, hall = quadratic(self.layer_force, self.own), self._hall
+        linked = inner_products(self.loads, self.total)
+        return Coefficients(
+            force=quadratic(self.layer_force, self.total) - self_force,
+            self_force=self_force,
+            flux_linkage=linked[1:],
+            coenergy=0.5 * linked[0, 0],
+            hall=None if hall is None else np.array([hall_field(hall, self.mesh, total) for total in self.total]),
+        )
+
+
+class LinearSystem(SourceFields):
+    """Forms, loads and force matrix; from one distance to the next only the air's form changes."""
 
     def __init__(
         self,
@@ -53,12 +78,7 @@ class LinearSystem:
         order: int,
         patterns: PatternLoads | None = None,
     ) -> None:
-        self.mesh = mesh
-        self.space = H1(mesh, order=order)
-        self._hall = actuator.hall
-        self.loads, self.own_loads = loads_of(self.space, actuator, patterns)
-        self.total, self.own = (tuple(GridFunction(self.space) for _ in self.loads) for _ in range(2))
-        self.layer_force = LayerForce(self.space, g)
+        super().__init__(H1(mesh, order=order), actuator, g, patterns)
         named = linear_materials(actuator)
         parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(mesh, named)
         self._air = stiffness(self.space, nu_0, layout.outer_radius, regions=AIR)
@@ -100,33 +120,11 @@ class LinearSystem:
     def evaluate(self) -> Coefficients:
         """Solve on the mesh as it is now stretched: force, flux linkage, co-energy and Hall field."""
         self.solve()
-        self_force = quadratic(self.layer_force, self.own)
-        linked = inner_products(self.loads, self.total)
-        return Coefficients(
-            force=quadratic(self.layer_force, self.total) - self_force,
-            self_force=self_force,
-            flux_linkage=linked[1:],
-            coenergy=0.5 * linked[0, 0],
-            hall=hall_fields(self._hall, self.mesh, self.total),
-        )
+        return self.coefficients()
 
     def respond(self, state: FloatArray, loads: FloatArray) -> FloatArray:  # noqa: ARG002  nothing depends on it
         """What loads (k, unknowns) change of any state of the mesh as it was last solved, in the same shape."""
         return np.array([self._inverse.solve(load) if load.any() else np.zeros_like(load) for load in loads])
-
-
-def loads_of(space: H1, actuator: Actuator, patterns: PatternLoads | None) -> tuple[FloatArray, FloatArray]:
-    """Right-hand sides of all sources, and of what of them moves; shape (m, unknowns) each."""
-    loads, moving = (source_loads(space, actuator, moving=moving) for moving in (False, True))
-    if patterns is None:
-        return loads, moving
-    induced, induced_moving = patterns(space)
-    return np.concatenate([loads, induced]), np.concatenate([moving, induced_moving])
-
-
-def hall_fields(hall: HallElement | None, mesh: Mesh, functions: Sequence[GridFunction]) -> FloatArray | None:
-    """The field in T at the Hall element of each function; None without one."""
-    return None if hall is None else np.array([hall_field(hall, mesh, function) for function in functions])
 
 
 def inner_products(loads: FloatArray, functions: Sequence[GridFunction]) -> FloatArray:

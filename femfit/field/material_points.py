@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, LinearForm, dx
+from ngsolve import H1, BilinearForm, GridFunction, InnerProduct, LinearForm, Mesh, dx
 from ngsolve.comp import IntegrationRuleSpace
 from scipy import sparse
 
@@ -38,19 +38,48 @@ Tensor: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 """Components rr, rz, zz of nu_d in m/H, each of shape (points)."""
 
 
+class QuadraturePoints:
+    """Points of a rule on some regions of a mesh, whose weights have a density: values there, and maps to them."""
+
+    def __init__(self, mesh: Mesh, order: int, regions: str = ".*", density: Any = 1.0) -> None:
+        self.space = IntegrationRuleSpace(mesh, order=order, definedon=mesh.Materials(regions))
+        self.measure = dx(regions, intrules=self.space.GetIntegrationRules())
+        self._density = density
+        self.weight = self.integrals(ng.CF(1.0))
+
+    def integrals(self, function: Any) -> FloatArray:
+        """What each point contributes to the integral of a function, shape (points,)."""
+        form = LinearForm(function * self.space.TestFunction() * self._density * self.measure)
+        return np.array(form.Assemble().vec.FV().NumPy())
+
+    def values(self, function: Any) -> FloatArray:
+        """A function at the points, shape (points,)."""
+        interpolated = GridFunction(self.space)
+        interpolated.Interpolate(function)
+        return np.array(interpolated.vec.FV().NumPy())
+
+    def map_of(self, space: H1, *components: Any) -> Any:
+        """The map of a space's unknowns to components of its trial function, sparse, (components points, unknowns)."""
+        rows = []
+        for component in components:
+            form = BilinearForm(trialspace=space, testspace=self.space)
+            form += component * self.space.TestFunction() * self._density * self.measure
+            rows.append(sparse.diags(1.0 / self.weight) @ csr(form.Assemble().mat, space.ndof))
+        return sparse.vstack(rows).tocsr()
+
+
 class MaterialPoints:
     """Points and laws of an actuator's parts on one mesh and space."""
 
     def __init__(self, space: H1, named: Mapping[str, Material]) -> None:
         self.space = space
         self.regions = "|".join(named)
-        region = space.mesh.Materials(self.regions)
         # B is of the space's order p and r multiplies B squared: the rule has to be exact to 2 p + 1.
         rule = space.globalorder + (space.globalorder < EXACT_TO_ODD)
-        self._points = IntegrationRuleSpace(space.mesh, order=rule, definedon=region)
-        self._measure = dx(self.regions, intrules=self._points.GetIntegrationRules())
-        self.weight = self._weights()
-        self._to_flux_density = self._flux_density_map()
+        self._points = QuadraturePoints(space.mesh, rule, self.regions, 2.0 * math.pi * ng.x)
+        self.weight = self._points.weight
+        b = flux_density(space.TrialFunction())
+        self._to_flux_density = self._points.map_of(space, b[0], b[1])
         self._to_load = self._to_flux_density.T.tocsr()
         self._curves: list[tuple[IntArray, BHCurve]] = []
         self._ends: list[tuple[IntArray, float]] = []
@@ -59,7 +88,7 @@ class MaterialPoints:
         for name, material in named.items():
             self._take(np.flatnonzero(self._named_points(name)), material)
         self.moving = self._named_points("moving:.*")
-        self._tensor = tuple(GridFunction(self._points) for _ in range(3))
+        self._tensor = tuple(GridFunction(self._points.space) for _ in range(3))
         self.tangent_form = self.tangent_on(space)
 
     def flux_density(self, state: FloatArray) -> FloatArray:
@@ -112,26 +141,8 @@ class MaterialPoints:
             function.vec.FV().NumPy()[:] = values
         self.tangent_form.Assemble()
 
-    def _weights(self) -> FloatArray:
-        q = self._points.TestFunction()
-        form = LinearForm(self._points)
-        form += q * 2.0 * math.pi * ng.x * self._measure
-        return np.array(form.Assemble().vec.FV().NumPy())
-
-    def _flux_density_map(self) -> Any:
-        """D, sparse, shape (2 points, unknowns)."""
-        b, q = flux_density(self.space.TrialFunction()), self._points.TestFunction()
-        rows = []
-        for component in (b[0], b[1]):
-            form = BilinearForm(trialspace=self.space, testspace=self._points)
-            form += component * q * 2.0 * math.pi * ng.x * self._measure
-            rows.append(sparse.diags(1.0 / self.weight) @ csr(form.Assemble().mat, self.space.ndof))
-        return sparse.vstack(rows).tocsr()
-
     def _named_points(self, pattern: str) -> BoolArray:
-        marks = GridFunction(self._points)
-        marks.Interpolate(self.space.mesh.MaterialCF({pattern: 1.0}, default=0.0))
-        return np.asarray(marks.vec.FV().NumPy() > 0.5)
+        return self._points.values(self.space.mesh.MaterialCF({pattern: 1.0}, default=0.0)) > 0.5
 
     def _take(self, points: IntArray, material: Material) -> None:
         """Note the law of a region's points: nu and nu B_r of a linear one, or the curve."""
@@ -150,7 +161,7 @@ class MaterialPoints:
         rr, rz, zz = self._tensor
         form = BilinearForm(space, symmetric=True, condense=True)
         h = ng.CF((rr * b[0] + rz * b[1], rz * b[0] + zz * b[1]))
-        form += InnerProduct(h, c) * 2.0 * math.pi * ng.x * self._measure
+        form += InnerProduct(h, c) * 2.0 * math.pi * ng.x * self._points.measure
         return form
 
 

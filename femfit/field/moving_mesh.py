@@ -21,9 +21,7 @@ from typing import Any, TypeAlias
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, BilinearForm, GridFunction, LinearForm, dx, grad
-from ngsolve.comp import IntegrationRuleSpace
-from scipy import sparse
+from ngsolve import H1, GridFunction, grad
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.bh import BHCurve
@@ -31,8 +29,9 @@ from femfit.device.parts import Actuator, LinearMaterial, Material
 from femfit.field.drawing import build_mesh
 from femfit.field.force import AROUND_FIXED, weight
 from femfit.field.layout import Layout, layer_outlines, layout_of_group, reference_distance
-from femfit.field.material_points import csr
+from femfit.field.material_points import QuadraturePoints
 from femfit.field.tolerance import SolverSettings
+from femfit.field.weak_form import function_of
 
 STILL = 0.6  # of the gap above the fixed parts
 BISECTIONS = 40  # of the stretch; a step of rounding of it
@@ -110,10 +109,8 @@ class MovingMesh:
 
 def stretch_share(mesh: ng.Mesh, layout: Layout, layer_heights: tuple[float, float]) -> ng.GridFunction:
     """Share of the moving part's shift that each place of the mesh makes: 1 at the part, 0 at the fixed ones."""
-    share = ng.GridFunction(ng.H1(mesh, order=1))
     points = np.array([vertex.point for vertex in mesh.vertices])
-    share.vec.FV().NumPy()[:] = _profile(points, layout, layer_heights)
-    return share
+    return function_of(H1(mesh, order=1), _profile(points, layout, layer_heights))
 
 
 def _profile(points: FloatArray, layout: Layout, layer_heights: tuple[float, float]) -> FloatArray:
@@ -135,15 +132,15 @@ class FieldPoints:
 
     def __init__(self, space: H1, share: FloatArray) -> None:
         mesh = space.mesh
-        self._rule = IntegrationRuleSpace(mesh, order=space.globalorder)
-        self._measure = dx(intrules=self._rule.GetIntegrationRules())
-        self.weight = self._integrated(ng.CF(1.0))
-        self.radius = self._integrated(ng.x) / self.weight
-        self._map = self._to_points(space)
-        self._transposed = self._map.T.tocsr()
-        self._hats = self._to_points(H1(mesh, order=1)).T.tocsr()
-        names = mesh.GetMaterials()
-        numbers = self._integrated(mesh.MaterialCF({name: float(k) for k, name in enumerate(names)})) / self.weight
+        points, names = QuadraturePoints(mesh, space.globalorder), mesh.GetMaterials()
+        self.weight = points.weight
+        self.radius = points.integrals(ng.x) / self.weight
+        self._map, hats = (
+            points.map_of(unknowns, w, *grad(w))
+            for unknowns, w in ((of, of.TrialFunction()) for of in (space, H1(mesh, order=1)))
+        )
+        self._transposed, self._hats = self._map.T.tocsr(), hats.T.tocsr()
+        numbers = points.integrals(mesh.MaterialCF({name: float(k) for k, name in enumerate(names)})) / self.weight
         self.region: tuple[str, ...] = tuple(names)
         self._region = numbers.round().astype(np.int64)
         _, in_r, in_z = self.split(share @ self._hats)
@@ -188,19 +185,6 @@ class FieldPoints:
             self._transposed @ np.concatenate([2.0 * weight * b_z, along_r, -weight * r * b_r / b - shear * along_r])
         )
 
-    def _integrated(self, function: Any) -> FloatArray:
-        q = self._rule.TestFunction()
-        return np.array(LinearForm(function * q * self._measure).Assemble().vec.FV().NumPy())
-
-    def _to_points(self, space: H1) -> Any:
-        w, q = space.TrialFunction(), self._rule.TestFunction()
-        rows = []
-        for component in (w, grad(w)[0], grad(w)[1]):
-            form = BilinearForm(trialspace=space, testspace=self._rule)
-            form += component * q * self._measure
-            rows.append(sparse.diags(1.0 / self.weight) @ csr(form.Assemble().mat, space.ndof))
-        return sparse.vstack(rows).tocsr()
-
 
 class PlacedPoints:
     """(w, dw/dr, dw/dz) at some places of a mesh as it was made, for a few states."""
@@ -209,8 +193,7 @@ class PlacedPoints:
         self._function, mesh = GridFunction(space), space.mesh
         self._places = mesh(points[:, 0], points[:, 1]) if len(points) else None
         self._density = ng.CF((self._function, *grad(self._function)))
-        weight = GridFunction(H1(mesh, order=1))
-        weight.vec.FV().NumPy()[:] = share
+        weight = function_of(H1(mesh, order=1), share)
         slopes = np.array(grad(weight)(self._places)) if len(points) else np.zeros((0, 2))
         self._stretch = slopes[:, 0], slopes[:, 1]
 

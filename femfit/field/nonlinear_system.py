@@ -12,6 +12,7 @@ field with the state's, F = F_0 + 2 dF. What is of second order in small current
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import ngsolve as ng
 import numpy as np
@@ -20,20 +21,18 @@ from ngsolve import H1, ConvertOperator, GridFunction, Mesh
 from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator
-from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import AIR, Layout
 from femfit.field.linear_system import (
     Coefficients,
     LinearSystem,
     PatternLoads,
+    SourceFields,
     SummedInverse,
-    hall_fields,
     inner_products,
-    loads_of,
 )
 from femfit.field.material_points import MaterialPoints, Tensor, csr
 from femfit.field.newton import Expansion, inner, minimise
-from femfit.field.weak_form import materials, source_loads, stiffness
+from femfit.field.weak_form import function_of, materials, source_loads, stiffness
 
 RESPONSE_TOLERANCE = 1e-3
 """Tolerance of the conjugate gradients for dw/di, in the energy's norm; the inductance is exact to its square."""
@@ -151,9 +150,7 @@ class NonlinearSystem:
 
     def function(self, state: FloatArray) -> GridFunction:
         """A state as a function on the mesh."""
-        function = GridFunction(self.space)
-        function.vec.FV().NumPy()[:] = state
-        return function
+        return function_of(self.space, state)
 
     def _flux_density(self, state: FloatArray) -> FloatArray:
         """At the parts' points; that of the last state is kept, which is asked for again and again."""
@@ -180,7 +177,7 @@ def static_system(
     return kind(mesh, actuator, layout, g, order, patterns)
 
 
-class BiasedSystem:
+class BiasedSystem(SourceFields):
     """The system of the module's head, used like a :class:`LinearSystem`; ``bias`` has the circuits' currents in A."""
 
     def __init__(
@@ -192,7 +189,6 @@ class BiasedSystem:
         order: int,
         patterns: PatternLoads | None = None,
     ) -> None:
-        self.mesh, self._hall = mesh, actuator.hall
         self.bias = np.zeros(len(actuator.circuits))
         self._levels = [
             NonlinearSystem(mesh, actuator, layout, degree) for degree in dict.fromkeys((FIRST_ORDER, order))
@@ -200,11 +196,7 @@ class BiasedSystem:
         self._raise_order = csr(
             ConvertOperator(self._levels[0].space, self._levels[-1].space), self._levels[0].space.ndof
         )
-        fine = self._levels[-1]
-        self.space = fine.space
-        self.loads, self.own_loads = loads_of(self.space, actuator, patterns)
-        self.total, self.own = (tuple(GridFunction(self.space) for _ in self.loads) for _ in range(2))
-        self.layer_force = LayerForce(self.space, g)
+        super().__init__(self._levels[-1].space, actuator, g, patterns)
 
     @property
     def points(self) -> MaterialPoints:
@@ -259,11 +251,6 @@ class BiasedSystem:
         """As :meth:`LinearSystem.evaluate`; the force has entries in its first row and column alone."""
         rest = self._levels[-1].function(self.state(np.zeros_like(self.bias)))
         self.solve()
-        self_force = quadratic(self.layer_force, self.own)
-        force = quadratic(self.layer_force, self.total) - self_force
-        force[1:, 1:] = 0.0
-        hall = hall_fields(self._hall, self.mesh, self.total)
-        linked = inner_products(self.loads, self.total)
-        return Coefficients(
-            force, self_force, linked[1:], 0.5 * linked[0, 0], hall, inner_products(self.loads[1:], [rest])[:, 0]
-        )
+        result = self.coefficients()
+        result.force[1:, 1:] = 0.0
+        return replace(result, rest=inner_products(self.loads[1:], [rest])[:, 0])

@@ -38,6 +38,13 @@ def flux_density(w: Any) -> Any:
     return CF((-r * slope[1], 2.0 * w + r * slope[0]))
 
 
+def function_of(space: H1, coefficients: FloatArray) -> GridFunction:
+    """The function of a space that has these coefficients, shape (unknowns,)."""
+    function = GridFunction(space)
+    function.vec.FV().NumPy()[:] = coefficients
+    return function
+
+
 def hall_field(hall: HallElement, mesh: Mesh, w: GridFunction) -> float:
     """The component of B in T that a Hall element measures."""
     b = flux_density(w)(mesh(hall.radius_m, hall.height_m))

@@ -84,6 +84,6 @@ def test_a_pair_of_magnets_is_swept_without_a_current(tmp_path, tolerance):
     sweep_task.MESHES.clear()
     table = run_sweep(pair, tmp_path, workers=1, settings=SolverSettings(tolerance=tolerance))
     assert table.rows["current_A"].eq(0.0).all()
-    assert not {"flux_linkage_Wb", "inductance_H"} & set(table.rows)
+    assert not {"flux_linkage_Wb", "inductance_H", "hall_T"} & set(table.rows)
     assert table.rows["force_N"][0] == pytest.approx(265.537, rel=2e-4 if tolerance is None else tolerance)
     assert len(read_sweep_table(tmp_path).valid_rows()) == 2

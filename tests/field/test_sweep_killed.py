@@ -86,6 +86,7 @@ def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_pa
         assert (target / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
+@pytest.mark.nightly
 def test_a_sweep_killed_while_it_writes_its_table_leaves_none_or_a_whole_one(tmp_path):
     path, target = actuator_file("linear", tmp_path), tmp_path / "run"
     run_sweep(read_variants(path), target, workers=1)

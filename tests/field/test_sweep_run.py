@@ -10,12 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FieldSolverError
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import read_actuator
 from femfit.device.parts import NonlinearMaterial
 from femfit.field import sweep as sweep_module
-from femfit.field import sweep_task
 from femfit.field.sweep import plan_sweep, run_sweep
 from femfit.field.sweep_rows import summarise
 from femfit.field.tolerance import SolverSettings
@@ -68,16 +66,6 @@ def test_table_has_the_contracts_columns_one_row_a_point(few, whole):
     assert [(at.points_done, at.points) for at in states] == [(done, 32) for done in (0, 8, 16, 24, 32)]
 
 
-def test_an_actuator_without_hall_element_has_no_hall_column(few, tmp_path):
-    near = with_distances(dataclasses.replace(few, sensors=()), (0.02,))
-    assert "hall_T" not in run_sweep(near, tmp_path, workers=1, settings=QUICK).rows
-
-
-def test_two_processes_give_the_numbers_of_one(few, whole, tmp_path):
-    two = run_sweep(few, tmp_path, workers=2, settings=QUICK)
-    pd.testing.assert_frame_equal(whole[1].rows, two.rows, check_exact=True)
-
-
 def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_costs_nothing(
     few, whole, solved, monkeypatch
 ):
@@ -91,47 +79,6 @@ def test_an_edited_drawing_is_solved_anew_in_the_same_directory_and_the_old_one_
     again = run_sweep(few, solved, workers=1, settings=QUICK, progress=back.append)
     assert back[0].points_done == back[0].points == len(again.rows)
     pd.testing.assert_frame_equal(whole[1].rows, again.rows, check_exact=True)
-
-
-def test_a_line_cut_short_in_the_journal_is_solved_again(few, whole, solved):
-    journal = solved / "journal.jsonl"
-    journal.write_bytes(journal.read_bytes()[:-40])
-    again = run_sweep(few, solved, workers=1, settings=QUICK)
-    pd.testing.assert_frame_equal(whole[1].rows, again.rows, check_exact=True)
-
-
-def test_a_journal_cut_in_its_first_line_starts_afresh(few, tmp_path):
-    (tmp_path / "journal.jsonl").write_bytes(b'{"configuration_ha')
-    assert summarise(run_sweep(with_distances(few, (0.02,)), tmp_path, workers=1, settings=QUICK))["failed"] == 0
-
-
-def failing_at(distance, solve):
-    def solve_or_fail(task):
-        if task.distance == distance:
-            return {"status": "failed: no mesh"}
-        return solve(task)
-
-    return solve_or_fail
-
-
-def test_a_distance_that_fails_is_a_row_with_its_reason(few, tmp_path, monkeypatch):
-    monkeypatch.setattr(sweep_module, "solve_task", failing_at(0.02, sweep_module.solve_task))
-    table = run_sweep(few, tmp_path, workers=1, settings=QUICK)
-    failed = table.rows[table.rows["status"] != "ok"]
-    assert set(failed["distance_m"]) == {0.02}
-    assert failed["force_N"].isna().all()
-    summary = summarise(table)
-    assert summary["failed"] == 8
-    assert summary["failures"] == {"failed: no mesh": 8}
-
-
-def test_a_mesher_that_gives_up_is_a_status_and_no_crash(few, monkeypatch):
-    def give_up(*_):
-        raise FieldSolverError("no mesh")
-
-    monkeypatch.setattr("femfit.field.problem.prepare", give_up)
-    sweep_task.MESHES.clear()
-    assert sweep_module.solve_task(plan_sweep(few, QUICK)[0]) == {"status": "failed: no mesh"}
 
 
 def test_groups_cover_every_distance_once(rig):
@@ -159,37 +106,6 @@ def test_a_script_without_a_main_guard_sweeps_in_processes_and_ends(tmp_path):
     assert result.stdout.split() == ["24", "True"]
 
 
-def table(forces, errors, manifest=None):
-    rows = pd.DataFrame({"current_A": [0.0, 1.0, 2.0], "distance_m": 0.01, "force_N": forces, "force_error_N": errors})
-    return SweepTable(rows.assign(status="ok"), manifest or {})
-
-
-@pytest.mark.parametrize(
-    ("forces", "errors", "largest"),
-    [
-        ([0.1, 1e-9, -0.2], [1e-5, 2e-5, 2e-5], 2e-4),  # crosses zero: over that of the weakest current
-        ([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.0),
-        ([0.0, 0.1, 0.4], [0.0, 1e-4, 2e-4], 1e-3),
-    ],
-)
-def test_an_error_is_measured_by_a_force_that_there_is(forces, errors, largest):
-    assert summarise(table(forces, errors))["force_error_relative_max"] == pytest.approx(largest)
-
-
-def test_a_force_that_crosses_zero_along_the_distance_is_measured_by_those_on_both_sides():
-    rows = pd.DataFrame({"current_A": 1.0, "distance_m": [0.03, 0.01, 0.02], "force_N": [-0.1, 0.2, 1e-9]})
-    rows = rows.assign(force_error_N=[1e-5, 2e-5, 4e-5], status="ok")
-    assert summarise(SweepTable(rows, {}))["force_error_relative_max"] == pytest.approx(4e-5 / 0.1)
-    tolerant = SweepTable(rows, {"settings": {"tolerance": 1e-2}})
-    assert summarise(tolerant)["rows_beyond_tolerance"] == 1  # a tolerance is met at each distance on its own
-
-
-def test_rows_that_miss_the_tolerance_are_counted():
-    manifest = {"settings": {"tolerance": 1.5e-4}}
-    assert summarise(table([0.1, 0.1, 0.1], [1e-5, 2e-5, 3e-5], manifest))["rows_beyond_tolerance"] == 2
-    assert "rows_beyond_tolerance" not in summarise(table([0.1, 0.1, 0.1], [1e-5, 2e-5, 3e-5]))
-
-
 def test_points_beyond_the_end_of_a_curve_are_counted(tmp_path):
     short = NonlinearMaterial("short", (0.0, 0.5, 0.8), (0.0, 400.0, 2000.0))
     swept = run_sweep(bobbin(short, currents=(0.0, 8.0)), tmp_path, workers=1, settings=SolverSettings(order=3))
@@ -197,15 +113,29 @@ def test_points_beyond_the_end_of_a_curve_are_counted(tmp_path):
     assert summarise(swept)["points_beyond_bh_curve"] == 1
 
 
-def test_a_force_that_is_zero_at_every_distance_without_current_is_no_measure_of_its_error():
-    rows = pd.DataFrame(
-        {
-            "current_A": [0.0, 0.0, 1.0, 1.0],
-            "distance_m": [0.01, 0.02, 0.01, 0.02],
-            "force_N": [1e-9, 1e-9, 1.0, 0.5],
-            "force_error_N": [1e-8, 1e-8, 1e-4, 1e-4],
-            "status": ["ok"] * 4,
-        }
+def summary_of(currents, distances, forces, errors, tolerance=None):
+    columns = {"current_A": currents, "distance_m": distances, "force_N": forces, "force_error_N": errors}
+    rows = pd.DataFrame({name: np.broadcast_to(values, len(forces)) for name, values in columns.items()})
+    return summarise(SweepTable(rows.assign(status="ok"), {"settings": {"tolerance": tolerance}}))
+
+
+@pytest.mark.parametrize(
+    ("currents", "distances", "forces", "errors", "largest"),
+    [
+        ([0.0, 1.0, 2.0], 0.01, [0.1, 1e-9, -0.2], [1e-5, 2e-5, 2e-5], 2e-4),  # over that of the weakest current
+        ([0.0, 1.0, 2.0], 0.01, [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 0.0),
+        ([0.0, 1.0, 2.0], 0.01, [0.0, 0.1, 0.4], [0.0, 1e-4, 2e-4], 1e-3),
+        (1.0, [0.03, 0.01, 0.02], [-0.1, 0.2, 1e-9], [1e-5, 2e-5, 4e-5], 4e-4),  # over those on both sides of zero
+        ([0.0, 0.0, 1.0, 1.0], [0.01, 0.02] * 2, [1e-9, 1e-9, 1.0, 0.5], [1e-8, 1e-8, 1e-4, 1e-4], 2e-4),  # by symmetry
+    ],
+)
+def test_an_error_is_measured_by_a_force_that_there_is(currents, distances, forces, errors, largest):
+    assert summary_of(currents, distances, forces, errors)["force_error_relative_max"] == pytest.approx(largest)
+
+
+def test_rows_that_miss_the_tolerance_are_counted_at_each_distance_on_its_own():
+    assert (
+        summary_of(1.0, [0.03, 0.01, 0.02], [-0.1, 0.2, 1e-9], [1e-5, 2e-5, 4e-5], 1e-2)["rows_beyond_tolerance"] == 1
     )
-    # 1e-8 N over 1e-9 N would be 1000 %, of a force that nobody misses
-    assert summarise(SweepTable(rows, {}))["force_error_relative_max"] == pytest.approx(2e-4)
+    assert summary_of([0.0, 1.0, 2.0], 0.01, [0.1] * 3, [1e-5, 2e-5, 3e-5], 1.5e-4)["rows_beyond_tolerance"] == 2
+    assert "rows_beyond_tolerance" not in summary_of([0.0, 1.0, 2.0], 0.01, [0.1] * 3, [1e-5, 2e-5, 3e-5])

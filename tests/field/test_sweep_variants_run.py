@@ -1,6 +1,5 @@
 """Parameter sweeps as runs: columns, rows of each variant, failures, resumption, fit of one variant."""
 
-import dataclasses
 import json
 import shutil
 
@@ -11,7 +10,7 @@ import pytest
 from femfit.core.errors import FieldSolverError
 from femfit.core.sweep_columns import COLUMNS
 from femfit.device.load import actuator_from_tables, actuator_from_toml, parse
-from femfit.device.rewrite import read_variants, variants_from_toml
+from femfit.device.rewrite import variants_from_toml
 from femfit.field import sweep as sweep_module
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import summarise
@@ -163,6 +162,7 @@ def test_points_drawn_over_current_distance_and_turns_are_one_row_a_sample(tmp_p
         assert abs(row.force_N - grid.loc[row.current_A, row.distance_m]["force_N"]) < both
 
 
+@pytest.mark.nightly
 def test_a_saturating_core_can_be_swept_too(tmp_path):
     text = TEXT.replace('material = "ferrite"', 'material = "steel_1010"').replace(
         "stop = 45, step = 5", "stop = 20, step = 5"
@@ -172,9 +172,3 @@ def test_a_saturating_core_can_be_swept_too(tmp_path):
     rows = run_sweep(swept, tmp_path, workers=1, settings=QUICK).rows
     assert (rows["status"] == "ok").all()
     assert rows.groupby("variant")["newton_iterations"].max().gt(1).all()
-
-
-def test_the_example_of_the_folder_can_be_built():
-    found = read_variants(GEOMETRY / "emaws-variants.toml")
-    assert found.columns == tuple(NAMES)
-    assert all(dataclasses.is_dataclass(variant.actuator) for variant in found.variants)

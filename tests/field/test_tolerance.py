@@ -1,7 +1,6 @@
 """Accuracy on demand: the tolerance is met, the error is covered, and nothing jumps where a new mesh begins."""
 
 import dataclasses
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from femfit.field.currents import current_points
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.sweep import run_sweep
-from femfit.field.tolerance import SolverSettings, check_currents, refinement_levels, scale, settings_for
+from femfit.field.tolerance import SolverSettings, check_currents, scale, settings_for
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.devices import loudspeaker
 
@@ -125,13 +124,6 @@ def test_the_actuator_file_gives_the_tolerance():
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     assert rig.tolerance is None
     assert settings_for(dataclasses.replace(rig, tolerance=1e-4)).tolerance == 1e-4
-
-
-def test_levels_refine_in_order_and_at_the_corners():
-    levels = refinement_levels(SolverSettings(tolerance=1e-3))
-    assert [level.order for level in levels] == list(range(4, 4 + len(levels)))
-    assert all(b.corner_fraction < a.corner_fraction for a, b in pairwise(levels))
-    assert {level.tolerance for level in levels} == {None}
 
 
 def test_the_scale_of_an_error_does_not_vanish_where_the_force_does():
