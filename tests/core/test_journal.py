@@ -89,37 +89,6 @@ def test_a_journal_cut_anywhere_gives_back_its_whole_lines(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "damage",
-    [
-        '{"result": {"status": "ok"}}',
-        '{"key": "1", "result": {"status": "ok", "force_N": 0.333}}',
-        '{"key": "1", "result": {"status": "ok", "force_N": 0.333}, "checksum": 1}',
-        '{"key": "1", "result": {"status": "ok", "force_N": NaN}, "checksum": 1}',
-        "[]",
-    ],
-)
-def test_a_damaged_line_is_dropped_with_what_follows_it(damage, tmp_path):
-    with Journal(tmp_path, HEADER) as journal:
-        for key in ("0", "1", "2"):
-            journal.record(key, RESULTS[key])
-    lines = (tmp_path / JOURNAL_NAME).read_text().splitlines()
-    (tmp_path / JOURNAL_NAME).write_text("\n".join([*lines[:2], damage, *lines[3:]]) + "\n")
-    with Journal(tmp_path, HEADER) as again:
-        assert again.finished == {"0": RESULTS["0"]}
-
-
-def test_a_digit_that_was_changed_is_noticed(tmp_path):
-    with Journal(tmp_path, HEADER) as journal:
-        for key, result in RESULTS.items():
-            journal.record(key, result)
-    text = (tmp_path / JOURNAL_NAME).read_text()
-    for other in ("0.4", "NaN", "-Infinity"):
-        (tmp_path / JOURNAL_NAME).write_text(text.replace(repr(1 / 3), other))
-        with Journal(tmp_path, HEADER) as again:
-            assert again.finished == {"0": RESULTS["0"]}
-
-
-@pytest.mark.parametrize(
     "header",
     [
         {"configuration_hash": "abc", "parts": [1]},
@@ -141,12 +110,28 @@ def test_a_damaged_first_line_is_no_journal_of_any_drawing_and_is_said(header, t
         assert (again.finished, again.changed) == ({"0": RESULTS["0"]}, ())
 
 
-@pytest.mark.parametrize(("key", "result"), [([1], {"status": "ok"}), ("1", [1]), ("1", 2.0), (None, None)])
-def test_an_item_of_another_form_is_dropped(key, result, tmp_path):
+def item(key, result):
+    """A line whose checksum is right."""
+    return json.dumps({"key": key, "result": result, "checksum": zlib.crc32(json.dumps([key, result]).encode())})
+
+
+WHOLE = item("1", RESULTS["1"])
+DAMAGED = [
+    '{"result": {"status": "ok"}}',
+    '{"key": "1", "result": {"status": "ok", "force_N": 0.333}}',
+    "[]",
+    *(WHOLE.replace(repr(1 / 3), number) for number in ("0.4", "NaN", "-Infinity")),
+    *(item(key, result) for key, result in [([1], {"status": "ok"}), ("1", [1]), ("1", 2.0), (None, None)]),
+]
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
+def test_a_damaged_line_is_dropped_with_what_follows_it(damage, tmp_path):
     with Journal(tmp_path, HEADER) as journal:
-        journal.record("0", RESULTS["0"])
-    line = {"key": key, "result": result, "checksum": zlib.crc32(json.dumps([key, result]).encode())}
-    with (tmp_path / JOURNAL_NAME).open("a") as file:
-        file.write(json.dumps(line) + "\n")
+        for key in ("0", "1", "2"):
+            journal.record(key, RESULTS[key])
+    text = (tmp_path / JOURNAL_NAME).read_text()
+    assert WHOLE in text
+    (tmp_path / JOURNAL_NAME).write_text(text.replace(WHOLE, damage))
     with Journal(tmp_path, HEADER) as again:
         assert again.finished == {"0": RESULTS["0"]}

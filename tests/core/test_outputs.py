@@ -5,45 +5,25 @@ import struct
 
 import pytest
 
+from femfit.core import files
 from femfit.core.errors import OutputError
-from femfit.core.files import (
-    DRAWING,
-    FEMM,
-    FIELD_MODEL,
-    INTEGRATED,
-    LOOP,
-    MANIFEST,
-    MODEL,
-    NOTES,
-    PAGE,
-    PARAVIEW,
-    PARQUET,
-    PICTURE,
-    RAW,
-    RAW_SIDECAR,
-    RESULT,
-    SWEEP,
-    TABLE,
-    TEXT,
-    kind_of,
-    require_outputs,
-)
+from femfit.core.files import kind_of, require_outputs
 
 HELD = [
-    ("m.json", json.dumps({"magnetics": {}, "validity": {}}), MODEL),
-    ("f.json", json.dumps({"coefficients_T": {}}), FIELD_MODEL),
-    ("r.json", json.dumps({"sample_rate_Hz": 1}), RAW_SIDECAR),
-    ("manifest.json", json.dumps({"name": "a"}), MANIFEST),
-    ("c.json", json.dumps({"verdict": "agrees"}), RESULT),
-    ("rig.toml", "[coil]\nturns = 1\n", DRAWING),
-    ("b.toml", "flux_linkage_Wb = 1e-6\n", NOTES),
-    ("rig.fem", "[Format]      =  4.0\n", FEMM),
-    ("t.csv", "\ufeffdistance_m;force_N\n1;2\n", TABLE),
-    ("p.html", "\n<!DOCTYPE html><html></html>", PAGE),
-    ("v.vtu", '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">', PARAVIEW),
-    ("g.svg", '<?xml version="1.0"?>\n<svg>', PICTURE),
-    ("notes.md", "# What I did\n", TEXT),
-    ("damaged.json", "{", TEXT),
+    ("m.json", json.dumps({"magnetics": {}, "validity": {}}), files.MODEL),
+    ("f.json", json.dumps({"coefficients_T": {}}), files.FIELD_MODEL),
+    ("r.json", json.dumps({"sample_rate_Hz": 1}), files.RAW_SIDECAR),
+    ("manifest.json", json.dumps({"name": "a"}), files.MANIFEST),
+    ("c.json", json.dumps({"verdict": "agrees"}), files.RESULT),
+    ("rig.toml", "[coil]\nturns = 1\n", files.DRAWING),
+    ("b.toml", "flux_linkage_Wb = 1e-6\n", files.NOTES),
+    ("rig.fem", "[Format]      =  4.0\n", files.FEMM),
+    ("t.csv", "\ufeffdistance_m;force_N\n1;2\n", files.TABLE),
+    ("p.html", "\n<!DOCTYPE html><html></html>", files.PAGE),
+    ("v.vtu", '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid">', files.PARAVIEW),
+    ("g.svg", '<?xml version="1.0"?>\n<svg>', files.PICTURE),
+    ("notes.md", "# What I did\n", files.TEXT),
+    ("damaged.json", "{", files.TEXT),
 ]
 
 
@@ -60,32 +40,34 @@ def test_binary_files_are_known_by_their_content(tmp_path):
     (tmp_path / "x.png").write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
     (tmp_path / "u.csv").write_bytes("a,b\n".encode("utf-16"))
     kinds = [kind_of(tmp_path / name) for name in ("r.bin", "p.csv", "x.png", "u.csv")]
-    assert kinds[:3] == [RAW, PARQUET, PICTURE]
-    assert kinds[3] in {TABLE, TEXT}
+    assert kinds[:3] == [files.RAW, files.PARQUET, files.PICTURE]
+    assert kinds[3] in {files.TABLE, files.TEXT}
 
 
 def test_nothing_and_an_empty_file_are_free(tmp_path):
     (tmp_path / "empty.json").touch()
-    require_outputs([], (tmp_path / "empty.json", MODEL), (tmp_path / "absent.json", RESULT), (None, PAGE))
+    require_outputs(
+        [], (tmp_path / "empty.json", files.MODEL), (tmp_path / "absent.json", files.RESULT), (None, files.PAGE)
+    )
 
 
 def test_an_earlier_result_of_the_same_kind_is_replaced(tmp_path):
     path = tmp_path / "c.json"
     path.write_text('{"verdict": "agrees", "written_by": "femfit 0.1.0"}')
-    require_outputs([tmp_path / "m.json"], (path, RESULT))
+    require_outputs([tmp_path / "m.json"], (path, files.RESULT))
     (tmp_path / "o.csv").write_text("time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n")
-    require_outputs([tmp_path / "m.json"], (tmp_path / "o.csv", TABLE))
+    require_outputs([tmp_path / "m.json"], (tmp_path / "o.csv", files.TABLE))
 
 
 @pytest.mark.parametrize(
     ("name", "text", "kind"),
     [
-        ("package.json", '{"name": "mine"}', RESULT),
-        ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", PAGE),
-        ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", TABLE),
-        ("bench.toml", "force_N = 2e-4\n", NOTES),
-        ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", DRAWING),
-        ("record.bin", "\0\1\2\3", RAW),
+        ("package.json", '{"name": "mine"}', files.RESULT),
+        ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", files.PAGE),
+        ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", files.TABLE),
+        ("bench.toml", "force_N = 2e-4\n", files.NOTES),
+        ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", files.DRAWING),
+        ("record.bin", "\0\1\2\3", files.RAW),
     ],
 )
 def test_a_file_that_femfit_did_not_write_is_not_replaced(tmp_path, name, text, kind):
@@ -100,43 +82,47 @@ def test_an_input_is_not_replaced_whatever_it_is_called(tmp_path, name):
     (tmp_path / "in.json").write_text("{}")
     (tmp_path / "link.json").symlink_to(tmp_path / "in.json")
     with pytest.raises(OutputError, match="reads"):
-        require_outputs([tmp_path / "in.json", None], (tmp_path / name, RESULT))
+        require_outputs([tmp_path / "in.json", None], (tmp_path / name, files.RESULT))
 
 
 def test_two_results_need_two_files(tmp_path):
     with pytest.raises(OutputError, match="two results"):
-        require_outputs([], (tmp_path / "a.json", MODEL), (tmp_path / "a.json", RESULT))
+        require_outputs([], (tmp_path / "a.json", files.MODEL), (tmp_path / "a.json", files.RESULT))
 
 
 def test_a_directory_is_not_replaced_and_a_device_may_be_written_to(tmp_path):
     with pytest.raises(OutputError, match="directory"):
-        require_outputs([], (tmp_path, RESULT))
+        require_outputs([], (tmp_path, files.RESULT))
     (tmp_path / "null.csv").symlink_to("/dev/null")
-    require_outputs([], (tmp_path / "null.csv", TABLE))
+    require_outputs([], (tmp_path / "null.csv", files.TABLE))
 
 
-@pytest.mark.parametrize("kind", [LOOP, INTEGRATED])
+@pytest.mark.parametrize("kind", [files.LOOP, files.INTEGRATED])
 def test_a_sweep_table_is_not_replaced_by_a_record(tmp_path, kind):
     (tmp_path / "manifest.json").write_text('{"name": "rig"}')
     (tmp_path / "sweep.csv").write_text("distance_m,current_A,force_N\n0.02,0.1,0.03\n")
     with pytest.raises(OutputError, match="a sweep table"):
         require_outputs([], (tmp_path / "sweep.csv", kind))
-    require_outputs([], (tmp_path / "sweep.csv", SWEEP))
+    require_outputs([], (tmp_path / "sweep.csv", files.SWEEP))
 
 
 def test_a_record_is_replaced_by_its_own_kind_alone(tmp_path):
     (tmp_path / "loop.csv").write_text("run,time_s,estimated_distance_m\n1,0,0.02\n")
-    require_outputs([], (tmp_path / "loop.csv", LOOP))
+    require_outputs([], (tmp_path / "loop.csv", files.LOOP))
     with pytest.raises(OutputError, match="loop"):
-        require_outputs([], (tmp_path / "loop.csv", INTEGRATED))
+        require_outputs([], (tmp_path / "loop.csv", files.INTEGRATED))
 
 
-@pytest.mark.parametrize(("name", "kind"), [("r.txt", RESULT), ("result", RESULT), ("p.htm", PAGE), ("a.CSV", LOOP)])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("r.txt", files.RESULT), ("result", files.RESULT), ("p.htm", files.PAGE), ("a.CSV", files.LOOP)]
+)
 def test_a_name_that_promises_no_other_format_is_taken(tmp_path, name, kind):
     require_outputs([], (tmp_path / name, kind))
 
 
-@pytest.mark.parametrize(("name", "kind", "needed"), [("a.parquet", LOOP, ".csv"), ("p.pdf", PAGE, ".html")])
+@pytest.mark.parametrize(
+    ("name", "kind", "needed"), [("a.parquet", files.LOOP, ".csv"), ("p.pdf", files.PAGE, ".html")]
+)
 def test_a_name_of_another_format_is_refused_with_the_right_ending(tmp_path, name, kind, needed):
     with pytest.raises(OutputError, match=rf"ends in \{needed}"):
         require_outputs([], (tmp_path / name, kind))
