@@ -23,7 +23,7 @@ from femfit.identify.refit.refit import refit, starting_point
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 from femfit.report.motion_figures import write_before_after
-from support.campaign import NOISE, campaign, hidden, without
+from support.campaign import LARGE, NOISE, campaign, hidden, without
 from support.closed_loop import closed_loop, recorded
 from support.solenoids import solenoid
 from support.switching import logged, switched
@@ -191,7 +191,7 @@ def warming(levitation_model, seed, final_K, time, runs=3):
         hot = final_K * -np.expm1(-(1.0 + rows["order"].to_numpy()) / time)
         return readings | {"voltage_V": (1.0 + 3.93e-3 * hot) * readings["voltage_V"]}
 
-    return without(campaign(levitation_model, seed, change=change, runs=runs), "coil_temperature_C")
+    return without(campaign(levitation_model, seed, change=change, runs=runs, **LARGE), "coil_temperature_C")
 
 
 def running_resistance(model):
@@ -294,6 +294,7 @@ def test_runs_in_which_a_filter_is_lost_are_counted_by_what_it_reads(model, clea
         assert max(one.before, one.after) <= seen.runs == 2
 
 
+@pytest.mark.nightly
 def test_an_effect_that_is_not_there_is_not_called_better(model, clean_record):
     result = ff.add_effects(model, clean_record, "coil_temperature", base="never")
     assert not result.filter.better

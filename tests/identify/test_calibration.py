@@ -24,7 +24,6 @@ from femfit.identify.calibration.fit import Redrawn, estimate
 from femfit.identify.calibration.numbers import Choice, Drawing, with_named
 from femfit.identify.calibration.result import CalibratedNumber, remarks, verdict
 from femfit.identify.comparison.lack_of_fit import LackOfFit
-from femfit.identify.decision.allowances import beyond_noise
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.effect_space import EffectSpace
 from femfit.identify.noise.components import simulated_noise
@@ -183,7 +182,7 @@ def test_noise_is_said_only_within_1_2_times_the_noise(found, bench):
 
     def said(noise, times, p_value=0.5):
         rms = {name: times * sd for name, sd in noise.known.items()}
-        return verdict(observations, noise, LackOfFit(1.0, 10, p_value), beyond_noise(observations, noise, rms), rms)
+        return verdict(observations, noise, LackOfFit(1.0, 10, p_value), rms)
 
     assert "not noise" in said(quiet, 1.1, p_value=1e-9)
     assert said(quiet, 1.19).__contains__("(p")

@@ -25,7 +25,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.validity import Misfit, ValidityBox
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
-from support.campaign import NOISE, campaign, hidden
+from support.campaign import LARGE, NOISE, campaign, hidden
 
 HALL = hidden("hall_offset", offset_V=0.02)
 
@@ -151,7 +151,7 @@ def test_maps_hold_every_reading_once(levitation_model):
     force = {one.along: one for one in maps if one.channel == "force_N"}
     assert {("distance_m", "current_A"), ("branch",), ("run",), ("mount",), ("order",)} <= set(force)
     assert {sum(cell.readings for cell in one.cells) for one in force.values()} == {count}
-    assert len(force["distance_m", "current_A"].cells) == 10 * 7
+    assert len(force["distance_m", "current_A"].cells) == 8 * 5
     assert [cell.at for cell in force["branch",].cells] == [(-1.0,), (1.0,)]
 
 
@@ -165,7 +165,7 @@ def test_a_suspected_unit_comes_before_all_numbers(levitation_model):
 
 @pytest.mark.parametrize("given", [True, False])
 def test_the_freedom_of_the_mounts_is_said(levitation_model, given):
-    table = campaign(levitation_model, 20, mount_m=300e-6)
+    table = campaign(levitation_model, 20, mount_m=300e-6, **LARGE)
     columns = table.given if given else tuple(name for name in table.given if name != "mount")
     comparison = compare(levitation_model, replace(table, given=columns))
     assert comparison.verdict == "agrees"
@@ -243,7 +243,9 @@ def test_the_declared_uncertainty_of_the_distance_is_noise_of_every_reading(levi
 
 def test_the_scatter_of_repeats_holds_the_declared_error_of_their_settings_once(levitation_model):
     """Repeats are set anew, so that their scatter is the sensor's noise and what the current's error makes of it."""
-    observations = compare(levitation_model, campaign(levitation_model, 34, runs=6, mount_m=0.0, rho=0.0)).observations
+    observations = compare(
+        levitation_model, campaign(levitation_model, 34, runs=6, mount_m=0.0, rho=0.0, **LARGE)
+    ).observations
     columns = np.zeros((len(observations.value), 2))
     columns[observations.of("force_N"), 1] = 4e-4  # what an error of the current makes of the force
     error = np.random.default_rng(1).standard_normal(len(observations.covariates))[observations.row]
@@ -309,7 +311,8 @@ def test_a_misfit_is_located_and_its_amount_is_said(levitation_model, channel, b
 
 def test_a_misfit_of_both_signs_without_a_place_is_not_said_to_be_everywhere_twice(levitation_model):
     off = {"hall_V": lambda hall, rows: 0.02 * (-1.0) ** np.arange(len(hall))}
-    observations = bench_observations(levitation_model, campaign(levitation_model, 3, change=changed(*off.popitem())))
+    table = campaign(levitation_model, 3, change=changed(*off.popitem()), **LARGE)
+    observations = bench_observations(levitation_model, table)
     sentence = describe_region(observations, "hall_V", (), np.zeros(len(observations.value)))
     assert sentence.count("20 mV") == 2
 

@@ -13,7 +13,6 @@ from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.misfit import ChannelFall, ErrorFall
 from femfit.identify.constants import LEVEL
-from femfit.identify.decision.allowances import also_allowed
 from femfit.identify.decision.campaign import considered_effects, detectable_magnitudes, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import CleanCampaigns
@@ -27,7 +26,7 @@ from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.refit.refit import refit
 from femfit.model.json_file import write_model
 from femfit.model.validity import Misfit
-from support.campaign import NOISE, campaign, hidden, without
+from support.campaign import LARGE, NOISE, campaign, hidden, without
 
 QUICK = {"bootstrap": 0}
 SATURATION, HALL = hidden("core_saturation", mmf_loss_3=0.02), hidden("hall_offset", offset_V=0.02)
@@ -39,10 +38,9 @@ def decided(model, table):
 
 # The gate opens on 1 % of clean campaigns: two openings are less likely than 0.04 % among three, and 0.3 % among eight
 @pytest.mark.parametrize("campaigns", [3, pytest.param(8, marks=pytest.mark.nightly)])
-@pytest.mark.parametrize(("rho", "mount_m"), [(0.0, 0.0), (0.6, 50e-6)])
-def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_model, rho, mount_m, campaigns):
+def test_clean_data_with_remounts_and_correlated_noise_name_nothing(levitation_model, campaigns):
     verdicts = [
-        decided(levitation_model, campaign(levitation_model, seed, rho=rho, mount_m=mount_m)).verdict
+        decided(levitation_model, campaign(levitation_model, seed, rho=0.6, mount_m=50e-6)).verdict
         for seed in range(campaigns)
     ]
     assert verdicts.count("nothing_missing") >= campaigns - 1
@@ -63,7 +61,7 @@ def test_a_small_effect_beside_a_large_one_is_named_with_its_class_after_few_ref
 
     monkeypatch.setattr("femfit.identify.decision.search.refit", counted)
     small = hidden("hall_offset", offset_V=1e-3)
-    table = campaign(levitation_model, 3, [SATURATION, small])
+    table = campaign(levitation_model, 3, [SATURATION, small], **LARGE)
     result = diagnose(levitation_model, table, **QUICK)
     assert [one.name for one in result.missing] == ["core_saturation", "hall_offset"]
     assert {"hall_temperature", "hall_drift", "external_field"} < set(result.missing[1].members)
@@ -158,7 +156,7 @@ def test_a_warm_coil_without_a_thermometer_is_one_class_with_a_wrong_resistance(
 
 
 def test_the_noise_model_recovers_what_made_the_data(levitation_model):
-    table = campaign(levitation_model, 8, rho=0.6, mount_m=40e-6, runs=6)
+    table = campaign(levitation_model, 8, rho=0.6, mount_m=40e-6, runs=6, **LARGE)
     noise = estimate_noise(bench_observations(levitation_model, table))
     truth = np.array([NOISE[name] for name in noise.channels])
     # 840 readings a channel, worth about 400 independent ones: 3.5 % standard error each
@@ -169,7 +167,7 @@ def test_the_noise_model_recovers_what_made_the_data(levitation_model):
 
 def test_a_hidden_effect_does_not_widen_the_noise(levitation_model):
     clean, changed = (
-        estimate_noise(bench_observations(levitation_model, campaign(levitation_model, 9, effects)))
+        estimate_noise(bench_observations(levitation_model, campaign(levitation_model, 9, effects, **LARGE)))
         for effects in ([], [SATURATION])
     )
     np.testing.assert_allclose(changed.sigma, clean.sigma, rtol=0.05)
@@ -195,7 +193,7 @@ def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(pot):
         return {"force_N": readings["force_N"] * (1.0 + 1.5e-2 * wave)}
 
     gap = hidden("distance_offset", offset_m=150e-6)
-    table = campaign(pot, 15, [gap], change=coarse, noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0)
+    table = campaign(pot, 15, [gap], change=coarse, noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0, **LARGE)
     noise = estimate_noise(bench_observations(pot, table))
     assert noise.mount_m < 3e-6
     assert noise.test_mount_m < 15e-6
@@ -212,23 +210,16 @@ def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(pot):
 def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     turns = hidden("turns", turns_error=-0.03)
     noise = {"force_N": 0.1, "flux_linkage_Wb": 2e-6}
-    found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0), **QUICK)
+    found = diagnose(pot, campaign(pot, 16, [turns], noise=noise, mount_m=0.0, rho=0.0, **LARGE), **QUICK)
     alone = found.decision.posterior.explanations
     behind = alone[frozenset({"turns"})].log_evidence - alone[frozenset({"current_gain"})].log_evidence
     assert 50.0 < behind < 0.005 * found.excess
     assert [one.members for one in found.missing] == [("turns",)]
 
 
-def test_a_name_with_a_rival_that_fits_as_well_with_more_parameters_is_not_certain(pot):
-    gap = hidden("distance_offset", offset_m=30e-6)
-    found = diagnose(pot, campaign(pot, 17, [gap], noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0), **QUICK)
-    named = {one.name for one in found.missing}
-    assert not found.confident or all(named <= set(one.names) for one in found.explanations)
-
-
 def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):
-    table = campaign(levitation_model, 10, distances=5, currents=4)
-    first, again = (diagnose(levitation_model, table, bootstrap=4, rng=1) for _ in range(2))
+    table = campaign(levitation_model, 10, runs=2, distances=5, currents=3)
+    first, again = (diagnose(levitation_model, table, bootstrap=2, rng=1) for _ in range(2))
     assert first.clean == again.clean
     assert first.clean.named <= 1
 
@@ -272,12 +263,6 @@ def test_a_strong_trace_is_sure_and_no_name_is_where_its_cause_is_withheld(levit
     assert certainty_sentence(beside).startswith("Not certain")
     withheld = diagnose(levitation_model, table, **QUICK, exclude=(effect.effect.name,))
     assert withheld.verdict in {"unexplained", "form_insufficient"}
-    assert not withheld.confident
-
-
-def test_a_cause_named_as_its_neighbour_is_not_called_sure(levitation_model):
-    withheld = diagnose(levitation_model, campaign(levitation_model, 3, [HALL]), **QUICK, exclude=("hall_offset",))
-    assert withheld.verdict in {"unexplained", "named"}
     assert not withheld.confident
 
 
@@ -392,14 +377,6 @@ def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levi
         assert said in text
         assert "1.25 and 2.75 mm" in text
         assert "0.35 A" in text
-
-
-def test_a_test_that_passes_beside_a_channel_beyond_its_noise_says_what_it_allows_for(levitation_model):
-    model, table = coarse(levitation_model)
-    observations = bench_observations(model, table(1))
-    text = also_allowed(observations, {"force_N": "the force by 5 N"})
-    assert amount(model.misfit.force_rms_N, "N") in text
-    assert also_allowed(observations, {}) == ""
 
 
 def test_a_law_is_to_be_replaced_by_the_co_energy_rather_than_swept_again(pot):

@@ -228,7 +228,7 @@ def test_noise_alone_pays_for_nothing():
     assert sum(bool(sets_that_pay(Gram.of(columns, rng.normal(size=300)), roots)) for _ in range(200)) <= 4
 
 
-@pytest.mark.parametrize(("noise_N", "told"), [(1e-3, True), (3e-3, False)])
+@pytest.mark.parametrize(("noise_N", "told"), [pytest.param(1e-3, True, marks=pytest.mark.nightly), (3e-3, False)])
 def test_other_parts_that_the_readings_allow_are_said(levitation_model, noise_N, told):
     # From a few noisy forces alone nobody can tell a bent load cell from a changed field
     table = campaign(levitation_model, 10, change=bent_load_cell, noise={"force_N": noise_N}, distances=5, currents=4)
@@ -263,15 +263,13 @@ def learnt_from_record(model, cogging):
     return ff.add_effects(model, record, NAME)
 
 
+@pytest.mark.nightly
 def test_a_force_that_comes_and_goes_is_learnt_from_a_record(learnt_from_record):
     assert learnt_from_record.parts[0] == COENERGY
     assert learnt_from_record.accepted
     fall = {one.channel: one for one in learnt_from_record.fall.channels}["force_balance_N"]
     assert fall.before_over_noise > 2.0
     assert fall.after_over_noise < 1.3
-
-
-def test_the_filter_with_it_is_better_on_runs_left_out(learnt_from_record):
     assert learnt_from_record.filter.better
     assert learnt_from_record.filter.mean_square[1] < 0.5 * learnt_from_record.filter.mean_square[0]
 
@@ -303,6 +301,7 @@ def test_a_brake_is_learnt_as_one_that_never_pushes(model, clean_record):
     assert np.std(change[here]) > 0.5 * np.std(observations.residual[here])
 
 
+@pytest.mark.nightly
 def test_the_loop_closes_and_the_export_runs_with_it(learnt_from_record, tmp_path):
     loop = ff.close_loop(learnt_from_record.model, runs=1, seconds=0.3, rng=1)
     assert "lost" not in str(loop).splitlines()[0]
