@@ -41,7 +41,6 @@ NO_DECISION = {
     "fit/circuit_system.py": "what rounding leaves of a column, beside the solver",
     "fit/result.py": "how many labels a sentence lists",
     "identify/comparison/misfit.py": "what a picture shows",
-    "identify/decision/diagnosis_text.py": "how many names a sentence lists",
     "identify/series/balances.py": "orders of a Taylor series, and how many motions, that are kept for use again",
 }
 

@@ -224,7 +224,6 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
     rms = {
         name: max(channel.rms_after for channel in printed if channel.channel == name) for name in observations.channels
     }
-    beyond = beyond_noise(observations, noise, rms)
     test = pattern_space(observations, whitening).test(
         whitening.full(observations.value - after), fit.jacobian[:, ~fit.active]
     )
@@ -250,10 +249,10 @@ def _result(first: Redrawn, now: Estimate) -> CalibrationResult:
         fitted=fitted,
         undetermined=undetermined,
         lack_of_fit=test,
-        beyond_noise=beyond,
-        verdict=verdict(observations, noise, test, beyond, rms),
+        beyond_noise=beyond_noise(observations, noise, rms),
+        verdict=verdict(observations, noise, test, rms),
         sweeps=now.redrawn.sweeps,
         settled=now.step <= SETTLED,
-        remarks=tuple(remarks(now, numbers, undetermined)),
+        remarks=remarks(now, numbers, undetermined),
         findings=(*observations.findings, *guessed_noises(noise)),
     )

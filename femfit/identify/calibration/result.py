@@ -4,7 +4,7 @@ Its sentences say whether noise is left, what the data leave open, and what is u
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any, Self
@@ -13,29 +13,21 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
-from femfit.core.text import amount, counted, probability, rounded
+from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.file_numbers import unit_of
 from femfit.effects.effect import AddedEffect
-from femfit.effects.words import describe
 from femfit.identify.calibration.fit import Estimate
 from femfit.identify.comparison.lack_of_fit import LackOfFit
 from femfit.identify.comparison.misfit import ErrorFall
-from femfit.identify.constants import ALIKE, IN_COMBINATION, LEVEL_AFTER, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
-from femfit.identify.decision.allowances import allowed_for, beyond_own_misfit
+from femfit.identify.constants import ALIKE, IN_COMBINATION, OPEN, SHOWN, UNUSUAL, WITHIN_NOISE
+from femfit.identify.decision.allowances import allowed
 from femfit.identify.noise.whitening import NoiseModel
-from femfit.identify.readings.bench import notes, suspicions
 from femfit.identify.readings.observations import Observations
+from femfit.identify.words import printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import nominal_of
-from femfit.tables.measurement import CHANNEL_WORDS
 from femfit.tables.sweep_table import SweepTable
-
-_NOTHING_UNSEEN = (
-    "There is one run alone, so that no reading was left out of the fit: measure another run to see whether the "
-    "calibration holds. On the readings that were fitted, the drawing swept anew:"
-)
-
 
 HELD_TEXT = "held"
 """In place of an interval that an assumed tolerance makes."""
@@ -151,36 +143,13 @@ class CalibrationResult(Printed):
         }
 
     def __str__(self) -> str:
-        count = f"{counted(len(self.numbers), 'number')} of the drawing in {counted(self.sweeps, 'sweep')}"
         rows = [
             ("number", "drawn", "calibrated", "rest as drawn", "tolerance"),
             *(number.texts for number in self.numbers),
         ]
         widths = [max(len(row[k]) for row in rows) for k in range(5)]
-        nominal = nominal_of(self.model.without_effects)
-        lines = [
-            *suspicions(self.findings),
-            f"Calibrated {count}. {self.verdict}"
-            if self.settled
-            else f"Not settled after {counted(self.sweeps, 'sweep')}: do not trust these numbers. Calibrate fewer, or "
-            "declare how far distances may be off (distance_mm), if nothing does.",
-            *("  " + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows),
-        ]
-        for added in self.beside:
-            words = "; ".join(describe(added, nominal)) or added.effect.symptom.rstrip(".")
-            lines.append(f"Fitted beside, not in the drawing: {added.effect.name}: {words}.")
-        lines += self.remarks
-        if self.unseen is None:
-            lines += [_NOTHING_UNSEEN, str(self.fitted)]
-        else:
-            lines += ["As drawn, and calibrated without each run in turn:", str(self.unseen)]
-            errors = [
-                f"{CHANNEL_WORDS[channel.channel]} {channel.amount(channel.rms_after)}"
-                + ("" if channel.after_over_noise is None else f" ({channel.after_over_noise:.3g} times the noise)")
-                for channel in self.fitted.channels
-            ]
-            lines.append(f"The calibrated drawing, swept anew, misses all readings by {', '.join(errors)} rms.")
-        return "\n".join([*lines, *notes(self.findings)])
+        table = ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+        return printed("calibration", r=self, table=table, nominal=nominal_of(self.model.without_effects))
 
 
 def heading(result: CalibrationResult, drawing: str, data: Sequence[str]) -> str:
@@ -198,23 +167,12 @@ def verdict(
     observations: Observations,
     noise: NoiseModel,
     test: LackOfFit,
-    beyond: Mapping[str, float],
     rms: Mapping[str, float],
 ) -> str:
     """What is left, in one sentence that the printed errors do not contradict."""
-    p = probability(test.p_value)
-    if test.p_value <= LEVEL_AFTER:
-        return (
-            f"The misfit that is left is not noise ({p}): something else is wrong as well, and these numbers may stand "
-            "for it. Diagnose with the new model."
-        )
-    if missed := beyond_own_misfit(observations, beyond, rms):
-        return f"The test finds nothing in what is left ({p}), but the model misses {' and '.join(missed.values())}."
-    granted = ["noise"]
-    if any(rms[name] > WITHIN_NOISE * sd for name, sd in noise.known.items() if name not in beyond):
-        granted.append(allowed_for(observations, noise) or "what runs and settings differ by")
-    granted += ["the model's own misfit to the table that it was fitted to"][: len(beyond)]
-    return f"What is left is {' and '.join(granted)} ({p})."
+    facts = allowed(observations, noise, rms)
+    more = any(rms[name] > WITHIN_NOISE * sd for name, sd in noise.known.items() if name not in facts.beyond)
+    return sentence("calibration", "verdict", facts, test.p_value, more)
 
 
 def open_combinations(numbers: Sequence[CalibratedNumber], covariance: FloatArray) -> tuple[Combination, ...]:
@@ -236,61 +194,25 @@ def open_combinations(numbers: Sequence[CalibratedNumber], covariance: FloatArra
     return tuple(result)
 
 
-def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Sequence[Combination]) -> Iterator[str]:
+def remarks(now: Estimate, numbers: Sequence[CalibratedNumber], undetermined: Sequence[Combination]) -> tuple[str, ...]:
     """What a reader of the numbers must know besides."""
-    yield from now.choice.remarks.values()
-    yield from _held([number for number in numbers if number.held])
-    units, names = {number.key: number.unit for number in numbers}, {number.key: number.name for number in numbers}
-    for combination in undetermined[:SHOWN]:
-        changes = [
-            f"{names[key]} by {'+' if size >= 0.0 else '-'}{rounded(abs(size), 2)} {units[key]}".rstrip()
-            for key, size in combination.change.items()
-        ]
-        subject, reference = next(names[key] for key in combination.change), "its tolerance"
-        if len(changes) > 1:
-            subject = f"{', '.join(changes[:-1])} together with {changes[-1]}"
-            reference = "what the tolerances leave open of this combination"
-        share = amount(min(combination.left, 1.0), "")
-        yield f"Not determined by these data: {subject}. {share} of {reference} is left."
-    if len(undetermined) > SHOWN:
-        unlisted = counted(len(undetermined) - SHOWN, "further combination is", "further combinations are")
-        yield f"{unlisted} not determined."
-    for j, k in combinations(range(len(numbers)), 2):
-        correlation = now.covariance[j, k] / (numbers[j].sd_as_drawn * numbers[k].sd_as_drawn)
-        if abs(correlation) > ALIKE:
-            yield (
-                f"The errors of {numbers[j].name} and {numbers[k].name} go together (correlation {correlation:.2f}): "
-                f"within them, more of one with {'more' if correlation > 0.0 else 'less'} of the other explains these "
-                "data as well."
-            )
-    if any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers):
-        yield (
-            "These errors come mostly from the numbers that were not fitted, each of which may be off by its "
-            "tolerance. Fit more of them (--numbers), or measure them."
-        )
-    for number, facts in zip(numbers, now.choice.numbers, strict=True):
-        away, nearest = abs(number.value - number.drawn) / number.tolerance, round(number.value)
-        if away > UNUSUAL:
-            yield f"{number.name} is {away:.1f} tolerances from its drawn value, which is unusual. Measure it directly."
-        if facts.kind == "turns" and number.value != nearest:
-            off = rounded(abs(number.value - nearest) / number.sd_as_drawn, 2)
-            yield (
-                f"{number.name} is written as found, {number.value:g}, though turns are whole: {nearest} is {off} "
-                "standard deviations away, the others as found."
-            )
-
-
-def _held(numbers: Sequence[CalibratedNumber]) -> Iterator[str]:
-    """Which numbers a tolerance decides that nobody declared, and what the data alone say."""
-    for number in numbers[:SHOWN]:
-        alone = "the data alone leave it open"
-        if number.by_data is not None:
-            alone = f"the data alone say {with_error(*number.by_data)} {number.unit}".rstrip()
-        yield (
-            f"{number.name} is held by a tolerance of {rounded(number.tolerance, 2)} {number.unit}".rstrip()
-            + f" that is assumed: {alone}. If it may be further off, write its standard deviation into [tolerances]: "
-            f'"{number.key}" = ...'
-        )
-    if len(numbers) > SHOWN:
-        more = counted(len(numbers) - SHOWN, "further number is", "further numbers are")
-        yield f"{more} held by assumed tolerances; --json has what the data alone say."
+    alike = [
+        (numbers[j], numbers[k], correlation)
+        for j, k in combinations(range(len(numbers)), 2)
+        if abs(correlation := now.covariance[j, k] / (numbers[j].sd_as_drawn * numbers[k].sd_as_drawn)) > ALIKE
+    ]
+    away = [abs(number.value - number.drawn) / number.tolerance for number in numbers]
+    text = printed(
+        "calibration_remarks",
+        remarks=now.choice.remarks.values(),
+        held=[number for number in numbers if number.held],
+        undetermined=undetermined,
+        by_key={number.key: number for number in numbers},
+        alike=alike,
+        mostly_unfitted=any(number.sd > 2.0**0.5 * number.sd_as_drawn for number in numbers),
+        checked=zip(numbers, now.choice.numbers, away, strict=True),
+        with_error=with_error,
+        UNUSUAL=UNUSUAL,
+        SHOWN=SHOWN,
+    )
+    return tuple(text.splitlines())

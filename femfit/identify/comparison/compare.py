@@ -9,7 +9,6 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from femfit.core.results import Finding, Printed
-from femfit.core.text import amount, counted, probability, rounded, weighed_amount
 from femfit.estimate.observation import OneFilter
 from femfit.estimate.observe import filtered
 from femfit.identify.comparison.lack_of_fit import (
@@ -21,28 +20,19 @@ from femfit.identify.comparison.lack_of_fit import (
     where_it_fails,
 )
 from femfit.identify.comparison.misfit import MisfitMap, misfit_maps
-from femfit.identify.constants import LEVEL, ROUNDING, WITHIN_NOISE
-from femfit.identify.decision.allowances import (
-    allowed_for,
-    beyond_noise,
-    beyond_own_misfit,
-    finer_model,
-    granted_channels,
-    if_mounts_are_assumed,
-    in_words,
-    not_judged,
-    own_misfit_sentence,
-)
+from femfit.identify.constants import ROUNDING, WITHIN_NOISE
+from femfit.identify.decision.allowances import allowed, beyond_noise, finer_sweep
 from femfit.identify.decision.campaign import campaign_remarks, considered_effects, gather
 from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit, times_own
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
 from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
-from femfit.identify.readings.bench import measurement_of, notes, placed, suspicions
+from femfit.identify.readings.bench import measurement_of, placed
 from femfit.identify.readings.observations import Observations
+from femfit.identify.words import printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.tables.measurement import CHANNEL_WORDS, Measurement, TimeSeries
+from femfit.tables.measurement import Measurement, TimeSeries
 
 CompareVerdict = Literal["agrees", "fails", "wrong_shape", "compare_only"]
 
@@ -77,50 +67,11 @@ class ChannelMisfit:
     magnitude: float | None = None  # Of impedances: |Z| in the channel's unit at which all of them are given
     noise_declared: float | None = None  # Standard deviation that a bench's user declared; None where nobody did
 
-    def _amount(self, value: float) -> str:
-        """In the channel's unit, of an impedance as a share of its magnitude."""
-        return weighed_amount(value, self.channel, self.magnitude)
-
-    def __str__(self) -> str:
-        text = (
-            f"{CHANNEL_WORDS[self.channel]}: error {self._amount(self.rms)} rms in {counted(self.readings, 'reading')}"
-        )
-        if self.noise_floor is not None:
-            floor = self._amount(self.noise_floor)
-            text += f", {rounded(self.rms / self.noise_floor)} times the noise of one, {floor} ({self._source()})"
-        worst = self.largest
-        text += (
-            f"; largest {self._amount(worst.value)} at {amount(worst.distance_m, 'distance_m', 3)} and "
-            f"{' and '.join(amount(current, 'current_A') for current in worst.currents_A or (worst.current_A,))}"
-        )
-        if worst.frequency_Hz is not None:
-            text += f" at {amount(worst.frequency_Hz, 'frequency_Hz', 3)}"
-        return text
-
-    def _source(self) -> str:
-        """Where the noise of one reading comes from, beside what was declared where it is not just that."""
-        repeats = "" if self.noise_readings is None else counted(round(self.noise_readings), "repeat")
-        if self.noise_declared is None:
-            return {"guess": "a guess", "repeats": f"from {repeats}"}.get(self.noise_source, self.noise_source)
-        declared = f"{self._amount(self.noise_declared)} declared"
-        if self.noise_source == "declared":
-            coarser = self.noise_floor is not None and self.noise_floor > (1.0 + ROUNDING) * self.noise_declared
-            return f"the steps of the readings; {declared}" if coarser else "declared"
-        return f"from {repeats}; {declared}" if self.noise_source == "repeats" else f"{declared}, and {repeats}"
-
-
-_VERDICTS = {
-    "agrees": "The model agrees with these data within {their} noise{scatter}.",
-    "agrees_beyond": "These readings do not show that anything is missing, but the model misses {left}{scatter}.",
-    "if_assumed": "Nothing is missing {assumed}",
-    "fails": "The model fails: {where}",
-    "wrong_shape": "{own} {where}",
-    "compare_only": "No verdict. {why} The misfit: {where}",
-}
-_WEIGHED = (
-    " The verdict rests on more than this: it weighs noise against what each known effect and an unknown error of the "
-    "model would make of these readings."
-)
+    @property
+    def coarser_than_declared(self) -> bool:
+        """Whether the steps of the readings make more than the declared noise."""
+        declared, floor = self.noise_declared, self.noise_floor
+        return declared is not None and floor is not None and floor > (1.0 + ROUNDING) * declared
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -203,49 +154,16 @@ class Comparison(Printed):
         }
 
     def __str__(self) -> str:
-        freedom = allowed_for(self.observations, self.noise)
-        rms, beyond = {channel.channel: channel.rms for channel in self.channels}, self.beyond_noise
-        missed = in_words(self.observations, beyond, rms)
-        why = str(self.findings[-1]) if self.findings else ""
-        more = any(channel.rms > WITHIN_NOISE * channel.noise_floor for channel in self.channels if channel.noise_floor)
-        scatter = f"{'; the test allows for' if missed else ' and'} {freedom}" if freedom and more else ""
-        apart = beyond_own_misfit(self.observations, beyond, rms)
-        of_its_own = own_misfit_sentence(self.observations, self.times_own, apart)
-        guessed = any(channel.noise_source == "guess" for channel in self.channels)
-        assumed = if_mounts_are_assumed(self.observations, self.noise, rms, missed) if self.verdict == "agrees" else ""
-        kind = "if_assumed" if assumed else "agrees_beyond" if self.verdict == "agrees" and missed else self.verdict
-        verdict = _VERDICTS[kind].format(
-            assumed=assumed,
-            where=self.where.sentence,
-            scatter=scatter,
-            why=why,
-            own=of_its_own,
-            left=" and ".join(missed.values()),
-            their="a guess of their" if guessed else "their",
+        rms = {channel.channel: channel.rms for channel in self.channels}
+        scattered = [c for c in self.channels if c.noise_floor and c.rms > WITHIN_NOISE * c.noise_floor]
+        return printed(
+            "compare",
+            r=self,
+            a=allowed(self.observations, self.noise, rms),
+            scattered=scattered,
+            guessed=any(channel.noise_source == "guess" for channel in self.channels),
+            finer=finer_sweep(self.model),
         )
-        unknown = not_judged(self.observations, self.noise)
-        lines = [*suspicions(self.findings), verdict, *unknown, *map(str, self.channels)]
-        if self.verdict == "wrong_shape" and granted_channels(self.observations, apart):
-            lines.append(finer_model(self.model))
-        if self.p_value is not None:
-            granted = " and the model's own misfit to its table" if self.observations.own_misfit.any() else ""
-            lines.append(
-                f"Lack of fit: {probability(self.p_value)}, the probability that noise{granted} alone "
-                f"make{'' if granted else 's'} a misfit this large and this smooth."
-            )
-            if (self.p_value <= LEVEL) is not (self.verdict == "fails"):
-                lines[-1] += _WEIGHED
-        if freedom and not (scatter and self.verdict == "agrees"):
-            lines.append(f"The test allows for {freedom}.")
-        if self.shape is not None:
-            lines.append(self.shape.sentence)
-        if self.filter is not None:
-            squares = ", ".join(
-                f"{rounded(innovation.mean_square)} of {innovation.sensor}" for innovation in self.filter.innovations
-            )
-            lines.append(f"Filter {self.filter.sentence} Innovations' mean square (should be 1): {squares or 'none'}.")
-        remarks = self.findings[:-1] if self.verdict == "compare_only" else self.findings
-        return "\n".join([*lines, *notes(remarks)])
 
 
 def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -> Comparison:

@@ -19,39 +19,18 @@ import numpy as np
 from femfit.core.errors import DomainError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
-from femfit.core.text import amount, counted
+from femfit.core.text import counted
 from femfit.device.parts import Actuator
 from femfit.field.problem import AxialField, axial_field
 from femfit.identify.constants import LEAST_SCAN, SCAN_SETTLED, SCAN_STEP_M, SCAN_STEPS
-from femfit.identify.readings.bench import notes
+from femfit.identify.words import printed
 from femfit.tables.field_scan import FieldScan
 
 FitEnd = Literal["settled", "edge", "steps"]
 """How a fit ended: by steps far below the standard errors, at the edge of the solved field, or after too many steps."""
 
-_UNSETTLED = {
-    "edge": "The fit of gain, offset and place of the probe reached the end of the solved field, so neither is known. "
-    "Check the places' unit and zero; a larger largest distance in [sweep] has a larger field solved.",
-    "steps": f"The fit of gain, offset and place of the probe did not settle in {SCAN_STEPS} steps, so neither is "
-    "known. Scan places where the field differs more.",
-}
-
-_WORDS = {
-    "gain": (
-        "the probe reads {size} too much, or the sources are stronger than drawn",
-        "the probe reads {size} too little, or the sources are weaker than drawn",
-    ),
-    "offset_T": ("the probe reads {size} more everywhere", "the probe reads {size} less everywhere"),
-    "higher_m": (
-        "the probe stands {size} higher along z than recorded",
-        "the probe stands {size} lower along z than recorded",
-    ),
-    "outer_m": (
-        "the probe stands {size} further out than recorded",
-        "the probe stands {size} further in than recorded",
-    ),
-}
-"""What a fitted value means, by its sign."""
+_PARAMETERS = ("gain", "offset_T", "higher_m", "outer_m")
+"""What is fitted to a scan."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,25 +75,10 @@ class FieldScanComparison(Printed):
 
     def __str__(self) -> str:
         scan, worst = self.scan, int(np.argmax(np.abs(self.residual_T)))
-        where = (
-            f"r = {amount(float(scan.radius[worst]), 'm')}, z = {amount(float(scan.height[worst]), 'm')}, distance "
-            f"{amount(float(scan.distance[worst]), 'm')}, {amount(float(scan.current[worst]), 'A')}"
-        )
-        share = self.rms_T / (_rms(self.predicted_T) or 1.0)
-        error = f"error {amount(self.rms_T, 'T')} rms in {counted(len(self.residual_T), 'reading')}"
-        largest = f"largest {amount(float(self.residual_T[worst]), 'T')} at {where}"
-        lines = [f"field: {error}, {amount(share, '')} of the solved field's rms; {largest}"]
-        clauses = [_clause(name, *pair) for name, pair in self.explained.items()]
-        if clauses:
-            lines += [f"  {clause}." for clause in clauses]
-            lines.append(
-                f"Together {'they leave' if len(clauses) > 1 else 'it leaves'} {amount(self.left_T, 'T')} rms."
-            )
-        elif self.fit_end != "settled":
-            lines.append(_UNSETTLED[self.fit_end])
-        elif len(self.residual_T) >= LEAST_SCAN:
-            lines.append("Neither a gain, an offset nor another place of the probe explains a part of it.")
-        return "\n".join([*lines, *notes(scan.findings)])
+        place = {name: float(getattr(scan, name)[worst]) for name in ("radius", "height", "distance", "current")}
+        share, largest = self.rms_T / (_rms(self.predicted_T) or 1.0), float(self.residual_T[worst])
+        enough, steps = len(self.residual_T) >= LEAST_SCAN, SCAN_STEPS
+        return printed("field_scan", r=self, place=place, share=share, largest=largest, enough=enough, steps=steps)
 
 
 def compare_field_scan(actuator: Actuator, scan: FieldScan) -> FieldScanComparison:
@@ -142,7 +106,7 @@ def compare_field_scan(actuator: Actuator, scan: FieldScan) -> FieldScanComparis
 
 def _explained(scan: FieldScan, solved: AxialField) -> tuple[dict[str, tuple[float, float]], float, FitEnd]:
     """What counts, with its standard error, fitted again without the others; the rms that it leaves; the fit's end."""
-    value = dict.fromkeys(_WORDS, 0.0)
+    value = dict.fromkeys(_PARAMETERS, 0.0)
     end: FitEnd = "settled"
     misfit = _rms(scan.field - solved(scan.radius, scan.height))
     while value:
@@ -213,13 +177,6 @@ def _linearised(scan: FieldScan, solved: AxialField, value: Mapping[str, float])
         columns["outer_m"] = gain * (solved(r + h, z) - solved(r - h, z)) / (2.0 * h)
     residual = scan.field - gain * field - value.get("offset_T", 0.0)
     return np.stack([columns[name] for name in value], axis=1), residual
-
-
-def _clause(name: str, value: float, error: float) -> str:
-    """What a fitted value means, with the interval of two standard errors."""
-    unit = name.rpartition("_")[2] if "_" in name else ""
-    text = _WORDS[name][0 if value > 0.0 else 1].format(size=amount(abs(value), unit))
-    return f"{text} (95 %: ±{amount(2.0 * error, unit)})"
 
 
 def _rms(values: FloatArray) -> float:

@@ -12,14 +12,13 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.text import counted, weighed_amount
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.observations import Observations
+from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
-from femfit.tables.measurement import CHANNEL_WORDS
 
 
 @dataclass(frozen=True)
@@ -44,23 +43,8 @@ class ChannelFall:
         """The error after, in standard deviations of one reading."""
         return None if self.noise is None else self.rms_after / self.noise
 
-    def amount(self, rms: float) -> str:
-        """In the channel's unit, of an impedance as a share of its magnitude."""
-        return weighed_amount(rms, self.channel, self.magnitude, 3)
-
     def __str__(self) -> str:
-        before, after, count = (
-            self.amount(self.rms_before),
-            self.amount(self.rms_after),
-            counted(self.readings, "reading"),
-        )
-        times = "" if self.noise is None else f"{self.after_over_noise:.3g} times the noise of one"
-        if before == after:
-            text = f"{CHANNEL_WORDS[self.channel]}: the error is unchanged, {after} rms in {count}"
-            return f"{text}, {times}" if times else text
-        change = "rises" if self.rms_after > self.rms_before else "falls"
-        text = f"{CHANNEL_WORDS[self.channel]}: the error {change} from {before} to {after} rms in {count}"
-        return f"{text}, from {self.before_over_noise:.3g} to {times}" if times else text
+        return sentence("parts", "fall", self)
 
 
 @dataclass(frozen=True)

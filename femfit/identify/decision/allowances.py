@@ -1,29 +1,100 @@
 """What a verdict grants a model beside the noise of a reading: mounts, runs, stops, and the model's own misfit.
 
 One answer, for everything that is printed, to whether an error is within the noise, what it may be taken for where it
-is not, and what would make the model's own misfit to its table smaller.
+is not, and what would make the model's own misfit to its table smaller. Its words stand in ``allowances.j2``.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy import stats
 
 from femfit.core.numerics import FloatArray
-from femfit.core.text import amount, rounded
 from femfit.fit.misfit import to_be_added
-from femfit.identify.constants import (
-    LEVEL,
-    WITHIN_NOISE,
-)
+from femfit.identify.constants import LEVEL, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.identify.noise.whitening import NoiseModel, random_columns, setting_errors
 from femfit.identify.readings.observations import Observations
+from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import LawMagnetics
 from femfit.model.network_magnetics import NetworkMagnetics
-from femfit.tables.measurement import CHANNEL_WORDS
+
+
+@dataclass(frozen=True)
+class Allowed:
+    """Which errors are more than noise, and what the others may be taken for."""
+
+    rms: Mapping[str, float]  # The errors that are judged, per channel in its unit
+    magnitude: Mapping[str, float]  # Of impedances, as of the readings
+    beyond: Mapping[str, float]  # As of :func:`beyond_noise`
+    apart: tuple[str, ...]  # Those of them that the model's own misfit does not make either
+    own: Mapping[str, float]  # Rms of the model's own misfit per channel
+    away: bool  # Whether the model's eddy currents hold for other currents
+    unknown: tuple[str, ...]  # Channels whose noise nothing says, beside others
+    by_mounts: frozenset[str]  # Channels whose error mounts would make that are assumed to come back so badly
+    mount: Literal["", "assumed", "estimated", "any"]  # How it is known; empty where mounts have no freedom
+    mount_m: float
+    stop_m: float  # 0 where stops make less than the noise of one reading
+    runs: Mapping[str, tuple[float, bool]]  # Offsets larger than the noise of one reading, and whether declared
+    place: str  # From where to where the distance may differ
+
+    @property
+    def granted(self) -> tuple[str, ...]:
+        """Channels of which the model misses its own table."""
+        return tuple(name for name, size in self.own.items() if size > 0.0)
+
+    def made_by_mounts(self, names: Collection[str]) -> bool:
+        """Whether assumed mounts would make all of some errors."""
+        return bool(names) and self.by_mounts.issuperset(names)
+
+
+def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> Allowed:
+    """What a verdict on errors grants."""
+    own = {
+        name: float(np.sqrt(np.mean(observations.own_misfit[observations.of(name)] ** 2)))
+        for name in observations.channels
+    }
+    beyond = beyond_noise(observations, noise, rms)
+    facts = Allowed(
+        rms=rms,
+        magnitude=observations.magnitude,
+        beyond=beyond,
+        apart=tuple(name for name in beyond if rms[name] > OWN_MISFIT * own[name]),
+        own=own,
+        away=observations.away_from_bias,
+        unknown=(),
+        by_mounts=frozenset(),
+        mount="",
+        mount_m=0.0,
+        stop_m=0.0,
+        runs={},
+        place="mount to mount" if "mount" in observations.given else "run to run",
+    )
+    if noise is None:
+        return facts
+    by_mounts = frozenset[str]()
+    if beyond and noise.mount_assumed:
+        shown = noise_shown(observations, replace(noise, mount_assumed=False, mount_m=noise.test_mount_m))
+        by_mounts = frozenset(name for name in beyond if rms[name] <= shown[noise.channels.index(name)])
+    any_distance = noise.test_mount_m >= np.ptp(observations.column("distance_m"))
+    source: Literal["assumed", "estimated"] = "assumed" if noise.mount_assumed else "estimated"
+    made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
+    return replace(
+        facts,
+        unknown=tuple(name for name in observations.channels if name not in noise.source),
+        by_mounts=by_mounts,
+        mount="" if not noise.mount_m > 0.0 else "any" if any_distance else source,
+        mount_m=noise.test_mount_m,
+        stop_m=noise.stop_m if made.any() else 0.0,
+        runs={
+            name: (float(offset), name in observations.declared_run)
+            for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
+            if offset > sigma
+        },
+    )
 
 
 def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float]) -> dict[str, float]:
@@ -58,150 +129,14 @@ def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:
     return np.asarray(np.sqrt(noise.sigma**2 + beside))
 
 
-def not_judged(observations: Observations, noise: NoiseModel | None) -> list[str]:
-    """A sentence on the channels whose noise is unknown, beside others; none where there are none."""
-    unknown = [CHANNEL_WORDS[name] for name in observations.channels if noise and name not in noise.source]
-    if not unknown:
-        return []
-    return [
-        f"Not judged: the {' and the '.join(unknown)}, whose noise nothing says. Measure settings twice, or declare it."
-    ]
-
-
-def if_mounts_are_assumed(
-    observations: Observations, noise: NoiseModel | None, rms: Mapping[str, float], missed: Mapping[str, str]
-) -> str:
-    """What a "nothing is missing" rests on where re-mounts make the errors that are given in words as ``left``.
-
-    Empty where they would not make them, and where the readings or a declaration say how large re-mounts are.
-    """
-    if noise is None or not missed or not noise.mount_assumed:
-        return ""
-    with_mounts = noise_shown(observations, replace(noise, mount_assumed=False, mount_m=noise.test_mount_m))
-    if any(rms[name] > with_mounts[noise.channels.index(name)] for name in missed):
-        return ""
-    return (
-        f"if each time that it is put back the body may stand {amount(noise.test_mount_m, 'mount_m')} elsewhere. That "
-        f"is assumed, and would explain all that the model misses: {' and '.join(missed.values())}. To know, declare "
-        "distance_mm, or put the body back more often."
-    )
-
-
-def in_words(observations: Observations, beyond: Mapping[str, float], rms: Mapping[str, float]) -> dict[str, str]:
-    """Each such channel as it is said of a model: what it misses, and by how much."""
-    return {
-        name: f"the {CHANNEL_WORDS[name]} by {observations.amount(rms[name], name, 3)} rms, "
-        f"{times:.3g} times the noise of one reading"
-        for name, times in beyond.items()
-    }
-
-
-def allowed_for(observations: Observations, noise: NoiseModel | None) -> str:
-    """What the test allows for beside the noise of a reading, and where that comes from; empty where that is nothing.
-
-    Offsets of runs, and errors of stops, are said where they make more than the noise of one reading.
-    """
-    if noise is None:
-        return ""
-    made = np.abs(noise.stop_m * observations.distance_slope) > noise.sigma[observations.channel]
-    at_stops = [f"the {amount(noise.stop_m, 'mount_m')} by which the distance is off at each stop (estimated)"]
-    place = "mount to mount" if "mount" in observations.given else "run to run"
-    source = "assumed, since there are few" if noise.mount_assumed else "estimated"
-    mounts = [f"the {amount(noise.test_mount_m, 'mount_m')} by which the distance may differ from {place} ({source})"]
-    if noise.test_mount_m >= np.ptp(observations.column("distance_m")):
-        mounts = [f"any error of the distance that differs from {place} (too few of them say how large it is)"]
-    return " and ".join(
-        mounts[: noise.mount_m > 0.0]
-        + at_stops[: bool(made.any())]
-        + [
-            f"the {amount(offset, name)} by which every reading of the {CHANNEL_WORDS[name]} differs from run to run "
-            f"({'declared' if name in observations.declared_run else f'estimated; declare run.{name} if it is less'})"
-            for name, offset, sigma in zip(noise.channels, noise.run, noise.sigma, strict=True)
-            if offset > sigma
-        ]
-    )
-
-
-_VERDICT = (
-    "{nothing} is missing beyond the model's own misfit to the table that it was fitted to: it misses {both}. {share} "
-    "Of its own misfit no more than the size is known, so an error of up to {most} times it, {hidden}, could hide "
-    "behind it."
-)
-_AWAY = (
-    "{nothing} is missing beyond what the model may miss by itself, since its eddy currents hold for other currents: "
-    "it misses {both}. An error of up to {most} times that, {hidden}, could hide behind it."
-)
-_FINER = "To see smaller errors, make the model's own misfit smaller. "
-
-
-def own_misfit_sentence(observations: Observations, times_own: float, apart: Mapping[str, str]) -> str:
-    """The verdict where a model misses the readings no more than its own table by an assumed factor.
-
-    Parameters
-    ----------
-    times_own : float
-        Of :class:`~femfit.identify.decision.naming.Decision`.
-    apart : mapping of str to str
-        Channels whose error is more than noise and own misfit, as :func:`beyond_own_misfit` has them: they are said
-        first, and granted nothing.
-    """
-    both, hidden, away, amount_of = [], [], observations.away_from_bias, observations.amount
-    for name in granted_channels(observations, apart):
-        here, words = observations.of(name), CHANNEL_WORDS[name]
-        read, size = (float(np.sqrt(np.mean(x[here] ** 2))) for x in (observations.residual, observations.own_misfit))
-        where = f"may miss {amount_of(size, name)}" if away else f"{amount_of(size, name)} in that table"
-        both.append(f"the {words} by {amount_of(read, name)} rms in these readings and {where}")
-        hidden.append(f"{amount_of(OWN_MISFIT * size, name)} rms of the {words}")
-    missed = [f"No effect is named, but the model misses {' and '.join(apart.values())}."] if apart else []
-    if not both:
-        return " ".join(missed)
-    granted = (_AWAY if away else _VERDICT).format(
-        nothing="Apart from that, nothing" if apart else "Nothing",
-        both=", ".join(both),
-        share=f"Noise taken off, that is {rounded(times_own, 2)} times its own misfit."
-        if times_own > 0.0
-        else "Noise alone makes as much.",
-        most=f"{OWN_MISFIT:g}",
-        hidden=" or ".join(hidden),
-    )
-    return " ".join([*missed, granted])
-
-
-def also_allowed(observations: Observations, beyond: Mapping[str, str]) -> str:
-    """What lets a test pass that leaves channels beyond their noise: the model's own misfit there; empty for none."""
-    most = own_misfit(observations)
-    sizes = [
-        f"{observations.amount(most[name] / OWN_MISFIT, name)} rms of the {CHANNEL_WORDS[name]}"
-        for name in beyond
-        if most[name]
-    ]
-    return f"the model's own misfit in any pattern, {' and '.join(sizes)}" if sizes else ""
-
-
-def granted_channels(observations: Observations, apart: Mapping[str, str]) -> list[str]:
-    """Channels whose error is taken for the model's own misfit, where that of those apart is not."""
-    return [name for name, most in own_misfit(observations).items() if most > 0.0 and name not in apart]
-
-
-def beyond_own_misfit(
-    observations: Observations, beyond: Mapping[str, float], rms: Mapping[str, float]
-) -> dict[str, str]:
-    """Channels beyond the noise whose error the model's own misfit does not make either, in words."""
-    most = own_misfit(observations)
-    return in_words(observations, {name: times for name, times in beyond.items() if rms[name] > most[name]}, rms)
-
-
-def own_misfit(observations: Observations) -> dict[str, float]:
-    """Rms error per channel, in its unit, up to which it is taken for the model's own misfit to its table."""
-    return {
-        name: OWN_MISFIT * float(np.sqrt(np.mean(observations.own_misfit[observations.of(name)] ** 2)))
-        for name in observations.channels
-    }
-
-
 def finer_model(model: ActuatorModel) -> str:
     """What to do about a model's own misfit: settings to add to the sweep, or the co-energy in place of a law."""
+    return sentence("allowances", "finer_model", finer_sweep(model))
+
+
+def finer_sweep(model: ActuatorModel) -> str:
+    """Settings to add to the sweep; ``law`` where a model is none of the co-energy, empty where none are known."""
     if isinstance(model.without_effects.magnetics, LawMagnetics | NetworkMagnetics):
-        return f"{_FINER}Fit the co-energy to the same table (femfit fit without --model) and diagnose with it."
+        return "law"
     finer = (model.provenance.get("fit") or {}).get("finer_sweep")
-    return _FINER + (to_be_added(finer) if finer else "Sweep at more distances and currents, and fit again.")
+    return to_be_added(finer) if finer else ""

@@ -133,7 +133,7 @@ HEATED_K = 30.0
 CHANNEL_COST, HEAT_COST = 60.0, 120.0
 """Assumed: readings of a usual sweep that setting up a further sensor, or heating a part, takes the time of."""
 
-SHOWN, SHOWN_CLAUSES = 3, 3
+SHOWN = 3
 """Conventional: measurements that are printed, and clauses of what each separates."""
 
 COMPARED = 6

@@ -11,7 +11,7 @@ from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.lack_of_fit import LackOfFit, Where
 from femfit.identify.comparison.misfit import ErrorFall
 from femfit.identify.decision.constants import FALSE_NAMES
-from femfit.identify.decision.diagnosis_text import diagnosis_lines
+from femfit.identify.decision.diagnosis_text import diagnosis_text
 from femfit.identify.readings.observations import Observations
 from femfit.model.actuator_model import ActuatorModel
 
@@ -173,6 +173,11 @@ class Diagnosis(Printed):
         return None if self.clean is None else self.clean.named / self.clean.campaigns
 
     @property
+    def rivals(self) -> tuple[str, ...]:
+        """What would give the same readings as one of the names."""
+        return tuple(dict.fromkeys(name for effect in self.missing for name in effect.members[1:]))
+
+    @property
     def dimensions_suspected(self) -> bool:
         """Whether numbers of the drawing were among the suspects, as a sweep with signatures gives them."""
         return bool(self.observations.nominal.drawn)
@@ -211,4 +216,4 @@ class Diagnosis(Printed):
         }
 
     def __str__(self) -> str:
-        return titled("\n".join(diagnosis_lines(self)), titles_of(self.observations.nominal.drawn))
+        return titled(diagnosis_text(self), titles_of(self.observations.nominal.drawn))

@@ -38,7 +38,7 @@ from femfit.identify.decision.constants import (
 )
 from femfit.identify.experiments.separation import (
     assumed_noise,
-    pairs_in_words,
+    pair_clauses,
     planned_noise,
     separation,
     starting_points,
@@ -48,6 +48,7 @@ from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Start
 from femfit.identify.signatures import why_untestable
+from femfit.identify.words import printed
 from femfit.model.actuator_model import ActuatorModel
 from femfit.tables.measurement import CHANNEL_WORDS, CHANNELS, SETTINGS, BenchTable
 from femfit.tables.measurement_file import read_bench_table
@@ -74,24 +75,8 @@ class PlanReport(Printed):
         return dict(vars(self))
 
     def __str__(self) -> str:
-        lines = ["This plan could separate every effect that it shows from every other, at its largest size."]
-        if self.together:
-            lines = ["This plan could never separate, however large they usually get:"]
-            lines += [f"  {clause}" for clause in pairs_in_words(self.together)]
-            named = dict.fromkeys(name for pair in self.together for name in pair if name in self.direct)
-            lines += ["What would:"] * bool(named) + [f"  {name}: {self.direct[name]}" for name in named]
-        more = [pair for pair in self.small_together if pair not in self.together]
-        if more:
-            lines.append("Nor these where they are small, at three times the sizes below:")
-            lines += [f"  {clause}" for clause in pairs_in_words(more)]
-        if self.invisible:
-            lines.append("It could not show:")
-            reasons = dict.fromkeys(self.invisible.values())
-            lines += [f"  {', '.join(n for n, w in self.invisible.items() if w == why)}: {why}" for why in reasons]
-        lines.append("The smallest that it would show nine times in ten:")
-        lines += [f"  {name}: {words or 'nothing within its bounds'}" for name, words in self.smallest.items()]
-        noise = ", ".join(f"{CHANNEL_WORDS[name]} {amount(sigma, name)}" for name, sigma in self.noise.items())
-        return titled("\n".join([*lines, f"Noise of one reading: {noise}."]), self.titles)
+        read = dict.fromkeys(name for pair in self.together for name in pair if name in self.direct)
+        return titled(printed("plan", r=self, clauses=pair_clauses, read=read), self.titles)
 
 
 def examine_plan(

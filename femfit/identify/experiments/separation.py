@@ -101,20 +101,15 @@ def starting_points(
     return [list(starts) for starts, _ in zip(product(*variants), range(VARIANTS), strict=False)] if variants else []
 
 
-def pairs_in_words(pairs: Sequence[tuple[str, ...]]) -> list[str]:
-    """Pairs in as few clauses as say them: ``a from b and c``, ``d from e``."""
-    remaining, clauses = list(pairs), []
+def pair_clauses(pairs: Iterable[Sequence[str]]) -> list[tuple[str, list[str]]]:
+    """Pairs in as few clauses as say them: a name, and those that it stands with."""
+    remaining, clauses = [pair[:2] for pair in pairs], []
     while remaining:
         names = [name for pair in remaining for name in pair]
         name = max(dict.fromkeys(names), key=names.count)
-        clauses.append(f"{name} from {listed([a if b == name else b for a, b in remaining if name in {a, b}], 'and')}")
+        clauses.append((name, [a if b == name else b for a, b in remaining if name in {a, b}]))
         remaining = [pair for pair in remaining if name not in pair]
     return clauses
-
-
-def listed(names: Sequence[str], word: str) -> str:
-    """Names as ``a, b and c``."""
-    return f" {word} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def apart_by_direct_reading(effect: str, calibration: Calibration, a: Refit, b: Refit) -> float:

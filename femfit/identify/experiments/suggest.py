@@ -15,13 +15,12 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.results import Printed
-from femfit.core.text import counted
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.allowances import finer_model
-from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN, SHOWN_CLAUSES, TIE
+from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN, TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.decision.diagnosis_text import (
@@ -32,10 +31,9 @@ from femfit.identify.decision.diagnosis_text import (
 from femfit.identify.experiments.plan import Experiment, possible_experiments
 from femfit.identify.experiments.separation import (
     apart_by_direct_reading,
-    listed,
     needed_distance,
     noise_for,
-    pairs_in_words,
+    pair_clauses,
     parameters_of,
     separation,
     starting_points,
@@ -45,17 +43,11 @@ from femfit.identify.readings.bench import bench_observations, measurement_of
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.readings.settings import currents_in, with_currents
 from femfit.identify.refit.refit import Refit
+from femfit.identify.words import printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
 from femfit.tables.measurement import CHANNELS, BenchTable, Measurement
-
-
-def _few(pairs: Sequence[tuple[str, str]]) -> str:
-    """Pairs in a few clauses, and how many more there are."""
-    clauses = pairs_in_words(pairs)
-    more = len(clauses) - SHOWN_CLAUSES
-    return "; ".join([*clauses[:SHOWN_CLAUSES], *([f"and {more} more such groups"] if more > 0 else [])])
 
 
 @dataclass(frozen=True)
@@ -69,17 +61,6 @@ class Suggestion:
     remains: tuple[tuple[str, str], ...]  # Pairs that it leaves together
     # The settings to be measured, or the direct reading
     experiment: Experiment | None = field(default=None, repr=False, compare=False)
-
-    @property
-    def what_it_does(self) -> str:
-        """A sentence on what it separates, or on what it leaves together where that is less to say."""
-        if not self.remains:
-            return (
-                "This separates them." if len(self.separates) == 1 else "This separates each of them from every other."
-            )
-        if len(self.remains) < len(self.separates):
-            return f"This separates all but {_few(self.remains)}."
-        return f"This separates {_few([pair[:2] for pair in self.separates])}."
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -110,32 +91,10 @@ class Advice(Printed):
         return vars(self) | {"suggestions": [suggestion.to_dict() for suggestion in self.suggestions]}
 
     def __str__(self) -> str:
-        isolating = [f"{name}: {experiment}" for name, experiment in self.isolating]
-        if self.note:
-            return titled("\n".join([self.note, *isolating, *self.remarks]), self.titles)
-        lines = []
-        for k, suggestion in enumerate(self.suggestions[:SHOWN]):
-            lines.append(f"{'Next' if k == 0 else 'Or'}: {suggestion.text}")
-            lines.append(
-                f"  {suggestion.what_it_does} It takes as long as about {counted(round(suggestion.cost), 'reading')}."
-            )
-        if len(self.suggestions) > SHOWN:
-            rest = counted(len(self.suggestions) - SHOWN, "further measurement")
-            lines.append(f"{rest} would separate some of them too; --json writes them all.")
-        for text in list(dict.fromkeys(text for _, _, text, _ in self.perhaps))[:SHOWN]:
-            pairs = _few([pair[:2] for pair in self.perhaps if pair[2] == text])
-            lines += [
-                f"Perhaps: {text}",
-                f"  This may separate {pairs}: their sizes are known too badly to promise it.",
-            ]
-        if self.never:
-            lines.append(f"No measurement that femfit knows separates {_few(self.never)}.")
-        more = ""
-        if self.further:
-            as_well = "explanation fits" if self.further == 1 else "explanations fit"
-            more = f" {self.further} further {as_well} as well; only the first {COMPARED} were compared."
-        lines += [*isolating, f"The data leave {listed(self.explanations, 'or')}.{more}", *self.remarks]
-        return titled("\n".join(lines), self.titles)
+        readings = list(dict.fromkeys(text for _, _, text, _ in self.perhaps))[:SHOWN]
+        hints = [(text, [pair for pair in self.perhaps if pair[2] == text]) for text in readings]
+        facts = {"clauses": pair_clauses, "hints": hints, "SHOWN": SHOWN, "COMPARED": COMPARED}
+        return titled(printed("advice", r=self, **facts), self.titles)
 
 
 def suggest(
@@ -241,22 +200,15 @@ def _certain(diagnosis: Diagnosis) -> bool:
 
 
 def _nothing_to_separate(diagnosis: Diagnosis) -> str:
-    if diagnosis.campaign is None:
-        return str(diagnosis.findings[-1])
-    if diagnosis.missing and not _certain(diagnosis):
-        return f"{certainty_sentence(diagnosis)} What checks it:"
-    if diagnosis.own_misfit:
-        return f"{verdict_sentence(diagnosis)} {finer_model(diagnosis.model)}"
-    if diagnosis.missing:
-        name = " + ".join(effect.name for effect in diagnosis.missing)
-        alone = f"There is nothing to separate: of the effects that femfit knows, the data leave {name} alone."
-        return f"{alone} {dimensions_unsuspected(diagnosis)}".rstrip()
-    if diagnosis.dominant:
-        return f"{verdict_sentence(diagnosis)} What checks that:"
-    why = "the model explains these data without any effect"
-    if diagnosis.verdict == "unexplained":
-        why = "no effect that femfit knows explains these data"
-    return f"There is nothing to separate: {why}."
+    return sentence(
+        "advice",
+        "nothing",
+        diagnosis,
+        verdict_sentence(diagnosis),
+        certainty_sentence(diagnosis) if diagnosis.missing else "",
+        dimensions_unsuspected(diagnosis),
+        finer_model(diagnosis.model),
+    )
 
 
 def suggest_measurements(

@@ -10,22 +10,18 @@ from scipy import stats
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
-from femfit.core.text import amount, amount_in, amount_range, probability, rounded
-from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.effects.words import describe, range_of, size_of, titled, titles_of
+from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.comparison.misfit import ErrorFall, error_fall
-from femfit.identify.constants import COLUMN_STEP, HARMS, LEAST_CHANGE, LEVEL_AFTER
-from femfit.identify.decision.allowances import in_words
+from femfit.identify.constants import COLUMN_STEP, HARMS, LEAST_CHANGE
 from femfit.identify.noise.whitening import Whitening
-from femfit.identify.readings.bench import notes, suspicions
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.checked_refit import channel_rms
 from femfit.identify.refit.filter_fall import FilterFall
 from femfit.identify.refit.refit import Refit, at_bounds, is_plausible
+from femfit.identify.words import printed, sentence
 from femfit.model.actuator_model import ActuatorModel
-from femfit.tables.measurement import CHANNEL_WORDS
 
 
 @dataclass(frozen=True)
@@ -42,15 +38,7 @@ class EffectSize:
     current_A: float
 
     def __str__(self) -> str:
-        share = abs(self.of_largest or 0.0)
-        relative = (
-            f", {100.0 * share:.2g} % of its largest" if share <= 1.0 else f", {rounded(share, 2)} times its largest"
-        )
-        return (
-            f"changes the {CHANNEL_WORDS[self.channel]} by up to {amount_in(self.change, *self.ci95, self.channel)} "
-            f"(95 %: {amount_range(*self.ci95, self.channel)}){relative if self.of_largest is not None else ''}, at "
-            f"{amount(self.distance_m, 'distance_m', 3)} and {amount(self.current_A, 'current_A')}"
-        )
+        return sentence("add", "size", self)
 
 
 def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ...]:
@@ -122,25 +110,15 @@ def suspicious_values(
 
     Tolerances of the drawing that were fitted beside the effects may well be zero.
     """
-    nominal, result = observations.nominal, list[str]()
-    if not fit.converged:
-        result.append("The fit was ended before it had settled: do not trust these sizes. Start from fewer effects.")
-    for added in fit.effects:
-        for p in (_clocked(p, observations) for p in added.effect.parameters if not is_plausible(added, p)):
-            result.append(
-                f"{_words(added, p, nominal)}. That is unusual: {range_of(p, *p.plausible, nominal)} is usual. Check "
-                "it by another measurement."
-            )
-    for k, p in at_bounds(fit):
-        result.append(
-            f"{_words(fit.effects[k], _clocked(p, observations), nominal)}. That is the end of its range, not a "
-            "measured size: do not trust the new model where it matters."
-        )
-    for added in fit.effects:
-        name = added.effect.name
-        if name not in beside and all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name):
-            result.append(f"{name} may be absent: no change of any channel differs from zero with 95 % confidence.")
-    return tuple(result)
+    nominal = observations.nominal
+    unusual = [
+        (a, _clocked(p, observations)) for a in fit.effects for p in a.effect.parameters if not is_plausible(a, p)
+    ]
+    ends = [(fit.effects[k], _clocked(p, observations)) for k, p in at_bounds(fit)]
+    named = [added.effect.name for added in fit.effects if added.effect.name not in beside]
+    absent = [name for name in named if all(s.ci95[0] <= 0.0 <= s.ci95[1] for s in sizes if s.effect == name)]
+    text = printed("suspicious", fit=fit, unusual=unusual, ends=ends, absent=absent, nominal=nominal, alone=_alone)
+    return tuple(text.splitlines())
 
 
 def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
@@ -149,13 +127,9 @@ def _clocked(p: EffectParameter, observations: Observations) -> EffectParameter:
     return replace(p, unit=unit) if p.unit == "readings or s" else p
 
 
-def _words(added: AddedEffect, p: EffectParameter, nominal: Nominal) -> str:
-    """An effect's parameter as a clause."""
-    value = added.parameters[p.name]
-    alone = AddedEffect(added.effect, added.effect.null() | {p.name: value})
-    clauses = [] if p.nonlinear else describe(alone, nominal)
-    what = clauses[0] if clauses else f"{p.description.rstrip('.')}: {size_of(p, value, nominal)}"
-    return f"{added.effect.name}: {what}"
+def _alone(added: AddedEffect, p: EffectParameter) -> AddedEffect:
+    """An effect with one of its parameters alone."""
+    return AddedEffect(added.effect, added.effect.null() | {p.name: added.parameters[p.name]})
 
 
 @dataclass(frozen=True)
@@ -233,7 +207,7 @@ class AddResult(Printed):
     def accepted(self) -> bool:
         """Whether the effects help on runs left out: the error falls somewhere, and no filter there is worse."""
         helps = any(HARMS * self.left_out[channel.channel] < channel.rms_before for channel in self.fall.channels)
-        return (helps or not self._risen()) and (self.filter is None or self.filter.accepted)
+        return (helps or not self.risen) and (self.filter is None or self.filter.accepted)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data, without the model."""
@@ -265,84 +239,21 @@ class AddResult(Printed):
             "filter": self.filter and self.filter.to_dict(),
         }
 
+    @property
+    def risen(self) -> tuple[str, ...]:
+        """Channels whose error on runs left out is larger than before."""
+        channels = self.fall.channels
+        return tuple(c.channel for c in channels if self.left_out[c.channel] > HARMS * c.rms_before)
+
+    def found_kelvin(self, name: str) -> float:
+        """What an effect found beside a temperature that was not recorded; plant and filters run with it too."""
+        parameters = [added.parameters for added in self.added if added.effect.name == name]
+        return sum(p.get("warmer_K", 0.0) + p.get("warming_K", 0.0) for p in parameters)
+
     def __str__(self) -> str:
-        lines = [*suspicions(self.findings), self._verdict()]
-        lines += [] if self.filter is None else [str(self.filter)]
-        for added in self.added:
-            words = describe(added, self.observations.nominal) or [added.effect.symptom.rstrip(".")]
-            lines.append(f"  {added.effect.name}: {'; '.join(words)}.")
-            lines += [f"    {size}" for size in self.sizes if size.effect == added.effect.name]
-        lines += str(self.fall).split("\n")
-        lines += [self._left_out(), *self._circumstances()]
-        lines += [f"suspicious: {sentence}" for sentence in self.suspicious]
-        text = "\n".join([*lines, *notes(self.findings)])
-        return titled(text, titles_of(self.observations.nominal.drawn))
-
-    def _verdict(self) -> str:
-        names, after = " and ".join(added.effect.name for added in self.added), self.lack_of_fit_after
-        left = in_words(
-            self.observations, self.beyond_noise, {channel.channel: channel.rms_after for channel in self.fall.channels}
-        )
-        if after.p_value > LEVEL_AFTER:
-            tests = f"({probability(after.p_value)}; before, {probability(self.lack_of_fit_before.p_value)})"
-            rest = f"what is left is noise {tests}."
-            if left:
-                missed = " and ".join(left.values())
-                rest = f"the test finds nothing in what is left {tests}, but the model misses {missed}."
-        else:
-            rest = f"the misfit that is left is not noise ({probability(after.p_value)})."
-        doubt = " Its size is not certain: see below." if self.suspicious else ""
-        if self.better_alone:
-            names += f", but a tolerance of the drawing explains more than it by itself ({self.better_alone})"
-        risen = f"the error on runs left out rises in {self._risen()}" if self._risen() else ""
-        if not self.accepted:
-            worse = risen if self.filter is None or self.filter.accepted else "the filter is worse on runs left out"
-            return f"Not accepted: with {names} {worse}.\nOn the readings fitted, {rest}"
-        return (
-            f"Added {names}, although {risen}.\nOn the readings fitted, {rest}{doubt}"
-            if risen
-            else (f"Added {names}: {rest}{doubt}")
-        )
-
-    def _risen(self) -> str:
-        """The channels whose error on runs left out is larger than before, in words."""
-        return " and ".join(
-            CHANNEL_WORDS[channel.channel]
-            for channel in self.fall.channels
-            if self.left_out[channel.channel] > HARMS * channel.rms_before
-        )
-
-    def _left_out(self) -> str:
-        errors = ", ".join(
-            f"{CHANNEL_WORDS[channel.channel]} {channel.amount(self.left_out[channel.channel])}"
-            for channel in self.fall.channels
-        )
-        omitted = f"each of the {self.runs} runs" if self.runs > 1 else "each quarter of the one run"
-        return f"Fitted without {omitted} in turn, the error there is {errors} rms."
-
-    def _circumstances(self) -> list[str]:
-        lines = []
-        if self.base:
-            words = [clause for effect in self.base for clause in describe(effect, self.observations.nominal)]
-            lines.append(f"Fitted beside it, each known to 2 % (one standard deviation): {'; '.join(words)}.")
-        if self.kept:
-            lines.append(f"Kept as they were, since these data cannot refit them: {', '.join(self.kept)}.")
-        if any(added.effect.circuit or "temperature" in " ".join(added.effect.needs) for added in self.added):
-            lines.append(
-                f"Plant and filters run with the coil at {self.model.coil_temperature_C:g} °C"
-                f"{self._warmer('coil_temperature')} and the magnet at {self.model.magnet_temperature_C:g} °C"
-                f"{self._warmer('magnet_temperature')}."
-            )
-        return lines
-
-    def _warmer(self, name: str) -> str:
-        """What was found beside a temperature that was not recorded; plant and filters run with it too."""
-        kelvin = sum(
-            a.parameters.get("warmer_K", 0.0) + a.parameters.get("warming_K", 0.0)
-            for a in self.added
-            if a.effect.name == name
-        )
-        return f" and the {kelvin:.3g} K more that were found" if kelvin else ""
+        rms = {channel.channel: channel.rms_after for channel in self.fall.channels}
+        facts = {"r": self, "rms": rms, "magnitude": self.observations.magnitude, "beyond": self.beyond_noise}
+        return titled(printed("add", **facts), titles_of(self.observations.nominal.drawn))
 
 
 def fit_facts(

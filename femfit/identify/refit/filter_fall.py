@@ -18,7 +18,6 @@ from scipy.stats import binomtest
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Printed
-from femfit.core.text import amount, counted, rounded
 from femfit.effects.effect import AddedEffect
 from femfit.estimate.consistency import FilterScore, can_be_filtered, filter_score
 from femfit.estimate.noise import default_noise
@@ -32,6 +31,7 @@ from femfit.identify.constants import (
 )
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.checked_refit import left_out_groups
+from femfit.identify.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import TimeSeries
@@ -74,17 +74,7 @@ class FilterFall(Printed):
         return self.accepted and self.gain > FILTER_WORSE * self.gain_error and bool(after <= before)
 
     def __str__(self) -> str:
-        stretches = counted(self.runs, "quarter" if self.single else "run")
-        square = " -> ".join(map(rounded, self.mean_square))
-        text = f"The filter on {counted(self.samples, 'sample')} of {stretches} left out: "
-        text += f"innovations' mean square {square} (should be 1), log-likelihood {self.gain:+.3g} a sample"
-        for name, change in self.unread.items():
-            text += f"; {name} not read, error {amount(change.before, name, 3)} -> {amount(change.after, name, 3)} rms"
-        for name, change in self.lost.items():
-            if change.before or change.after:
-                how = f"without {name}" if name else "with every sensor"
-                text += f"; {how} lost in {change.before:g} -> {change.after:g} of {stretches}"
-        return f"{text}: {'worse' if not self.accepted else 'better' if self.better else 'no better'}."
+        return sentence("add", "filtered", self)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""

@@ -14,9 +14,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from femfit.core.numerics import FloatArray
-from femfit.core.text import amount, probability, rounded
+from femfit.core.text import amount
 from femfit.effects.conditions import Conditions
-from femfit.identify.constants import HELPS, LEVEL_AFTER
+from femfit.effects.words import titled, titles_of
+from femfit.identify.constants import HELPS
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult
@@ -24,9 +25,9 @@ from femfit.identify.remainder.constants import LEVELS, PER_FACTOR, SAID, UNMEAS
 from femfit.identify.remainder.learn import Learnt
 from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, RESISTANCE, UNITS, WORDS, Part
 from femfit.identify.series.balances import FORCE_BALANCE
+from femfit.identify.words import printed, sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.readings import predict_readings
-from femfit.tables.measurement import CHANNEL_WORDS
 
 _DISTANCE = "distance_m"
 _SYMBOLS = {_DISTANCE: ("d", "m"), "current_A": ("i", "A"), RESISTANCE: ("|i|", "A"), BRAKE: ("|v|", "m/s")} | {
@@ -52,10 +53,7 @@ class ShortLaw:
         return self.share >= SAID
 
     def __str__(self) -> str:
-        share = f"{100.0 * max(self.share, 0.0):.0f} %"
-        if not self.fits:
-            return f"No short law says the {DEFINITIONS[self.kind]}: the nearest has {share} of it."
-        return f"A short law says {share} of it: {DEFINITIONS[self.kind]} = {self.text}."
+        return sentence("remainder", "law", self, DEFINITIONS[self.kind])
 
 
 _Form = tuple[Callable[[FloatArray], str], tuple[FloatArray, ...]]
@@ -173,14 +171,7 @@ class Refutation:
     measured: bool  # Whether something was measured next to it
 
     def __str__(self) -> str:
-        where = f"{amount(self.distance_m, 'm', 3)} and {amount(self.current_A, 'A')}"
-        where += f" while the body moves at {amount(self.velocity_m_s, 'm/s')}" if self.velocity_m_s else ""
-        again = " once more, on a new mount" if self.measured else ", where nothing was measured"
-        return (
-            f"To refute it, read the {CHANNEL_WORDS[self.channel]} at {where}{again}: with the remainder it is "
-            f"{amount(abs(self.change), self.channel)} {'more' if self.change > 0 else 'less'} than without, "
-            f"{rounded(abs(self.change) / self.noise, 2)} times the noise of one reading."
-        )
+        return sentence("remainder", "refutation", self)
 
 
 def refutation(
@@ -272,42 +263,15 @@ class RemainderResult(AddResult):
         }
 
     def __str__(self) -> str:
-        lines = [] if self.beside is None else [str(self.beside)]
-        if not self.parts:
-            return "\n".join([*lines, "Nothing was added: beyond the noise no remainder is left that could be learnt."])
-        head, *body = super().__str__().split("\n")
-        sentences = self.sentences
-        return "\n".join(
-            [
-                *lines,
-                head,
-                *(f"  {sentence}" for sentence in sentences[: len(self.laws)]),
-                *body,
-                *sentences[len(self.laws) :],
-            ]
-        )
+        text = printed("remainder", r=self, words=WORDS, rms={}, magnitude={}, beyond={})
+        return titled(text, titles_of(self.observations.nominal.drawn))
 
     @property
     def sentences(self) -> list[str]:
         """The short law of each part, what else it may be, and the measurement that would refute it."""
-        alternatives = [" and ".join(WORDS[kind] for kind in kinds) for kinds in self.alternatives]
-        also = [f"These readings also allow {'; or '.join(alternatives)}."] if alternatives else []
-        return [*map(str, self.laws), *also, *([] if self.refutation is None else [str(self.refutation)])]
-
-    def _circumstances(self) -> list[str]:
-        return []
-
-    def _verdict(self) -> str:
-        after = self.lack_of_fit_after.p_value
-        rest = "what is left is noise" if after > LEVEL_AFTER else "the misfit that is left is not noise"
-        what = " and ".join(WORDS[kind] for kind in self.parts)
-        if self.named_instead:
-            return f"Not accepted: {self.named_instead}, a named effect, explains as much. Add that."
-        if not self.accepted and self.fall_unseen <= HELPS:
-            return f"Not accepted: with {what} learnt, the error on runs left out does not fall."
-        if not self.accepted:
-            return f"Not accepted: with {what} learnt, the filter is worse on runs left out."
-        return f"Added as unexplained, for no cause is known: {what}; {rest} ({probability(after)})."
+        also = sentence("remainder", "also", self.alternatives, WORDS)
+        refuting = str(self.refutation) if self.refutation else ""
+        return [*map(str, self.laws), *filter(None, (also, refuting))]
 
 
 def words_of(laws: tuple[ShortLaw, ...], parts: tuple[str, ...]) -> str:
