@@ -129,10 +129,9 @@ def effect_columns(effect: Effect, observations: Observations) -> list[EffectCol
     any effect on these readings are left out.
     """
     constants = [p for p in effect.parameters if p.nonlinear]
-    grid = [
-        dict(zip((p.name for p in constants), values, strict=True))
-        for values in product(*(_trial_values(p) for p in constants))
-    ]
+    ranges = [(p.null, *p.plausible) for p in constants]  # the usual value first: it stays where readings say nothing
+    trials = [tuple(dict.fromkeys((null, low, low + 0.75 * (high - low)))) for null, low, high in ranges]
+    grid = [dict(zip((p.name for p in constants), values, strict=True)) for values in product(*trials)]
     return [variant for nonlinear in grid for variant in _columns(effect, nonlinear, observations)]
 
 
@@ -150,12 +149,6 @@ def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Obser
         return []
     amplitudes, columns = zip(*visible, strict=True)
     return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
-
-
-def _trial_values(p: EffectParameter) -> tuple[float, ...]:
-    """The usual value first: it stays where the readings say nothing."""
-    low, high = p.plausible
-    return tuple(dict.fromkeys((p.null, low, low + 0.75 * (high - low))))
 
 
 def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:

@@ -14,8 +14,7 @@ from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.compare import Comparison
 from femfit.identify.comparison.misfit import ErrorFall, measured_curves
 from femfit.identify.decision.allowances import finer_model
-from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.decision.diagnosis_text import certainty_sentence, verdict_sentence
+from femfit.identify.decision.diagnosis import Diagnosis, certainty_sentence, verdict_sentence
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult

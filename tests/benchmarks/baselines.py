@@ -45,7 +45,7 @@ from femfit.identify.decision.campaign import considered_effects
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.bench import placed
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_effects import add_effects
@@ -385,7 +385,7 @@ def _error(observations: Observations, predicted: FloatArray, key: dict[str, Any
     sigma = np.array([np.hypot(meter.sigma, meter.step / np.sqrt(12.0)) for meter in meters])
     none, many = np.zeros(len(names)), np.full(len(names), np.inf)
     noise = NoiseModel(names, sigma, none, key["mount_m"], none, many, many, {}, key["mount_m"], none)
-    whitening = Whitening(unseen, noise, chains_of(unseen))
+    whitening = Whitening(unseen, noise)
     residual = beside_random((observations.value - predicted)[last], whitening) / sigma[unseen.channel]
     squares = [np.mean(residual[unseen.of(name)] ** 2) for name in names if unseen.of(name).any()]
     return float(np.sqrt(np.mean(squares)))

@@ -464,10 +464,8 @@ def turned_bench(conical, turned):
 @pytest.fixture(scope="module")
 def model(conical):
     """Fitted to the sweep of the drawing, which stands where ``femfit calibrate`` looks for it."""
-    done = femfit("sweep", conical / "conical.toml", "-o", conical / "runs" / "drawn", "--workers", 1, "--signatures")
-    assert done.returncode == 0, done.stderr
-    done = femfit("fit", conical / "runs" / "drawn", "--model", "coenergy", "-o", conical / "model.json")
-    assert done.returncode == 0, done.stderr
+    table = ff.run_sweep(conical / "conical.toml", conical / "runs" / "drawn", workers=1, signatures=True)
+    ff.write_model(ff.fit_model(table).model, conical / "model.json")
     return conical / "model.json"
 
 
@@ -512,13 +510,11 @@ def test_a_face_at_the_gap_acts_as_the_distance_does(model, turned):
     assert left < 0.01 * before
 
 
-def test_a_deeper_pole_is_among_the_causes_of_readings_that_it_would_give(model, turned_bench, conical):
-    done = femfit("diagnose", model, turned_bench, "--json", conical / "found.json", "--bootstrap", "0")
-    assert done.returncode == 0, done.stderr
-    found = json.loads((conical / "found.json").read_text(encoding="utf-8"))
-    (missing,) = found["missing"]
-    assert {"distance_offset", POLE} <= set(missing["class"])
-    assert found["confident"] is False
+def test_a_deeper_pole_is_among_the_causes_of_readings_that_it_would_give(model, turned_bench):
+    found = ff.diagnose(model, turned_bench, bootstrap=0)
+    (missing,) = found.missing
+    assert {"distance_offset", POLE} <= set(missing.members)
+    assert not found.confident
 
 
 @pytest.mark.nightly

@@ -18,7 +18,7 @@ from femfit.identify.comparison.region import describe_region
 from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import Whitening, chains_of
+from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.bench import bench_observations
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.readings import predict_readings
@@ -274,7 +274,7 @@ def test_the_first_of_groups_that_are_equally_unlikely_to_be_noise_is_reported()
 def located(model, seed, change, **settings):
     observations = bench_observations(model, campaign(model, seed, change=change, **settings))
     noise = estimate_noise(observations)
-    return where_it_fails(observations, Whitening(observations, noise, chains_of(observations)))
+    return where_it_fails(observations, Whitening(observations, noise))
 
 
 def changed(channel, by):
@@ -329,7 +329,7 @@ def test_the_channel_is_one_that_is_off_the_most_in_units_of_its_noise(levitatio
             continue  # nothing of it shows on a bench
         # Three times the noise: at once the noise, the channel of one misfit in eight is one that chance put there
         read = observations.with_values(observations.value + 3.0 * change / max(off))
-        found = where_it_fails(read, Whitening(read, estimate_noise(read), chains_of(read)))
+        found = where_it_fails(read, Whitening(read, estimate_noise(read)))
         assert off[observations.channels.index(found.channel)] >= 0.5 * max(off), effect.name
 
 
@@ -435,7 +435,7 @@ def test_the_share_that_is_said_is_the_true_one_beside_the_freedom_of_the_mounts
 def test_a_misfit_that_is_rounding_is_none(levitation_model):
     observations = bench_observations(levitation_model, campaign(levitation_model, 10))
     same = observations.with_values(observations.base * (1.0 + 1e-14))
-    whitening = Whitening(same, estimate_noise(observations), chains_of(same))
+    whitening = Whitening(same, estimate_noise(observations))
     assert " 0 " not in where_it_fails(same, whitening).sentence
 
 

@@ -10,7 +10,7 @@ from effect_signature import typical_parameters
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect, Calibration, Effect, EffectParameter, in_channel
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis_text import certainty_sentence
+from femfit.identify.decision.diagnosis import certainty_sentence
 from femfit.identify.experiments.plan import examine_plan
 from femfit.identify.experiments.suggest import Advice, Suggestion, joined, suggest, suggest_measurements
 from femfit.identify.readings.bench import bench_observations, conditions_of

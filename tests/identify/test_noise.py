@@ -12,7 +12,7 @@ from femfit.identify.constants import GUESS_WIDER
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.contrasts import Chain, ChannelDesign, Contrasts, restricted_estimate, rho_of
 from femfit.identify.noise.scatter import guessed_noise
-from femfit.identify.noise.whitening import Whitening, chains_of, stops
+from femfit.identify.noise.whitening import Whitening, stops
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.settings import quantisation_step, repeat_cells
 from femfit.model.coordinate import DistanceCoordinate
@@ -187,7 +187,7 @@ def test_readings_of_a_stop_share_its_error_in_the_tests_too(levitation_model):
     )
     of_stop = 50e-6 * observations.distance_slope[:, None] * (stops(observations)[:, None] == np.arange(30))
     covariance = np.diag(noise.sigma[observations.channel] ** 2) + of_stop @ of_stop.T
-    whitening = Whitening(observations, noise, chains_of(observations))
+    whitening = Whitening(observations, noise)
     columns = np.random.default_rng(6).normal(size=(len(covariance), 3)) * noise.sigma[observations.channel][:, None]
     white = whitening.full(columns)
     np.testing.assert_allclose(white.T @ white, columns.T @ np.linalg.solve(covariance, columns), rtol=1e-9)

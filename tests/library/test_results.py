@@ -110,7 +110,7 @@ def test_a_pickled_diagnosis_holds_no_working_of_its_search(results):
     """Factors of the noise's covariance can be worked out again; what no refit goes on with has no use any more."""
     found = results["diagnosis"]
     whitening = found.campaign.whitening
-    fresh = Whitening(whitening.observations, whitening.noise, whitening.chains, whitening.misfit)
+    fresh = Whitening(whitening.observations, whitening.noise, whitening.misfit)
     whitening.full(whitening.observations.residual)
     assert len(pickle.dumps(whitening)) == len(pickle.dumps(fresh))
     again = unpickled(whitening)

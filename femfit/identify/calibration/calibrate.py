@@ -33,8 +33,7 @@ from femfit.identify.constants import HALVINGS, MOST_ROUNDS, MOST_STEPS, RISE
 from femfit.identify.decision.allowances import beyond_noise
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.decision.diagnose import diagnose
-from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.decision.diagnosis_text import verdict_sentence
+from femfit.identify.decision.diagnosis import Diagnosis, verdict_sentence
 from femfit.identify.readings.bench import measurement_of
 from femfit.identify.refit.checked_refit import channel_rms, unseen_error
 from femfit.model.with_effects import with_effects

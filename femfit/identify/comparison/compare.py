@@ -26,7 +26,7 @@ from femfit.identify.decision.campaign import campaign_remarks, considered_effec
 from femfit.identify.decision.naming import decide, fails_surely, lack_of_fit, times_own
 from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.scatter import scatter_as_noise
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.bench import measurement_of, placed
 from femfit.identify.readings.observations import Observations
 from femfit.identify.words import printed
@@ -192,7 +192,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
     campaign = gather(observations, considered_effects((), observations.nominal.circuits, observations.nominal.drawn))
     if isinstance(campaign, Finding):
         noise, findings = estimate_noise(observations), [campaign]
-        whitening = Whitening(observations, noise or scatter_as_noise(observations), chains_of(observations))
+        whitening = Whitening(observations, noise or scatter_as_noise(observations))
         test, times, verdict = None, math.inf, "compare_only"
     else:
         noise, findings, whitening = campaign.noise, campaign_remarks(campaign), campaign.whitening

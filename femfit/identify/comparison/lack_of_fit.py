@@ -21,7 +21,7 @@ from femfit.core.text import amount
 from femfit.identify.comparison.patterns import Patterns, smooth_patterns
 from femfit.identify.comparison.region import describe_region
 from femfit.identify.constants import BEYOND_NOISE, COARSE, COVARIATE_SHARE, SPANNED, WRONG_SHAPE
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, orthonormal_basis
+from femfit.identify.noise.whitening import NoiseModel, Whitening, orthonormal_basis
 from femfit.identify.readings.observations import Observations, WithoutCache
 from femfit.identify.readings.settings import repeat_cells
 from femfit.model.actuator_model import ActuatorModel
@@ -145,7 +145,7 @@ def pure_error_test(observations: Observations, noise: NoiseModel, channel: str)
     where the model holds. The whitening carries the scatter of mounts and runs, which all cells of a mount share.
     """
     alone = observations.select(observations.of(channel))
-    whitening = Whitening(alone, noise, chains_of(alone))
+    whitening = Whitening(alone, noise)
     codes, cell = np.unique(repeat_cells(alone), return_inverse=True)
     columns = np.zeros((len(alone.value), len(codes)))
     columns[np.arange(len(cell)), cell] = 1.0

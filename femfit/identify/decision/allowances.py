@@ -111,13 +111,10 @@ def beyond_noise(observations: Observations, noise: NoiseModel | None, rms: Mapp
     return {
         name: error / float(noise.sigma[number[name]])
         for name, error in rms.items()
-        if name in noise.source and error > _most(int(np.sum(observations.of(name)))) * shown[number[name]]
+        if name in noise.source
+        and (n := int(np.sum(observations.of(name))))
+        and error > max(WITHIN_NOISE, float(np.sqrt(stats.chi2.isf(LEVEL, n) / n))) * shown[number[name]]
     }
-
-
-def _most(readings: int) -> float:
-    """Rms error over the noise up to which so many readings are within it: few are far from 1 by chance."""
-    return max(WITHIN_NOISE, float(np.sqrt(stats.chi2.isf(LEVEL, readings) / readings)))
 
 
 def noise_shown(observations: Observations, noise: NoiseModel) -> FloatArray:

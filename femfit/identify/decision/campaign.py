@@ -21,10 +21,9 @@ from femfit.core.text import amount, counted
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
-from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.constants import POWER
 from femfit.identify.noise.components import estimate_noise, never_varying
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.checked_refit import left_out_groups
 from femfit.identify.refit.refit import Refit, Start, bounded_amplitudes
@@ -58,7 +57,7 @@ class Campaign:
         """The same settings with other readings, of shape (M,), and their own noise estimate."""
         observations = self.observations.with_values(value)
         noise = estimate_noise(observations) or self.noise
-        whitening = Whitening(observations, noise, self.whitening.chains, self.whitening.misfit)
+        whitening = Whitening(observations, noise, self.whitening.misfit)
         effects = Start.all_at_null([effect.columns for effect in self.effects], whitening)
         return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
 
@@ -102,7 +101,7 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     if noise is None:
         constant = constant_readings(never_varying(observations))
         return constant[0] if constant else NO_NOISE
-    whitening = Whitening(observations, noise, chains_of(observations), own_misfit_columns(observations))
+    whitening = Whitening.granting(observations, noise)
     patterns = pattern_space(observations, whitening)
     if not patterns.groups:
         return TOO_FEW

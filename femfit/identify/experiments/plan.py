@@ -20,7 +20,6 @@ from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Nominal
 from femfit.effects.effect import Calibration, Effect
 from femfit.effects.words import smallest_visible, titled, titles_of
 from femfit.identify.comparison.lack_of_fit import pattern_space
-from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.constants import LEVEL
 from femfit.identify.decision.campaign import Campaign, detectable_magnitudes
 from femfit.identify.decision.constants import (
@@ -43,7 +42,7 @@ from femfit.identify.experiments.separation import (
     separation,
     starting_points,
 )
-from femfit.identify.noise.whitening import Whitening, chains_of
+from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.bench import bench_observations
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Start
@@ -89,7 +88,7 @@ def examine_plan(
     observations = bench_observations(model, replace(plan, rows=rows))
     observations, nominal = observations.with_values(observations.base), observations.nominal
     noise = planned_noise(observations)
-    whitening = Whitening(observations, noise, chains_of(observations), own_misfit_columns(observations))
+    whitening = Whitening.granting(observations, noise)
     invisible: dict[str, str] = {}
     families: dict[str, list[Start]] = {}
     for effect in effects:

@@ -18,12 +18,11 @@ from femfit.core.results import Printed
 from femfit.effects.catalogue import device_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.words import titled, titles_of
-from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.allowances import finer_model
 from femfit.identify.decision.constants import COMPARED, HINTS, SHOWN, TIE
 from femfit.identify.decision.diagnose import diagnose as diagnosed
-from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.decision.diagnosis_text import (
+from femfit.identify.decision.diagnosis import (
+    Diagnosis,
     certainty_sentence,
     dimensions_unsuspected,
     verdict_sentence,
@@ -38,7 +37,7 @@ from femfit.identify.experiments.separation import (
     separation,
     starting_points,
 )
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of
+from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.bench import bench_observations, measurement_of
 from femfit.identify.readings.plausible import plausible_table
 from femfit.identify.readings.settings import currents_in, with_currents
@@ -147,7 +146,11 @@ def _advice(model: ActuatorModel, measured: Measurement, diagnosis: Diagnosis, s
     names = tuple(" + ".join(fit.names) for fit in explanations)
     if diagnosis.campaign is None or len(explanations) < 2:
         most = diagnosis.dominant.tie if diagnosis.dominant else ()
-        unsure = [] if _certain(diagnosis) else [*(effect.name for effect in diagnosis.missing), *most]
+        unsure = (
+            []
+            if diagnosis.confident and not diagnosis.excluded
+            else [*(effect.name for effect in diagnosis.missing), *most]
+        )
         return Advice(
             names, isolating=_isolating(unsure, diagnosis.observations.nominal), note=_nothing_to_separate(diagnosis)
         )
@@ -192,11 +195,6 @@ def _left_together(diagnosis: Diagnosis) -> tuple[Refit, ...]:
 def _isolating(names: Sequence[str], nominal: Nominal) -> tuple[tuple[str, str], ...]:
     effects = device_effects(nominal.circuits, nominal.drawn)
     return tuple((name, effects[name].experiment) for name in names if name in effects)
-
-
-def _certain(diagnosis: Diagnosis) -> bool:
-    """Whether nothing but what is named would give these readings, of the whole catalogue."""
-    return diagnosis.confident and not diagnosis.excluded
 
 
 def _nothing_to_separate(diagnosis: Diagnosis) -> str:
@@ -246,8 +244,7 @@ def _joint_distances(
 ) -> list[float | None]:
     """How far apart explanations are by a further run: the smaller of the distances from the other's best refit."""
     observations = bench_observations(model, joined(table, experiment))
-    own_misfit = own_misfit_columns(observations)
-    whitening = Whitening(observations, noise_for(noise, observations), chains_of(observations), own_misfit)
+    whitening = Whitening.granting(observations, noise_for(noise, observations))
 
     def one_way(truth: Refit, rival: Refit) -> float | None:
         starts = starting_points([added.effect for added in rival.effects], observations, whitening, rival.effects)

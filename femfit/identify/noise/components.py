@@ -31,7 +31,7 @@ from femfit.identify.noise.scatter import (
     random_effects,
     repeated_readings,
 )
-from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns, sequence, setting_errors
+from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns, sequence, setting_errors
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.settings import quantisation_step
 
@@ -209,7 +209,7 @@ def simulated_noise(whitening: Whitening, generator: np.random.Generator) -> Flo
 
     It is AR(1) noise along each run, re-mounts, run offsets, and what errors of the settings make.
     """
-    observations, noise, chains = whitening.observations, whitening.noise, whitening.chains
+    observations, noise, chains = whitening.observations, whitening.noise, chains_of(whitening.observations)
     rho = noise.rho[observations.channel] ** chains.gap
     fresh = generator.standard_normal(len(rho))
     value = np.empty_like(fresh)

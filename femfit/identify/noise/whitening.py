@@ -12,11 +12,13 @@ G. E. P. Box, G. M. Jenkins and G. C. Reinsel, Time Series Analysis (Wiley, 2008
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from scipy import sparse
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.constants import SAME_SETTING
 from femfit.identify.readings.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.readings.settings import levels, setting_cells
@@ -141,15 +143,19 @@ class Whitening(WithoutCache):
 
     observations: Observations
     noise: NoiseModel
-    chains: Chains
     # What else scatters, each column by one standard deviation: the model's own misfit to its table; shape (M, n)
     misfit: FloatArray | None = None
+
+    @classmethod
+    def granting(cls, observations: Observations, noise: NoiseModel) -> Self:
+        """The map that counts the model's own misfit to its table as noise."""
+        return cls(observations, noise, own_misfit_columns(observations))
 
     @cached_property
     def _share(self) -> FloatArray:
         """Share of the noise of the reading before in each reading's, shape (M,)."""
-        rho = self.noise.rho[self.observations.channel] ** self.chains.gap
-        return np.where(self.chains.first, 0.0, rho)
+        rho = self.noise.rho[self.observations.channel] ** chains_of(self.observations).gap
+        return np.where(chains_of(self.observations).first, 0.0, rho)
 
     @cached_property
     def _settings(self) -> list[tuple[sparse.csr_array, FloatArray]]:
@@ -178,7 +184,7 @@ class Whitening(WithoutCache):
         if x.ndim == 2:
             share, sigma = share[:, None], sigma[:, None]
         scaled = _shrunk(x / sigma, self._settings)
-        return (scaled - share * scaled[self.chains.before]) / np.sqrt(1.0 - share**2)
+        return (scaled - share * scaled[chains_of(self.observations).before]) / np.sqrt(1.0 - share**2)
 
     @cached_property
     def _random(self) -> tuple[FloatArray, FloatArray]:

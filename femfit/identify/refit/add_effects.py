@@ -17,12 +17,11 @@ from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.identify.comparison.lack_of_fit import pattern_space
-from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.decision.allowances import beyond_noise
 from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import Whitening, chains_of
+from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.bench import measurement_of, placed
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.add_result import AddResult, effect_sizes, fit_facts, suspicious_values
@@ -239,7 +238,7 @@ def whitening_beside(observations: Observations) -> Whitening:
     noise = estimate_noise(observations)
     if noise is None:
         raise TableError(str(NO_NOISE))
-    whitening = Whitening(observations, noise, chains_of(observations), own_misfit_columns(observations))
+    whitening = Whitening.granting(observations, noise)
     if not pattern_space(observations, whitening).groups:
         raise TableError(str(TOO_FEW))
     return whitening

@@ -22,9 +22,8 @@ from femfit.effects.catalogue import effects_of
 from femfit.effects.effect import AddedEffect
 from femfit.effects.tolerances import TOLERANCE_SD, TOLERANCES
 from femfit.effects.words import describe
-from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.constants import HARMS, HELPS, SETTLED
-from femfit.identify.noise.whitening import NoiseModel, Whitening, chains_of, random_columns
+from femfit.identify.noise.whitening import NoiseModel, Whitening, random_columns
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Refit, Start, refit, starting_point
 from femfit.identify.signatures import effect_columns, why_untestable
@@ -53,7 +52,7 @@ def unseen_error(
 
     def fitted(keep: BoolArray) -> tuple[AddedEffect, ...]:
         readings = observations.select(keep)
-        whitening = Whitening(readings, noise, chains_of(readings), own_misfit_columns(readings))
+        whitening = Whitening.granting(readings, noise)
         return refit(readings, whitening, start, fixed, prior_sd, prior_mean).effects
 
     return cross_validated(observations, noise, fitted)
@@ -70,7 +69,7 @@ def cross_validated(
         out = group == number
         unseen, effects[int(number)] = observations.select(out), fitted(~out)
         residual = unseen.value - unseen.predict(effects[int(number)])
-        whitening = Whitening(unseen, noise, chains_of(unseen))
+        whitening = Whitening(unseen, noise)
         as_read[out], beside[out] = residual, beside_random(residual, whitening)
         white = whitening.full(residual)
         chi2 += float(white @ white)

@@ -9,7 +9,7 @@ import numpy as np
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.effect import AddedEffect
 from femfit.identify.noise.components import estimate_noise
-from femfit.identify.noise.whitening import Whitening, chains_of, orthonormal_basis
+from femfit.identify.noise.whitening import Whitening, orthonormal_basis
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.checked_refit import UnseenError, cross_validated
 from femfit.identify.remainder.constants import HALVINGS, POSSIBLE, PRICE, ROUNDS
@@ -184,7 +184,7 @@ def learn_checked(whitening: Whitening, named: FloatArray | None = None) -> Chec
     if first.effects:  # a misfit that is taken away is no scatter of mounts and runs
         clean = observations.with_values(observations.value - observations.predict(first.effects) + observations.base)
         noise = estimate_noise(clean)
-        whitening = whitening if noise is None else Whitening(observations, noise, whitening.chains)
+        whitening = whitening if noise is None else Whitening(observations, noise)
     noise = whitening.noise
     before, tried = cross_validated(observations, noise, lambda _: ()), list[Checked]()
     for numbers in (range(len(parts)), [k for k, part in enumerate(parts) if not part.bends]):
@@ -197,7 +197,7 @@ def learn_checked(whitening: Whitening, named: FloatArray | None = None) -> Chec
                 keep: BoolArray, some: Sequence[Part] = some, changes: Sequence[FloatArray] = changes
             ) -> tuple[AddedEffect, ...]:
                 readings = observations.select(keep)
-                beside = Beside(Whitening(readings, noise, chains_of(readings)), named[keep])
+                beside = Beside(Whitening(readings, noise), named[keep])
                 return learn(beside, some, [change[keep] for change in changes]).effects
 
             error = cross_validated(observations, noise, learnt_from)
