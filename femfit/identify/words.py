@@ -42,10 +42,10 @@ def _oneline(text: str) -> str:
     return " ".join(text.split())
 
 
-def _listed(items: Any, word: str = "and", comma: str = ", ") -> str:
+def _listed(items: Any, word: str = "and") -> str:
     """Items as ``a, b and c``."""
     texts = [str(item) for item in items]
-    return f" {word} ".join([comma.join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
+    return f" {word} ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
 def _significant(value: float, digits: int = 3) -> str:

@@ -332,45 +332,42 @@ def diagnosed(named):
     return SimpleNamespace(decision=named, observations=SimpleNamespace(nominal=SimpleNamespace(drawn=())))
 
 
-def test_a_number_is_calibrated_with_the_effects_named_beside_it():
-    choice = with_named(Choice(), decision((HEIGHT,), ("hall_offset", "hall_gain"), hall_offset=(1, 2)), KNOWN)
-    assert choice.numbers == (number(HEIGHT),)
-    assert choice.beside == {"hall_offset": (2, 3)}
-    assert set(choice.remarks) == {"hall_offset"}
-    assert "hall_gain" in choice.remarks["hall_offset"]
+REMANENCE, MAGNET = "materials.hard.remanence_T", "magnet_temperature"
 
 
-def test_a_class_of_numbers_is_calibrated_as_a_whole_and_what_separates_it_is_said():
-    choice = with_named(Choice(), decision((HEIGHT, RADIUS)), KNOWN)
-    assert choice.numbers == (number(HEIGHT), number(RADIUS))
-    (remark,) = choice.remarks.values()
-    assert number(HEIGHT).subject in remark
-    assert number(RADIUS).subject in remark
+@pytest.mark.parametrize(
+    ("classes", "numbers", "beside", "remarks"),
+    [
+        ([(HEIGHT,), ("hall_offset", "hall_gain")], [HEIGHT], {"hall_offset": (2, 3)}, {"hall_offset": "hall_gain"}),
+        ([(HEIGHT, RADIUS)], [HEIGHT, RADIUS], {}, {HEIGHT: number(RADIUS).subject}),
+        # The only magnet's remanence is a number of the drawing
+        ([("remanence", "turns")], [REMANENCE, "coils.coil.turns"], {}, {REMANENCE: ""}),
+        # Of a number and an effect the drawing's is calibrated, and how the other is checked is said
+        ([(MAGNET, "remanence")], [REMANENCE], {}, {REMANENCE: effect_by_name(MAGNET).check}),
+        ([("remanence", MAGNET)], [REMANENCE], {}, {REMANENCE: effect_by_name(MAGNET).check}),
+        ([(HEIGHT, "coulomb_friction", RADIUS)], [HEIGHT, RADIUS], {}, {HEIGHT: "coulomb_friction"}),
+    ],
+)
+def test_what_is_named_is_calibrated_with_the_effects_beside_it(classes, numbers, beside, remarks):
+    choice = with_named(Choice(), decision(*classes, hall_offset=(1, 2)), KNOWN)
+    assert [one.key for one in choice.numbers] == numbers
+    assert choice.beside == beside
+    assert set(choice.remarks) == set(remarks)
+    assert all(words in choice.remarks[name] for name, words in remarks.items())
 
 
-def test_the_only_magnets_remanence_is_a_number_of_the_drawing():
+def test_tolerances_of_numbers_are_standard_deviations():
     choice = with_named(Choice(), decision(("remanence", "turns")), KNOWN)
-    assert [one.key for one in choice.numbers] == ["materials.hard.remanence_T", "coils.coil.turns"]
     assert [one.deviation for one in choice.numbers] == pytest.approx([0.018, 0.5])  # 1.5 and 0.5 %
-
-
-@pytest.mark.parametrize("names", [("magnet_temperature", "remanence"), ("remanence", "magnet_temperature")])
-def test_of_a_number_and_an_effect_the_drawings_is_calibrated_and_the_other_is_said(names):
-    choice = with_named(Choice(), decision(names), KNOWN)
-    assert [one.key for one in choice.numbers] == ["materials.hard.remanence_T"]
-    assert not choice.beside
-    (remark,) = choice.remarks.values()
-    assert "magnet_temperature" in remark
-    assert remark.endswith(effect_by_name("magnet_temperature").check)
 
 
 def test_whoever_asks_for_a_number_decides_its_class():
     asked = Choice((number(RADIUS),))
     assert with_named(asked, decision(("coil_temperature", RADIUS)), KNOWN, asked=True) == asked
     choice = with_named(asked, decision((HEIGHT,), ("coulomb_friction",)), KNOWN, asked=True)
-    assert choice.numbers == asked.numbers
-    assert choice.beside == {"coulomb_friction": None}
+    assert (choice.numbers, choice.beside) == (asked.numbers, {"coulomb_friction": None})
     assert set(choice.remarks) == {HEIGHT}
+    assert not with_named(choice, decision(), KNOWN, asked=True).remarks.get(HEIGHT)  # named no more
 
 
 def test_a_remark_goes_with_the_effect_that_it_is_about():
@@ -378,11 +375,6 @@ def test_a_remark_goes_with_the_effect_that_it_is_about():
     assert set(choice.remarks) == {HEIGHT, "hall_offset"}
     assert set(choice.without(choice.beside).remarks) == {HEIGHT}
     assert not choice.without(["hall_offset"]).beside
-    both = with_named(Choice(), decision((HEIGHT, "coulomb_friction", RADIUS)), KNOWN)
-    assert both.numbers == (number(HEIGHT), number(RADIUS))
-    assert "coulomb_friction" in both.remarks[HEIGHT]
-    asked = with_named(Choice((number(RADIUS),)), decision((HEIGHT,)), KNOWN, asked=True)
-    assert not with_named(asked, decision(), KNOWN, asked=True).remarks  # named no more
 
 
 def test_nothing_is_calibrated_where_no_number_is_named(monkeypatch):
@@ -469,6 +461,7 @@ def model(conical):
     return conical / "model.json"
 
 
+@pytest.mark.nightly
 def test_the_slope_of_a_face_is_the_sum_of_those_of_its_corners(model, conical):
     """To first order corners that move together add: what a sweep writes of three numbers is of one field."""
     signatures = ff.read_sweep(conical / "runs" / "drawn").signatures
@@ -478,6 +471,7 @@ def test_the_slope_of_a_face_is_the_sum_of_those_of_its_corners(model, conical):
         assert rows[POLE][channel].to_numpy() == pytest.approx(parts.to_numpy(), rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.nightly
 def test_the_slope_of_a_face_is_that_of_whole_new_sweeps(model, conical):
     """Of drawings with the pole 20 um deeper and higher, within what their meshes differ by."""
     step, ends = 0.02, []
@@ -496,6 +490,7 @@ def test_the_slope_of_a_face_is_that_of_whole_new_sweeps(model, conical):
         assert slopes[channel].to_numpy() == pytest.approx(difference, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_a_face_at_the_gap_acts_as_the_distance_does(model, turned):
     """0.15 mm of 0.5 mm are far beyond the first order; what the model makes of it is compared with a new field."""
     drawn = ff.read_model(model)
@@ -510,6 +505,7 @@ def test_a_face_at_the_gap_acts_as_the_distance_does(model, turned):
     assert left < 0.01 * before
 
 
+@pytest.mark.nightly
 def test_a_deeper_pole_is_among_the_causes_of_readings_that_it_would_give(model, turned_bench):
     found = ff.diagnose(model, turned_bench, bootstrap=0)
     (missing,) = found.missing
@@ -537,6 +533,7 @@ def test_a_face_is_calibrated_by_its_name_and_written_with_all_its_corners(model
     assert text.count("#") == CONICAL.count("#")  # comments stay
 
 
+@pytest.mark.nightly
 def test_signatures_that_know_no_faces_are_still_read(model, conical, tmp_path):
     """As sweeps of before have them: by key paths alone."""
     source, older = conical / "runs" / "drawn", tmp_path / "older"

@@ -13,7 +13,7 @@ from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.comparison.compare import compare
 from femfit.identify.comparison.lack_of_fit import LackOfFit, PatternSpace, where_it_fails
-from femfit.identify.comparison.misfit import error_fall, measured_curves
+from femfit.identify.comparison.misfit import measured_curves
 from femfit.identify.comparison.region import describe_region
 from femfit.identify.decision.campaign import campaign_remarks, gather
 from femfit.identify.decision.diagnose import diagnose
@@ -61,16 +61,15 @@ def law_model(levitation_model):
     return replace(levitation_model, magnetics=law, misfit=misfit, validity=box), rms
 
 
-@pytest.mark.parametrize("mount_m", [0.0, 50e-6])
-def test_clean_data_agree_whatever_the_remounts(levitation_model, mount_m):
+def test_clean_data_agree_whatever_the_remounts(levitation_model):
+    mount_m = 50e-6
     comparison = compare(levitation_model, campaign(levitation_model, 11, mount_m=mount_m))
     assert comparison.verdict == "agrees"
     assert comparison.where.channel == ""
     for one in comparison.channels:
         assert one.noise_floor == pytest.approx(NOISE[one.channel], rel=0.2)  # about 250 repeats, correlated by 0.3
         assert one.lack_of_fit.p_value > 1e-3
-    if mount_m:
-        assert comparison.mount_m == pytest.approx(mount_m, rel=0.8)  # three mounts
+    assert comparison.mount_m == pytest.approx(mount_m, rel=0.8)  # three mounts
 
 
 def test_a_pure_error_test_accuses_the_channel_that_is_wrong_and_no_other(levitation_model):
@@ -217,7 +216,7 @@ def test_a_single_run_without_mounts_has_no_freedom_to_be_put_back(levitation_mo
 
 
 @pytest.mark.parametrize(
-    "offset_m", [0.0, 5e-5, *(pytest.param(one, marks=pytest.mark.nightly) for one in (3e-5, 8e-5))]
+    "offset_m", [5e-5, *(pytest.param(one, marks=pytest.mark.nightly) for one in (0.0, 3e-5, 8e-5))]
 )
 def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     offset = hidden("distance_offset", offset_m=offset_m)
@@ -442,18 +441,6 @@ def test_a_misfit_that_is_rounding_is_none(levitation_model):
 @pytest.fixture(scope="module")
 def observations(levitation_model):
     return bench_observations(levitation_model, campaign(levitation_model, 21, [HALL]))
-
-
-def test_the_fall_is_the_rms_of_all_readings_as_recorded(observations):
-    fall = error_fall(observations, observations.base, observations.predict([HALL]), NOISE)
-    rows = {one.channel: one for one in fall.channels}
-    one = rows["hall_V"]
-    here = observations.of("hall_V")
-    assert one.readings == here.sum()
-    assert one.rms_before == pytest.approx(np.sqrt(np.mean(observations.residual[here] ** 2)), rel=1e-12)
-    assert one.before_over_noise == pytest.approx(0.02 / NOISE["hall_V"], rel=0.1)
-    assert one.after_over_noise == pytest.approx(1.0, rel=0.15)
-    assert rows["force_N"].rms_before == rows["force_N"].rms_after  # a Hall element's offset pulls at nothing
 
 
 def test_measured_points_lie_on_the_curves_of_what_was_hidden(levitation_model, observations):

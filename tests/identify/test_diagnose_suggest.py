@@ -263,13 +263,6 @@ def test_what_advice_separates_a_plan_of_the_same_settings_separates(levitation_
             assert (b, a) not in report.together
 
 
-def test_forces_at_zero_current_alone_are_advised_on_without_a_traceback(levitation_model):
-    whole = campaign(levitation_model, 31, [hidden("remanence", remanence_error=-0.05)], runs=4)
-    rows = whole.rows[whole.rows["current_A"] == 0.0].reset_index(drop=True)
-    table = force_alone(replace(whole, rows=rows))
-    assert str(suggest(levitation_model, table))
-
-
 @pytest.mark.parametrize("current", [0.7, 0.0])
 def test_advice_on_one_current_is_sound(solenoid, current):
     whole = campaign(solenoid, 32, [hidden("force_offset", offset=0.03)], runs=4, noise=FORCE)

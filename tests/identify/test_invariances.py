@@ -125,8 +125,8 @@ def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_mo
     rows = pd.concat([once.rows, once.rows.assign(order=once.rows["order"] + 200.0)], ignore_index=True)
     rng = np.random.default_rng(1)
     again = np.arange(len(rows)) >= len(once.rows)
+    base = placed(levitation_model, once)
     for name, sigma in NOISE.items():
-        base = compare(levitation_model, once).observations
         values = base.base[base.of(name)]
         rows.loc[again, name] = values + sigma * rng.standard_normal(len(values))
     noise, more = (estimate_noise(placed(levitation_model, replace(once, rows=one))) for one in (once.rows, rows))

@@ -162,6 +162,7 @@ def test_names_are_fitted_first(levitation_model):
         levitation_model,
         8,
         change=lambda readings, rows: bent_load_cell(readings | {"hall_V": readings["hall_V"] + 0.02}, rows),
+        runs=2,
     )
     result = add_effects(levitation_model, table, [NAME, "hall_offset"], base="never")
     assert [one.effect.name for one in result.model.effects] == ["hall_offset", NAME]

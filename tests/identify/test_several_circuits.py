@@ -264,7 +264,7 @@ def test_one_beside_another_that_is_shorted_is_seen_through_the_admittance(eddie
     np.testing.assert_allclose(z["outer_inner_shorted"], 1.0 / y[:, 1, 1], rtol=1e-9)
 
 
-READ = [BOTH, SHORT, (*EACH, *BOTH), *(pytest.param(one, marks=pytest.mark.nightly) for one in (EACH, ("outer",)))]
+READ = [BOTH, SHORT, *(pytest.param(one, marks=pytest.mark.nightly) for one in (EACH, ("outer",), (*EACH, *BOTH)))]
 
 
 @pytest.mark.parametrize("names", READ)

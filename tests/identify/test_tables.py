@@ -299,15 +299,6 @@ def test_a_sweep_of_a_bridge_is_compared(levitation_model, tmp_path):
     assert noise["resistance_ohm"] == pytest.approx(2e-3, rel=0.3)
 
 
-def test_a_wrong_resistance_is_found_by_a_bridge(levitation_model, tmp_path):
-    effect = all_effects()["resistance"]
-    wrong = AddedEffect(effect, {effect.parameters[0].name: 0.05})
-    path = bridge_file(levitation_model, tmp_path / "lcr.csv", [wrong])
-    found = diagnose(levitation_model, path, bootstrap=0)
-    assert found.verdict == "named"
-    assert "resistance" in found.missing[0].members
-
-
 def test_an_inductance_in_another_unit_is_suspected(levitation_model, tmp_path):
     table = read_measurement(bridge_file(levitation_model, tmp_path / "lcr.csv"), units={"L [mH]": "H"})
     (finding,) = suspect_units(levitation_model, table)

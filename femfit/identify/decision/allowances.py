@@ -5,7 +5,7 @@ is not, and what would make the model's own misfit to its table smaller. Its wor
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -33,13 +33,14 @@ class Allowed:
     apart: tuple[str, ...]  # Those of them that the model's own misfit does not make either
     own: Mapping[str, float]  # Rms of the model's own misfit per channel
     away: bool  # Whether the model's eddy currents hold for other currents
-    unknown: tuple[str, ...]  # Channels whose noise nothing says, beside others
-    by_mounts: frozenset[str]  # Channels whose error mounts would make that are assumed to come back so badly
-    mount: Literal["", "assumed", "estimated", "any"]  # How it is known; empty where mounts have no freedom
-    mount_m: float
-    stop_m: float  # 0 where stops make less than the noise of one reading
-    runs: Mapping[str, tuple[float, bool]]  # Offsets larger than the noise of one reading, and whether declared
     place: str  # From where to where the distance may differ
+    unknown: tuple[str, ...] = ()  # Channels whose noise nothing says, beside others
+    by_mounts: frozenset[str] = frozenset()  # Channels whose error assumed mounts would make
+    mount: Literal["", "assumed", "estimated", "any"] = ""  # How it is known; empty where mounts have no freedom
+    mount_m: float = 0.0
+    stop_m: float = 0.0  # 0 where stops make less than the noise of one reading
+    # Offsets of runs that are larger than the noise of one reading, and whether they were declared
+    runs: Mapping[str, tuple[float, bool]] = field(default_factory=dict)
 
     @property
     def granted(self) -> tuple[str, ...]:
@@ -65,12 +66,6 @@ def allowed(observations: Observations, noise: NoiseModel | None, rms: Mapping[s
         apart=tuple(name for name in beyond if rms[name] > OWN_MISFIT * own[name]),
         own=own,
         away=observations.away_from_bias,
-        unknown=(),
-        by_mounts=frozenset(),
-        mount="",
-        mount_m=0.0,
-        stop_m=0.0,
-        runs={},
         place="mount to mount" if "mount" in observations.given else "run to run",
     )
     if noise is None:
