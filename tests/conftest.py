@@ -1,6 +1,7 @@
 """Fixtures that several rooms share."""
 
 import fcntl
+import functools
 import os
 
 # Before numpy loads: threads inside the small factorisations of the tests cost more than they save.
@@ -19,6 +20,7 @@ from femfit.model.magnetics import CoenergySpline
 from femfit.model.validity import Misfit, ValidityBox
 from support.actuators import GEOMETRY
 from support.expected import Expected
+from support.model_kinds import KINDS
 from support.splines import REFERENCE_DISTANCE, fitted_spline
 
 LONGEST_FILES = ("test_house.py", "test_notebooks.py", "test_commands.py", "test_site.py")
@@ -89,3 +91,9 @@ def levitation_model() -> ActuatorModel:
         reference_distances_m=(0.022, 0.030, 0.022),
         provenance={"made_by": "tests"},
     )
+
+
+@pytest.fixture(scope="session")
+def model_kind(levitation_model):
+    """The models of ``support.model_kinds`` by their names, each made once."""
+    return functools.cache(lambda name: KINDS[name](levitation_model))

@@ -102,6 +102,7 @@ def changed(effect, base, nominal, parameters):
     return read(effect.coenergy(base, d, i, 1, 1, Conditions(nominal), effect.null() | parameters))
 
 
+@pytest.mark.nightly
 def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(linear, nominal):
     effect, base, saturated = effect_by_name("core_saturation"), linear_coenergy(linear), solved(CURVE)
     width = np.array([p.plausible[1] - p.plausible[0] for p in effect.parameters])
@@ -121,7 +122,10 @@ def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(line
 
 @pytest.mark.parametrize(
     ("name", "parameters"),
-    [("magnet_demagnetisation", {"loss": 0.08}), ("magnet_temperature", {"coefficient_per_K": -4e-3})],
+    [
+        ("magnet_demagnetisation", {"loss": 0.08}),
+        pytest.param("magnet_temperature", {"coefficient_per_K": -4e-3}, marks=pytest.mark.nightly),
+    ],
 )
 def test_a_weaker_magnet_is_the_field_solution_with_less_remanence(name, parameters, linear, nominal):
     effect, d = effect_by_name(name), GRID[0]

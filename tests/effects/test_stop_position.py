@@ -4,13 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-import femfit as ff
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.readings.bench import placed
 from femfit.identify.signatures import why_untestable
-from femfit.model.with_effects import with_effects
 from support.solenoids import solenoid
 from support.switching import logged, switched
 
@@ -39,21 +36,6 @@ def test_a_worn_stop_is_named_with_its_size(model, worn):
     assert added == pytest.approx(0.1e-3, abs=0.02e-3)
 
 
-def test_the_plant_is_stopped_where_the_effect_says(model):
-    effect = effect_by_name("stop_position")
-    changed = with_effects(model, [AddedEffect(effect, effect.null() | {"near": 0.02})])
-    travel = model.validity.distance_max_m - model.validity.distance_min_m
-    assert changed.motion.near_stop.distance_m == pytest.approx(model.motion.near_stop.distance_m + 0.02 * travel)
-    assert changed.motion.far_stop == model.motion.far_stop
-
-
 def test_a_body_without_stops_has_none_to_be_wrong(model, worn):
     free = replace(model, motion=replace(model.motion, near_stop=None, far_stop=None))
     assert "no stop" in why_untestable(effect_by_name("stop_position"), placed(free, worn))
-
-
-def test_it_is_written_and_read_with_the_model(model, tmp_path):
-    effect = effect_by_name("stop_position")
-    ff.write_model(with_effects(model, [AddedEffect(effect, {"near": 0.02, "far": 0.0})]), tmp_path / "model.json")
-    near = ff.read_model(tmp_path / "model.json").motion.near_stop.distance_m
-    assert near > model.motion.near_stop.distance_m

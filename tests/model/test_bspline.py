@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from femfit.model.bspline import TensorSpline, basis_matrix, is_clamped
+from femfit.model.bspline import BasisPolynomials, TensorSpline, basis_matrix, is_clamped
 
 RANDOM = np.random.default_rng(11)
 
@@ -78,3 +78,12 @@ def test_not_a_number_stays_not_a_number():
 )
 def test_clamped_knots_of_degree_two(knots, carries):
     assert is_clamped(np.array(knots, dtype=float), 2) is carries
+
+
+@pytest.mark.parametrize("derivative", range(5))
+def test_polynomials_of_cells_are_the_basis_by_recursion_at_the_knots_and_beyond_them(derivative):
+    knots = np.array([-2.0, -2.0, -2.0, -2.0, -1.2, -0.5, 0.1, 0.9, 1.5, 1.5, 1.5, 1.5])
+    axis, x = BasisPolynomials(knots, 3), np.concatenate([np.linspace(-2.3, 1.8, 57), knots])
+    # Rounding: values are of the order of one, derivatives of one over the narrowest cell each
+    wanted = pytest.approx(basis_matrix(x, knots, 3, derivative), abs=1e-12 / 0.4**derivative)
+    assert axis.values(axis.places(x), derivative) == wanted

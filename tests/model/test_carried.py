@@ -9,7 +9,7 @@ import pytest
 from femfit.core.errors import ModelFileError
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, EffectParameter
-from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.bspline import TensorSpline
 from femfit.model.carried import (
     Brake,
     Carried,
@@ -79,25 +79,6 @@ def change(effect, base, d, i, orders=(2, 2), share=1.0):
     return series - coenergy(d, i, *orders)
 
 
-def test_force_and_flux_linkage_come_from_one_function(model, levitation_model):
-    d, i = points(0.016, 0.044, 0.05, 1.35)
-    h = 1e-6
-    before, after = levitation_model.magnetics, model.magnetics
-
-    def force(d, i):
-        return after.force(d, i) - before.force(d, i)
-
-    def flux(d, i):
-        return after.flux_linkage(d, i) - before.flux_linkage(d, i)
-
-    slopes = (force(d, i + h) - force(d, i - h)) / (2 * h), -(flux(d + h, i) - flux(d - h, i)) / (2 * h)
-    largest = np.abs(slopes[0]).max()
-    # Differences over 2e-6 of numbers with 16 digits, of a spline whose third derivative is 1e5 times its slope
-    np.testing.assert_allclose(slopes[0], slopes[1], rtol=1e-4, atol=1e-4 * largest)
-    exact = after.motional_constant(d, i) - before.motional_constant(d, i)
-    np.testing.assert_allclose(exact, slopes[0], rtol=1e-4, atol=1e-4 * largest)
-
-
 def test_no_energy_is_gained_over_a_closed_cycle(effect, levitation_model):
     # The work of force and winding around a rectangle in (d, i): closed integral of -F dd + flux linkage di of dW'
     nodes, weights = np.polynomial.legendre.leggauss(DEGREE)  # exact within a cell
@@ -128,27 +109,6 @@ def test_beyond_its_data_it_stays_constant(effect, levitation_model):
     assert np.abs(high.derivative(0, 0, 1)).max() <= np.abs(inside.derivative(0, 0, 1)).max() * 1.001
 
 
-def test_its_slope_stays_within_that_of_its_coefficients():
-    rng = np.random.default_rng(1)
-    knots, expand = bounded_basis(-1.0, 1.0, cells=6, degree=DEGREE)
-    free = rng.normal(size=expand.shape[1])
-    spline = TensorSpline(knots, np.array([0.0, 1.0]), DEGREE, 0, (expand @ free)[:, None])
-    x = np.linspace(-9.0, 9.0, 5001)
-    value, slope = spline.derivatives(x, np.zeros_like(x), ((0, 0), (1, 0)))
-    spans = (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1]) / DEGREE
-    assert np.abs(slope).max() <= np.abs(np.diff(expand @ free) / spans).max()
-    assert np.abs(value).max() <= np.abs(free).max()
-    assert slope[0] == pytest.approx(0.0, abs=1e-9)  # rounding of a quartic, eight cells beyond its end
-
-
-def test_every_quartic_is_possible_within_its_data():
-    knots, expand = bounded_basis(2.0, 5.0, cells=3, degree=DEGREE)
-    x = np.linspace(2.0, 5.0, 60)
-    wanted = np.polynomial.Polynomial([1.0, -2.0, 0.5, 0.3, -0.1])(x)
-    rows = basis_matrix(x, knots, DEGREE) @ expand
-    np.testing.assert_allclose(rows @ np.linalg.lstsq(rows, wanted)[0], wanted, atol=1e-11)
-
-
 def test_the_brake_never_pushes(carried, effect, levitation_model):
     v = np.linspace(-3.0, 3.0, 301)
     at = Conditions(nominal_of(levitation_model), velocity_m_s=v)
@@ -168,15 +128,6 @@ def test_an_error_that_turns_with_the_branch_is_none_where_no_branch_is_known(ca
     ]
     np.testing.assert_allclose(force[0] + force[2], 2.0 * force[1], rtol=1e-12)
     assert np.abs(force[2] - force[1]).max() > 1e-5
-
-
-def test_nothing_of_it_is_nothing(levitation_model, effect):
-    d, i = points(0.016, 0.044, 0.0, 1.4)
-    at = Conditions(nominal_of(levitation_model))
-    plain = predict_readings(levitation_model, d, i, at)
-    none = predict_readings(levitation_model, d, i, at, [AddedEffect(effect, {"share": 0.0})])
-    for name, values in plain.items():
-        np.testing.assert_array_equal(none[name], values)
 
 
 def test_it_survives_the_model_file_and_a_pickle(model):

@@ -8,11 +8,8 @@ from scipy.integrate import solve_ivp
 
 from femfit.core.numerics import central_differences
 from femfit.device.mechanics import Mechanics
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy, circuit_of
 from femfit.model.dynamics import (
-    currents_of_same_flux,
     hall_voltage,
     runge_kutta_step,
     state_derivative,
@@ -20,73 +17,13 @@ from femfit.model.dynamics import (
     state_scale,
 )
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.exponential_step import exponential_jacobian, exponential_step
-from femfit.model.with_effects import with_effects
+from femfit.model.exponential_step import exponential_step
+from support.added_effects import under_effects
 from support.eddies import REFERENCE_M, knots_over, magnets_alone, spline_of, with_eddies
 from support.halves import cut_in_two
+from support.model_kinds import held, states_of, voltage_of
 
 DISTANCE_M = 0.025
-
-
-@pytest.fixture(scope="module", params=["one", "two", "none"])
-def model(request, levitation_model):
-    none, two = magnets_alone(levitation_model), cut_in_two(levitation_model)
-    known = {"one": levitation_model, "two": two, "none": none}
-    return with_eddies(known[request.param])
-
-
-def states_of(model, count=30):
-    generator, n = np.random.default_rng(5), len(model.circuits)
-    d, v = generator.uniform(0.018, 0.04, count), generator.normal(0.0, 0.1, count)
-    i = generator.uniform(0.0, 1.4, (count, n))
-    e = generator.normal(0.0, 0.3, (count, model.order - 2 - n))
-    volts = generator.uniform(-3.0, 3.0, (count, n))
-    return np.column_stack([d, v, i, e]), volts[:, 0] if n == 1 else volts
-
-
-@pytest.mark.parametrize("function", ["derivative", "step"])
-def test_the_jacobians_are_those_of_differences(model, function):
-    states, volts = states_of(model)
-    step = model.sample_time_s
-
-    def value(x, u):
-        return state_derivative(model, x, u) if function == "derivative" else exponential_step(model, x, u, step)
-
-    slopes = central_differences(
-        lambda x: value(x, np.concatenate([volts] * (2 * model.order))), states, state_scale(model)
-    )
-    found = (
-        state_jacobian(model, states, volts)
-        if function == "derivative"
-        else exponential_jacobian(model, states, volts, step)
-    )
-    size = np.abs(slopes).max(axis=0) + 1e-12
-    size[0] += 1e-4  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
-    assert (np.abs(found - slopes) / size).max() < 1e-6
-
-
-def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
-    """U i = R i^2 + R_e e^2 + dW/dt + F v, at any state."""
-    states, volts = states_of(model)
-    windings, h = model.windings, 1e-6
-    rates = state_derivative(model, states, volts)
-    w = states[:, 2:]
-
-    def stored(x):
-        at = x[:, 2:]
-        linked = (at * windings.magnetics.flux_linkage(x[:, 0], at)).sum(axis=1)
-        return linked - windings.magnetics.coenergy(x[:, 0], at)
-
-    growth = (stored(states + h * rates) - stored(states - h * rates)) / (2.0 * h)
-    given = (windings.voltages(volts[:, None] if volts.ndim == 1 else volts) * w).sum(axis=1)
-    heat = (windings.resistances_ohm * w**2).sum(axis=1)
-    work = windings.magnetics.force(states[:, 0], w) * -states[:, 1]  # F acts towards smaller distance
-    np.testing.assert_allclose(growth + heat + work, given, rtol=0.0, atol=1e-6 * np.abs(given + heat).max())
-
-
-def held(model):
-    """The same with a body that nothing moves."""
-    return replace(model, motion=Mechanics(1e12, 0.0))
 
 
 def one_ring(model, coupling=0.4, inductance=2e-3, linkage=0.0):
@@ -173,15 +110,6 @@ def test_transfers_are_those_of_the_simulated_sine(levitation_model, circuits):
         np.testing.assert_allclose(model.hall_transfer(DISTANCE_M, flat, f), field, rtol=1e-7)
 
 
-def test_transfers_broadcast(levitation_model):
-    model = with_eddies(levitation_model)
-    d, f = np.linspace(0.02, 0.04, 3)[:, None], np.array([10.0, 100.0])
-    for name in ("impedance", "force_transfer", "hall_transfer"):
-        found = getattr(model, name)(d, 0.5, f)
-        assert found.shape == (3, 2)
-        assert found[1, 1] == pytest.approx(getattr(model, name)(d[1, 0], 0.5, 100.0))
-
-
 def falling(levitation_model, slope=0.02):
     """A magnet without a winding beside a ring whose flux linkage grows steadily with the distance, in Wb/m."""
     return one_ring(magnets_alone(levitation_model), linkage=slope * REFERENCE_M), slope
@@ -225,30 +153,6 @@ def test_a_fall_past_a_ring_keeps_the_energy(levitation_model):
     assert energy(first) - energy(last) == pytest.approx(heat, rel=1e-8)
 
 
-def test_fast_eddy_currents_decay_exactly_within_a_step(levitation_model):
-    """Patterns of 10 us under steps of half a millisecond follow what drives them."""
-    model = held(with_eddies(levitation_model, (1e-5, 2e-5, 0.1)))
-    state, volts = np.array([[DISTANCE_M, 0.0, 0.0, 0.0, 0.0, 0.0]]), np.array([2.0])
-    fine = runge_kutta_step(model, state, volts, 5e-3, 5000)
-    for _ in range(10):
-        state = exponential_step(model, state, volts, 0.5e-3)
-    np.testing.assert_allclose(state, fine, atol=1e-8)
-
-
-def test_all_flux_linkages_are_kept_at_an_impact(model):
-    states, _ = states_of(model)
-    before, after = states[:, 0], states[:, 0] - 1e-4
-    found = currents_of_same_flux(model, states[:, 2:], before, after)
-    linked = model.windings.magnetics.flux_linkage
-    np.testing.assert_allclose(linked(after, found), linked(before, states[:, 2:]), rtol=1e-9, atol=1e-12)
-
-
-def under_effects(model, *chosen):
-    """A model with effects, each with its parameters in place of what they are without."""
-    known = [(effect_by_name(name), values) for name, values in chosen]
-    return with_effects(model, [AddedEffect(effect, effect.null() | values) for effect, values in known])
-
-
 LAG = ("eddy_current_lag", {"ring_share": 0.1, "diffusion_share": 0.1, "time_s": 2e-3})
 HYSTERESIS = ("hysteresis", {"width_medium": 0.005, "width_large": 0.02, "taper": 0.02})
 FRICTION, SAG = ("coulomb_friction", {"level": 0.1}), ("supply_sag", {"inner_resistance": 0.2})
@@ -261,6 +165,7 @@ def test_effects_that_do_nothing_leave_the_equations_as_they_are(levitation_mode
     model = under_effects(plain, ("supply_sag", {}))
     assert model.dynamics.drives
     states, volts = states_of(plain)
+    volts = voltage_of(plain, volts)
     wanted = state_derivative(plain, states, volts)
     assert_alike(state_derivative(model, states, volts), wanted)
     step = plain.sample_time_s
@@ -283,6 +188,7 @@ def test_under_effects_every_winding_obeys_faraday(levitation_model, chosen):
     """U - R w is the rate of the flux linkages, differenced along the rates that the equations give."""
     model = under_effects(with_eddies(levitation_model), *chosen)
     plain, volts = states_of(model.without_effects)
+    volts = voltage_of(model.without_effects, volts)
     memory = 0.05 * np.random.default_rng(2).normal(size=(len(plain), len(model.memory_names)))
     states, end, h = np.column_stack([plain, memory]), model.windings.end, 1e-6
     rates = state_derivative(model, states, volts)
@@ -309,7 +215,7 @@ def test_a_filter_step_under_effects_follows_fine_steps(levitation_model):
     model = held(under_effects(with_eddies(levitation_model), LAG))
     state = np.zeros((1, model.order))
     state[0, 0], volts = DISTANCE_M, np.array([2.0])
-    fine = runge_kutta_step(model, state, volts, 4e-3, 2000)
+    fine = runge_kutta_step(model, state, volts, 4e-3, 800)
     for _ in range(64):
         state = exponential_step(model, state, volts, 4e-3 / 64)
     np.testing.assert_allclose(state[0, 2:6], fine[0, 2:6], atol=2e-3 * fine[0, 2])
@@ -320,6 +226,7 @@ def test_a_prescribed_current_leaves_the_eddy_currents_to_themselves(levitation_
     plain = with_eddies(levitation_model)
     model = under_effects(plain, ("supply_sag", {}))
     states, volts = states_of(plain)
+    volts = voltage_of(plain, volts)
     motion = model.motion
     found = model.dynamics.derivative(states, volts, 0.0, motion, model.sample_time_s, current_rate=25.0)
     np.testing.assert_allclose(found[:, 2], 25.0)
@@ -332,6 +239,7 @@ def test_a_prescribed_current_leaves_the_eddy_currents_to_themselves(levitation_
 def test_a_late_sensor_follows_the_circuit_not_the_core(levitation_model):
     model = under_effects(with_eddies(levitation_model), DELAY)
     states, volts = states_of(model.without_effects)
+    volts = voltage_of(model.without_effects, volts)
     states = np.column_stack([states, np.zeros(len(states))])
     rates = state_derivative(model, states, volts)
     peak = model.conditions.nominal.peak_current_A

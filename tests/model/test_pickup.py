@@ -8,10 +8,8 @@ from scipy.integrate import solve_ivp
 
 from femfit.device.electrics import PositionSensor
 from femfit.model.dynamics import state_derivative
-from femfit.model.json_file import model_to_dict, read_model, write_model
-from femfit.model.sensors import predict_sensor, reading_of, sample_weights, sampled_readings
+from femfit.model.sensors import predict_sensor, sample_weights, sampled_readings
 from tests.support.pickups import SHARE, STEP_S, flux_linkage, searched
-from tests.support.solenoids import inductance
 
 
 @pytest.fixture(scope="module")
@@ -71,16 +69,3 @@ def test_a_reading_that_is_late_by_a_part_of_a_sample_lies_between_two():
 def test_a_late_pickup_coil_reads_the_difference_of_earlier_samples(model):
     late = replace(coil(model), delay_s=STEP_S)
     np.testing.assert_allclose(sample_weights(late, STEP_S) * STEP_S, [0.0, 1.0, -1.0], atol=1e-12)
-
-
-def test_the_file_keeps_a_pickup_coil(model, tmp_path):
-    write_model(model, tmp_path / "model.json")
-    found = read_model(tmp_path / "model.json")
-    assert model_to_dict(found) == model_to_dict(model)
-    assert reading_of(found, "search").unit == "V"
-    d, i = np.array([2e-3]), np.array([0.7])
-    assert (
-        coil(found).flux.field(d, i)
-        == coil(model).flux.field(d, i)
-        == pytest.approx(SHARE * inductance(2e-3) * 0.7, rel=1e-4)
-    )

@@ -14,6 +14,7 @@ from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.sensed_effects import true_setting_of
 from femfit.model.sensors import predict_sensor
 from femfit.model.with_effects import nominal_of, with_effects
+from support.added_effects import added
 from support.halves import cut_in_two
 from support.solenoids import solenoid
 
@@ -22,11 +23,6 @@ SHUNT = CurrentSensor(name="shunt", noise=1e-3, circuit="coil", gain=2.0)
 CELL = ForceSensor(name="cell", noise=1e-3)
 STATES = np.array([[2e-3, 0.1, 0.5], [3e-3, -0.2, 1.0]])
 OF_THE_BENCH = [name for name, effect in all_effects().items() if effect.setting is not None]
-
-
-def added(name, **parameters):
-    effect = effect_by_name(name)
-    return AddedEffect(effect, {**effect.null(), **parameters})
 
 
 def with_(*effects):

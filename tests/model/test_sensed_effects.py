@@ -4,23 +4,16 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import MissingPartError
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.fit.build import fit_model
-from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.sensors import sampled_value
 from femfit.model.with_effects import with_effects
+from support.added_effects import added
 from support.bearing import hall_field, table_with_hall
 from support.pickups import SHARE, searched
 
 D, AMPERES = np.array([2e-3, 3e-3]), np.array([0.5, 1.0])
 GAP, CURRENTS = np.array([0.3e-3, 0.6e-3]), np.array([[0.7, -0.4], [-1.0, 0.5]])
-
-
-def added(name, **parameters):
-    effect = effect_by_name(name)
-    return AddedEffect(effect, {**effect.null(), **parameters})
 
 
 def linked(model, d=D, i=AMPERES):
@@ -64,13 +57,3 @@ def test_an_effect_that_is_not_followed_to_a_pickup_coil_is_named_when_the_coil_
     (search,) = (one for one in model.other_sensors if one.name == "search")
     with pytest.raises(MissingPartError, match=r"pickup coil 'search'.*core_saturation"):
         sampled_value(model, search, np.array([[2e-3, 0.0, 0.5]]))
-
-
-@pytest.mark.parametrize("effect", [("turns", "turns_error"), ("core_saturation", "mmf_loss_3")])
-def test_effects_are_in_a_model_file_once(effect):
-    name, parameter = effect
-    model = with_effects(searched(), [added(name, **{parameter: 0.1})])
-    again = model_from_dict(model_to_dict(model))
-    np.testing.assert_array_equal(linked(again.without_effects), linked(model.without_effects))
-    if name == "turns":
-        np.testing.assert_array_equal(linked(again), linked(model))

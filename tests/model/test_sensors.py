@@ -1,17 +1,16 @@
 """Every sensor of a model reads what its physics says, and the model file keeps it."""
 
-import json
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
-from femfit.core.errors import MissingPartError, ModelFileError
+from femfit.core.errors import MissingPartError
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PickupCoil, PositionSensor
 from femfit.fit.model_parts import other_sensors_of
 from femfit.model.dynamics import state_derivative
-from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.sensors import predict_sensor, reading_of, sensors_of
+from support.halves import NAMES
 from tests.support.readings import predict_sensors
 from tests.support.solenoids import inductance, solenoid
 
@@ -57,28 +56,6 @@ def test_rounding_adds_to_the_noise_of_a_sample(model):
     assert reading_of(model, "shunt").white == pytest.approx(np.hypot(1e-3, step / np.sqrt(12.0)), rel=1e-12)
 
 
-def test_the_file_keeps_the_sensors(model, tmp_path):
-    write_model(replace(model, other_sensors=(*ALL, PROPER)), tmp_path / "model.json")
-    assert read_model(tmp_path / "model.json").other_sensors == (*ALL, PROPER)
-
-
-def test_a_file_without_other_sensors_is_written_as_before(levitation_model):
-    data = model_to_dict(levitation_model)
-    assert "other_sensors" not in data
-    assert model_from_dict(data).other_sensors == ()
-
-
-@pytest.mark.parametrize(
-    ("index", "key", "value"),
-    [(0, "kind", "search_coil"), (0, "name", "laser"), (1, "delay_s", -1.0), (2, "readings", [1.0, 3.0, 2.0])],
-)
-def test_a_damaged_sensor_is_named_by_its_key(model, index, key, value):
-    data = json.loads(json.dumps(model_to_dict(model)))
-    data["other_sensors"][index][key] = value
-    with pytest.raises(ModelFileError, match=rf"other_sensors\[\d\]\.{'name' if key == 'name' else key}"):
-        model_from_dict(data)
-
-
 def test_an_unknown_sensor_is_refused_with_those_there_are(model):
     with pytest.raises(MissingPartError, match="shunt"):
         predict_sensors(model, np.zeros((1, 3)), ("hall",))
@@ -104,3 +81,13 @@ def test_a_column_of_a_record_belongs_to_one_sensor_at_most(model):
         both = replace(model, other_sensors=(*ALL, twin))
         assert column in {reading_of(model, one.name).column for one in ALL}
         assert column not in {reading_of(both, one.name).column for one in both.other_sensors}
+
+
+def test_a_current_sensor_reads_the_circuit_that_it_names(model_kind):
+    halves = model_kind("halves")
+    model = replace(halves, other_sensors=tuple(CurrentSensor(name=f"shunt_{name}", circuit=name) for name in NAMES))
+    assert predict_sensors(model, np.array([0.02, 0.0, 0.3, 0.7])).tolist() == [0.3, 0.7]
+    assert [reading_of(model, f"shunt_{name}").column for name in NAMES] == ["current_inner_A", "current_outer_A"]
+    lost = replace(halves, other_sensors=(CurrentSensor(name="shunt", circuit="middle"),))
+    with pytest.raises(MissingPartError, match="inner, outer"):
+        predict_sensors(lost, np.array([0.02, 0.0, 0.3, 0.7]))

@@ -7,7 +7,6 @@ from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.iron import CORE_SATURATION
-from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 
@@ -30,16 +29,6 @@ def test_the_base_jet_is_the_model(levitation_model, points):
     np.testing.assert_allclose(coenergy.derivative(0, 0, 1), levitation_model.sensor.field.field(d, i), rtol=1e-12)
 
 
-def test_the_changed_force_and_flux_linkage_come_from_one_coenergy(levitation_model, points):
-    d, i = points
-    magnetics, h = with_effects(levitation_model, [SATURATION]).magnetics, 1e-6
-    slope = (magnetics.coenergy(d + h, i) - magnetics.coenergy(d - h, i)) / (2 * h)
-    np.testing.assert_allclose(magnetics.force(d, i), -slope, rtol=1e-6)
-    slope = (magnetics.flux_linkage(d + h, i) - magnetics.flux_linkage(d - h, i)) / (2 * h)
-    # A difference over 2 um of a flux linkage with 16 digits keeps about 8
-    np.testing.assert_allclose(magnetics.motional_constant(d, i), -slope, rtol=1e-5)
-
-
 def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, points):
     # dW'/dh of -c g(lambda) is -c g'(lambda) dB/di, by reciprocity of the winding and the test coil; small c: G is g
     d, i = points
@@ -54,16 +43,6 @@ def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, poi
     )
     change = with_effects(levitation_model, [added]).sensor.field.field(d, i) - base.sensor.field.field(d, i)
     np.testing.assert_allclose(change, expected, rtol=1e-3)  # the next order in c
-
-
-def test_effects_survive_the_model_file(levitation_model, points):
-    d, i = points
-    offset = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02}, {"offset_V": (0.01, 0.03)})
-    model = with_effects(levitation_model, [SATURATION, offset])
-    again = model_from_dict(model_to_dict(model))
-    np.testing.assert_array_equal(again.magnetics.force(d, i), model.magnetics.force(d, i))
-    assert again.effects[1].ci95 == {"offset_V": (0.01, 0.03)}
-    assert model_to_dict(again) == model_to_dict(model)
 
 
 def test_no_effects_are_the_base_itself(levitation_model):

@@ -1,0 +1,296 @@
+"""Force, flux linkage, motional constant and inductance belong to one co-energy, of whatever kind it is."""
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import DomainError
+from femfit.core.numerics import central_differences
+from femfit.laws.catalogue import BUILT_IN
+from femfit.model.bspline import LINE, TensorSpline, basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.eddy_magnetics import EddyMagnetics
+from femfit.model.json_file import model_from_dict, model_to_dict
+from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
+from femfit.simulation.open_loop import simulate
+from support.eddies import REFERENCE_M, couplings, eddies, flux_linkages, inductances, knots_over, spline_of
+
+RANDOM = np.random.default_rng(5)
+DISTANCE, CURRENT = RANDOM.uniform(0.017, 0.043, 40), RANDOM.uniform(0.1, 1.3, 40)
+TIMES = (10e-3, 3e-3, 0.5e-3)
+STATIC_DEGREE, DEGREE = 3, 7
+TWO_GAPS = DistanceCoordinate(0.5e-3, inverse=False, stretch_m=0.2e-3)
+
+
+def law_magnetics(law):
+    shape = {parameter.name: parameter.start for parameter in law.shape}
+    typical = np.abs(law.columns(np.array([0.02]), shape)[0])
+    coefficients = tuple(
+        Coefficient(name, power, 0.02 * (k + 1) / (power + 1) / size, "")
+        for k, (name, size) in enumerate(zip(law.basis, typical, strict=True))
+        for power in (0, 1, 2)
+    )
+    return LawMagnetics(law.name, coefficients, shape, 0.016, 1e-3)
+
+
+@pytest.fixture(params=["spline", "shifted spline", "plain spline", *(law.name for law in BUILT_IN)])
+def magnetics(request, levitation_model):
+    spline = levitation_model.magnetics.spline
+    if request.param.endswith("spline"):
+        # d_0 / (d + s) spans 1/3 .. 1 over 15 .. 45 mm for no other s than zero; here over 10 .. 50 mm.
+        coordinate = {
+            "spline": levitation_model.magnetics.coordinate,
+            "shifted spline": DistanceCoordinate(0.02, 0.01),
+            "plain spline": DistanceCoordinate(0.045, inverse=False),
+        }[request.param]
+        return CoenergySpline(coordinate, spline)
+    return law_magnetics(next(law for law in BUILT_IN if law.name == request.param))
+
+
+def central_difference(function, x, width):
+    """Fourth-order central difference."""
+    near, far = function(x + width) - function(x - width), function(x + 2 * width) - function(x - 2 * width)
+    return (8.0 * near - far) / (12.0 * width)
+
+
+@pytest.mark.parametrize("order", [(0, 0), (1, 0), (0, 1), (1, 1), (0, 2)])
+def test_each_derivative_is_the_difference_quotient_of_the_one_below(magnetics, order):
+    def derivative(d, i, in_distance, in_current):
+        return magnetics.coenergy_derivatives(d, i, ((in_distance, in_current),))[0]
+
+    quotients = (
+        central_difference(lambda d: derivative(d, CURRENT, *order), DISTANCE, 2e-5),
+        central_difference(lambda i: derivative(DISTANCE, i, *order), CURRENT, 2e-3),
+    )
+    # Rounding 1e-16 / (width / scale 1e-3) and truncation (1e-3)^4 of terms up to d^-9 relative to their largest value.
+    for quotient, raised in zip(quotients, ((1, 0), (0, 1)), strict=True):
+        exact = derivative(DISTANCE, CURRENT, *np.add(order, raised))
+        scale = np.abs(exact).max() + 1e-12 * np.abs(derivative(DISTANCE, CURRENT, *order)).max() / 2e-5
+        assert np.abs(quotient - exact).max() < 1e-6 * scale
+
+
+def test_named_quantities_are_the_co_energys_derivatives_and_broadcast(magnetics):
+    orders = ((1, 0), (0, 1), (1, 1), (0, 2), (2, 0))
+    d_w, i_w, di_w, ii_w, dd_w = magnetics.coenergy_derivatives(DISTANCE, CURRENT, orders)
+    np.testing.assert_array_equal(magnetics.force(DISTANCE, CURRENT), -d_w)
+    np.testing.assert_array_equal(magnetics.flux_linkage(DISTANCE, CURRENT), i_w)
+    np.testing.assert_array_equal(magnetics.motional_constant(DISTANCE, CURRENT), -di_w)
+    np.testing.assert_array_equal(magnetics.inductance(DISTANCE, CURRENT), ii_w)
+    np.testing.assert_array_equal(magnetics.force_gradient(DISTANCE, CURRENT), -dd_w)
+    state = magnetics.state_of_circuits(DISTANCE, CURRENT[:, None])
+    np.testing.assert_array_equal(state.force, -d_w)
+    np.testing.assert_array_equal(state.inductance[:, 0, 0], ii_w)
+    grid = magnetics.force(DISTANCE[:, None], CURRENT[None, :3])
+    np.testing.assert_array_equal(grid[:, 1], magnetics.force(DISTANCE, CURRENT[1]))
+    assert magnetics.force(np.asarray(0.02), np.asarray(0.3)).shape == ()
+
+
+def test_hall_slopes_are_difference_quotients(levitation_model):
+    field = levitation_model.sensor.field
+    value, in_distance, in_current = field.derivatives(DISTANCE, CURRENT)
+    np.testing.assert_array_equal(value, field.field(DISTANCE, CURRENT))
+    quotient = central_difference(lambda d: field.field(d, CURRENT), DISTANCE, 2e-5)
+    assert np.abs(quotient - in_distance).max() < 1e-7 * np.abs(in_distance).max()
+    quotient = central_difference(lambda i: field.field(DISTANCE, i), CURRENT, 2e-3)
+    assert np.abs(quotient - in_current).max() < 1e-9 * np.abs(in_current).max()
+
+
+def test_a_coordinate_between_two_gaps_has_the_slopes_of_differences_and_leads_back():
+    d, h = np.linspace(0.1e-3, 0.9e-3, 9), 1e-8
+    u, slope, bend = TWO_GAPS.with_slopes(d)
+    np.testing.assert_allclose(TWO_GAPS.distance(u), d, rtol=1e-12)
+    np.testing.assert_allclose(slope, (TWO_GAPS.of(d + h) - TWO_GAPS.of(d - h)) / (2 * h), rtol=1e-6)
+    slopes = [TWO_GAPS.with_slopes(d + change)[1] for change in (h, -h)]
+    np.testing.assert_allclose(bend, (slopes[0] - slopes[1]) / (2 * h), rtol=1e-5, atol=1.0)
+
+
+def test_a_spline_of_one_current_is_refused_between_two_gaps():
+    knots, place = np.array([-3.0, -3.0, 3.0, 3.0]), np.array([0.4e-3])
+    with pytest.raises(DomainError, match="two gaps"):
+        TWO_GAPS.partial_derivatives(TensorSpline(knots, knots, 1, 1, np.ones((2, 2))), place, place, ((1, 0),))
+    with pytest.raises(DomainError, match="two gaps"):
+        TWO_GAPS.in_floats()
+
+
+# Eddy currents: further windings of the same co-energy
+
+
+def static_matrix(u, n):
+    """Of (1, i_1 .. i_n): what magnets do alone, flux linkages and inductances, of second degree in u."""
+    result = np.empty((len(u), n + 1, n + 1))
+    for a in range(n + 1):
+        for b in range(n + 1):
+            size = (0.05, 0.02, 0.016)[min(a, 2)] if a == b else 0.004
+            result[:, a, b] = size * (1.0 + 0.3 * (1.0 - u) * (1.0 + 0.1 * (a + b)) + 0.2 * (1.0 - u) ** 2)
+    return result
+
+
+def whole_matrix(u, n, r):
+    """The same of (1, i, e), worked out from the shift."""
+    static, c, q = static_matrix(u, n), couplings(u, n, r), np.empty((len(u), r, r))
+    rows, columns = np.triu_indices(r)
+    q[:, rows, columns] = q[:, columns, rows] = inductances(u, n, r, TIMES[:r])
+    shift = np.concatenate([np.zeros((len(u), 1, r)), c], axis=1)  # of (1, i)
+    whole = np.empty((len(u), n + 1 + r, n + 1 + r))
+    whole[:, : n + 1, : n + 1] = static
+    whole[:, : n + 1, n + 1 :] = static @ shift
+    whole[:, n + 1 :, : n + 1] = np.swapaxes(static @ shift, 1, 2)
+    whole[:, n + 1 :, n + 1 :] = np.swapaxes(shift, 1, 2) @ static @ shift + q
+    linked = flux_linkages(u, n, r)
+    whole[:, 0, n + 1 :] += linked
+    whole[:, n + 1 :, 0] += linked
+    return whole
+
+
+def matrix_magnetics(names, function, degree):
+    knots = knots_over(0.015, 0.045, degree)
+    rows, columns = np.triu_indices(len(names) + 1)
+    coefficients = spline_of(lambda u: function(u)[:, rows, columns], knots, degree)
+    return CoenergyMatrix(names, DistanceCoordinate(REFERENCE_M, inverse=False), knots, degree, coefficients)
+
+
+def spline_magnetics(n):
+    """The same static co-energy of no or one circuit, as a spline of one cell in the current."""
+    knots = knots_over(0.015, 0.045, STATIC_DEGREE)
+    along = np.array([-2.0, -2.0, -2.0, 2.0, 2.0, 2.0])
+    i = np.linspace(-2.0, 2.0, 7)
+    currents = np.linalg.pinv(basis_matrix(i, along, 2))
+
+    def values(u):
+        v = np.stack([np.ones_like(i), i])[: n + 1]
+        return 0.5 * np.einsum("ap,uab,bp->up", v, static_matrix(u, n), v) @ currents.T
+
+    spline = TensorSpline(knots, along, STATIC_DEGREE, 2, spline_of(values, knots, STATIC_DEGREE))
+    return CoenergySpline(DistanceCoordinate(REFERENCE_M, inverse=False), spline)
+
+
+def points(count, windings):
+    generator = np.random.default_rng(3)
+    return generator.uniform(0.016, 0.044, count), generator.uniform(-1.5, 1.5, (count, windings))
+
+
+def assert_close(values, wanted, rtol=1e-10):
+    np.testing.assert_allclose(values, wanted, rtol=0.0, atol=rtol * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3])
+def test_a_linear_device_with_patterns_is_one_with_further_circuits(n):
+    names = tuple(f"coil_{k}" for k in range(n))
+    static = matrix_magnetics(names, lambda u: static_matrix(u, n), STATIC_DEGREE) if n > 1 else spline_magnetics(n)
+    whole = matrix_magnetics((*names, "a", "b", "c"), lambda u: whole_matrix(u, n, 3), DEGREE)
+    shifted = EddyMagnetics(static, eddies(names, TIMES))
+    d, w = points(40, n + 3)
+    assert_close(shifted.coenergy(d, w), whole.coenergy(d, w))
+    assert_close(shifted.flux_linkage(d, w), whole.flux_linkage(d, w))
+    slopes, of_whole = shifted.slopes_of_circuits(d, w), whole.slopes_of_circuits(d, w)
+    for name in ("force_gradient", "motional_gradient", "inductance_gradient", "motional_constant", "inductance"):
+        assert_close(getattr(slopes, name), getattr(of_whole, name), 1e-8)  # a second derivative of degree seven
+    assert not slopes.inductance_slope.any() or (n == 1 and np.abs(slopes.inductance_slope).max() < 1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_all_slopes_of_a_saturating_device_with_patterns_are_those_of_its_co_energy(n):
+    generator = np.random.default_rng(8)
+    knots, along = knots_over(0.015, 0.045, 4), np.array([-4.0] * 5 + [0.1] + [4.0] * 5)
+    coordinate, coefficients = DistanceCoordinate(REFERENCE_M, inverse=False), generator.normal(size=(5, *[6] * n))
+    static = (
+        CoenergySpline(coordinate, TensorSpline(knots, along, 4, 4, coefficients))
+        if n == 1
+        else CoenergyTensor(("a", "b"), coordinate, knots, 4, (along,) * n, (4,) * n, coefficients)
+    )
+    device = EddyMagnetics(static, eddies(("a", "b")[:n], TIMES))
+    d, w = points(40, n + 3)
+    scale = np.array([1e-2, *[1.0] * w.shape[1]])
+
+    def slopes_of(function):
+        def flat(x):
+            return function(x[:, 0], x[:, 1:]).reshape(len(x), -1)
+
+        return central_differences(flat, np.column_stack([d, w]), scale)
+
+    first, of_force, of_flux = (slopes_of(f) for f in (device.coenergy, device.force, device.flux_linkage))
+    state, slopes = device.state_of_circuits(d, w), device.slopes_of_circuits(d, w)
+    of_motional = slopes_of(device.motional_constant)
+    of_inductance = slopes_of(device.inductance).reshape(*state.inductance.shape, -1)
+    for values, wanted in (
+        (-state.force, first[:, 0, 0]),
+        (device.flux_linkage(d, w), first[:, 0, 1:]),
+        (slopes.force_gradient, of_force[:, 0, 0]),
+        (state.motional_constant, of_force[:, 0, 1:]),
+        (state.motional_constant, -of_flux[:, :, 0]),
+        (state.inductance, of_flux[:, :, 1:]),
+        (slopes.motional_constant, state.motional_constant),
+        (slopes.inductance, state.inductance),
+        (slopes.motional_gradient, of_motional[:, :, 0]),
+        (-slopes.inductance_gradient, of_motional[:, :, 1:]),
+        (slopes.inductance_gradient, of_inductance[..., 0]),
+        (slopes.inductance_slope, of_inductance[..., 1:]),
+    ):
+        assert_close(values, wanted, 1e-7)
+
+
+def test_scaled_turns_leave_what_the_patterns_do_to_the_field():
+    """W_s(d, s i + C e): the patterns' own field does not know how many turns a coil has."""
+    patterns = eddies(("coil",), TIMES)
+    (plain,) = patterns.forms(np.array(0.02))
+    (scaled,) = patterns.scaled(1.1, np.array([2.0])).forms(np.array(0.02))
+    np.testing.assert_allclose(2.0 * scaled.coupling, plain.coupling)
+    np.testing.assert_allclose(scaled.flux_linkage, 1.1 * plain.flux_linkage)
+    np.testing.assert_allclose(scaled.inductance, plain.inductance)
+
+
+# Beyond the swept currents a co-energy of iron that saturates stays convex, one function, and twice differentiable
+
+BETWEEN = np.geomspace(0.25e-3, 5.5e-3, 17)
+
+
+@pytest.fixture
+def saturating(model_kind):
+    return model_kind("saturating")
+
+
+@pytest.mark.parametrize(("end", "beyond"), [(0.0, [-1e-9, -0.3, -15.0]), (1.0, [1.0 + 1e-9, 1.3, 15.0])])
+def test_the_inductance_is_held_at_that_of_the_last_current(saturating, end, beyond):
+    last = saturating.magnetics.inductance(BETWEEN, np.full(17, end))
+    assert last.min() > 0.0
+    for current in beyond:
+        values = saturating.magnetics.inductance(BETWEEN, np.full(17, current))
+        np.testing.assert_allclose(values, last, rtol=1e-6)  # 1e-9 A inside, its slope changes it by as little
+
+
+@pytest.mark.parametrize("current", [-8.0, -0.2, 1.2, 15.0])
+def test_force_and_flux_linkage_stay_slopes_of_one_coenergy(saturating, current):
+    magnetics, h, i = saturating.magnetics, 1e-7, np.full(17, current)
+    rise = (magnetics.force(BETWEEN, i + 1e-3) - magnetics.force(BETWEEN, i - 1e-3)) / 2e-3
+    fall = -(magnetics.flux_linkage(BETWEEN + h, i) - magnetics.flux_linkage(BETWEEN - h, i)) / (2.0 * h)
+    # Central differences of second order over a thousandth of an ampere and 0.1 um
+    np.testing.assert_allclose(rise, fall, rtol=1e-4, atol=1e-6 * np.abs(rise).max())
+    np.testing.assert_allclose(rise, magnetics.motional_constant(BETWEEN, i), atol=1e-6 * np.abs(rise).max())
+
+
+def test_all_energy_of_a_simulation_far_beyond_the_currents_is_accounted_for(saturating):
+    motion = simulate(saturating, voltage_V=120.0, start_m=5e-3, duration_s=0.01, outside="extrapolate")
+    assert "current" in dict(motion.left_domain)
+    assert motion.table["current_A"].max() > 2.0
+    assert np.all(np.diff(motion.table["current_A"][:20]) > 0.0)
+    assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
+
+
+def test_the_file_and_the_floats_continue_it_alike(saturating):
+    again = model_from_dict(model_to_dict(saturating)).magnetics
+    orders = ((0, 0), (1, 0), (0, 1), (1, 1), (0, 2))
+    d, i = BETWEEN[:5], np.array([-2.0, 0.0, 0.5, 1.0, 15.0])
+    wanted = saturating.magnetics.coenergy_derivatives(d, i, orders)
+    np.testing.assert_array_equal(again.coenergy_derivatives(d, i, orders), wanted)
+    u, spline = saturating.magnetics.coordinate.of(d), saturating.magnetics.spline
+    floats = spline.in_floats(orders)(u.tolist(), i.tolist())
+    np.testing.assert_allclose(floats, np.transpose(spline.derivatives(u, i, orders)), rtol=1e-9, atol=1e-14)
+
+
+def test_a_field_goes_on_as_a_straight_line():
+    knots = np.repeat([0.0, 1.0], 4)
+    spline = TensorSpline(np.repeat([0.0, 1.0], 2), knots, 1, 3, np.tile([0.0, 1.0, 1.5, 1.6], (2, 1)), LINE)
+    x, beyond = np.full(3, 0.4), np.array([1.0, 3.0, 15.0])
+    value, slope = spline.derivatives(x, beyond, ((0, 0), (0, 1)))
+    np.testing.assert_allclose(slope, 0.3)  # three times the last difference of the coefficients
+    np.testing.assert_allclose(value, 1.6 + 0.3 * (beyond - 1.0))

@@ -1,0 +1,337 @@
+"""The equations of motion of every kind of model: power balance, slopes, exact decays, orders of convergence, twins."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from femfit.core.errors import MissingPartError
+from femfit.core.numerics import central_differences
+from femfit.device.electrics import Drive, PositionSensor
+from femfit.device.mechanics import Mechanics, Spring
+from femfit.effects.catalogue import BUILT_IN
+from femfit.estimate.holding import holding_current
+from femfit.estimate.levitation import levitation_process
+from femfit.estimate.noise import FilterNoise, default_noise
+from femfit.model.dynamics import currents_of_same_flux, hall_voltage, runge_kutta_step
+from femfit.model.exponential_step import extrapolated_step
+from femfit.model.float_steps import float_step
+from femfit.model.windings import decay_of, decay_shares
+from femfit.model.with_effects import with_effects
+from femfit.simulation.allocation import currents_for_acceleration
+from femfit.simulation.controllers import design_backstepping
+from femfit.simulation.operating_point import operating_point
+from femfit.simulation.targets import Reference
+from support.added_effects import usual
+from support.eddies import with_eddies
+from support.halves import cut_in_two
+from support.model_kinds import (
+    KINDS,
+    SPRUNG,
+    differences,
+    field_energy,
+    held,
+    linked_flux,
+    rates,
+    slopes,
+    states_of,
+    step,
+    step_slopes,
+    voltage_of,
+)
+from support.solenoids import solenoid
+
+LINEAR = [name for name in KINDS if name not in {"law", "saturating"}]
+"""Whose inductances do not depend on the currents."""
+
+
+@pytest.fixture(params=KINDS)
+def model(request, model_kind):
+    return model_kind(request.param)
+
+
+def assert_slopes(found, wanted, tolerance=1e-6):
+    """Relative to the largest of each entry, rounded over steps of 1e-5 of what is large for each state."""
+    size = np.abs(wanted).max(axis=0) + 1e-6 * np.abs(wanted).max(axis=(0, 2))[:, None] + 1e-9
+    size[0] += 1e-6  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
+    assert (np.abs(found - wanted) / size).max() < tolerance
+
+
+def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
+    """U i = R i^2 + R_e e^2 + dW/dt + F v, at any state."""
+    states, volts = states_of(model)
+    windings, h, change = model.windings, 1e-6, rates(model, *states_of(model))
+    w = states[:, 2:]
+    ahead, back = states + h * change, states - h * change
+    growth = (field_energy(model, ahead[:, 0], ahead[:, 2:]) - field_energy(model, back[:, 0], back[:, 2:])) / (2.0 * h)
+    supplied = (windings.voltages(volts) * w).sum(axis=1)
+    heat = (windings.resistances_ohm * w**2).sum(axis=1)
+    force = windings.magnetics.state_of_circuits(states[:, 0], w).force
+    balance = growth + heat - force * states[:, 1]  # F acts towards smaller distance
+    size = np.abs(force * states[:, 1]).max() + np.abs(supplied + heat).max()
+    np.testing.assert_allclose(balance, supplied, rtol=0.0, atol=1e-6 * size)
+
+
+@pytest.mark.parametrize("name", [*KINDS, *(effect.name for effect in BUILT_IN)])
+def test_the_jacobian_is_the_slope_of_the_rates(name, model_kind, levitation_model):
+    effects = [effect for effect in BUILT_IN if effect.name == name]
+    model = with_effects(levitation_model, [usual(effects[0], 0.2)]) if effects else model_kind(name)
+    states, volts = states_of(model, 8)
+    assert_slopes(slopes(model, states, volts), differences(model, rates, states, volts), 1e-5)
+
+
+@pytest.mark.parametrize("seconds", [5e-4, 5e-3])
+def test_the_jacobian_of_a_step_is_the_slope_of_the_step(model, seconds):
+    states, volts = states_of(model)
+
+    def stepped(changed, x, u):
+        return step(changed, x, u, seconds)
+
+    assert_slopes(step_slopes(model, states, volts, seconds), differences(model, stepped, states, volts), 5e-5)
+
+
+@pytest.mark.parametrize("seconds", [1e-5, 5e-4, 5e-3, 0.05])
+@pytest.mark.parametrize("name", LINEAR)
+def test_currents_of_a_held_body_decay_exactly_whatever_the_step(name, model_kind, seconds):
+    """By the matrix exponential; where the midpoint method left 0.50 for 0.37, 0.63 for 0.22 and 0.91 for 0.15."""
+    model = held(model_kind(name))
+    states, volts = states_of(model, 3)
+    states[:, 1] = 0.0
+    found, windings = step(model, states, volts, seconds)[:, 2:], model.windings
+    in_series = np.diag([*(circuit.inductance_H for circuit in model.circuits), *np.zeros(len(model.eddy_names))])
+    for state, fed, after in zip(states, volts, found, strict=True):
+        inductance = windings.magnetics.state_of_circuits(state[:1], state[None, 2:]).inductance[0] + in_series
+        rest = windings.voltages(fed) / windings.resistances_ohm
+        share = expm(-seconds * np.linalg.solve(inductance, np.diag(windings.resistances_ohm)))
+        np.testing.assert_allclose(after, rest + share @ (state[2:] - rest), rtol=1e-9, atol=1e-9)
+
+
+def test_fine_and_coarse_steps_of_fast_eddy_currents_agree(levitation_model):
+    """Patterns of 10 us under steps of half a millisecond follow what drives them."""
+    model = held(with_eddies(levitation_model, (1e-5, 2e-5, 0.1)))
+    state, volts = np.array([[0.025, 0.0, 0.0, 0.0, 0.0, 0.0]]), np.array([[2.0]])
+    fine = runge_kutta_step(model, state, voltage_of(model, volts), 5e-3, 1000)
+    for _ in range(10):
+        state = step(model, state, volts, 0.5e-3)
+    np.testing.assert_allclose(state, fine, atol=1e-7)
+
+
+@pytest.mark.parametrize(("name", "order"), [("one circuit", 2), ("halves", 2), ("solenoid with eddies", 3)])
+def test_steps_converge_with_their_order(name, order, levitation_model):
+    """Over many motions, in some of which the errors of one kind make up for those of another.
+
+    The extrapolated step of third order is for inductances and motional constants that change with the distance.
+    """
+    model, low, high, seconds = {
+        "one circuit": (levitation_model, [0.022, -0.05, 0.2, 0.2], [0.03, 0.05, 0.8, 0.8], 0.016),
+        "halves": (cut_in_two(levitation_model), [0.022, -0.05, 0.2, 0.2], [0.03, 0.05, 0.8, 0.8], 0.016),
+        "solenoid with eddies": (
+            with_eddies(solenoid(), (8e-3, 2e-3)), [1e-3, -0.3, 0.1, -0.1, -0.1], [3e-3, 0.1, 0.5, 0.1, 0.1], 1.6e-3,
+        ),
+    }[name]  # fmt: skip
+    generator = np.random.default_rng(1)
+    start = generator.uniform(low, high, (30, len(low)))[:, : model.order]
+    most = {"one circuit": 2.4, "halves": 1.2, "solenoid with eddies": 12.0}[name]
+    volts = voltage_of(model, generator.uniform(0.25 * most * (order == 2), most, (30, len(model.circuits))))
+
+    def moved(steps):
+        state = start
+        for _ in range(steps):
+            if order == 2:
+                state = step(model, state, volts[:, None] if volts.ndim == 1 else volts, seconds / steps)
+            else:
+                state = extrapolated_step(model, state, volts, seconds / steps)
+        return state
+
+    exact = runge_kutta_step(model, start, volts, seconds, substeps=128 * (order - 1))
+    coarse, fine = (np.sqrt(np.mean((moved(steps) - exact) ** 2, axis=0)) for steps in (32, 64))
+    # Asymptotic ratio 2^order; a tenth or a fifth of an order for the pre-asymptotic part
+    np.testing.assert_allclose(np.log2(coarse / fine), order, atol=0.1 * (order - 1))
+
+
+def test_runge_kutta_converges_with_the_fourth_order(levitation_model):
+    start, volts = np.array([[0.024, 0.02, 0.4]]), voltage_of(levitation_model, np.array([[1.5]]))
+    exact = runge_kutta_step(levitation_model, start, volts, 0.016, substeps=512)
+    coarse, fine = (
+        np.abs(runge_kutta_step(levitation_model, start, volts, 0.016, substeps) - exact)[0, 0] for substeps in (4, 8)
+    )
+    # Asymptotic ratio 2^4; 10 % of an order for the pre-asymptotic part.
+    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.4)
+
+
+def test_twins_for_speed_take_the_same_step(model):
+    """Many points at once, each alone, points in any shape, and a circuit in floats where that covers the model."""
+    states, volts = states_of(model, 6)
+    seconds = model.sample_time_s
+    wanted = step(model, states, volts, seconds)
+    alone = np.concatenate([step(model, states[k : k + 1], volts[k : k + 1], seconds) for k in range(6)])
+    np.testing.assert_allclose(alone, wanted, rtol=1e-12, atol=1e-15)
+    if model.circuits:
+        shaped = step(model, states.reshape(2, 3, -1), volts.reshape(2, 3, -1), seconds)
+        np.testing.assert_array_equal(shaped.reshape(wanted.shape), wanted)
+    floats = None if model.eddy or len(model.circuits) != 1 else float_step(model)
+    if floats is not None:
+        stepped = [
+            np.ravel(floats([[value] for value in state], fed[0])) for state, fed in zip(states, volts, strict=True)
+        ]
+        np.testing.assert_allclose(stepped, wanted, rtol=1e-13)
+
+
+@pytest.mark.parametrize(("name", "covered"), [("one circuit", True), ("choke", True), ("springs", False)])
+def test_floats_cover_one_circuit_on_straight_springs(name, covered, model_kind):
+    assert (float_step(model_kind(name)) is not None) is covered  # a table of forces goes by arrays
+
+
+def test_force_and_motional_constants_at_distances_that_stay_are_those_of_the_state(model):
+    states, _ = states_of(model.without_eddies)
+    distance, currents = states[:, 0], states[:, 2:]
+    state = model.magnetics.state_of_circuits(distance, currents)
+    force, motional_constant = model.magnetics.at_distances(distance)(currents)
+    np.testing.assert_allclose(force, state.force, rtol=1e-12)
+    np.testing.assert_allclose(motional_constant, state.motional_constant, rtol=1e-12)
+
+
+def test_all_flux_linkages_are_kept_at_an_impact(model):
+    states, _ = states_of(model)
+    before, after = states[:, 0], states[:, 0] * 0.996
+    currents = currents_of_same_flux(model, states[:, 2:], before, after)
+    linked = linked_flux(model, before, states[:, 2:])
+    np.testing.assert_allclose(linked_flux(model, after, currents), linked, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
+def test_at_rest_the_equations_under_an_effect_are_those_of_the_changed_magnetics(effect, levitation_model):
+    model = with_effects(levitation_model, [usual(effect, 0.2)])
+    d, i = np.array([0.018, 0.023, 0.031]), np.array([0.2, 0.6, 1.1])
+    states = np.zeros((3, model.order))
+    states[:, 0], states[:, 2] = d, i
+    acceleration = rates(model, states, np.full((3, 1), 2.0))[:, 1]
+    expected = model.motion.gravity_m_s2 - model.magnetics.force(d, i) / model.motion.mass_kg
+    np.testing.assert_allclose(acceleration, expected, rtol=1e-10)
+    np.testing.assert_allclose(hall_voltage(model, states), model.sensor.voltage(d, i), rtol=1e-12)
+
+
+def test_two_halves_fed_alike_move_as_the_whole(model_kind):
+    whole, halves = model_kind("choke"), model_kind("halves")
+    states, volts = states_of(whole)
+    alike = rates(halves, states[:, [0, 1, 2, 2]], 0.5 * volts[:, [0, 0]])
+    np.testing.assert_allclose(alike, rates(whole, states, volts)[:, [0, 1, 2, 2]], rtol=1e-9, atol=1e-12)
+
+
+def test_magnets_alone_fall_and_pull_as_their_force_says(model_kind):
+    magnets = model_kind("magnets")
+    acceleration = rates(magnets, np.array([[0.03, 0.2]]), np.zeros((1, 0)))[0]
+    force = float(magnets.magnetics.force(0.03, 0.0))
+    assert acceleration.tolist() == pytest.approx([0.2, magnets.motion.gravity_m_s2 - force / magnets.motion.mass_kg])
+    magnets.require_dynamics()
+
+
+def test_a_model_that_lacks_a_circuit_or_an_inductance_has_no_dynamics(model_kind, levitation_model):
+    law = model_kind("law")
+    law.require_dynamics()
+    forces_alone = replace(law, magnetics=replace(law.magnetics, constant_inductance_H=0.0))
+    with pytest.raises(MissingPartError, match=r"inductance > 0.*--inductance-H"):
+        forces_alone.require_dynamics()
+    with pytest.raises(MissingPartError, match="circuit"):
+        replace(levitation_model, circuits=()).require_dynamics()
+
+
+def test_a_circuit_beside_an_amplifier_decays_as_one_alone_does(levitation_model):
+    """Their flux apart, so that neither knows of the other; the amplifier's current comes to what is commanded."""
+    whole = cut_in_two(levitation_model)
+    laser = PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
+    entries = whole.magnetics.coefficients.copy()
+    entries[:, 3:] = 0.02, 0.0, 0.02
+    first, second = whole.circuits
+    quick = replace(first, resistance_ohm=1.5 * 0.02 / whole.sample_time_s)
+    amplifier = replace(second, drive=Drive(kind="current", bandwidth_Hz=100.0))
+    model = held(replace(whole, circuits=(quick, amplifier), other_sensors=(laser,)))
+    model = replace(model, magnetics=replace(whole.magnetics, coefficients=entries))
+    noise = FilterNoise(acceleration_density=1e-4, voltage_V=0.01, hall_V=1e-3)
+    process = levitation_process(model, noise=noise, commanded=True)
+    moved = process.transition(np.array([[0.03, 0.0, 0.5, 0.3]]), np.array([[0.0, 0.31]]))
+    assert moved[0, 2] == pytest.approx(0.5 * np.exp(-1.5), rel=1e-6)
+    remaining = np.exp(-2.0 * np.pi * 100.0 * model.sample_time_s)
+    assert moved[0, 3] == pytest.approx(0.31 - 0.01 * remaining, rel=1e-9)
+
+
+def test_the_shares_of_a_decay_are_its_integrals():
+    """At ends and mean of exp(-z s): 1 - z/2 + .. and 1/2 - z/6 + .. for a slow coil, 1/z of a settled one."""
+    first, second = decay_shares(np.array([1e-3, 1.0, 1e6, -1.0]))
+    np.testing.assert_allclose(first[:3], [1.0 - 5e-4 + 1e-6 / 6.0, 1.0 - np.exp(-1.0), 1e-6], rtol=1e-9)
+    np.testing.assert_allclose(second[:3], [0.5 - 1e-3 / 6.0 + 1e-6 / 24.0, np.exp(-1.0), 1e-6], rtol=2e-6)
+    np.testing.assert_allclose([first[3], second[3]], [1.0, 0.5], rtol=1e-6)  # a co-energy beyond its table
+
+
+def test_a_lost_run_leaves_the_others_their_currents():
+    inductance = np.array([np.full((2, 2), np.nan), np.diag([1e-3, 2e-3])])
+    z = decay_of(inductance, np.ones(2), 1e-3).z
+    np.testing.assert_allclose(np.sort(z[1]), [0.5, 1.0])
+
+
+def springs_and_load(distance):
+    """The force of SPRUNG beside the weight, written out anew."""
+    table = np.interp(distance, [0.01, 0.02, 0.04], [2e-3, 1e-3, -3e-3])
+    return 2e-3 - 0.4 * (distance - 0.024) + table - 1e-3
+
+
+def test_weight_springs_load_and_friction_act_on_plant_rest_and_inverse_alike(model_kind):
+    model = model_kind("springs")
+    acceleration = rates(model, np.array([[0.023, 0.1, 0.5]]), np.ones((1, 1)))[0, 1]
+    pushed = springs_and_load(0.023) - 0.02 * 0.1 - float(model.force(0.023, 0.5))
+    assert acceleration == pytest.approx(9.80665 + pushed / 4.35e-3, rel=1e-12)
+    needed = 4.35e-3 * 9.80665 + springs_and_load(0.025)
+    assert float(model.force(0.025, holding_current(model, 0.025))) == pytest.approx(needed, rel=1e-9)
+    point = operating_point(model, 0.025)
+    state, volts = np.array([[0.025, 0.0, point.current_A]]), np.array([[point.voltage_V]])
+    assert np.abs(rates(model, state, volts)).max() < 1e-9
+    np.testing.assert_allclose(point.A, slopes(model, state, volts)[0], rtol=1e-9, atol=1e-9)
+    current = currents_for_acceleration(model, np.array([0.024]), np.array([1.0]), np.array([0.1])).ravel()[0]
+    assert rates(model, np.array([[0.024, 0.1, current]]), np.ones((1, 1)))[0, 1] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_stiff_spring_makes_the_held_body_stable(levitation_model):
+    stiff = replace(levitation_model, motion=Mechanics(4.35e-3, springs=(Spring(10.0, 0.0, 0.025),)))
+    assert operating_point(stiff, 0.025).unstable_pole_rad_s == 0.0
+    assert operating_point(levitation_model, 0.025).unstable_pole_rad_s > 10.0
+
+
+@pytest.mark.parametrize("gravity", [9.80665, 0.0, -9.80665])
+def test_a_body_that_hangs_lies_or_stands_is_held_by_the_same_equations(levitation_model, gravity):
+    load = 4.35e-3 * (9.80665 - gravity)  # what a string pulls, so that all of them need the same force
+    hanging = replace(levitation_model, misfit=None)
+    model = replace(hanging, motion=Mechanics(4.35e-3, gravity, load_N=load))
+    assert holding_current(model, 0.024) == pytest.approx(holding_current(hanging, 0.024), rel=1e-12)
+    densities = [default_noise(device).acceleration_density for device in (model, hanging)]
+    assert densities[0] == pytest.approx(densities[1], rel=1e-12)
+    state = np.array([[0.0242, 0.0, operating_point(model, 0.024).current_A]])
+    rest = Reference(np.asarray(0.024), np.asarray(0.0), np.asarray(0.0))
+    commands = [
+        design_backstepping(device, [operating_point(device, 0.024)]).command(np.zeros((1, 0)), state, rest)[0]
+        for device in (model, hanging)
+    ]
+    assert commands[0] == pytest.approx(commands[1], rel=1e-9)
+
+
+def test_dry_friction_stops_a_sliding_body_and_does_not_throw_it_back(levitation_model):
+    spline = levitation_model.magnetics.spline
+    coefficients = np.zeros_like(spline.coefficients)
+    coefficients[:, -1] = 0.5 * 0.01 * spline.y_knots[-1] ** 2  # 10 mH i^2 / 2: no force
+    model = replace(levitation_model, motion=Mechanics(4.35e-3, 0.0, coulomb_N=0.2))
+    model = replace(model, magnetics=replace(model.magnetics, spline=replace(spline, coefficients=coefficients)))
+    state = np.array([[0.02, 0.05, 0.0]])  # m v / F: it stops within 1.1 ms, two samples
+    for _ in range(20):
+        state = runge_kutta_step(model, state, voltage_of(model, np.zeros((1, 1))), model.sample_time_s)
+        assert state[0, 1] >= 0.0
+    assert state[0, 1] < 1e-5
+    stopped = 0.02 + 0.05**2 * 4.35e-3 / (2.0 * 0.2)
+    assert state[0, 0] == pytest.approx(stopped, abs=0.05 * 4.0 * model.sample_time_s)  # rounded near rest
+
+
+def test_the_slope_of_dry_friction_is_that_of_the_rates_near_rest(levitation_model):
+    model = replace(levitation_model, motion=replace(SPRUNG, coulomb_N=2e-3))
+    states, volts = np.array([[0.0231, 1e-4, 0.5], [0.0317, -0.1, 0.9]]), np.full((2, 1), 1.3)
+    wide = np.tile(volts, (6, 1))
+    wanted = central_differences(lambda x: rates(model, x, wide), states, np.array([1e-2, 1e-2, 1.0]))
+    np.testing.assert_allclose(slopes(model, states, volts), wanted, rtol=1e-5, atol=1e-6 * np.abs(wanted).max())
