@@ -45,6 +45,7 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.study import closed_loop_study
 from support.actuators import GEOMETRY
+from support.added_effects import usual
 from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded
 from support.command import FEMFIT
@@ -117,18 +118,14 @@ def test_one_filter_and_a_thousand_beside_filterpy(levitation_model, order):
     print(f"\n{order} states, us a step:", ", ".join(f"{name} {spent:.0f}" for name, spent in told.items()))
 
 
-def usual(name):
-    """An effect with every amplitude a third of the way to what is usual at most."""
-    effect = effect_by_name(name)
-    values = {p.name: p.null + (max(p.plausible, key=abs) - p.null) / 3.0 for p in effect.amplitudes}
-    return AddedEffect(effect, effect.null() | values)
-
-
 @pytest.mark.parametrize("kind", FILTERS)
 def test_one_filter_of_a_model_with_effects_or_eddy_currents(levitation_model, kind):
     chosen = ((), ("core_saturation",), ("core_saturation", "eddy_current_lag"), ("hysteresis",))
     models = {
-        "+".join(names) or "none": with_effects(levitation_model, [usual(one) for one in names]) for names in chosen
+        "+".join(names) or "none": with_effects(
+            levitation_model, [usual(effect_by_name(name), 1.0 / 3.0) for name in names]
+        )
+        for names in chosen
     }
     models["three eddy currents"] = with_eddies(levitation_model)
     steps = {name: a_femfit_step(model, 3, 1, kind) for name, model in models.items()}

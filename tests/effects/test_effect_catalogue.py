@@ -19,6 +19,7 @@ from femfit.effects.effect import AddedEffect, Effect
 from femfit.effects.zeros_and_scales import HALL_OFFSET
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
+from support.added_effects import usual
 from support.effects_page import PAGE, page
 
 STAGES = {"bench", "magnetics", "force", "circuit", "motion", "sensor"}
@@ -48,12 +49,6 @@ def at(levitation_model, points):
         motional_V=0.05 * np.cos(t),
         current_turn_A=(0.0, 1.4),
     )
-
-
-def usual(effect: Effect) -> AddedEffect:
-    """The effect with every amplitude in its usual range, off its null."""
-    values = {p.name: p.null + 0.3 * (max(p.plausible, key=abs) - p.null) for p in effect.amplitudes}
-    return AddedEffect(effect, effect.null() | values)
 
 
 def test_every_file_of_the_room_is_listed():
@@ -103,7 +98,7 @@ def test_force_and_flux_linkage_stay_reciprocal(effect, levitation_model, points
     if effect.memory:  # a state that is held: the change along a branch is no derivative of the co-energy
         at = replace(at, memory=effect.memory.steady_state(*points, at, effect.null()))
     d, i = points
-    added, h_i, h_d = [usual(effect)], 1e-5, 1e-7
+    added, h_i, h_d = [usual(effect, 0.3)], 1e-5, 1e-7
     # Central differences of 1e-5 A and 0.1 um of what has 15 digits
     force = [predict_readings(levitation_model, d, i + s * h_i, at, added)["force_N"] for s in (1, -1)]
     flux = [predict_readings(levitation_model, d + s * h_d, i, at, added)["flux_linkage_Wb"] for s in (1, -1)]
@@ -114,7 +109,7 @@ def test_force_and_flux_linkage_stay_reciprocal(effect, levitation_model, points
 @pytest.mark.parametrize("effect", [e for e in BUILT_IN if e.coenergy], ids=lambda e: e.name)
 def test_an_effect_in_the_coenergy_changes_higher_derivatives_alike(effect, levitation_model, points):
     d, i = points
-    magnetics, h_i, h_d = with_effects(levitation_model, [usual(effect)]).magnetics, 1e-5, 1e-7
+    magnetics, h_i, h_d = with_effects(levitation_model, [usual(effect, 0.3)]).magnetics, 1e-5, 1e-7
     iii, dii, ddi = magnetics.coenergy_derivatives(d, i, ((0, 3), (1, 2), (2, 1)))
     up, down = (magnetics.coenergy_derivatives(d, i + s * h_i, ((0, 2),))[0] for s in (1, -1))
     np.testing.assert_allclose(iii, (up - down) / (2 * h_i), atol=1e-4 * np.abs(iii).max() + 1e-8)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 import femfit as ff
 from femfit.core.errors import FilterError
@@ -13,7 +12,6 @@ from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.estimate.error_bound import bound_along, without_stops
 from femfit.estimate.run_filter import in_fine_steps
-from femfit.model.dynamics import state_jacobian
 from femfit.model.sensors import sampled_readings, sensor_named
 from support.halves import cut_in_two
 from support.pickups import STEP_S, searched
@@ -125,39 +123,6 @@ def test_a_pickup_coil_tells_the_distance_that_a_current_alone_tells_less_well()
         path = built.process.delayed.from_rest(states) if built.process.delayed else states
         bounds.append(np.sqrt(bound_along(built.process, path, volts)[-1, 0, 0]))
     assert bounds[1] < bounds[0]
-
-
-AT_REST = np.array([[2e-3, 0.0, 0.8]])
-
-
-def coarse(samples_per_time_constant):
-    """A solenoid whose sample is a part of its coil's time constant."""
-    model = solenoid()
-    inductance = float(model.magnetics.inductance(AT_REST[:, 0], AT_REST[:, 2])[0])
-    step = inductance / model.circuit.resistance_ohm / samples_per_time_constant
-    shunt = CurrentSensor(name="current", noise=4e-3, circuit="coil")
-    return without_stops(replace(model, sample_time_s=step, other_sensors=(shunt,)))
-
-
-def test_the_jacobian_is_that_of_the_exact_flow():
-    model = coarse(1.0 / 0.43)
-    process = in_fine_steps(model, ff.kalman_filter(model, sensors=("current",)).process)
-    volts = np.full(1, model.circuit.resistance_ohm * 0.8)
-    found = process.state_jacobian(AT_REST, volts)[0]
-    still = model.sample_time_s * state_jacobian(model, AT_REST, volts)[0]
-    assert found[2, 2] == pytest.approx(expm(still)[2, 2], rel=0.02)  # Euler's is 12 % below, 1 - 0.43
-
-
-@pytest.mark.parametrize("fine", [False, True])
-def test_a_coil_faster_than_the_record_is_no_obstacle(fine):
-    model = coarse(1.0 / 3.0)
-    built = ff.kalman_filter(model, sensors=("current",))
-    if fine:
-        built = replace(built, process=in_fine_steps(model, built.process))
-    state = built.start(AT_REST[0])
-    for _ in range(20):
-        state = built.step(state, np.full(1, 0.8 * model.circuit.resistance_ohm), np.full(1, 0.8))
-    assert state.mean[0, 2] == pytest.approx(0.8, abs=0.01)
 
 
 def arriving(model, current):

@@ -141,7 +141,7 @@ def test_fine_steps_follow_patterns_that_are_faster_than_a_sample(levitation_mod
     np.testing.assert_allclose(found, wanted, rtol=1e-3, atol=1e-5)
 
 
-@pytest.mark.parametrize("circuits", [1, 2])
+@pytest.mark.parametrize("circuits", [1, pytest.param(2, marks=pytest.mark.nightly)])
 def test_fine_steps_up_to_a_stop_and_back_are_those_of_runge_and_kutta(circuits, monkeypatch):
     """Bodies that meet a stop within the sample, that lie on one, and that are pressed to it; patterns of 20 us."""
     base = replace(solenoid(), sample_time_s=2e-4)

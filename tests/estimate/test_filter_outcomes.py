@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FilterError, MissingPartError
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalman_filter
 from femfit.estimate.levitation import levitation_process
@@ -15,7 +13,6 @@ from femfit.estimate.noise import initial_covariance
 from femfit.estimate.process import FilterOutcome, FilterProcess, Output
 from femfit.model.bspline import CellPolynomials
 from femfit.model.json_file import write_model
-from femfit.model.with_effects import with_effects
 
 ALL = [UnscentedFilter, ExtendedFilter]
 START = np.array([0.022, 0.0, 0.32])
@@ -139,32 +136,6 @@ def test_states_are_never_changed_in_place(process, record):
 
 
 RANDOM = np.random.default_rng(5)
-
-
-def both_ways(filter_, record):
-    """The same record by the single step and by the general path."""
-    alone = general = filter_.start(np.array([0.022, 0.0, 0.32]))
-    for voltage, hall in zip(record.voltage[:, 0], record.hall[:, 0], strict=True):
-        alone = filter_.step(alone, voltage, hall)
-        general = filter_.update(filter_.predict(general, voltage), hall)
-        yield alone, general
-
-
-@pytest.mark.parametrize("hall_bias", [False, True])
-@pytest.mark.parametrize("effects", [(), ("core_saturation",)])
-def test_the_single_step_is_the_general_path_to_1e_12_of_a_deviation(levitation_model, record, hall_bias, effects):
-    """With an effect the model goes by arrays of seven points, without one by floats."""
-    named = [effect_by_name(name) for name in effects]
-    model = with_effects(levitation_model, [AddedEffect(e, e.null() | {"mmf_loss_3": 0.02}) for e in named])
-    for alone, general in both_ways(kalman_filter(model, hall_bias=hall_bias), record):
-        sigma = np.sqrt(np.diagonal(general.covariance[0]))
-        np.testing.assert_allclose(alone.mean / sigma, general.mean / sigma, rtol=0.0, atol=1e-9)
-        scale = sigma[:, None] * sigma
-        np.testing.assert_allclose(alone.covariance / scale, general.covariance / scale, rtol=0.0, atol=1e-9)
-        np.testing.assert_allclose(alone.mean, general.mean, rtol=1e-12, atol=1e-12)
-        np.testing.assert_allclose(
-            alone.normalised_innovation_squared, general.normalised_innovation_squared, atol=1e-9
-        )
 
 
 def test_the_single_step_is_taken(levitation_model, record, monkeypatch):

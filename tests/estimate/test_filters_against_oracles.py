@@ -86,18 +86,6 @@ def test_ekf_equals_filterpy(process, record):
     assert_same(run_ours(ExtendedFilter(process), record, 2), (np.array(means), np.array(covariances)))
 
 
-@pytest.mark.parametrize("filter_class", [UnscentedFilter, ExtendedFilter])
-def test_a_batch_gives_each_run_the_numbers_of_that_run_alone(process, record, filter_class):
-    filter_ = filter_class(process)
-    state = filter_.start(*start_of(process), runs=record.hall.shape[1])
-    for voltage, hall in zip(record.voltage, record.hall, strict=True):
-        state = filter_.step(state, voltage, hall)
-    for run in range(state.runs):
-        alone, _ = run_ours(filter_, record, run)
-        # Summation order may differ with the batch's size; nothing else.
-        np.testing.assert_allclose(state.mean[run], alone[-1], rtol=1e-11, atol=1e-13)
-
-
 START = np.array([0.0225, 0.01, 0.3])
 
 

@@ -55,6 +55,7 @@ def test_a_first_deviation_is_at_most_that_of_a_body_anywhere_on_its_way(valve):
     assert first == pytest.approx((FAR - NEAR) / 12.0**0.5)
 
 
+@pytest.mark.nightly
 def test_the_current_alone_is_followed_through_strokes_much_shorter_than_a_millimetre(valve, record):
     seen = ff.observe(valve, record, sensors=("current",), find=False)
     one = seen.filters[0]
@@ -91,6 +92,7 @@ def log(model):
     return series(volts, rows[:, 2] + noise[:, 0], rows[:, 0] + noise[:, 1]), rows
 
 
+@pytest.mark.nightly
 def test_a_filter_estimates_the_eddy_currents_and_the_record_shows_its_noise(model, log):
     record, rows = log
     seen = ff.observe(model, record)

@@ -71,6 +71,7 @@ def test_a_filter_that_is_told_too_much_noise_is_cautious_and_its_claim_is_an_up
     assert np.sqrt(np.mean(error**2)) < np.median(one.replayed.deviation[500:, 0])
 
 
+@pytest.mark.nightly
 def test_a_loop_of_a_model_without_unknown_forces_is_read_cautiously_and_consistently_with_its_own_noise(
     levitation_model, tmp_path
 ):
@@ -238,6 +239,7 @@ def test_what_cannot_be_filtered_is_refused_with_what_is_needed(log, options, co
         ff.observe(damped(), record, **options)
 
 
+@pytest.mark.nightly
 def test_a_noise_that_is_far_too_small_is_found_although_the_innovations_left_their_band(log):
     found = ff.observe(damped({**TRUE, "current": 1e-4, "laser": 1e-6}), log[1])
     assert found.filters[0].outcome is FilterOutcome.INNOVATIONS_OUT_OF_BAND
@@ -261,7 +263,7 @@ def test_a_short_record_is_filtered_and_its_noise_is_sought_where_there_is_enoug
         assert all(each.low <= TRUE[each.name] <= each.high for each in found.noise.estimates if each.known)
 
 
-@pytest.mark.parametrize("declared", [True, False])
+@pytest.mark.parametrize("declared", [pytest.param(True, marks=pytest.mark.nightly), False])
 def test_a_clipped_reading_bounds_the_estimate(log, declared, tmp_path):
     """Where the driver gives more than is commanded, nothing but the bound holds the estimate of the current.
 
@@ -280,6 +282,7 @@ def test_a_clipped_reading_bounds_the_estimate(log, declared, tmp_path):
     assert any("clipped" in line for line in str(seen).splitlines())
 
 
+@pytest.mark.nightly
 def test_a_pull_in_with_bounces_is_followed_within_the_noise_of_the_sensors():
     """The stop returns half of the speed, and the flux linkage goes on within the step in which it is met."""
     model = solenoid()
@@ -328,6 +331,7 @@ def test_the_noise_of_a_slow_sensor_is_guessed_from_the_readings_that_there_are(
     assert found.filters[0].built.process.outputs[1].variance ** 0.5 == pytest.approx(TRUE["laser"], rel=0.3)
 
 
+@pytest.mark.nightly
 def test_dry_friction_that_the_model_lacks_is_told_from_other_noise():
     """A body on a spring, pulled to and fro by a square wave; 30 mN of friction in the truth, none in the model."""
     model, generator = damped(), np.random.default_rng(9)
@@ -357,8 +361,10 @@ def test_dry_friction_that_the_model_lacks_is_told_from_other_noise():
     ("name", "parameters", "record", "state"),
     [
         ("current_offset", {"offset": 0.01}, lambda d, v, i: (d, i - 0.02), 2),  # of 2 A
-        ("current_gain", {"gain_error": 0.03}, lambda d, v, i: (d, i / 1.03), 2),
-        ("distance_scale", {"scale_error": 0.03}, lambda d, v, i: (d / 1.03, i), 0),
+        pytest.param("current_gain", {"gain_error": 0.03}, lambda d, v, i: (d, i / 1.03), 2, marks=pytest.mark.nightly),
+        pytest.param(
+            "distance_scale", {"scale_error": 0.03}, lambda d, v, i: (d / 1.03, i), 0, marks=pytest.mark.nightly
+        ),
         ("position_delay", {"delay_s": 2e-3}, lambda d, v, i: (d - 2e-3 * v, i), 0),
     ],
 )

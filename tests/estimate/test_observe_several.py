@@ -46,6 +46,7 @@ def written(path, columns):
     return path
 
 
+@pytest.mark.nightly
 def test_the_halves_are_seen_as_the_whole(whole, truth, tmp_path):
     states, volts, noise = truth
     d, i = states[:, 0] + noise[:, 0], states[:, 2] + noise[:, 1]

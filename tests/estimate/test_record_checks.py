@@ -21,7 +21,9 @@ def stronger():
     return replace(solenoid(), circuits=(replace(solenoid().circuit, voltage_max_V=24.0),))
 
 
-@pytest.mark.parametrize(("truth", "code"), [(stronger(), "beyond-supply"), (solenoid(), "clamped")])
+@pytest.mark.parametrize(
+    ("truth", "code"), [pytest.param(stronger(), "beyond-supply", marks=pytest.mark.nightly), (solenoid(), "clamped")]
+)
 def test_the_current_says_whether_the_driver_gave_what_was_commanded(truth, code):
     loop = switched(*COMMANDS, 0.08, model=truth)
     record = logged([loop])

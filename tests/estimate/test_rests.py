@@ -91,6 +91,7 @@ def test_a_body_that_swings_on_its_spring_is_free():
     assert not rests_of(replace(model, motion=stiffer), logged([loop])).rests
 
 
+@pytest.mark.nightly
 def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation_model):
     model = replace(levitation_model, sample_time_s=1e-3)
     record = recorded(closed_loop(model, runs=2, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)

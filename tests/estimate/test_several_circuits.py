@@ -44,17 +44,6 @@ def as_halves(covariance):
     return TWICE @ covariance @ TWICE.T + 1e-15 * np.outer(apart, apart)
 
 
-@pytest.mark.parametrize("kind", ["ekf", "ukf"])
-def test_the_filters_current_rises_with_the_inductance_in_series(whole, kind):
-    """From rest, by the part of U / R that 1 - exp(-t R / (L + L_s)) is."""
-    built, start = kalman_filter(whole, kind), np.array([0.024, 0.0, 0.5])
-    volts = whole.circuit.resistance_ohm * start[2] + 1.0
-    moved = built.step(built.start(start), volts, np.full(2, np.nan)).mean[0, 2] - start[2]
-    inductance = float(whole.inductance(*start[[0, 2]])) + 2e-3
-    ohms = whole.circuit.resistance_ohm
-    assert moved == pytest.approx(-np.expm1(-whole.sample_time_s * ohms / inductance) / ohms, rel=1e-3)
-
-
 @pytest.mark.parametrize(("kind", "digits"), [("ekf", 1e-6), ("ukf", 1e-4)])
 def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
     """With the same errors of start and process; unscented points of four states lie farther out than of three."""
@@ -72,18 +61,6 @@ def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
     deviation = np.sqrt(np.diag(first[0].covariance[0]))
     assert np.abs((first[1].mean[0, :3] - first[0].mean[0]) / deviation).max() < digits
     np.testing.assert_allclose(np.sqrt(np.diag(first[1].covariance[0]))[:3], deviation, rtol=digits)
-
-
-def test_one_run_is_a_batch_of_one(halves):
-    """The quick step of one run goes by the same inputs as many runs at once."""
-    filter_ = kalman_filter(halves)
-    volts, readings = np.array([[0.6, 0.8]]), np.array([[0.0241, 0.51]])
-    alone = filter_.step(filter_.start([0.024, 0.0, 0.5, 0.5]), volts, readings)
-    both = filter_.step(
-        filter_.start([0.024, 0.0, 0.5, 0.5], runs=2), np.tile(volts, (2, 1)), np.tile(readings, (2, 1))
-    )
-    np.testing.assert_allclose(both.mean[0], alone.mean[0], rtol=1e-12)
-    np.testing.assert_allclose(both.covariance[1], alone.covariance[0], rtol=1e-9, atol=1e-18)
 
 
 def test_a_filter_asks_for_a_voltage_of_each_circuit(halves):

@@ -55,21 +55,6 @@ def test_one_after_the_other_is_all_at_once_for_linear_sensors(model, kind):
     np.testing.assert_allclose(updated.normalised_innovation_squared, squared, rtol=1e-6)
 
 
-@pytest.mark.parametrize("names", [("laser", "current"), ("cell", "mems", "current")])
-def test_the_single_step_is_the_general_path_with_missing_samples_too(model, names):
-    filter_ = kalman_filter(model, sensors=names, biases=names[:1])
-    truth, volts, readings = a_record(model, names, 60)
-    readings[::3, 0] = np.nan
-    readings[::5] = np.nan
-    alone = general = filter_.start(truth[0])
-    for volt, reading in zip(volts, readings, strict=True):
-        alone = filter_.step(alone, volt, reading)
-        general = filter_.update(filter_.predict(general, volt), reading)
-        deviations = np.sqrt(np.diagonal(general.covariance[0]))
-        np.testing.assert_allclose(alone.mean / deviations, general.mean / deviations, rtol=0.0, atol=1e-8)
-        np.testing.assert_allclose(alone.innovation, general.innovation, rtol=1e-6, atol=1e-12)
-
-
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
 def test_a_sensor_whose_samples_are_all_missing_is_as_good_as_none(model, kind):
     both = kalman_filter(model, kind, sensors=("laser", "current"))

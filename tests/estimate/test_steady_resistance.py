@@ -40,6 +40,7 @@ def test_voltage_over_steady_current_is_the_true_resistance_within_its_interval(
     assert ("resistance" in str(seen).splitlines()[0]) == (factor != 1.0)
 
 
+@pytest.mark.nightly
 def test_a_resistance_that_accounts_for_little_of_the_misfit_is_not_blamed_for_it():
     """A body of twice the mass makes nearly all of it; 1.2 % of the resistance are significant all the same."""
     seen = ff.observe(solenoid(), record(1.012, mass=2.0))
@@ -77,6 +78,7 @@ def test_a_current_at_the_end_of_its_range_tells_no_resistance():
     assert not any(one.contradicts for one in seen.resistances)
 
 
+@pytest.mark.nightly
 def test_a_warm_winding_is_the_first_line_and_no_advice_on_the_sensor(tmp_path):
     write_model(solenoid(), tmp_path / "model.json")
     columns = ["time_s", "voltage_V", "current_A", "distance_m"]
@@ -105,6 +107,7 @@ def test_a_covariance_that_breaks_down_is_blamed_on_the_reading_that_broke_it():
     assert "40" in broken.sentence
 
 
+@pytest.mark.nightly
 def test_a_noise_is_not_told_that_may_be_anything_above_what_the_filter_was_given():
     found = ff.observe(solenoid(), record(1.0)).noise
     wide = replace(found.estimates[0], known=False, high=68.0, assumed=0.02)

@@ -7,18 +7,13 @@ import pytest
 
 from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy
 from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.dynamics import state_derivative
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
+from support.added_effects import usual
 
 STATIC = [effect for effect in BUILT_IN if effect.coenergy is not None and effect.memory is None]
-
-
-def strong(effect):
-    """Every amplitude at what is usual at most."""
-    return AddedEffect(effect, effect.null() | {p.name: max(p.plausible, key=abs) for p in effect.amplitudes})
 
 
 def without_lag(effect):
@@ -29,7 +24,7 @@ def without_lag(effect):
 def tables(model, effect):
     """The effect's own co-energy, and the table of it."""
     at = Conditions(nominal_of(model), running=True, coil_temperature_C=45.0, magnet_temperature_C=35.0)
-    exact = changed_coenergy(base_coenergy(model), [strong(effect)], at)
+    exact = changed_coenergy(base_coenergy(model), [usual(effect)], at)
     return exact, CoenergyTable(exact, at.nominal, hall=True)
 
 
@@ -69,7 +64,7 @@ def test_beyond_the_grid_and_at_a_kink_the_effect_itself_is_evaluated(order, lev
 
 
 def test_force_and_flux_linkage_of_the_table_derive_from_one_coenergy(levitation_model):
-    magnetics, h = with_effects(levitation_model, [strong(effect_by_name("core_saturation"))]).magnetics, 1e-6
+    magnetics, h = with_effects(levitation_model, [usual(effect_by_name("core_saturation"))]).magnetics, 1e-6
     d, i = anywhere(levitation_model, 200, reach=0.0)
     rise = magnetics.coenergy(d + h, i) - magnetics.coenergy(d - h, i)
     # Where table and effect meet, W' steps by 1e-12 J, over 2 um
@@ -95,7 +90,7 @@ def test_a_point_that_is_no_number_gives_none(levitation_model):
 
 @pytest.mark.parametrize("name", ["eddy_current_lag", "hysteresis"])
 def test_the_lag_of_states_is_what_their_coenergy_does(name, levitation_model):
-    added = strong(effect_by_name(name))
+    added = usual(effect_by_name(name))
     memory, at = added.effect.memory, Conditions(nominal_of(levitation_model))
     d, i = np.array([0.018, 0.024, 0.033]), np.array([0.3, 0.6, 1.0])
     states = {name: np.array([0.05, -0.1, 0.08]) * (1 + k) for k, name in enumerate(memory.names)}
@@ -112,7 +107,7 @@ def test_the_lag_of_states_is_what_their_coenergy_does(name, levitation_model):
 
 @pytest.mark.parametrize("names", [("eddy_current_lag",), ("hysteresis",), ("hysteresis", "eddy_current_lag")])
 def test_states_whose_action_is_not_told_step_as_those_whose_is(names, levitation_model):
-    model = with_effects(levitation_model, [strong(effect_by_name(name)) for name in names])
+    model = with_effects(levitation_model, [usual(effect_by_name(name)) for name in names])
     untold = [dataclasses.replace(one, effect=without_lag(one.effect)) for one in model.effects]
     other = with_effects(levitation_model, untold)
     assert model.dynamics.lags is not None
@@ -127,7 +122,7 @@ def test_states_whose_action_is_not_told_step_as_those_whose_is(names, levitatio
 
 
 def test_a_lag_is_outermost_in_whatever_order_effects_are_added(levitation_model):
-    both = [strong(effect_by_name(name)) for name in ("eddy_current_lag", "core_saturation")]
+    both = [usual(effect_by_name(name)) for name in ("eddy_current_lag", "core_saturation")]
     one, other = (with_effects(levitation_model, order) for order in (both, both[::-1]))
     d, i = anywhere(levitation_model, 20, reach=0.0)
     x = np.column_stack([d, np.full(20, 0.1), i, np.full((20, 2), 0.1)])

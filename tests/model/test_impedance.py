@@ -6,18 +6,13 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
+from support.added_effects import added
 from support.eddies import with_eddies
 
 LAG = {"ring_share": 0.3, "diffusion_share": 0.1, "time_s": 2e-3}
-
-
-def lagging(**parameters):
-    return AddedEffect(all_effects()["eddy_current_lag"], LAG | parameters)
 
 
 def test_without_eddy_currents_it_is_the_resistance_and_the_inductance(levitation_model):
@@ -37,7 +32,7 @@ def test_what_is_no_frequency_is_refused(levitation_model, frequency):
 
 def test_a_lag_of_the_flux_shows_as_its_own_equation_of_states_says(levitation_model):
     """A sinusoidal current through the states' rates, integrated until it is periodic: flux linkage over current."""
-    lag, nominal = lagging(), nominal_of(levitation_model)
+    lag, nominal = added("eddy_current_lag", **LAG), nominal_of(levitation_model)
     f, small, steps, periods = 80.0, 1e-3, 2000, 8
     w, dt = 2.0 * np.pi * f, 1.0 / f / steps
     memory, p = lag.memory, lag.parameters
@@ -63,7 +58,7 @@ def test_a_lag_of_the_flux_shows_as_its_own_equation_of_states_says(levitation_m
 
 
 def test_a_lag_is_passive_and_vanishes_at_low_frequency(levitation_model):
-    model = with_effects(levitation_model, [lagging()])
+    model = with_effects(levitation_model, [added("eddy_current_lag", **LAG)])
     z = model.impedance(0.022, 0.5, np.geomspace(1e-2, 1e5, 40))
     assert (np.diff(z.real) > 0.0).all()
     assert z[0] == pytest.approx(levitation_model.impedance(0.022, 0.5, 1e-2), rel=1e-6)
@@ -75,8 +70,10 @@ def test_a_bench_reads_the_same_impedance(levitation_model):
     f = np.array([np.nan, 20.0, 300.0])
     d, i = np.full(3, 0.022), np.full(3, 0.5)
     at = Conditions(nominal_of(levitation_model), frequency_Hz=f)
-    read = predict_readings(levitation_model, d, i, at, [lagging()], ("inductance_H", "resistance_ohm"))
-    z = with_effects(levitation_model, [lagging()]).impedance(d[1:], i[1:], f[1:])
+    read = predict_readings(
+        levitation_model, d, i, at, [added("eddy_current_lag", **LAG)], ("inductance_H", "resistance_ohm")
+    )
+    z = with_effects(levitation_model, [added("eddy_current_lag", **LAG)]).impedance(d[1:], i[1:], f[1:])
     np.testing.assert_allclose(read["resistance_ohm"][1:], z.real, rtol=1e-9)
     np.testing.assert_allclose(read["inductance_H"][1:], z.imag / (2.0 * np.pi * f[1:]), rtol=1e-4)  # of a table
     assert read["inductance_H"][0] == pytest.approx(levitation_model.inductance(0.022, 0.5), rel=1e-9)
@@ -102,7 +99,7 @@ def test_eddy_currents_are_the_short_circuited_windings_of_the_equations_of_moti
 def test_a_bench_reads_eddy_currents_beside_effects(levitation_model):
     model = with_eddies(levitation_model)
     f, d, i = np.array([20.0, 300.0, 5e3]), np.full(3, 0.022), np.full(3, 0.5)
-    turns = AddedEffect(all_effects()["turns"], {"turns_error": 0.04})
+    turns = added("turns", turns_error=0.04)
     changed = with_effects(model, [turns])
     at = Conditions(nominal_of(model), frequency_Hz=f)
     read = predict_readings(model, d, i, at, [turns], ("inductance_H", "resistance_ohm"))

@@ -1,6 +1,6 @@
 """The levitation paper's force tables: linearity with its statistics right, and why its literal box is infeasible."""
 
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -128,8 +128,9 @@ def test_the_box_on_coefficients_alone_is_feasible_and_reports_its_active_bound(
     assert any("d^-2" in word and "upper" in word for word in fit.limits.active(fit.joint))
 
 
-def test_one_command_prints_the_tables(tmp_path, renew):
+def test_one_command_prints_the_tables(tmp_path, renew, capsys, monkeypatch):
     write_sweep_table(force_table(lambda d, i: paper_force(d, i) + 1e-3 * np.cos(300 * d)), tmp_path)
-    script = Path(__file__).with_name("chowdhury_force.py")
-    done = subprocess.run([sys.executable, script, tmp_path], capture_output=True, text=True, check=True)
-    check_snapshot("paper-force", done.stdout, renew=renew, least=12)
+    script = str(Path(__file__).with_name("chowdhury_force.py"))
+    monkeypatch.setattr(sys, "argv", [script, str(tmp_path)])
+    runpy.run_path(script, run_name="__main__")
+    check_snapshot("paper-force", capsys.readouterr().out, renew=renew, least=12)

@@ -8,7 +8,6 @@ import pytest
 import femfit.simulation.design
 import femfit.simulation.lost_loop
 from femfit.core.errors import DomainError
-from femfit.device.electrics import PositionSensor
 from femfit.simulation.adjust import choose
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.controllers import design_backstepping
@@ -20,15 +19,6 @@ from femfit.simulation.study import closed_loop_study
 
 LATE = 40
 """Samples of 0.5 ms, two thirds of the time in which the body runs away by a factor e."""
-
-
-@pytest.fixture(scope="module")
-def optical(levitation_model):
-    """The rig with a position sensor of 20 um, at 22 mm where its body runs away with 33 1/s."""
-    laser = PositionSensor(
-        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
-    )
-    return replace(levitation_model, sensor=None, other_sensors=(laser,), reference_distances_m=(0.022,))
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +74,7 @@ def test_a_controller_whose_linear_loop_grows_is_none_of_the_design(growing):
     assert growing.why_no("backstepping")
 
 
+@pytest.mark.nightly
 def test_the_default_is_the_controller_with_the_largest_margin_and_holds(optical, late):
     loop = close_loop(optical, latency=LATE, runs=2, seconds=0.5)
     margins = {name: worst_of(late.margins(name, "ukf4")) for name in CONTROLLERS}

@@ -139,6 +139,7 @@ def test_a_filter_that_allows_for_an_error_of_the_commands_pays_for_the_margin_w
         assert worst_of(design.margins(name, "ekf")).modulus > worst_of(trusting.margins(name, "ekf")).modulus
 
 
+@pytest.mark.nightly
 def test_the_rigs_thin_loop_is_called_thin_with_what_takes_its_margin(levitation_model, sensed, tmp_path):
     """At 30 mm the rig's Hall element has a zero in the unstable half plane, which bounds every controller."""
     bound = blind_bound(design_loop(levitation_model).bench("ekf"))

@@ -8,17 +8,12 @@ import pytest
 
 from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import SplitController
-from femfit.simulation.design import CONTROLLERS, design_loop
+from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.loop_text import gains_text
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from femfit.simulation.targets import Reference
 from femfit.simulation.tune import design_pid
-
-
-@pytest.fixture(scope="module")
-def design(levitation_model):
-    return design_loop(levitation_model)
 
 
 def closed_loop_poles(model, controller, distance):

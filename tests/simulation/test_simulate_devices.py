@@ -48,7 +48,10 @@ DRIVES = {
 }
 
 
-@pytest.mark.parametrize("drive", [*list(DRIVES)[:3], pytest.param(list(DRIVES)[3], marks=pytest.mark.nightly)])
+LONG = [pytest.param(name, marks=pytest.mark.nightly) for name in DRIVES if name != "amplifier"]
+
+
+@pytest.mark.parametrize("drive", ["amplifier", *LONG])
 def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball, drive):
     loop = close_loop(driven(ball, **DRIVES[drive]), runs=2, seconds=0.9, recorded=1)
     assert loop.held == 2, loop
@@ -92,6 +95,7 @@ def test_an_amplifier_follows_its_command_as_its_bandwidth_and_voltage_allow(bal
     assert slow == pytest.approx(at_full, rel=1e-12)
 
 
+@pytest.mark.nightly
 def test_a_body_that_springs_hold_has_a_position_loop(levitation_model):
     """A stiff spring makes every rest stable; the reference still asks for other places."""
     motion = replace(
@@ -109,6 +113,7 @@ def test_a_body_that_springs_hold_has_a_position_loop(levitation_model):
         assert loop.tracking_rms_m.median < 1e-4
 
 
+@pytest.mark.nightly
 def test_a_body_on_a_stop_at_the_end_was_not_held(ball):
     """Without gain it falls to its far stop, stays there and is named; the stop is within the model's distances."""
     motion = replace(ball.motion, far_stop=Stop(0.024), near_stop=Stop(0.0155))
@@ -139,6 +144,7 @@ def test_a_sensor_that_the_model_does_not_have_is_refused_by_name(ball):
         design_loop(replace(ball, other_sensors=(replace(LASER, maximum=1.0),)))
 
 
+@pytest.mark.nightly
 def test_a_bearing_is_held_by_the_direct_measurement_of_a_hall_element_that_all_currents_reach():
     entry = {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}
     fitted = fit_model(table_with_hall(Symmetric(), entry, noise_V=1e-4)).model

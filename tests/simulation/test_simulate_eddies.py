@@ -1,13 +1,12 @@
 """Closed loops about a device with eddy currents or effects."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from femfit.device.electrics import Drive
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.exponential_step import extrapolated_step
 from femfit.model.with_effects import with_effects
@@ -18,6 +17,7 @@ from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.sensor import SensorErrors, loop_sensors
 from femfit.simulation.targets import reference_steps
+from support.added_effects import added
 from support.eddies import with_eddies
 from support.halves import cut_in_two
 from support.solenoids import solenoid
@@ -117,11 +117,6 @@ def test_runs_with_forces_of_their_own_step_as_each_alone_does(levitation_model)
 STEPS = 300
 
 
-def added(name, **values):
-    effect = effect_by_name(name)
-    return AddedEffect(effect, effect.null() | values)
-
-
 EFFECTS = [
     added("eddy_current_lag", ring_share=0.2, diffusion_share=0.1),
     added("hysteresis", width_medium=0.02),
@@ -154,12 +149,12 @@ def held(truth, believed, observer, seed=0):
 @pytest.fixture(scope="module")
 def knowing(levitation_model):
     truth = with_effects(levitation_model, EFFECTS)
-    return {observer: held(truth, truth, observer) for observer in ("ukf", "ukf4")}
+    return functools.cache(lambda observer: held(truth, truth, observer))
 
 
-@pytest.mark.parametrize("observer", ["ukf", "ukf4"])
+@pytest.mark.parametrize("observer", ["ukf", pytest.param("ukf4", marks=pytest.mark.nightly)])
 def test_a_filter_that_knows_the_effects_is_consistent(knowing, observer):
-    found = knowing[observer]
+    found = knowing(observer)
     # 1200 innovations: three standard errors are 0.12; the converter's rounding is within the noise
     assert 0.82 < found.normalised_innovation_squared.mean() < 1.12
     assert np.abs(found.estimate_bias_m).mean() < 60e-6
@@ -167,8 +162,8 @@ def test_a_filter_that_knows_the_effects_is_consistent(knowing, observer):
 
 def test_a_filter_that_does_not_know_them_sees_the_body_elsewhere(levitation_model, knowing):
     ignorant = held(with_effects(levitation_model, EFFECTS), levitation_model, "ukf")
-    assert ignorant.estimate_rms_m.mean() > 3.0 * knowing["ukf"].estimate_rms_m.mean()
-    assert ignorant.normalised_innovation_squared.mean() > knowing["ukf"].normalised_innovation_squared.mean()
+    assert ignorant.estimate_rms_m.mean() > 3.0 * knowing("ukf").estimate_rms_m.mean()
+    assert ignorant.normalised_innovation_squared.mean() > knowing("ukf").normalised_innovation_squared.mean()
 
 
 def test_a_scaled_force_scales_the_plant_with_effects_as_well(levitation_model):

@@ -9,7 +9,6 @@ import pytest
 from femfit.core.errors import DomainError
 from femfit.model.json_file import write_model
 from femfit.model.validity import ValidityBox
-from femfit.simulation.adjust import adjusted
 from femfit.simulation.close_loop import close_loop, run_loops
 from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
@@ -20,16 +19,12 @@ from femfit.simulation.summary import series_columns
 SUPPORT = 300
 
 
-@pytest.fixture(scope="module")
-def design(levitation_model):
-    return design_loop(levitation_model)
-
-
 def run(design, *experiments, runs=4, steps=600, seed=1, **options):
     options = {"supported_steps": SUPPORT, "windows": (slice(steps // 2, steps),), **options}
     return run_experiments(design, experiments, np.random.default_rng(seed), runs=runs, steps=steps, **options)
 
 
+@pytest.mark.nightly
 def test_both_controllers_follow_8_mm_steps_on_every_filter(design):
     filters = [name for name in OBSERVERS if name != "direct"]
     experiments = [Experiment(c, f, design.targets_m) for c in CONTROLLERS for f in filters]
@@ -141,10 +136,12 @@ def advice(model, **options):
     return close_loop(model, runs=4, seconds=0.2, targets_m=(0.022,), **{"estimator": "ukf", **options}).advice
 
 
+@pytest.mark.nightly
 def test_a_loop_lost_for_want_of_a_filter_is_advised_to_take_one(levitation_model):
     assert "Use a filter" in advice(levitation_model, estimator="direct", noise=0.012)
 
 
+@pytest.mark.nightly
 def test_the_advice_never_names_what_is_done_already(levitation_model):
     """Noise of a volt on 0.9 V of signal: a filter is in the loop, and the model is the plant's."""
     words = advice(levitation_model, noise=1.0)
@@ -156,6 +153,7 @@ def test_a_fault_that_was_asked_for_is_named_as_the_cause(levitation_model):
     assert "sensor stuck" in advice(levitation_model, stuck_after_s=0.05)
 
 
+@pytest.mark.nightly
 def test_a_fault_is_no_cause_alone_where_the_loop_is_lost_without_it(levitation_model):
     """Without a filter the body falls, sensor stuck or not: neither of them alone is to blame."""
     words = advice(levitation_model, estimator="direct", noise=0.012, stuck_after_s=0.05)
@@ -164,6 +162,7 @@ def test_a_fault_is_no_cause_alone_where_the_loop_is_lost_without_it(levitation_
     assert "sensor stuck" in words
 
 
+@pytest.mark.nightly
 def test_a_rare_loss_is_tried_on_the_runs_that_were_lost(levitation_model):
     """Of 20 runs with dropouts a few are lost; four other runs would hold with the dropouts too."""
     design = design_loop(replace(levitation_model, reference_distances_m=(0.030,)))
@@ -179,14 +178,6 @@ def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
     lost = close_loop(levitation_model, plant=strong, runs=4, seconds=0.5, targets_m=(0.026,), estimator="ukf")
     assert lost.held == 0
     assert "difference between plant and model" in lost.advice
-
-
-def test_gains_that_do_not_fit_are_named_as_the_cause(levitation_model):
-    design = design_loop(levitation_model)
-    lame = adjusted(design, "pid", gains={name: 0.05 * design.pid.parts[name] for name in ("kp", "ki", "kd")})
-    lost = run_loops(lame, Experiment("pid", "ukf4", (0.022,)), np.random.default_rng(1), runs=4, duration_s=1.0)
-    assert lost.held == 0
-    assert lost.advice.startswith("The gains given")
 
 
 def test_a_name_from_a_model_file_does_not_steer_the_terminal(levitation_model):
@@ -232,7 +223,3 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
 def test_a_loop_that_cannot_be_run_is_refused_with_what_can(levitation_model, wrong, named):
     with pytest.raises(DomainError, match=named):
         close_loop(levitation_model, **{"targets_m": (0.022,), "runs": 1, "seconds": 0.01, **wrong})
-
-
-def test_a_single_run_is_said_as_one(levitation_model):
-    assert "of 1 run of" in str(close_loop(levitation_model, targets_m=(0.022,), runs=1, seconds=0.01))

@@ -180,6 +180,7 @@ def test_the_controllers_ask_for_no_current_that_the_model_does_not_cover(levita
     assert limited(model, at_end, np.array([[30.0]]))[0, 0] == model.circuit.voltage_max_V
 
 
+@pytest.mark.nightly
 def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_can_follow(levitation_model):
     # An air coil: a twelfth of the inductance, R/L of 2000 rad/s at a period of 0.5 ms.
     fast = replace(
@@ -193,6 +194,7 @@ def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_
     assert abs(design.pid.filter_pole) < 1.0
 
 
+@pytest.mark.nightly
 def test_a_coil_that_settles_within_three_samples_is_held(levitation_model):
     circuit = replace(levitation_model.circuit, resistance_ohm=100.0, voltage_max_V=110.0, voltage_min_V=20.0)
     loop = design_loop(replace(levitation_model, circuits=(circuit,)))

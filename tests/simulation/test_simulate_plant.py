@@ -7,23 +7,14 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.model.dynamics import runge_kutta_step, state_derivative
+from femfit.model.dynamics import runge_kutta_step
 from femfit.model.json_file import write_model
-from femfit.model.magnetics import Magnetics
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from support.command import femfit
-
-
-class NoField(Magnetics):
-    """A coil of 10 mH that pulls nothing."""
-
-    def _derivatives(self, distance, current, orders):
-        values = {(0, 2): 0.01}
-        return [np.full(np.broadcast_shapes(distance.shape, current.shape), values.get(o, 0.0)) for o in orders]
+from support.solenoids import NoField
 
 
 def trajectory(model, state, voltage, steps, substeps=1):
@@ -31,13 +22,6 @@ def trajectory(model, state, voltage, steps, substeps=1):
     for _ in range(steps):
         states.append(runge_kutta_step(model, states[-1], voltage, model.sample_time_s, substeps))
     return np.array(states)
-
-
-def test_a_body_without_field_falls_by_half_g_t_squared(levitation_model):
-    model = replace(levitation_model, magnetics=NoField())
-    fallen = trajectory(model, np.array([[0.02, 0.0, 0.0]]), np.zeros(1), 100)[-1, 0]
-    time, g = 100 * model.sample_time_s, model.motion.gravity_m_s2
-    assert fallen[:2] == pytest.approx([0.02 + 0.5 * g * time**2, g * time], rel=1e-12)  # RK4 is exact on parabolas
 
 
 @pytest.mark.parametrize("series_H", [0.0, 0.03])
@@ -52,24 +36,6 @@ def test_a_coil_without_motion_charges_with_the_time_constant_l_over_r(levitatio
     # RK4 with R h/L = 0.13 a step: (0.13)^5/120 = 3e-7 a step
     charged = (1.0 - np.exp(-resistance / (0.01 + series_H) * time)) / resistance
     assert [states[-1, 0, 2], state[0, 2]] == pytest.approx([charged, charged], rel=1e-5)
-
-
-@pytest.mark.parametrize("distance", [0.022, 0.026, 0.030])
-def test_the_operating_point_is_at_rest(levitation_model, distance):
-    point = operating_point(levitation_model, distance)
-    rate = state_derivative(levitation_model, np.array([[distance, 0.0, point.current_A]]), np.array([point.voltage_V]))
-    assert np.abs(rate).max() < 1e-9  # m/s^2 and A/s, against 9.8 and 50
-
-
-def test_halving_the_step_divides_the_error_by_sixteen(levitation_model):
-    model = replace(levitation_model, sample_time_s=8e-3)
-    start, voltage = np.array([[0.024, 0.05, 0.3]]), np.array([1.5])
-    exact = trajectory(model, start, voltage, 1, substeps=256)[-1]
-    errors = [np.abs(trajectory(model, start, voltage, 1, substeps=n)[-1] - exact).max(axis=0) for n in (2, 4, 8)]
-    orders = np.log2([errors[0] / errors[1], errors[1] / errors[2]])
-    # fourth order; the spline's breaks disturb it a little
-    assert np.all(orders > 3.7)
-    assert np.all(orders < 4.5)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])
@@ -126,6 +92,7 @@ def warm(levitation_model):
     return replace(levitation_model, circuits=(circuit,), name="warm")
 
 
+@pytest.mark.nightly
 def test_the_model_itself_as_plant_changes_nothing(levitation_model):
     own, none = (held(levitation_model, plant, runs=1, seconds=0.1) for plant in (levitation_model, None))
     assert own.estimate_rms_m == none.estimate_rms_m
@@ -147,6 +114,7 @@ def test_a_plant_that_cannot_hold_its_body_there_is_refused(levitation_model):
         held(levitation_model, heavy)
 
 
+@pytest.mark.nightly
 def test_the_command_takes_the_plant_from_a_file(levitation_model, warm, tmp_path):
     for name, model in (("model", levitation_model), ("plant", warm)):
         write_model(model, tmp_path / f"{name}.json")

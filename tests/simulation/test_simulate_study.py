@@ -21,6 +21,7 @@ def study(levitation_model):
     return closed_loop_study(levitation_model, seed=1)
 
 
+@pytest.mark.nightly
 def test_the_steps_compare_direct_measurement_and_filter_for_all_controllers(study):
     rms = {(row.controller, row.measurement): row.rms_m for row in study.steps}
     assert set(rms) == {(c, m) for c in CONTROLLERS for m in ("direct", "ukf")}
@@ -29,6 +30,7 @@ def test_the_steps_compare_direct_measurement_and_filter_for_all_controllers(stu
         assert rms[controller, "direct"] > 4.5 * rms[controller, "ukf"]
 
 
+@pytest.mark.nightly
 def test_filters_reach_the_noise_bound_at_both_ends_of_the_range(study):
     assert len(study.holds) == 12
     for row in study.holds:
@@ -37,6 +39,7 @@ def test_filters_reach_the_noise_bound_at_both_ends_of_the_range(study):
         assert row.ratio == pytest.approx(row.bound, rel=0.18)  # 6 % statistical: 16 runs of ten time constants
 
 
+@pytest.mark.nightly
 def test_normalised_innovations_lie_in_their_band(study):
     inside = [row.innovation_band.contains(row.normalised_innovation_squared) for row in study.holds]
     # each of six independent holds (UKF and EKF share theirs) leaves a 95 % band once in twenty
@@ -44,6 +47,7 @@ def test_normalised_innovations_lie_in_their_band(study):
     assert all(abs(row.normalised_innovation_squared - 1.0) < 0.04 for row in study.holds)  # 16 runs of 600
 
 
+@pytest.mark.nightly
 def test_ekf_equals_ukf_at_rest_and_is_worse_only_in_acquisition(study):
     by_filter = {f: [row.filtered_rms_m for row in study.holds if row.filter == f] for f in ("ukf", "ekf")}
     np.testing.assert_allclose(by_filter["ekf"], by_filter["ukf"], rtol=0.02)
@@ -63,6 +67,7 @@ def faults(study, observer, **fields):
     ]
 
 
+@pytest.mark.nightly
 def test_without_a_filter_the_body_is_lost_at_once(study):
     raw = faults(study, "direct")
     assert len(raw) == 6
@@ -71,6 +76,7 @@ def test_without_a_filter_the_body_is_lost_at_once(study):
         assert row.last_loss_s < 0.3
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("offset", [-0.02, 0.02])
 def test_the_fourth_state_holds_a_hall_offset_within_micrometres(study, offset):
     rows = faults(study, "ukf4", offset=offset)
@@ -82,6 +88,7 @@ def test_the_fourth_state_holds_a_hall_offset_within_micrometres(study, offset):
     assert all("FILTER_DIVERGED" in row.outcomes for row in faults(study, "ukf", offset=0.02))
 
 
+@pytest.mark.nightly
 def test_one_per_cent_of_force_costs_a_tenth_of_a_millimetre(study):
     rows = faults(study, "ukf", force_scale=1.01)
     off = [row.estimate_bias_m for row in rows]
@@ -94,6 +101,7 @@ def test_one_per_cent_of_force_costs_a_tenth_of_a_millimetre(study):
         assert abs(row.position_bias_m) < factor * row.estimate_bias_m
 
 
+@pytest.mark.nightly
 def test_series_and_spectra_are_there_to_be_drawn(study):
     assert [(s.controller, s.observer) for s in study.series] == [(name, "ukf") for name in CONTROLLERS]
     for series in study.series:
@@ -106,6 +114,7 @@ def test_series_and_spectra_are_there_to_be_drawn(study):
         assert pair.filtered_m[fast].mean() < 0.1 * pair.direct_m[fast].mean()
 
 
+@pytest.mark.nightly
 def test_the_study_says_first_which_controllers_hold_and_knows_no_paper(study):
     first, *others = str(study).splitlines()
     assert "backstepping" in first
@@ -122,6 +131,7 @@ def test_loops_that_are_all_lost_have_no_spectrum_and_no_warning(levitation_mode
     assert study.spectra == ()
 
 
+@pytest.mark.nightly
 def test_a_study_says_what_it_lacks_and_tells_no_number_that_there_is_not(study, monkeypatch):
     """A body that is stable has no bound, a controller that was not found a reason, a shift within its error none."""
     row = next(row for row in study.faults if np.isfinite(row.position_shift_m))
@@ -177,6 +187,7 @@ def test_what_a_study_must_leave_out_is_known_from_its_design(turning):
     assert "it turns at 36.8 mm" in design_loop(turning).why_no_direct
 
 
+@pytest.mark.nightly
 def test_a_coil_slower_than_the_body_gets_a_loop_of_its_current(levitation_model, sluggish):
     """A position loop alone has hardly any margin there: its poles sum up to the coil's."""
     assert design_loop(levitation_model).pid.current_gain_ohm == 0.0

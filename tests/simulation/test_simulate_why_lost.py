@@ -5,22 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.device.electrics import PositionSensor
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop_text import design_lines
 from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.why_lost import hardware_limit, reach, short_of_room
-
-
-@pytest.fixture(scope="module")
-def optical(levitation_model):
-    """The rig with a position sensor of 20 um, at 22 mm where its body runs away with 33 1/s."""
-    laser = PositionSensor(
-        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3, minimum=0.0, maximum=10.0, bits=14
-    )
-    return replace(levitation_model, sensor=None, other_sensors=(laser,), reference_distances_m=(0.022,))
 
 
 def run(model, **options):
@@ -48,6 +38,7 @@ def test_gains_are_named_where_other_gains_hold(optical):
     assert words.startswith("The gains given")
 
 
+@pytest.mark.nightly
 def test_a_latency_that_the_linear_loop_does_not_bear_comes_before_the_driver(optical):
     """A stronger driver would hold these runs for a while: the loop grows about its rest, and so reaches any limit."""
     words = lost(optical, latency=80, seconds=1.5)
@@ -59,6 +50,7 @@ def test_a_latency_that_the_linear_loop_does_not_bear_comes_before_the_driver(op
     assert bench.growth(controller) < 0.0 < late.growth(controller)
 
 
+@pytest.mark.nightly
 def test_a_latency_that_a_slower_loop_bears_is_designed_for(optical):
     """20 ms are 0.7 of the time in which the body runs away by a factor e."""
     design = design_loop(optical, latency=40)

@@ -56,6 +56,7 @@ def command_rms(design):
     return result.series.commands[400:, :, 0].std()
 
 
+@pytest.mark.nightly
 def test_the_share_of_noise_grows_with_the_time_between_readings_as_runs_do(slow, prompt):
     one, other = (design.margins("backstepping", "ekf")[0].noise_share for design in (slow, prompt))
     # 16 runs of 0.3 s about a loop of 24 rad/s know their rms to some 5 % each

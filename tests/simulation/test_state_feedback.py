@@ -8,13 +8,7 @@ from scipy.linalg import solve_discrete_are
 
 from femfit.core.errors import DomainError
 from femfit.simulation.adjust import adjusted
-from femfit.simulation.design import design_loop
 from femfit.simulation.operating_point import feedback_gain, solve_riccati
-
-
-@pytest.fixture(scope="module")
-def design(levitation_model):
-    return design_loop(levitation_model)
 
 
 @pytest.mark.parametrize("latency", [0, 2])

@@ -116,11 +116,10 @@ def with_catalogues_effects(model):
 @pytest.mark.parametrize(
     ("change", "steps", "filters"),
     [
-        (lambda model: model, 200, 2),
-        (with_catalogues_effects, 100, 1),
-        (lambda model: with_eddies(model, (2e-4, 5e-5)), 100, 2),
+        pytest.param(lambda model: model, 200, 2, id="as fitted"),
+        pytest.param(with_catalogues_effects, 100, 1, id="with effects", marks=pytest.mark.nightly),
+        pytest.param(lambda model: with_eddies(model, (2e-4, 5e-5)), 100, 2, id="with eddy currents"),
     ],
-    ids=["as fitted", "with effects", "with eddy currents"],
 )
 def test_closed_loops_in_a_bare_environment_equal_femfits(
     levitation_model, bare_paths, tmp_path, change, steps, filters

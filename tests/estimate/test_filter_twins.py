@@ -1,0 +1,96 @@
+"""One run by the quick step, by the general path and in a batch has the same numbers, whatever model and sensors."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
+from femfit.estimate.kalman_filter import kalman_filter
+from support.added_effects import under_effects
+from support.eddies import with_eddies
+from support.halves import cut_in_two
+from support.pickups import searched
+from support.readings import LASER
+from support.solenoids import solenoid
+
+SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
+SEVERAL = (SHUNT, LASER, AccelerationSensor(name="mems", noise=0.5), ForceSensor(name="cell", noise=0.02))
+RUNS, STEPS = 3, 45
+
+
+def free(sensors):
+    mechanics = replace(solenoid().motion, near_stop=None, far_stop=None)
+    return replace(solenoid(mechanics), sample_time_s=1e-4, other_sensors=sensors)
+
+
+def halves(rig):
+    return cut_in_two(replace(rig, sensor=None, other_sensors=(LASER, replace(SHUNT, circuit="inner"))))
+
+
+def with_pickup(_):
+    model = searched(noise=2e-3)
+    return replace(model, other_sensors=(*model.other_sensors, SHUNT))
+
+
+CASES = {
+    "hall": (lambda rig: rig, {}),
+    "bias of the hall element": (lambda rig: rig, {"hall_bias": True}),
+    "effects": (lambda rig: under_effects(rig, ("core_saturation", {"mmf_loss_3": 0.02})), {}),
+    "eddy currents": (with_eddies, {}),
+    "laser and current": (lambda _: free(SEVERAL), {"sensors": ("laser", "current")}),
+    "bias of the force": (lambda _: free(SEVERAL), {"sensors": ("cell", "mems", "current"), "biases": ("cell",)}),
+    "pickup coil": (with_pickup, {"sensors": ("search", "current")}),
+    "halves": (halves, {}),
+}
+
+
+def a_record(filter_, first, volts):
+    """Readings (steps, runs, sensors) of motions by the filter's own process; of several sensors some are missing."""
+    generator, process = np.random.default_rng(3), filter_.process
+    states, readings = filter_.start(first, runs=RUNS).mean.copy(), []
+    states[:, 0] += 1e-5 * np.arange(RUNS)
+    for given in volts:
+        states = process.transition(states, given)
+        read = np.stack([output.measure(states) for output in process.outputs], axis=1)
+        readings.append(read + generator.standard_normal(read.shape) * [o.variance**0.5 for o in process.outputs])
+    result = np.array(readings)
+    if result.shape[2] > 1:
+        result[::3, :, 0] = np.nan
+        result[::5] = np.nan
+    return result
+
+
+def assert_same(state, wanted, run, tolerance):
+    """In standard deviations."""
+    deviation = np.sqrt(np.diagonal(wanted.covariance[0]))
+    np.testing.assert_allclose(state.mean[run] / deviation, wanted.mean[0] / deviation, rtol=0.0, atol=tolerance)
+    scale = deviation[:, None] * deviation
+    np.testing.assert_allclose(state.covariance[run] / scale, wanted.covariance[0] / scale, rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose(state.innovation[run], wanted.innovation[0], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+@pytest.mark.parametrize("name", CASES)
+def test_the_quick_step_the_general_path_and_a_batch_agree(name, kind, levitation_model):
+    make, options = CASES[name]
+    model = make(levitation_model)
+    filter_, n = kalman_filter(model, kind, **options), len(model.circuits)
+    first = [3.5e-3, 0.0, 0.1] if model.sample_time_s == 1e-4 else [0.022, 0.0, *[0.32] * n]
+    first = [*first, *[0.0] * (len(model.state_names) - len(first))]
+    rest = model.resistances_ohm * (first[2] if n else 0.0)
+    volts = rest + np.random.default_rng(5).uniform(-0.2, 0.2, (STEPS, RUNS, n))
+    volts = volts[..., 0] if n == 1 else volts
+    readings = a_record(filter_, first, volts)
+    readings = readings[..., 0] if readings.shape[2] == 1 else readings
+    batch = filter_.start(first, runs=RUNS)
+    for given, read in zip(volts, readings, strict=True):
+        batch = filter_.step(batch, given, read)
+    assert not batch.diverged.any()
+    for run in range(RUNS):
+        alone = general = filter_.start(first)
+        for given, read in zip(volts[:, run], readings[:, run], strict=True):
+            alone = filter_.step(alone, given, read)
+            general = filter_.update(filter_.predict(general, given), read)
+        assert_same(alone, general, 0, 1e-6)
+        assert_same(batch, general, run, 1e-6)  # summation order may differ with the batch's size; nothing else
