@@ -76,23 +76,27 @@ def test_sigma_points_lie_as_far_out_as_without_eddy_currents(levitation_model, 
     assert reached[1] == pytest.approx(reached[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("circuits", [1, 2])
-def test_the_jacobians_of_a_process_are_those_of_differences(levitation_model, circuits):
+@pytest.mark.parametrize(
+    ("circuits", "eddied", "hall_bias"), [(1, True, False), (2, True, False), (1, False, False), (1, False, True)]
+)
+def test_the_jacobians_of_a_process_are_those_of_differences(levitation_model, circuits, eddied, hall_bias):
     base = with_two_sensors(levitation_model)
-    model = with_eddies(base if circuits == 1 else with_two_sensors(cut_in_two(base)))
-    process = levitation_process(model, sensors=("hall", "shunt") if circuits == 1 else ("shunt",))
-    generator = np.random.default_rng(4)
-    states = resting(model) + generator.normal(size=(20, model.order)) * state_scale(model) * 0.02
+    model = base if circuits == 1 else with_two_sensors(cut_in_two(base))
+    model = with_eddies(model) if eddied else model
+    sensors = ("hall", "shunt") if circuits == 1 else ("shunt",)
+    process = levitation_process(model, sensors=sensors, hall_bias=hall_bias)
+    generator, scale = np.random.default_rng(4), np.append(state_scale(model), [0.5] * hall_bias)
+    states = resting(model, process.order) + generator.normal(size=(20, process.order)) * scale * 0.02
     volts = generator.uniform(0.0, 2.0, (20, circuits))
     volts = volts[:, 0] if circuits == 1 else volts
-    repeated = np.concatenate([volts] * (2 * model.order))
-    slopes = central_differences(lambda x: process.transition(x, repeated), states, state_scale(model))
+    repeated = np.concatenate([volts] * (2 * process.order))
+    slopes = central_differences(lambda x: process.transition(x, repeated), states, scale)
     found = process.state_jacobian(states, volts)
     size = np.abs(slopes).max(axis=0) + 1e-12
     size[0] += 1e-4  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
     assert (np.abs(found - slopes) / size).max() < 1e-6
     for output in process.outputs:
-        slope = central_differences(lambda x, o=output: o.measure(x)[:, None], states, state_scale(model))[:, 0]
+        slope = central_differences(lambda x, o=output: o.measure(x)[:, None], states, scale)[:, 0]
         np.testing.assert_allclose(process.output_jacobian(states, output), slope, atol=1e-6 * np.abs(slope).max())
 
 

@@ -185,28 +185,6 @@ def test_batched_cholesky_equals_numpys_and_names_each_failure():
     assert np.isnan(factor[[7, 9]]).all()
 
 
-@pytest.mark.parametrize("hall_bias", [False, True])
-def test_analytic_jacobians_of_the_process_equal_central_differences(levitation_model, hall_bias):
-    process = levitation_process(levitation_model, hall_bias=hall_bias)
-    count, order = 30, process.order
-    states = np.stack(
-        [RANDOM.uniform(0.018, 0.04, count), RANDOM.normal(scale=0.1, size=count), RANDOM.uniform(0.1, 1.2, count)]
-        + [RANDOM.normal(scale=0.01, size=count)] * hall_bias,
-        axis=1,
-    )
-    inputs = RANDOM.uniform(0.5, 3.0, count)
-    (hall,) = process.outputs
-    plain = replace(process, transition_jacobian=None, outputs=(replace(hall, jacobian=None),))
-    scale = np.array([1e-4, 1e-2, 1e-2, 1e-2])[:order]  # typical deviations of the states
-    found = plain.state_jacobian(states, inputs) * scale / scale[:, None]
-    exact = process.state_jacobian(states, inputs) * scale / scale[:, None]
-    # Central differences with steps of eps^(1/3): about eps^(2/3) = 4e-11, times d'' / d of steep forces.
-    np.testing.assert_allclose(found, exact, atol=1e-6)
-    np.testing.assert_allclose(
-        plain.output_jacobian(states, *plain.outputs) * scale, process.output_jacobian(states, hall) * scale, atol=1e-9
-    )
-
-
 @pytest.mark.parametrize("size", [0.0, 1e-13, 1e-9, 1e-3])
 def test_central_differences_do_not_lose_their_digits_near_zero(size):
     found = central_differences(lambda x: 9.80665 - 5.0 * x, np.array([[size]]), np.array([0.02]))

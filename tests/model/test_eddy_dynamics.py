@@ -44,24 +44,6 @@ def one_ring(model, coupling=0.4, inductance=2e-3, linkage=0.0):
     return replace(model, eddy=ring)
 
 
-def test_a_step_of_voltage_on_a_winding_with_one_ring_is_the_closed_form(levitation_model):
-    """Two linked circuits: sums of two exponentials, from the eigenvalues of L^-1 R."""
-    model = held(one_ring(levitation_model))
-    ohms, static = model.circuit.resistance_ohm, float(model.inductance(DISTANCE_M, 0.0))
-    whole = np.array([[static, 0.4 * static], [0.4 * static, 0.16 * static + 2e-3]])
-    decay = np.linalg.solve(whole, np.diag([ohms, 1.0]))
-    rates, modes = np.linalg.eig(decay)
-    final = np.array([1.0, 0.0])
-    start, volts, step = np.array([[DISTANCE_M, 0.0, 0.0, 0.0]]), np.array([ohms]), 0.7e-3
-    state = coarse = start
-    for k in range(1, 30):
-        state = runge_kutta_step(model, state, volts, step, 20)
-        coarse = exponential_step(model, coarse, volts, step)
-        wanted = final - modes @ (np.exp(-rates * k * step) * np.linalg.solve(modes, final))
-        np.testing.assert_allclose(state[0, 2:], wanted, atol=1e-7)
-        np.testing.assert_allclose(coarse[0, 2:], wanted, atol=1e-10)  # exact, whatever the step
-
-
 def test_a_ring_takes_inductance_away_as_in_a_transformer(levitation_model):
     """Z = R + j w L (1 - k^2 j w T / (1 + j w T)): L falls to L (1 - k^2), R grows."""
     model = one_ring(levitation_model)

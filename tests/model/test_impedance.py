@@ -80,22 +80,6 @@ def test_a_bench_reads_the_same_impedance(levitation_model):
     assert read["resistance_ohm"][0] == pytest.approx(levitation_model.circuit.resistance_ohm, rel=1e-12)
 
 
-def test_eddy_currents_are_the_short_circuited_windings_of_the_equations_of_motion(levitation_model):
-    model = with_eddies(levitation_model)
-    d, i, f = np.array([0.02, 0.03]), 0.5, np.array([[10.0], [500.0], [2e4]])
-    z = model.impedance(d, i, f)
-    currents = np.zeros((2, 1 + model.eddy.count))
-    currents[:, 0] = i
-    inductance, r = model.windings.magnetics.inductance(d, currents), np.diag(model.windings.resistances_ohm)
-    voltage = np.zeros(len(r))
-    voltage[0] = 1.0
-    for row, w in enumerate(2.0 * np.pi * f[:, 0]):
-        admittance = np.linalg.solve(r + 1j * w * inductance, np.broadcast_to(voltage[:, None], (2, len(r), 1)))
-        np.testing.assert_allclose(z[row], 1.0 / admittance[:, 0, 0], rtol=1e-10)
-    assert (np.diff(z.real, axis=0) > 0.0).all()
-    assert (z.real[0] > levitation_model.circuit.resistance_ohm).all()
-
-
 def test_a_bench_reads_eddy_currents_beside_effects(levitation_model):
     model = with_eddies(levitation_model)
     f, d, i = np.array([20.0, 300.0, 5e3]), np.full(3, 0.022), np.full(3, 0.5)

@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.numerics import central_differences
-from femfit.device.mechanics import Mechanics
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.distance_table import ERROR, distance_table
-from femfit.model.dynamics import hall_voltage, state_scale
+from femfit.model.dynamics import hall_voltage
 from femfit.model.eddy_currents import EddyHall
 from femfit.model.exponential_step import exponential_jacobian, exponential_step
 from femfit.model.hall import SensedField
@@ -61,32 +59,6 @@ def test_a_step_from_the_table_is_that_of_the_eigenvalues(levitation_model, circ
     assert (np.abs(slopes - exact) / size).max() < 1e-5
 
 
-def test_states_of_any_shape_take_the_same_step(levitation_model):
-    model = with_eddies(levitation_model)
-    states, volts = states_of(model, 0.015, 0.045, 6)
-    wanted = exponential_step(model, states, volts, 1e-3)
-    shaped = exponential_step(model, states.reshape(2, 3, -1), volts.reshape(2, 3), 1e-3)
-    np.testing.assert_array_equal(shaped.reshape(6, -1), wanted)
-    np.testing.assert_allclose(exponential_step(model, states[0], volts[0], 1e-3), wanted[0], rtol=1e-13)
-
-
-@pytest.mark.parametrize("times", PATTERNS)
-@pytest.mark.parametrize("step", [1e-5, 5e-4, 0.05])
-def test_a_step_without_voltage_makes_no_energy(levitation_model, times, step):
-    """What currents and motion have together falls by what the resistances take, however long the step."""
-    model = with_eddies(levitation_model, times)
-    model = replace(model, motion=Mechanics(1e9, 0.0))
-    states, volts = states_of(model, 0.01, 0.05)
-    states[:, 1] = 0.0
-    inductance = model.windings.magnetics.inductance(states[:, 0], states[:, 2:]) + model.windings.series_H
-
-    def energy(x):
-        return 0.5 * np.einsum("nj,njk,nk->n", x[:, 2:], inductance, x[:, 2:])
-
-    before, after = energy(states), energy(exponential_step(model, states, 0.0 * volts, step))
-    assert (after < before).all()
-
-
 def test_saturating_iron_has_no_table():
     linear = solenoid()
     spline = linear.magnetics.spline
@@ -97,10 +69,6 @@ def test_saturating_iron_has_no_table():
     for magnetics, has_one in ((linear.magnetics, True), (replace(linear.magnetics, spline=curved), False)):
         model = with_eddies(replace(linear, magnetics=magnetics), (8e-3, 2e-3))
         assert (step_table(model.windings, model.sample_time_s) is not None) == has_one
-
-
-def test_a_model_without_eddy_currents_has_no_table(levitation_model):
-    assert step_table(levitation_model.windings, levitation_model.sample_time_s) is None
 
 
 @pytest.mark.parametrize("circuits", [1, 2])
@@ -134,16 +102,6 @@ def test_a_plant_whose_runs_have_forces_of_their_own_steps_by_eigenvalues(levita
     np.testing.assert_allclose(found[:2], plain[:2], rtol=1e-8)
     assert abs(found[2, 1] - plain[2, 1]) > 1e-6
     np.testing.assert_array_equal(hall_voltage(scaled, states), hall_voltage(model, states))
-
-
-def test_the_slope_of_a_table_is_a_difference_quotient(levitation_model):
-    model = with_eddies(levitation_model)
-    table, distance = step_table(model.windings, 5e-4).table, np.linspace(0.016, 0.044, 11)
-    slopes = central_differences(
-        lambda d: table.values(d[:, 0], table.cell(d[:, 0])).T, distance[:, None], state_scale(model)[:1]
-    )[..., 0].T
-    found = table.slopes(distance, table.cell(distance))
-    np.testing.assert_allclose(found, slopes, atol=1e-6 * np.abs(slopes).max(axis=1, keepdims=True).max())
 
 
 def test_a_table_is_as_good_as_asked_and_leaves_out_what_is_not_smooth():
