@@ -6,8 +6,9 @@ In a template a paragraph is one printed line, however it is broken; ``>`` befor
 import re
 from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+from femfit.core.results import Finding, Severity
 from femfit.core.text import amount, amount_in, amount_range, counted, probability, rounded, weighed_amount
 from femfit.effects.words import describe, range_of, size_of
 from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE
@@ -22,6 +23,13 @@ def sentence(template: str, macro: str, *facts: Any) -> str:
     """The text that a macro of a template makes of facts, in one line; empty where it has nothing to say."""
     module = _environment().get_template(f"{template}.j2").module
     return " ".join(_lines(str(getattr(module, macro)(*facts))))
+
+
+def finding(code: str, column: str = "", size: float | None = None, words: str = "", **facts: Any) -> Finding:
+    """A finding whose severity, text and remedy stand under its code, or under other words, in ``findings.j2``."""
+    macro = getattr(_environment().get_template("findings.j2").module, words or code.replace("-", "_"))
+    severity, text, remedy = (*_lines(str(macro(facts))), "")[:3]
+    return Finding(code, cast("Severity", severity), text, remedy, size, column)
 
 
 def printed(template: str, **facts: Any) -> str:

@@ -17,7 +17,6 @@ from scipy import stats
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
-from femfit.core.text import amount, counted
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
@@ -28,7 +27,7 @@ from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.checked_refit import left_out_groups
 from femfit.identify.refit.refit import Refit, Start, bounded_amplitudes
 from femfit.identify.signatures import CHANGES_NOTHING, EffectColumns, effect_columns, why_untestable
-from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.identify.words import finding
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,21 +61,6 @@ class Campaign:
         return Campaign(observations, whitening, pattern_space(observations, whitening), effects, self.untestable)
 
 
-NO_NOISE = Finding(
-    "no-noise",
-    "warning",
-    "The noise is unknown: none is declared, repeats are missing or too few to tell it from offsets between runs, and "
-    "too few readings stand on lines of one distance or current to guess it from their smoothness.",
-    "Measure some settings twice in one run, or declare the noise: --noise force_N=2e-4.",
-)
-TOO_FEW = Finding(
-    "too-few-readings",
-    "warning",
-    "The readings are too few to be tested: every channel has fewer than six.",
-    "Measure more settings, or a longer record.",
-)
-
-
 def considered_effects(
     exclude: Sequence[str] = (), circuits: Sequence[str] = (), drawn: Sequence[Effect] = ()
 ) -> list[Effect]:
@@ -100,11 +84,11 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
     noise = estimate_noise(observations)
     if noise is None:
         constant = constant_readings(never_varying(observations))
-        return constant[0] if constant else NO_NOISE
+        return constant[0] if constant else finding("no-noise")
     whitening = Whitening.granting(observations, noise)
     patterns = pattern_space(observations, whitening)
     if not patterns.groups:
-        return TOO_FEW
+        return finding("too-few-readings")
     untestable: dict[str, str] = {}
     every: list[EffectColumns] = []
     for effect in effects:
@@ -121,59 +105,37 @@ def gather(observations: Observations, effects: Sequence[Effect]) -> Campaign | 
 def campaign_remarks(campaign: Campaign) -> list[Finding]:
     """Say which channels cannot be tested, which never vary, and where the noise was guessed or repeats replaced it."""
     tested = set(campaign.patterns.patterns.channel.tolist())
+    observations, noise = campaign.observations, campaign.noise
     few = [
-        Finding(
-            "too-few-readings",
-            "warning",
-            f"The {CHANNEL_WORDS.get(name, name)} has {counted(int(campaign.observations.of(name).sum()), 'reading')}, "
-            "too few to be tested by themselves; they count beside the others.",
-            column=name,
-        )
-        for c, name in enumerate(campaign.observations.channels)
+        finding("too-few-readings", name, name=name, readings=int(observations.of(name).sum()))
+        for c, name in enumerate(observations.channels)
         if c not in tested
     ]
-    observations, noise, replaced = campaign.observations, campaign.noise, []
-    for c, name in enumerate(observations.channels):
-        if name in observations.declared_noise and noise.source[name] == "repeats":
-            declared = amount(observations.declared_noise[name], name)
-            samples = f"the {declared} that its samples show"
-            rejected = f"the declared {declared}" if observations.noise_source == "declared" else samples
-            text = (
-                f"The noise of the {CHANNEL_WORDS[name]} was taken as {amount(float(noise.sigma[c]), name)} from "
-                f"{counted(round(noise.repeats[c]), 'repeat')}, not as {rejected}, which they contradict."
-            )
-            replaced.append(Finding("declared-noise", "info", text, column=name))
+    replaced = [
+        finding(
+            "declared-noise",
+            name,
+            name=name,
+            declared=observations.declared_noise[name],
+            source=observations.noise_source,
+            sigma=float(noise.sigma[c]),
+            repeats=round(noise.repeats[c]),
+        )
+        for c, name in enumerate(observations.channels)
+        if name in observations.declared_noise and noise.source[name] == "repeats"
+    ]
     return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise)]
 
 
 def constant_readings(names: Iterable[str]) -> list[Finding]:
     """Say which channels read the same at every repeat, so that their repeats show no noise."""
-    return [
-        Finding(
-            "never-varies",
-            "warning",
-            f"The readings of the {CHANNEL_WORDS[name]} never vary where a setting was repeated: the sensor is dead, "
-            "its resolution is coarser than its noise, or rows were copied. Its repeats were not used as its noise.",
-            f"Check the sensor; if it lives, declare its resolution in a .toml beside the data ([noise] {name} = ...).",
-            column=name,
-        )
-        for name in names
-    ]
+    return [finding("never-varies", name, name=name) for name in names]
 
 
 def guessed_noises(noise: NoiseModel) -> list[Finding]:
     """Say that the noise is a guess, where nothing tells it."""
-    guesses = [name for name, source in noise.source.items() if source == "guess"]
-    if not guesses:
-        return []
-    sizes = ", ".join(f"{CHANNEL_WORDS[name]} {amount(noise.floor[name], name)}" for name in guesses)
-    text = (
-        "No noise is declared, and repeats are missing or too few to tell it from offsets between runs. The noise of "
-        "one reading was guessed, on the wide side, from how smoothly the misfit runs from setting to setting: "
-        f"{sizes}. All of this rests on it."
-    )
-    remedy = "Measure some settings twice in one run, or declare the noise with --noise CHANNEL=STANDARD DEVIATION."
-    return [Finding("guessed-noise", "warning", text, remedy)]
+    sizes = {name: noise.floor[name] for name, source in noise.source.items() if source == "guess"}
+    return [finding("guessed-noise", sizes=sizes)] if sizes else []
 
 
 def detectable_magnitudes(campaign: Campaign, level: float) -> dict[str, dict[str, float]]:

@@ -32,6 +32,7 @@ from femfit.identify.noise.components import simulated_noise
 from femfit.identify.readings.bench import placed
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Refit, is_plausible
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.tables.measurement import Measurement
@@ -141,11 +142,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
     remarks = campaign_remarks(campaign)
     if decision.posterior.ended:
         count = sum(explanation.fit is not None for explanation in decision.posterior.explanations.values())
-        untried = "there may be others as probable, which were judged to first order alone."
-        remedy = "Exclude effects that cannot be, or measure more."
-        remarks.append(
-            Finding("search-ended", "info", f"{count} explanations were fitted; {untried}", remedy, size=count)
-        )
+        remarks.append(finding("search-ended", size=count, count=count))
     where = Where("", (), "The model fits.")
     if decision.verdict != "nothing_missing":
         where = where_it_fails(observations, campaign.whitening)

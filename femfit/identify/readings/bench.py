@@ -6,14 +6,14 @@ Of a bench table these are the readings that can be compared, and what the effec
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding, remembered
-from femfit.core.text import amount, counted
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
@@ -31,6 +31,7 @@ from femfit.identify.readings.settings import (
     without_bias,
 )
 from femfit.identify.series.observations import series_observations
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_table import RepeatedCoenergy
 from femfit.model.readings import predict_readings
@@ -51,25 +52,17 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         placed_rows &= np.isfinite(table.rows["frequency_Hz"].to_numpy())
     inside = placed_rows & within_domain(model, d, i)
     if not placed_rows.all():
-        subject = _rows(~placed_rows, "without distance, current or frequency")
-        findings.append(Finding("no-setting", "info", f"{subject} left out."))
-    if (placed_rows & ~inside).any():
-        text = f"{_rows(placed_rows & ~inside, 'outside of the validity domain of the model')} left out."
-        if model.validity.distance_min_m > 0.0 and (d[placed_rows] <= 0.0).any():
-            text += f" Distances go down to {amount(d[placed_rows].min(), 'm')}; they count from the fixed part's face."
-        findings.append(Finding("outside-domain", "info", text, "Sweep and fit a wider range to use them."))
+        findings.append(finding("no-setting", rows=int((~placed_rows).sum())))
+    if outside := int((placed_rows & ~inside).sum()):
+        nearest = float(d[placed_rows].min())
+        beyond_the_face = model.validity.distance_min_m > 0.0 >= nearest
+        findings.append(finding("outside-domain", rows=outside, nearest=nearest, beyond_the_face=beyond_the_face))
     box = model.without_effects.validity
     beyond = inside & ~within_currents(box, i)
     if beyond.any():
-        why = "the model's co-energy is quadratic in the current"
-        why = why if model.without_effects.kind is None else "the drawn iron is linear"
-        ranges = " and ".join(f"{amount(low, 'A')} to {amount(high, 'A')}" for low, high in box.current_limits_A)
-        text = (
-            f"{int(beyond.sum())} of {int(inside.sum())} rows have currents outside of the model's range, "
-            f"{ranges}. They are compared all the same: {why}, and was carried on to them. Iron that saturates there "
-            "shows as a misfit."
-        )
-        findings.append(Finding("extrapolated", "warning", text, "Sweep and fit a wider range."))
+        counts: dict[str, Any] = {"beyond": int(beyond.sum()), "rows": int(inside.sum())}
+        quadratic, limits = model.without_effects.kind is None, box.current_limits_A.tolist()
+        findings.append(finding("extrapolated", **counts, quadratic=quadratic, limits=limits))
     if not inside.any():
         raise TableError(nothing_in_domain(model, table))
     measured = table.rows[inside].reset_index(drop=True)
@@ -135,16 +128,10 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
 def _remarks(declared: Mapping[str, float], nominal: Nominal, channels: tuple[str, ...]) -> list[Finding]:
     """How the uncertainty of the settings was used, and what readings were taken for where a spring is drawn."""
     remarks, words = [], {"distance_m": "distance", "current_A": "current"}
-    settings = [f"the {words[name]} to {amount(declared[name], name)}" for name in words if name in declared]
-    if settings:
-        text = f"Each reading was set to {' and '.join(settings)} (declared); its noise includes what that makes of it."
-        remarks.append(Finding("uncertain-setting", "info", text))
+    if settings := [(words[name], name, declared[name]) for name in words if name in declared]:
+        remarks.append(finding("uncertain-setting", settings=settings))
     if nominal.springs is not None and "force_N" in channels:
-        text = (
-            "The drawing has a spring. The readings were compared with the magnetic force alone. If your force sensor "
-            "carries the spring as well, spring_in_force is missing."
-        )
-        remarks.append(Finding("drawn-spring", "info", text, column="force_N"))
+        remarks.append(finding("drawn-spring", "force_N"))
     return remarks
 
 
@@ -181,11 +168,6 @@ class _BenchPrediction:
 def _coenergy(prediction: _BenchPrediction) -> RepeatedCoenergy:
     """The base model's."""
     return RepeatedCoenergy(base_coenergy(prediction.model))
-
-
-def _rows(which: BoolArray, words: str) -> str:
-    count = int(which.sum())
-    return f"{counted(count, 'row')} {words} {'were' if count > 1 else 'was'}"
 
 
 def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.DataFrame:

@@ -19,24 +19,26 @@ differ, |L(d, i) - L(d, b)| / L, of the induced voltage.
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from femfit.core.numerics import BIAS_SHARE, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import resistance_column
-from femfit.core.text import amount, amount_range, counted
+from femfit.core.text import amount_range
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import COLUMN_STEP, FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
 from femfit.identify.readings.observations import Observations
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.eddy_currents import EddyBias
 from femfit.model.impedance import SHORTED
 from femfit.model.readings import predict_readings
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.impedance import SERIES
-from femfit.tables.measurement import CHANNEL_WORDS, IMPEDANCE_SHARE
+from femfit.tables.measurement import IMPEDANCE_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +120,14 @@ def _finding(
         of_circuits = [f" in {name.removeprefix('current_').removesuffix('_A')}" for name in names] or [""]
         return " and ".join(a + b for a, b in zip(each, of_circuits, strict=True))
 
-    text = (
-        f"{counted(len(rows), 'row')} of impedances were read at {said(currents)}; the model's eddy currents hold "
-        f"about {said(held)}. What the iron's other permeability does there is allowed for"
-    )
     least = [float(f"{median:.3g}") for median in np.median(currents[rows], axis=0)]
-    asked = least[0] if len(least) == 1 else least
-    if bias.materials:
-        text += f", and looks like another conductivity of {' and '.join(bias.materials)}"
-    remedy = f"To tell that, measure at {said(held)}, or sweep with eddy_bias_A = {asked} under [solver] and fit again."
-    return Finding("eddy-bias", "warning", f"{text}.", remedy, size=float(len(rows)), column="current_A")
+    facts: dict[str, Any] = {
+        "read": said(currents),
+        "held": said(held),
+        "asked": least[0] if len(least) == 1 else least,
+    }
+    facts |= {"asked": least[0] if len(least) == 1 else least, "materials": bias.materials}
+    return finding("eddy-bias", "current_A", float(len(rows)), rows=len(rows), **facts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,21 +175,12 @@ def weighed_by_magnitude(
         (error.impedance or 0.0) / np.sqrt(3.0) if error is not None else 0.0
     )  # of errors that are evenly spread
     quantities = dict.fromkeys(parts_of(name)[0] for name in names)
-    usual_text = [f"{amount(float(getattr(nominal, of)), of)} for the {CHANNEL_WORDS[of]}" for of in quantities]
-    text = (
-        "An instrument's errors of an impedance go with its magnitude |Z|. Errors in ohm and henry hold for "
-        f"{' and '.join(usual_text)}."
-    )
-    findings, frequency = [Finding("weighed", "info", text)], np.asarray(conditions.frequency_Hz)
+    usual_sizes = [(of, float(getattr(nominal, of))) for of in quantities]
+    findings, frequency = [finding("weighed", usual=usual_sizes)], np.asarray(conditions.frequency_Hz)
     beyond = 0 if error is None else int((frequency > (1.0 + FREQUENCY_SLACK) * error.frequency_max_Hz).sum())
     if error is not None and beyond:  # there the model's eddy currents were not held against the field
-        text = (
-            f"{counted(beyond, 'reading lies', 'readings lie')} above "
-            f"{amount(error.frequency_max_Hz, 'frequency_Hz')}, up to which the model's eddy currents were held "
-            f"against the field; they go up to {amount(float(frequency.max()), 'frequency_Hz')}."
-        )
-        remedy = "Check the column's unit, leave them out, or sweep and fit with higher [solver] frequency_Hz."
-        findings.append(Finding("frequency-range", "warning", text, remedy, size=float(beyond), column="frequency_Hz"))
+        facts: dict[str, Any] = {"beyond": beyond, "held": error.frequency_max_Hz, "highest": float(frequency.max())}
+        findings.append(finding("frequency-range", "frequency_Hz", float(beyond), **facts))
     return Weighing(
         {name: usual[name] / size[name] for name in names},
         usual,

@@ -6,13 +6,14 @@ distance where the readings would then fit the model far better.
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy import optimize
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
-from femfit.core.text import amount, rounded
+from femfit.core.text import rounded
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.estimate.record_checks import suspect_settings
@@ -30,6 +31,7 @@ from femfit.identify.constants import (
     WRONG_FACTOR,
 )
 from femfit.identify.readings.settings import current_names, currents_in, with_leading_current
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor
 from femfit.model.magnetics import CoenergySpline
@@ -43,13 +45,6 @@ from femfit.tables.units import LEAST_READINGS, OTHER_SIGN, common_factors, othe
 
 Predict = Callable[[FloatArray, FloatArray], Mapping[str, FloatArray]]
 
-_CAUSES = {
-    "force_N": "a unit, a lever of the scale, or one half of a symmetric drawing",
-    "inductance_H": "the number of turns, a unit, or a bridge's frequency at which eddy currents lower it",
-    "flux_linkage_Wb": "the number of turns, or the flux of one turn",
-    "hall_V": "the sensitivity of the Hall element, or its place",
-}
-
 
 def suspected_dead(name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
     """Suspect a channel that reads one value while the model's changes by more than a part of it."""
@@ -58,13 +53,8 @@ def suspected_dead(name: str, read: FloatArray, usual: FloatArray) -> Finding | 
         return None
     if not float(np.std(predicted)) > WELL * abs(float(values[0])):
         return None
-    low, high = (amount(float(end), name) for end in (predicted.min(), predicted.max()))
-    weight = ", or a weight held in balance" if name == "force_N" and values[0] else ""
-    text = (
-        f"{name} reads {amount(float(values[0]), name)} in all {len(values)} rows, where the model's goes from {low} "
-        f"to {high}: a dead channel{weight}."
-    )
-    return Finding("suspected-dead", "warning", text, "Check the sensor and its cable.", float(values[0]), name)
+    facts: dict[str, Any] = {"value": float(values[0]), "low": float(predicted.min()), "high": float(predicted.max())}
+    return finding("suspected-dead", name, float(values[0]), name=name, rows=len(values), **facts)
 
 
 def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
@@ -76,12 +66,8 @@ def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: F
         return None
     if not _exactly(read, usual, zero + factor * (usual - zero)):
         return None
-    cause = _CAUSES.get(name, "")
-    if name in {"voltage_V", "resistance_ohm"} and circuit is not None:
-        ohms = amount(factor * circuit.resistance_ohm, "ohm")
-        cause = f"a resistance of {ohms} instead of {amount(circuit.resistance_ohm, 'ohm')}, with leads or a resistor"
-    text = f"{name} is {rounded(factor)} times the model's at every setting: {cause or 'a unit'}."
-    return Finding("suspected-scale", "warning", text, "Correct the column or the drawing.", factor, name)
+    ohms = None if circuit is None else circuit.resistance_ohm
+    return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
 
 
 def suspected_weight(model: ActuatorModel, name: str, read: FloatArray, usual: FloatArray) -> Finding | None:
@@ -89,13 +75,9 @@ def suspected_weight(model: ActuatorModel, name: str, read: FloatArray, usual: F
     if name != "force_N" or model.motion is None:
         return None
     weight = abs(model.motion.mass_kg * model.motion.gravity_m_s2)
-    for sign, words, remedy in ((1.0, "more", "Subtract it."), (-1.0, "less", "Add it.")):
+    for sign in (1.0, -1.0):
         if weight > 0.0 and _exactly(read, usual, usual + sign * weight):
-            text = (
-                f"force_N is {words} than the model's by the weight of the moving part, {amount(weight, 'N')}, at "
-                "every setting: it is the force of a scale, not that of the actuator."
-            )
-            return Finding("suspected-weight", "warning", text, remedy, sign * weight, name)
+            return finding("suspected-weight", name, sign * weight, sign=sign, weight=weight)
     return None
 
 
@@ -138,12 +120,7 @@ def suspected_zero(
     usual_range = max(abs(end) for end in effect_by_name("distance_offset").parameters[0].plausible)
     if abs(shift) < BEYOND_MOUNTING * usual_range or not minimum.fun < min(WELL, EXACTLY * before):
         return None
-    text = (
-        f"distance_m seems to be counted from another place: with {amount(shift, 'distance_m')} added to each distance "
-        "the readings would fit the model."
-    )
-    remedy = "Count distances from the electromagnet's face to the nearest face of the moving part."
-    return Finding("suspected-zero", "warning", text, remedy, shift, "distance_m")
+    return finding("suspected-zero", "distance_m", shift, shift=shift)
 
 
 def _exactly(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> bool:
@@ -170,12 +147,8 @@ def plausible_table(model: ActuatorModel, table: BenchTable) -> BenchTable:
         sensor, values = model.sensor, rows["hall_V"].to_numpy()
         ended = at_ends_of_range(sensor, values)
         if count := int(ended.sum()):
-            text = (
-                f"{count} reading{'s' * (count > 1)} of hall_V at the ends of the output's range "
-                f"({sensor.output_min_V:g} to {sensor.output_max_V:g} V) {'were' if count > 1 else 'was'} set aside: "
-                "there it is clipped."
-            )
-            clipped.append(Finding("clipped", "info", text, size=float(count), column="hall_V"))
+            ends: dict[str, Any] = {"low": sensor.output_min_V, "high": sensor.output_max_V}
+            clipped.append(finding("clipped", "hall_V", float(count), readings=count, **ends))
             rows = rows.assign(hall_V=np.where(ended, np.nan, values))
     table = replace(table, rows=rows, findings=(*table.findings, *suspected, *clipped))
     if suspected or doubted:

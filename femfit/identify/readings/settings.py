@@ -17,6 +17,7 @@ from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, resistance_column
 from femfit.identify.constants import LEAST_GAPS, NEAR_STEPS, SAME_LINE, SAME_READING, SAME_SETTING, WHOLE
 from femfit.identify.readings.observations import Observations, once_for_settings
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
 from femfit.tables.circuit_columns import parts_of
@@ -35,8 +36,7 @@ def hall_not_compared(model: ActuatorModel, columns: Sequence[str]) -> tuple[Fin
     """That a recorded Hall voltage of several circuits is left out, where it is."""
     if not model.validity.further_A or "hall_V" not in columns:
         return ()
-    text = "hall_V is neither compared nor diagnosed: with several circuits no effect on a Hall element is known."
-    return (Finding("hall-not-compared", "info", text, "femfit observe reads it.", column="hall_V"),)
+    return (finding("hall-not-compared", "hall_V"),)
 
 
 def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:

@@ -14,13 +14,12 @@ import numpy as np
 
 from femfit.core.errors import TableError, UsageError
 from femfit.core.numerics import ABSOLUTE_ZERO_C
+from femfit.core.results import Finding
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.identify.comparison.lack_of_fit import pattern_space
 from femfit.identify.decision.allowances import beyond_noise
-from femfit.identify.decision.campaign import NO_NOISE, TOO_FEW, guessed_noises
+from femfit.identify.decision.campaign import gather, guessed_noises
 from femfit.identify.decision.diagnosis import Diagnosis
-from femfit.identify.noise.components import estimate_noise
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.bench import measurement_of, placed
 from femfit.identify.readings.observations import Observations
@@ -235,13 +234,10 @@ def _split(
 
 def whitening_beside(observations: Observations) -> Whitening:
     """The noise of readings beside the model without what is refitted; TableError where it is unknown."""
-    noise = estimate_noise(observations)
-    if noise is None:
-        raise TableError(str(NO_NOISE))
-    whitening = Whitening.granting(observations, noise)
-    if not pattern_space(observations, whitening).groups:
-        raise TableError(str(TOO_FEW))
-    return whitening
+    campaign = gather(observations, ())
+    if isinstance(campaign, Finding):
+        raise TableError(str(campaign))
+    return campaign.whitening
 
 
 def _at_temperature(

@@ -27,6 +27,7 @@ from femfit.identify.noise.whitening import NoiseModel, Whitening, random_column
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.refit import Refit, Start, refit, starting_point
 from femfit.identify.signatures import effect_columns, why_untestable
+from femfit.identify.words import finding
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +120,7 @@ def with_tolerances(whitening: Whitening, alone: CheckedRefit, base: Base) -> tu
     ).values()
     testable = [e for e in tolerances if e.name not in alone.fit.names and not why_untestable(e, observations)]
     visible = [effect for effect in testable if effect_columns(effect, observations)]
-    dropped = [
-        Finding("tolerance-dropped", "info", f"{effect.name} changes no reading here, so it was not fitted beside.")
-        for effect in testable
-        if effect not in visible
-    ]
+    dropped = [finding("tolerance-dropped", name=effect.name) for effect in testable if effect not in visible]
     if base == "never" or not visible:
         return alone, [] if base == "never" else dropped
     start = [*starting_point(observations, whitening, visible, at_null=True), *_restart(alone.fit)]
@@ -147,16 +144,7 @@ def checked_refit(
     if any(start_kept.count < start_full.count for start_kept, start_full in zip(identified, fit.start, strict=True)):
         fit = refit(observations, whitening, identified, fixed=fixed, prior_sd=prior_sd)
     error = unseen_error(observations, whitening.noise, _restart(fit), fixed, prior_sd)
-    findings = tuple(
-        Finding(
-            "not-settled",
-            "warning",
-            f"{name} had not settled within the longest run: the new model runs with what these data showed, "
-            "not with where it would settle.",
-            "Record longer, or measure its end by itself.",
-        )
-        for name in fixed
-    )
+    findings = tuple(finding("not-settled", name=name) for name in fixed)
     return CheckedRefit(fit, error, findings)
 
 

@@ -21,7 +21,6 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import flux_columns
-from femfit.core.text import amount
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
@@ -51,9 +50,10 @@ from femfit.identify.series.noise import successive_scatter
 from femfit.identify.series.samples import Samples, take_samples
 from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import base_coenergy, nominal_of
-from femfit.tables.measurement import CHANNEL_WORDS, TimeSeries
+from femfit.tables.measurement import TimeSeries
 
 
 def series_observations(model: ActuatorModel, series: TimeSeries) -> Observations:
@@ -259,14 +259,6 @@ def _with_scatter(observations: Observations) -> Observations:
         shown, declared = successive_scatter(scatter, follows, basis), noise.get(name, np.nan)
         if np.isfinite(shown) and not shown <= max(RESTLESS, 1.0 + MEDIAN_CHANCE / np.sqrt(len(follows))) * declared:
             noise[name] = shown
-            more = f", {shown / declared:.1f} times what the sensors' noise makes" if np.isfinite(declared) else ""
-            findings.append(
-                Finding(
-                    "restless",
-                    "info",
-                    f"The {CHANNEL_WORDS[name]} scatters by {amount(shown, name)} from one short window to the next"
-                    f"{more}; this was taken as its noise.",
-                    column=name,
-                )
-            )
+            times = shown / declared if np.isfinite(declared) else None
+            findings.append(finding("restless", name, name=name, shown=shown, times=times))
     return replace(observations, declared_noise=noise, findings=(*observations.findings, *findings))

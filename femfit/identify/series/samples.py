@@ -15,7 +15,6 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import voltage_columns
-from femfit.core.text import counted
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
 from femfit.estimate.record import white_noise
 from femfit.estimate.record_checks import given_voltage, suspect_settings
@@ -23,6 +22,7 @@ from femfit.estimate.rests import Rest, find_rests
 from femfit.identify.readings.plausible import at_ends_of_range, within_domain
 from femfit.identify.readings.settings import current_names, currents_in, leading_current
 from femfit.identify.series.constants import EVEN, ON_STOP
+from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensed_effects import true_setting_of
 from femfit.model.sensors import reading_of, sensors_of
@@ -88,14 +88,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
         raise TableError(_nowhere(model, series, distance[recorded], current[recorded]))
     outside = int((recorded & ~usable).sum())
     if outside:
-        findings.append(
-            Finding(
-                "outside-domain",
-                "info",
-                f"{counted(outside, 'sample lies', 'samples lie')} outside of the validity domain of "
-                "the model; no stretch over them is used.",
-            )
-        )
+        findings.append(finding("outside-domain", words="samples_outside_domain", samples=outside))
     time, segment = rows["time_s"].to_numpy(), rows["segment"].to_numpy()
     *noises_A, noise_m = (
         series.declared_noise.get(name, white_noise(columns[name], segment)) for name in (*currents, "distance_m")
@@ -111,8 +104,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     if model.sensor is not None:
         ended = at_ends_of_range(model.sensor, columns["hall_V"])
         if ended.any():
-            text = f"{int(ended.sum())} Hall voltages stand at an end of the range and count as missing."
-            findings.append(Finding("clipped", "info", text, column="hall_V"))
+            findings.append(finding("clipped", "hall_V", words="clipped_samples", samples=int(ended.sum())))
             columns["hall_V"][ended] = np.nan
     return Samples(
         time=time,
