@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Conditions
@@ -93,30 +94,17 @@ _CLOSE = 0.01
 """Levels closer than this part of the range are one that was met again."""
 
 
-@dataclass(frozen=True)
-class MapCell:
-    """One cell of a map."""
-
-    at: tuple[float, ...]
-    # Mean and rms of recorded minus predicted, in the channel's unit
-    mean: float
-    rms: float
-    readings: int
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MisfitMap:
     """Recorded minus predicted of one channel over one or two coordinates."""
 
     channel: str
     along: tuple[str, ...]
-    cells: tuple[MapCell, ...]
+    cells: pd.DataFrame  # Coordinates, ``mean`` and ``rms`` in the channel's unit, and ``readings``
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: one list a coordinate."""
-        columns = {name: [cell.at[k] for cell in self.cells] for k, name in enumerate(self.along)}
-        for key in ("mean", "rms", "readings"):
-            columns[key] = [getattr(cell, key) for cell in self.cells]
+        columns = {str(name): values.tolist() for name, values in self.cells.items()}
         return {"channel": self.channel, "along": list(self.along), **columns}
 
 
@@ -142,9 +130,8 @@ def _map(observations: Observations, channel: str, here: IntArray, along: tuple[
     cell = np.unique(codes, axis=1, return_inverse=True)[1]
     count = np.bincount(cell)
     mean, rms = np.bincount(cell, residual) / count, np.sqrt(np.bincount(cell, residual**2) / count)
-    centres = np.stack([np.bincount(cell, x) / count for x in coordinates], axis=1)
-    rows = zip(centres.tolist(), mean.tolist(), rms.tolist(), count.tolist(), strict=True)
-    return MisfitMap(channel, along, tuple(MapCell(tuple(centre), *values) for centre, *values in rows))
+    centres = {name: np.bincount(cell, x) / count for name, x in zip(along, coordinates, strict=True)}
+    return MisfitMap(channel, along, pd.DataFrame({**centres, "mean": mean, "rms": rms, "readings": count}))
 
 
 def _bins(x: FloatArray, *, keep: bool) -> IntArray:

@@ -17,21 +17,12 @@ from typing import Self
 import numpy as np
 from scipy import sparse
 
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import FloatArray, IntArray
 from femfit.identify.comparison.patterns import own_misfit_columns
 from femfit.identify.constants import SAME_SETTING
+from femfit.identify.noise.contrasts import Chain
 from femfit.identify.readings.observations import Observations, WithoutCache, once_for_settings
 from femfit.identify.readings.settings import levels, setting_cells
-
-
-@dataclass(frozen=True, eq=False)
-class Chains:
-    """Where each reading's predecessor in its run stands."""
-
-    # Index of the reading before it in the same channel and run; its own where there is none; shape (M,)
-    before: IntArray
-    first: BoolArray  # Whether there is none; shape (M,)
-    gap: FloatArray  # Steps since then, at least 1; shape (M,)
 
 
 @once_for_settings
@@ -90,7 +81,7 @@ def rough_misfit(observations: Observations) -> list[tuple[IntArray, FloatArray]
     return [(np.unique(each, return_inverse=True)[1], observations.tolerance)]
 
 
-def chains_of(observations: Observations) -> Chains:
+def chains_of(observations: Observations) -> Chain:
     """Link the readings of each channel and run in their sequence."""
     run, order = observations.column("run"), sequence(observations)
     sorting = np.lexsort((order, run, observations.channel))
@@ -101,7 +92,7 @@ def chains_of(observations: Observations) -> Chains:
     steps = np.diff(order[sorting])[same]
     if observations.clocked and len(steps) and np.median(steps) == 1.0:
         gap[sorting[1:][same]] = np.maximum(steps, 1.0)
-    return Chains(before, first, gap)
+    return Chain(before, first, gap)
 
 
 @dataclass(frozen=True, eq=False)

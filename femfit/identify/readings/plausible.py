@@ -64,7 +64,7 @@ def suspected_factor(model: ActuatorModel, name: str, read: FloatArray, usual: F
     factor = ratio(read - zero, usual - zero)
     if factor is None or 1.0 / WRONG_FACTOR < abs(factor) < WRONG_FACTOR:
         return None
-    if not _exactly(read, usual, zero + factor * (usual - zero)):
+    if not _explains(read, usual, zero + factor * (usual - zero), EXACTLY, None):
         return None
     ohms = None if circuit is None else circuit.resistance_ohm
     return finding("suspected-scale", name, factor, name=name, factor=factor, resistance_ohm=ohms)
@@ -76,7 +76,7 @@ def suspected_weight(model: ActuatorModel, name: str, read: FloatArray, usual: F
         return None
     weight = abs(model.motion.mass_kg * model.motion.gravity_m_s2)
     for sign in (1.0, -1.0):
-        if weight > 0.0 and _exactly(read, usual, usual + sign * weight):
+        if weight > 0.0 and _explains(read, usual, usual + sign * weight, EXACTLY, None):
             return finding("suspected-weight", name, sign * weight, sign=sign, weight=weight)
     return None
 
@@ -121,14 +121,6 @@ def suspected_zero(
     if abs(shift) < BEYOND_MOUNTING * usual_range or not minimum.fun < min(WELL, EXACTLY * before):
         return None
     return finding("suspected-zero", "distance_m", shift, shift=shift)
-
-
-def _exactly(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> bool:
-    here = np.isfinite(read)
-    if here.sum() < LEAST_READINGS:
-        return False
-    before, after = (float(np.sum((read - values)[here] ** 2)) for values in (usual, candidate))
-    return after < EXACTLY**2 * before
 
 
 def ratio(read: FloatArray, usual: FloatArray) -> float | None:
@@ -248,15 +240,19 @@ def _candidates(name: str, predicted: FloatArray, sensor: HallSensor | None) -> 
     return result
 
 
-def _explains(read: FloatArray, usual: FloatArray, candidate: FloatArray) -> bool:
-    """Whether a candidate leaves far less than the prediction as it stands, and little of the readings' spread."""
+def _explains(
+    read: FloatArray,
+    usual: FloatArray,
+    candidate: FloatArray,
+    of_misfit: float = CLEARLY,
+    of_spread: float | None = WELL,
+) -> bool:
+    """Whether a candidate leaves less than these parts of the misfit as it stands, and of the readings' spread."""
     here = np.isfinite(read)
     if here.sum() < LEAST_READINGS:
         return False
-    read, usual, candidate = read[here], usual[here], candidate[here]
-    misfit = float(np.sqrt(np.mean((read - candidate) ** 2)))
-    spread = float(np.std(read))
-    return misfit < CLEARLY * float(np.sqrt(np.mean((read - usual) ** 2))) and misfit < WELL * spread
+    misfit, before = (float(np.sqrt(np.mean((read - values)[here] ** 2))) for values in (candidate, usual))
+    return misfit < of_misfit * before and (of_spread is None or misfit < of_spread * float(np.std(read[here])))
 
 
 def _changes(read: FloatArray, usual: FloatArray, turned: FloatArray) -> bool:
