@@ -1,33 +1,38 @@
 """``femfit add``: refit a model with an effect, judged on runs left out."""
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import OUTPUT, Outcome, ToWrite, Writes, command
+from femfit.cli.options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.core.errors import UsageError
+from femfit.core.files import MODEL, PAGE, PICTURE
 
 if TYPE_CHECKING:
     from femfit.tables.measurement import Measurement
 
 
+@command()
 def add(
     model: Path,
     effect: str,
     data: Path,
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Annotated[Path, OUTPUT, Writes(MODEL)],
     effects: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
     base: Literal["auto", "always", "never"] = "auto",
     from_run: int | None = None,
     until_run: int | None = None,
     coil_temperature_C: Annotated[float | None, Parameter(name="--coil-temperature-C")] = None,
     magnet_temperature_C: Annotated[float | None, Parameter(name="--magnet-temperature-C")] = None,
-    report: Path | None = None,
-    picture: Path | None = None,
+    report: Annotated[Path | None, Writes(PAGE)] = None,
+    picture: Annotated[Path | None, Writes(PICTURE)] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """Refit a model with an effect: error before and after on runs that were not fitted, and the noise floor.
 
     Parameters
@@ -60,20 +65,20 @@ def add(
     picture : Path
         PNG, SVG or PDF with the distance of a record as filters without a distance sensor estimate it, before and
         after.
-    json : Path
-        File for the result as JSON.
     """
-    from dataclasses import replace
-
-    from femfit.cli.output import status, write_json
-    from femfit.core.files import MODEL, PAGE, PICTURE, RESULT, require_outputs
+    from femfit.cli.output import status
     from femfit.identify.refit.add_effects import add_effects
     from femfit.model.json_file import read_model, write_model
-    from femfit.tables.measurement_file import read_measurement
+    from femfit.report.bench_report import render_added
+    from femfit.report.motion_figures import write_before_after
+    from femfit.report.page import write_page
+    from femfit.report.write import hashes
+    from femfit.tables.measurement import TimeSeries
 
-    require_outputs([model, data], (output, MODEL), (report, PAGE), (picture, PICTURE), (json, RESULT))
     with status("Reading") as say:
-        actuator, measured = read_model(model), read_measurement(data, **table_options.keywords)
+        actuator, measured = read_model(model), table_options.read(data)
+        if picture is not None and not isinstance(measured, TimeSeries):
+            raise UsageError("--picture shows a record over time through a filter; a bench table has --report.")
         result = add_effects(
             actuator,
             measured,
@@ -85,29 +90,19 @@ def add(
             progress=say,
         )
     record = result.to_dict() | {"data": data.name}
-    provenance = dict(result.model.provenance)
-    provenance["added"] = [*provenance.get("added", []), record]
-    output.parent.mkdir(parents=True, exist_ok=True)
-    write_model(replace(result.model, provenance=provenance), output)
-    write_json(json, record)
-    print(f"{result}\nwritten: {output}")
-    if picture is not None:
-        from femfit.core.errors import UsageError
-        from femfit.report.motion_figures import write_before_after
-        from femfit.tables.measurement import TimeSeries
+    added = [*result.model.provenance.get("added", []), record]
+    remembering = replace(result.model, provenance={**result.model.provenance, "added": added})
 
-        if not isinstance(measured, TimeSeries):
-            raise UsageError("--picture shows a record over time through a filter; a bench table has --report.")
-        write_before_after((actuator, result.model), measured, picture)
-        print(f"written: {picture}")
-    if report is not None:
-        from femfit.report.bench_report import render_added
-        from femfit.report.page import write_page
-        from femfit.report.write import hashes
-
+    def page(path: Path) -> None:
         with status("Writing the report"):
-            write_page(render_added(result, hashes((model, data))), report)
-        print(f"written: {report}")
+            write_page(render_added(result, hashes((model, data))), path)
+
+    def before_after(path: Path) -> None:
+        assert isinstance(measured, TimeSeries)  # noqa: S101 - refused above
+        write_before_after((actuator, result.model), measured, path)
+
+    files: list[ToWrite] = [(output, partial(write_model, remembering)), (picture, before_after), (report, page)]
+    return Outcome(result, record, files)
 
 
 def _runs(

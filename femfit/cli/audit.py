@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
+from femfit.cli.command import Outcome, command
 
-def audit(model: Path, *, table: Path | None = None, json: Path | None = None) -> None:
+
+@command("File for the findings as JSON.")
+def audit(model: Path, *, table: Path | None = None) -> Outcome:
     """Check a model file: misfit to its table, circuit, signs, bounds, range, sensor, precision.
 
     Parameters
@@ -12,18 +15,11 @@ def audit(model: Path, *, table: Path | None = None, json: Path | None = None) -
         Model file (.json).
     table : Path
         Sweep table that the model was fitted to, or its directory; default: the one beside the model.
-    json : Path
-        File for the findings as JSON.
 
     The exit code is 1 where something is wrong, 0 where it holds or is only worth a look.
     """
     from femfit.audit.audit_model import audit_model
-    from femfit.cli.output import write_json
-    from femfit.core.files import RESULT, require_outputs
 
-    require_outputs([model, table], (json, RESULT))
     result = audit_model(model, table)
-    write_json(json, {"file": model.name, **result.to_dict()})
-    print(result)
-    if result.count("wrong"):
-        raise SystemExit(1)
+    wrong = SystemExit(1) if result.count("wrong") else None
+    return Outcome(result, {"file": model.name, **result.to_dict()}, error=wrong)

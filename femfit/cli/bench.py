@@ -1,41 +1,22 @@
 """``femfit bench``: a bench table with flux linkage from a record of a coil's voltage."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
-from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
-
-NotNegative = Number(gte=0.0)
+from femfit.cli.command import OUTPUT, Outcome, command
+from femfit.cli.options import NO_TABLE_OPTIONS, NOT_NEGATIVE, POSITIVE, TableOptions, in_si
 
 
-def bench(
-    record: Path,
-    *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    resistance_ohm: Annotated[float | None, Parameter(validator=NotNegative)] = None,
-    turns_ratio: Annotated[float, Parameter(validator=Number(gt=0.0))] = 1.0,
-    method: Literal["trapezoid", "ffa1", "plateaus"] = "plateaus",
-    settling_s: Annotated[float, Parameter(validator=NotNegative)] = 0.0,
-    still_A: Annotated[float, Parameter(name="--still-A", validator=NotNegative)] = 1e-3,
-    still_um: Annotated[float, Parameter(validator=NotNegative)] = 1.0,
-    model: Path | None = None,
-    initial_flux_Wb: Annotated[float | None, Parameter(name="--initial-flux-Wb")] = None,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
-    json: Path | None = None,
-) -> None:
-    """Make a bench table for compare and diagnose from a record of a coil's voltage: one row a plateau.
+@Parameter(name="*")
+@dataclass(frozen=True)
+class BenchOptions:
+    """How the record is integrated, and what a plateau is.
 
-    Parameters
+    Attributes
     ----------
-    record : Path
-        Record as CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, current_A and distance_m,
-        whose runs are integrated one by one and whose other columns (run, mount, force_N, ...) are averaged on the
-        plateaus.
-    output : Path
-        Bench table (.csv), with a sidecar .toml for noise and notes beside it.
     resistance_ohm : float
         Resistance of the excitation winding in ohm, whose R i is taken off where the voltage is that winding's own; not
         for a separate sensing coil.
@@ -54,26 +35,40 @@ def bench(
         Model file that gives the flux linkage on each run's first plateau.
     initial_flux_Wb : float
         Flux linkage in Wb on each run's first plateau, where it is known; default: 0.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import write_json
-    from femfit.core.files import RESULT, require_outputs
+
+    resistance_ohm: Annotated[float | None, NOT_NEGATIVE] = None
+    turns_ratio: Annotated[float, POSITIVE] = 1.0
+    method: Literal["trapezoid", "ffa1", "plateaus"] = "plateaus"
+    settling_s: Annotated[float, NOT_NEGATIVE] = 0.0
+    still_A: Annotated[float, Parameter(name="--still-A"), NOT_NEGATIVE] = 1e-3
+    still_um: Annotated[float, NOT_NEGATIVE] = 1.0
+    model: Path | None = None
+    initial_flux_Wb: Annotated[float | None, Parameter(name="--initial-flux-Wb")] = None
+
+
+_DEFAULTS = BenchOptions()
+
+
+@command()
+def bench(
+    record: Path,
+    *,
+    output: Annotated[Path, OUTPUT],
+    options: BenchOptions = _DEFAULTS,
+    table_options: TableOptions = NO_TABLE_OPTIONS,
+) -> Outcome:
+    """Make a bench table for compare and diagnose from a record of a coil's voltage: one row a plateau.
+
+    Parameters
+    ----------
+    record : Path
+        Record as CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, current_A and distance_m,
+        whose runs are integrated one by one and whose other columns (run, mount, force_N, ...) are averaged on the
+        plateaus.
+    output : Path
+        Bench table (.csv), with a sidecar .toml for noise and notes beside it.
+    """
     from femfit.integrate.bench_table import make_bench_table
 
-    require_outputs([record, model, output, output.with_suffix(".toml")], (json, RESULT))
-    made = make_bench_table(
-        record,
-        output=output,
-        resistance_ohm=resistance_ohm,
-        turns_ratio=turns_ratio,
-        method=method,
-        settling_s=settling_s,
-        still_A=still_A,
-        still_m=1e-6 * still_um,
-        model=model,
-        initial_flux_Wb=initial_flux_Wb,
-        **table_options.keywords,
-    )
-    print(made)
-    write_json(json, made.to_dict())
+    return Outcome(make_bench_table(record, output=output, **in_si(options), **table_options.keywords))

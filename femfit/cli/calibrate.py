@@ -4,22 +4,28 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter, validators
+from cyclopts import Parameter
 
-from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import OUTPUT, Outcome, Writes, command, run_directory
+from femfit.cli.options import AT_LEAST_ONE, NO_MEASUREMENT_OPTIONS, MeasurementOptions, names_of
+from femfit.core.errors import UsageError
+from femfit.core.files import DRAWING, MODEL, write_text
+
+_MODEL, _AS_DRAWN = "calibrated/model.json", "drawn/model.json"
+_DIRECTORY = run_directory("drawing", "-calibration")
 
 
+@command("File for the result as JSON, with the covariance.")
 def calibrate(
     drawing: Path,
     *data: Path,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Annotated[Path, OUTPUT, Writes(DRAWING)],
     numbers: str | None = None,
     effects: Annotated[tuple[str, ...], Parameter(name="--with", negative=())] = (),
-    runs: Path | None = None,
-    workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
+    runs: Annotated[Path | None, Writes(MODEL, _MODEL, _DIRECTORY), Writes(MODEL, _AS_DRAWN)] = None,
+    workers: Annotated[int | None, AT_LEAST_ONE] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """Find the wrong numbers of a drawing from measurements, write it anew and solve its field again.
 
     Parameters
@@ -40,31 +46,24 @@ def calibrate(
         Directory of the sweeps, in which nothing is solved twice; runs/NAME-calibration by default.
     workers : int
         Number of processes on this machine; one a core by default.
-    json : Path
-        File for the result as JSON, with the covariance.
     """
-    from femfit.cli.output import status, write_json
-    from femfit.core.errors import UsageError
-    from femfit.core.files import DRAWING, MODEL, RESULT, require_outputs, write_text
-    from femfit.device.load import read_actuator
+    from femfit.cli.output import status
     from femfit.device.rewrite import require_same_elsewhere
     from femfit.identify.calibration.calibrate import calibrate as calibrated
     from femfit.identify.calibration.result import heading
     from femfit.model.json_file import write_model
-    from femfit.tables.measurement_file import read_measurement
 
     if not data:
         raise UsageError("No measurement is given. Give a bench table, or a record over time, behind the drawing.")
-    directory = runs or Path("runs") / f"{read_actuator(drawing).name}-calibration"
-    model, as_drawn = directory / "calibrated" / "model.json", directory / "drawn" / "model.json"
-    require_outputs([drawing, *data], (output, DRAWING), (json, RESULT), (model, MODEL), (as_drawn, MODEL))
+    assert runs is not None  # noqa: S101 - the default of Writes
+    model = runs / _MODEL
     require_same_elsewhere(drawing, output)
     with status("Reading") as say:
         result = calibrated(
             drawing,
-            [read_measurement(file, **table_options.keywords) for file in data],
-            directory,
-            numbers=None if numbers is None else tuple(key.strip() for key in numbers.split(",") if key.strip()),
+            [table_options.read(file) for file in data],
+            runs,
+            numbers=None if numbers is None else names_of(numbers),
             effects=effects or None,
             workers=workers or len(os.sched_getaffinity(0)),
             progress=say,
@@ -72,7 +71,7 @@ def calibrate(
     names = [file.name for file in data]
     write_text(output, heading(result, drawing.name, names) + result.drawing)
     write_model(result.model, model)
-    write_model(result.model_as_drawn, as_drawn)
-    write_json(json, result.to_dict() | {"drawing": drawing.name, "data": names})
-    print(f"{result}\nwritten: {output}, its sweep in {model.parent} and its model {model}")
-    print(f"Next: femfit compare {model} {data[0]}")
+    write_model(result.model_as_drawn, runs / _AS_DRAWN)
+    written = f"written: {output}, its sweep in {model.parent} and its model {model}"
+    after = f"Next: femfit compare {model} {data[0]}"
+    return Outcome(result, result.to_dict() | {"drawing": drawing.name, "data": names}, last=f"{written}\n{after}")

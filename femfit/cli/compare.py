@@ -1,22 +1,24 @@
 """``femfit compare``: how far a model is from measurements, against their noise, and where."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import Outcome, Writes, command
+from femfit.cli.options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.core.errors import UsageError
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
 
 
+@command("File for the result as JSON, with the maps.")
 def compare(
     model: Path,
     data: Path,
     *,
-    pictures: Path | None = None,
+    pictures: Annotated[Path | None, Writes()] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """Compare a model with measurements: misfit per channel against the noise floor, lack of fit, and where it fails.
 
     Parameters
@@ -29,45 +31,31 @@ def compare(
         field_mT): CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV, with its sidecar .toml beside it where noise is declared.
     pictures : Path
         Directory for pictures of the misfit over distance and current, and over what else it changes with.
-    json : Path
-        File for the result as JSON, with the maps.
     """
-    from femfit.cli.output import conclude, status
-    from femfit.core.files import RESULT, require_outputs
+    from femfit.cli.output import status
     from femfit.identify.comparison.compare import compare as compared
-    from femfit.tables.measurement_file import read_measurement
+    from femfit.report.bench_report import save_comparison_pictures
 
-    require_outputs([model, data], (json, RESULT))
     if model.suffix == ".toml":
-        _field_scan(model, data, pictures, table_options, json)
-        return
+        if pictures is not None or table_options.noise:
+            raise UsageError("A probe scan is compared in words: leave --pictures and --noise out.")
+        return _field_scan(model, data, table_options)
     with status("Comparing"):
-        measured = read_measurement(data, **table_options.keywords)
-        comparison = compared(_model(model), measured)
-    written = []
-    if pictures is not None:
-        from femfit.report.bench_report import save_comparison_pictures
-
-        written = save_comparison_pictures(comparison, pictures)
-    conclude(comparison, json, written)
+        comparison = compared(_model(model), table_options.read(data))
+    written = [] if pictures is None else save_comparison_pictures(comparison, pictures)
+    return Outcome(comparison, last="\n".join(f"written: {file}" for file in written))
 
 
-def _field_scan(
-    drawing: Path, data: Path, pictures: Path | None, table_options: MeasurementOptions, json: Path | None
-) -> None:
+def _field_scan(drawing: Path, data: Path, table_options: MeasurementOptions) -> Outcome:
     """Compare a probe scan with the field of a drawing."""
-    from femfit.cli.output import conclude, status
-    from femfit.core.errors import UsageError
+    from femfit.cli.output import status
     from femfit.device.load import read_actuator
     from femfit.identify.comparison.field_scan import compare_field_scan
     from femfit.tables.field_scan import read_field_scan
 
-    if pictures is not None or table_options.noise:
-        raise UsageError("A probe scan is compared in words: leave --pictures and --noise out.")
-    scan = read_field_scan(data, columns=table_options.columns, units=table_options.units, table=table_options.table)
+    scan = read_field_scan(data, **table_options.keywords)
     with status("Solving the field at the places of the probe"):
-        comparison = compare_field_scan(read_actuator(drawing), scan)
-    conclude(comparison, json)
+        return Outcome(compare_field_scan(read_actuator(drawing), scan))
 
 
 def _model(path: Path) -> "ActuatorModel":

@@ -4,22 +4,23 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
-from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import Outcome, Writes, command
+from femfit.cli.options import NO_MEASUREMENT_OPTIONS, NOT_NEGATIVE, MeasurementOptions
+from femfit.core.files import PAGE
 
 
+@command()
 def diagnose(
     model: Path,
     data: Path,
     *,
     exclude: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    bootstrap: Annotated[int, Parameter(validator=Number(gte=0))] = 40,
-    seed: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
-    report: Path | None = None,
+    bootstrap: Annotated[int, NOT_NEGATIVE] = 40,
+    seed: Annotated[int, NOT_NEGATIVE] = 0,
+    report: Annotated[Path | None, Writes(PAGE)] = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """Compare measurements with a model and name the physical effect that is missing.
 
     Parameters
@@ -37,28 +38,23 @@ def diagnose(
         Seed of that simulation.
     report : Path
         HTML file with what was measured, where the model fails, what would explain it, and what to measure next.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import conclude, status
-    from femfit.core.files import PAGE, RESULT, require_outputs
+    from femfit.cli.output import status
     from femfit.identify.decision.diagnose import diagnose as diagnosed
+    from femfit.identify.experiments.suggest import suggest
     from femfit.model.json_file import read_model
-    from femfit.tables.measurement_file import read_measurement
+    from femfit.report.bench_report import render_diagnosis
+    from femfit.report.page import write_page
+    from femfit.report.write import hashes
 
-    require_outputs([model, data], (report, PAGE), (json, RESULT))
     with status("Reading") as say:
-        measured = read_measurement(data, **table_options.keywords)
+        measured = table_options.read(data)
         result = diagnosed(read_model(model), measured, exclude=exclude, bootstrap=bootstrap, rng=seed, progress=say)
-        if report is not None:
-            from femfit.identify.experiments.suggest import suggest
-            from femfit.report.bench_report import render_diagnosis
-            from femfit.report.page import write_page
-            from femfit.report.write import hashes
 
+    def page(path: Path) -> None:
+        with status("Finding what to measure next") as say:
             advice = suggest(result.model, measured, result, progress=say).suggestions
             say("Writing the report")
-            write_page(render_diagnosis(result, measured, suggestions=advice, hashes=hashes((model, data))), report)
-    conclude(result, json)
-    if report is not None:
-        print(f"written: {report}")
+            write_page(render_diagnosis(result, measured, suggestions=advice, hashes=hashes((model, data))), path)
+
+    return Outcome(result, files=[(report, page)])

@@ -3,16 +3,17 @@
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
+from femfit.cli.command import OUTPUT, Outcome, Writes, command
+from femfit.core.files import MODEL
 
 
+@command()
 def export(
     model: Path,
     *,
     to: str = "estimator",
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    json: Path | None = None,
-) -> None:
+    output: Annotated[Path, OUTPUT, Writes(MODEL, "model.json")],
+) -> Outcome:
     """Export a model.
 
     Parameters
@@ -23,14 +24,7 @@ def export(
         Kind of export: estimator (filters and simulator as a package that needs numpy alone).
     output : Path
         Directory that is absent, empty, or an earlier export.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import write_json
-    from femfit.core.files import MODEL, RESULT, require_outputs
     from femfit.targets import targets
 
-    require_outputs([model], (output / "model.json", MODEL), (json, RESULT))
-    exported = targets.export(model, output, to=to)
-    print(exported)
-    write_json(json, exported.to_dict())
+    return Outcome(targets.export(model, output, to=to))

@@ -1,23 +1,37 @@
 """``femfit fit``: a sweep table to a model file."""
 
 import math
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
+
+from femfit.cli.command import OUTPUT, Outcome, Writes, command
+from femfit.cli.options import FLAG, names_of, pairs, parsed
+from femfit.core.errors import FitError
+from femfit.core.files import MODEL
 
 if TYPE_CHECKING:
     from femfit.fit.inductance import InductanceFit
     from femfit.fit.result import FitResult
 
 
+def _beside(arguments: Mapping[str, Any]) -> Path:
+    """The model file beside its table."""
+    table: Path = arguments["table"]
+    return (table if table.is_dir() else table.parent) / f"model_{arguments['model']}.json"
+
+
+@command()
 def fit(
     table: Path,
     *,
     model: str = "coenergy",
-    where: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    bound: Annotated[tuple[str, ...], Parameter(negative=())] = (),
+    where: Annotated[tuple[str, ...], FLAG] = (),
+    output: Annotated[Path | None, OUTPUT, Writes(MODEL, default=_beside)] = None,
+    bound: Annotated[tuple[str, ...], FLAG] = (),
     functions: str | None = None,
     constraints: str | None = None,
     inductance_H: Annotated[float | None, Parameter(name="--inductance-H")] = None,
@@ -25,8 +39,7 @@ def fit(
     mass_g: float | None = None,
     resistance_ohm: float | None = None,
     supply_V: Annotated[str | None, Parameter(name="--supply-V")] = None,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """Fit a model to a sweep table, or to measured inductances, and write it.
 
     Parameters
@@ -59,19 +72,19 @@ def fit(
         Resistance of the winding in ohm.
     supply_V : str
         Lowest and highest voltage of the driver in V, for example 0:12.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import write_json
-    from femfit.core.files import MODEL, RESULT, require_outputs
     from femfit.fit.build import fit_model
     from femfit.fit.inductance import fit_inductance
     from femfit.model.json_file import write_model
     from femfit.tables.impedance_table import is_inductance_table, read_inductance_table
 
-    target = output or (table if table.is_dir() else table.parent) / f"model_{model}.json"
-    require_outputs([table, actuator], (target, MODEL), (json, RESULT))
-    mass = None if mass_g is None else 1e-3 * mass_g
+    assert output is not None  # noqa: S101 - the default of Writes
+    device: dict[str, Any] = {
+        "actuator": actuator,
+        "mass_kg": None if mass_g is None else 1e-3 * mass_g,
+        "resistance_ohm": resistance_ohm,
+        "supply_V": _range(supply_V),
+    }
     result: FitResult | InductanceFit
     if is_inductance_table(table):
         _require_of_inductances(
@@ -83,32 +96,20 @@ def fit(
                 "--inductance-H": inductance_H,
             }
         )
-        result = fit_inductance(
-            read_inductance_table(table),
-            actuator=actuator,
-            law=model,
-            mass_kg=mass,
-            resistance_ohm=resistance_ohm,
-            supply_V=_range(supply_V),
-        )
+        result = fit_inductance(read_inductance_table(table), law=model, **device)
     else:
         result = fit_model(
             table,
             law=model,
-            bounds=dict(_single_bound(text) for text in bound),
-            functions=None if functions is None else _names(functions),
-            constraints=None if constraints is None else _names(constraints),
+            bounds=pairs(bound, "--bound", "COLUMN=LOW:HIGH", "d^-4=0:1e-8", _limits),
+            functions=_names(functions),
+            constraints=_names(constraints),
             inductance_H=inductance_H,
-            actuator=actuator,
-            mass_kg=mass,
-            resistance_ohm=resistance_ohm,
-            supply_V=_range(supply_V),
-            where=dict(_single_value(text) for text in where),
+            where=pairs(where, "--where", "COLUMN=VALUE", "variant=3", _number_or_text),
+            **device,
         )
-    write_model(result.model, target)
-    write_json(json, {**result.to_dict(), "model_file": str(target)})
-    print(result)
-    print(f"written: {target}")
+    data = {**result.to_dict(), "model_file": str(output)}
+    return Outcome(result, data, [(output, partial(write_model, result.model))])
 
 
 _FOR_SWEEPS = {
@@ -122,8 +123,6 @@ _FOR_SWEEPS = {
 
 def _require_of_inductances(options: dict[str, object]) -> None:
     """Refuse options that do nothing for a table of inductances."""
-    from femfit.core.errors import FitError
-
     for option, value in options.items():
         if value not in (None, ()):
             raise FitError(
@@ -133,46 +132,31 @@ def _require_of_inductances(options: dict[str, object]) -> None:
 
 
 def _range(text: str | None) -> tuple[float, float] | None:
-    from femfit.core.errors import UsageError
+    def rising(text: str) -> tuple[float, float]:
+        low, _, high = text.partition(":")
+        if not float(low) < float(high):
+            raise ValueError(text)
+        return float(low), float(high)
 
-    if text is None:
-        return None
-    low, _, high = text.partition(":")
-    try:
-        limits = float(low), float(high)
-    except ValueError:
-        limits = math.nan, math.nan
-    if not limits[0] < limits[1]:
-        raise UsageError(f"--supply-V must read LOW:HIGH, for example 0:12; instead received {text!r}.")
+    return None if text is None else parsed(text, "--supply-V", "LOW:HIGH", "0:12", rising)
+
+
+def _names(text: str | None) -> tuple[str, ...] | None:
+    """Names with commas; the word none is none of them."""
+    return None if text is None else tuple(name for name in names_of(text) if name != "none")
+
+
+def _limits(text: str) -> tuple[float, float]:
+    """LOW:HIGH, either of which may be empty."""
+    low, colon, high = text.partition(":")
+    limits = (float(low or -math.inf), float(high or math.inf))
+    if not colon or any(map(math.isnan, limits)):
+        raise ValueError(text)
     return limits
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return tuple(name.strip() for name in text.split(",") if name.strip() not in {"", "none"})
-
-
-def _single_value(text: str) -> tuple[str, float | str]:
-    """A column and its number, or else its text."""
-    from femfit.core.errors import UsageError
-
-    name, separator, value = text.partition("=")
-    if not separator or not value.strip():
-        raise UsageError(f"--where must read COLUMN=VALUE, for example variant=3; instead received {text!r}.")
+def _number_or_text(text: str) -> float | str:
     try:
-        return name.strip(), float(value)
+        return float(text)
     except ValueError:
-        return name.strip(), value.strip()
-
-
-def _single_bound(text: str) -> tuple[str, tuple[float, float]]:
-    from femfit.core.errors import UsageError
-
-    name, separator, ends = text.partition("=")
-    low, colon, high = ends.partition(":")
-    try:
-        limits = (float(low) if low else -math.inf, float(high) if high else math.inf)
-    except ValueError:
-        limits = (math.nan, math.nan)
-    if not (separator and colon) or any(math.isnan(end) for end in limits):
-        raise UsageError(f"A bound must read COLUMN=LOW:HIGH, for example d^-4=0:1e-8; instead received {text!r}.")
-    return name.strip(), limits
+        return text

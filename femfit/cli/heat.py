@@ -5,7 +5,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from femfit.cli.command import Outcome, command
 
+
+@command("File for the result as JSON, with the thermal network.")
 def heat(
     actuator: Path,
     *,
@@ -16,8 +19,7 @@ def heat(
     frequency_Hz: Annotated[float | None, Parameter(name="--frequency-Hz")] = None,
     sweep: Path | None = None,
     model: Path | None = None,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """How warm winding and magnet become: hot resistance, remanence, time, and the largest current that may last.
 
     Parameters
@@ -39,15 +41,9 @@ def heat(
         Run directory of a sweep with [solver] frequency_Hz.
     model : Path
         Model file (.json) of this drawing, for what the force loses.
-    json : Path
-        File for the result as JSON, with the thermal network.
     """
-    from femfit.cli.output import conclude
-    from femfit.core.files import RESULT, require_outputs
     from femfit.heat.find_temperatures import find_temperatures
 
-    inputs = [file for file in (actuator, sweep, model) if file is not None]
-    require_outputs(inputs, (json, RESULT))
     temperatures = find_temperatures(
         actuator,
         current_A=current_A or None,
@@ -58,4 +54,4 @@ def heat(
         sweep=sweep,
         model=model,
     )
-    conclude(temperatures, json)
+    return Outcome(temperatures)

@@ -1,50 +1,33 @@
 """``femfit import-fem``: a FEMM model as an actuator file."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
+from femfit.cli.command import OUTPUT, Outcome, Writes, command
+from femfit.core.files import DRAWING, write_text
 
-def import_fem(
-    model: Path,
-    *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    moving_group: Annotated[tuple[int, ...], Parameter(negative=())] = (),
-    moving_block: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    moving_label: Annotated[tuple[int, ...], Parameter(negative=())] = (),
-    distance_mm: str | None = None,
-    current_A: Annotated[str | None, Parameter(name="--current-A")] = None,
-    circuit: Annotated[tuple[str, ...], Parameter(negative=())] = (),
-    mover_side: Literal["auto", "above", "below"] = "auto",
-    face_mm: float | None = None,
-    mass_g: float | None = None,
-    density_g_per_cm3: Annotated[float | None, Parameter(name="--density-g-per-cm3")] = None,
-    resistance_ohm: float | None = None,
-    wire_diameter_mm: float | None = None,
-    arc_degrees: float = 3.0,
-    name: str | None = None,
-    json: Path | None = None,
-) -> None:
-    """Read an axisymmetric magnetic FEMM model (.fem), and write it as an actuator file.
 
-    Parameters
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ImportFemOptions:
+    """What moves, where and how, which the file does not say.
+
+    Attributes
     ----------
-    model : Path
-        FEMM model (.fem).
-    output : Path
-        Actuator file (.toml) to write.
-    moving_group : tuple of int
+    moving_groups : tuple of int
         Group of the blocks that move; may be repeated; inferred by default.
-    moving_block : tuple of str
+    moving_blocks : tuple of str
         Material name of the blocks that move; may be repeated.
-    moving_label : tuple of int
+    moving_labels : tuple of int
         Place in the file's list, from 1, of a block label in the body that moves; may be repeated.
-    distance_mm : str
+    distances_mm : str
         Distances of the sweep in mm beside the file's own, start:stop:step or separated by commas.
-    current_A : str
+    currents_A : str
         Currents of the sweep in A in each circuit beside the file's own, start:stop:step or separated by commas.
-    circuit : tuple of str
+    circuits : tuple of str
         Circuit to take; may be repeated; default: those with current.
     mover_side : str
         Side of the fixed parts on which the moving part stands in the file: higher or lower z.
@@ -62,33 +45,49 @@ def import_fem(
         Largest angle in degrees of the chords that stand for arcs where other lines cross them.
     name : str
         Name of the actuator; default: the one from the file's name.
-    json : Path
-        File for the findings as JSON.
     """
-    from femfit.cli.output import write_json
-    from femfit.core.files import DRAWING, RESULT, require_outputs, write_text
+
+    moving_groups: Annotated[tuple[int, ...], Parameter(name="--moving-group", negative=())] = ()
+    moving_blocks: Annotated[tuple[str, ...], Parameter(name="--moving-block", negative=())] = ()
+    moving_labels: Annotated[tuple[int, ...], Parameter(name="--moving-label", negative=())] = ()
+    distances_mm: Annotated[str | None, Parameter(name="--distance-mm")] = None
+    currents_A: Annotated[str | None, Parameter(name="--current-A")] = None
+    circuits: Annotated[tuple[str, ...], Parameter(name="--circuit", negative=())] = ()
+    mover_side: Literal["auto", "above", "below"] = "auto"
+    face_mm: float | None = None
+    mass_g: float | None = None
+    density_g_per_cm3: Annotated[float | None, Parameter(name="--density-g-per-cm3")] = None
+    resistance_ohm: float | None = None
+    wire_diameter_mm: float | None = None
+    arc_degrees: float = 3.0
+    name: str | None = None
+
+
+_DEFAULTS = ImportFemOptions()
+
+
+@command("File for the findings as JSON.")
+def import_fem(
+    model: Path,
+    *,
+    output: Annotated[Path, OUTPUT, Writes(DRAWING)],
+    options: ImportFemOptions = _DEFAULTS,
+) -> Outcome:
+    """Read an axisymmetric magnetic FEMM model (.fem), and write it as an actuator file.
+
+    Parameters
+    ----------
+    model : Path
+        FEMM model (.fem).
+    output : Path
+        Actuator file (.toml) to write.
+    """
     from femfit.tables.femm.options import FemOptions, axis_option
     from femfit.tables.femm.read import import_fem_file
 
-    require_outputs([model], (output, DRAWING), (json, RESULT))
-    options = FemOptions(
-        moving_groups=moving_group,
-        moving_blocks=moving_block,
-        moving_labels=moving_label,
-        circuits=circuit,
-        mover_side=mover_side,
-        face_mm=face_mm,
-        distances_mm=axis_option(distance_mm, "--distance-mm"),
-        currents_A=axis_option(current_A, "--current-A"),
-        mass_g=mass_g,
-        density_g_per_cm3=density_g_per_cm3,
-        resistance_ohm=resistance_ohm,
-        wire_diameter_mm=wire_diameter_mm,
-        arc_degrees=arc_degrees,
-        name=name,
-    )
-    imported = import_fem_file(model, options)
-    write_text(output, imported.toml)
-    print(imported)
-    print(f"written: {output}")
-    write_json(json, imported.as_dict())
+    choices = vars(options) | {
+        "distances_mm": axis_option(options.distances_mm, "--distance-mm"),
+        "currents_A": axis_option(options.currents_A, "--current-A"),
+    }
+    imported = import_fem_file(model, FemOptions(**choices))
+    return Outcome(imported, imported.as_dict(), [(output, lambda path: write_text(path, imported.toml))])

@@ -1,37 +1,76 @@
 """``femfit import``: the tables that FEMM users have, to a sweep table."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+from femfit.cli.command import OUTPUT, Outcome, Writes, command
+from femfit.cli.options import FLAG, NO_TABLE_OPTIONS, TableOptions, in_si, names_of, parsed
+from femfit.core.errors import UsageError
+from femfit.core.files import MANIFEST, SWEEP
 
 
+@Parameter(name="*")
+@dataclass(frozen=True)
+class ImportOptions:
+    """How a table is read, and what belongs to it.
+
+    Attributes
+    ----------
+    form : str
+        Form of the table: one row a point (long), or force(distance, current) with its axes (matrix).
+    matrix_rows : str
+        Quantity in the first column of a matrix.
+    decimal : str
+        Decimal mark of the numbers.
+    encoding : str
+        Encoding of the text, by its name in Python.
+    distance_step_mm : float
+        Size of a step in mm, for a distance column that counts steps.
+    distance_start_mm : float
+        Distance in mm at position (or step) zero.
+    flip_distance : bool
+        Positions that count towards the electromagnet, turned round.
+    flip_current : bool
+        Current and flux linkage with the other sign.
+    actuator : Path
+        Actuator file whose circuit, motion and sensor go into the manifest.
+    """
+
+    form: Literal["auto", "long", "matrix"] = "auto"
+    matrix_rows: Literal["auto", "distance", "current"] = "auto"
+    decimal: Literal[".", ","] | None = None
+    encoding: str | None = None
+    distance_step_mm: float | None = None
+    distance_start_mm: float | None = None
+    flip_distance: Annotated[bool, FLAG] = False
+    flip_current: Annotated[bool, FLAG] = False
+    actuator: Path | None = None
+
+
+_DEFAULTS = ImportOptions()
+
+
+@command("File for mapping and findings as JSON.")
 def import_table(
-    tables: Annotated[tuple[Path, ...], Parameter(negative=())],
+    tables: Annotated[tuple[Path, ...], FLAG],
     *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    output: Annotated[
+        Path, OUTPUT, Writes(SWEEP, "sweep.parquet"), Writes(SWEEP, "sweep.csv"), Writes(MANIFEST, "manifest.json")
+    ],
     table_options: TableOptions = NO_TABLE_OPTIONS,
     without: str | None = None,
     columns: str | None = None,
-    form: Literal["auto", "long", "matrix"] = "auto",
-    matrix_rows: Literal["auto", "distance", "current"] = "auto",
-    decimal: Literal[".", ","] | None = None,
     delimiter: str | None = None,
-    encoding: str | None = None,
     file_current_A: Annotated[str | None, Parameter(name="--file-current-A")] = None,
     file_distance_mm: str | None = None,
-    distance_step_mm: float | None = None,
-    distance_start_mm: float | None = None,
-    flip_distance: Annotated[bool, Parameter(negative=())] = False,
-    flip_current: Annotated[bool, Parameter(negative=())] = False,
-    flip_force: Annotated[bool, Parameter(negative=())] = False,
-    keep_force: Annotated[bool, Parameter(negative=())] = False,
+    flip_force: Annotated[bool, FLAG] = False,
+    keep_force: Annotated[bool, FLAG] = False,
     accept: str | None = None,
-    actuator: Path | None = None,
-    json: Path | None = None,
-) -> None:
+    options: ImportOptions = _DEFAULTS,
+) -> Outcome:
     """Bring in a table of FEMM or another program: recognise, convert to SI, check, write as a sweep table.
 
     Parameters
@@ -45,85 +84,40 @@ def import_table(
         Quantities to leave out, separated by commas: flux_linkage, inductance, hall, coenergy.
     columns : str
         Names of the columns of a table without header, separated by commas; of a matrix, its first row with units.
-    form : str
-        Form of the table: one row a point (long), or force(distance, current) with its axes (matrix).
-    matrix_rows : str
-        Quantity in the first column of a matrix.
-    decimal : str
-        Decimal mark of the numbers.
     delimiter : str
         Delimiter of the columns: one character, or the word blanks or tab.
-    encoding : str
-        Encoding of the text, by its name in Python.
     file_current_A : str
         Current of each file in A, separated by commas.
     file_distance_mm : str
         Distance of each file in mm, separated by commas.
-    distance_step_mm : float
-        Size of a step in mm, for a distance column that counts steps.
-    distance_start_mm : float
-        Distance in mm at position (or step) zero.
-    flip_distance : bool
-        Positions that count towards the electromagnet, turned round.
-    flip_current : bool
-        Current and flux linkage with the other sign.
     flip_force : bool
         Force with the other sign.
     keep_force : bool
         Force with the sign that it has.
     accept : str
         Codes of errors that shall not stop the import, separated by commas.
-    actuator : Path
-        Actuator file whose circuit, motion and sensor go into the manifest.
-    json : Path
-        File for mapping and findings as JSON.
     """
-    from femfit.cli.output import write_json
-    from femfit.core.errors import UsageError
-    from femfit.core.files import MANIFEST, RESULT, SWEEP, require_outputs
-    from femfit.tables import foreign as read
+    from femfit.tables.foreign import import_table as imported_table
     from femfit.tables.sweep_table import write_sweep_table
 
-    written = (output / name for name in ("sweep.parquet", "sweep.csv", "manifest.json"))
-    require_outputs([*tables, actuator], *zip(written, (SWEEP, SWEEP, MANIFEST), strict=True), (json, RESULT))
     if flip_force and keep_force:
         raise UsageError("--flip-force and --keep-force exclude each other; give one of them.")
-    imported = read.import_table(
+    imported = imported_table(
         tables,
-        actuator=actuator,
-        columns=table_options.columns,
-        units=table_options.units,
-        table=table_options.table,
-        column_names=_words(columns),
-        form=form,
-        matrix_rows=matrix_rows,
-        decimal=decimal,
+        force_sign="flip" if flip_force else "keep" if keep_force else "auto",
+        without=names_of(without),
+        accept=names_of(accept),
+        column_names=names_of(columns),
         delimiter={"tab": "\t", "blanks": " "}.get(delimiter, delimiter) if delimiter else None,
-        encoding=encoding,
         file_currents_A=_numbers(file_current_A, "--file-current-A"),
         file_distances_m=tuple(1e-3 * value for value in _numbers(file_distance_mm, "--file-distance-mm")),
-        distance_step_m=None if distance_step_mm is None else 1e-3 * distance_step_mm,
-        distance_start_m=None if distance_start_mm is None else 1e-3 * distance_start_mm,
-        flip_distance=flip_distance,
-        flip_current=flip_current,
-        force_sign="flip" if flip_force else "keep" if keep_force else "auto",
-        without=_words(without),
-        accept=_words(accept),
+        **in_si(options),
+        **table_options.keywords,
     )
     table = write_sweep_table(imported, output)
-    print(imported)
-    print(f"written: {table}")
-    write_json(json, imported.manifest)
-
-
-def _words(text: str | None) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",")) if text else ()
+    return Outcome(imported, imported.manifest, last=f"written: {table}")
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
-    from femfit.core.errors import UsageError
-
-    try:
-        return tuple(float(word) for word in _words(text))
-    except ValueError as error:
-        raise UsageError(f"{option} must be numbers separated by commas; instead received {text!r}.") from error
+    form = "numbers with commas between them"
+    return parsed(text or "", option, form, "0,0.5,1", lambda words: tuple(map(float, names_of(words))))

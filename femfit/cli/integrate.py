@@ -1,57 +1,25 @@
 """``femfit integrate``: drift-free flux or field from a coil's voltage."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
 
-from femfit.cli.table_options import NO_TABLE_OPTIONS, TableOptions
+from femfit.cli.command import OUTPUT, Outcome, command
+from femfit.cli.options import NO_TABLE_OPTIONS, NOT_NEGATIVE, POSITIVE, TableOptions, in_si
 
 MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1-offset", "cs2", "cs2-identified"]
-Positive = Number(gt=0.0)
-NotNegative = Number(gte=0.0)
 
 
-def integrate(
-    record: Path,
-    *,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    coil_area: float | None = None,
-    method: MethodOption | None = None,
-    initial_field_T: Annotated[float | None, Parameter(name="--initial-field-T")] = None,
-    zero_reading_s: Annotated[float | None, Parameter(validator=Positive)] = None,
-    settling_s: Annotated[float | None, Parameter(validator=NotNegative)] = None,
-    still_A: Annotated[float | None, Parameter(name="--still-A", validator=Positive)] = None,
-    current_to_field: Annotated[float | None, Parameter(validator=Positive)] = None,
-    lab: Path | None = None,
-    field_model: Path | None = None,
-    model: Path | None = None,
-    distance_mm: Annotated[float | None, Parameter(validator=Positive)] = None,
-    model_sigma: Annotated[float | None, Parameter(validator=Positive)] = None,
-    smooth: Annotated[bool, Parameter(negative="")] = False,
-    coil_area_sigma: Annotated[float | None, Parameter(validator=NotNegative)] = None,
-    reference_gain_sigma: Annotated[float | None, Parameter(validator=NotNegative)] = None,
-    reference_offset_sigma_T: Annotated[
-        float | None, Parameter(name="--reference-offset-sigma-T", validator=NotNegative)
-    ] = None,
-    offset_sigma_uV: Annotated[float | None, Parameter(name="--offset-sigma-uV", validator=NotNegative)] = None,
-    coverage: Annotated[float, Parameter(validator=Positive)] = 2.0,
-    table_options: Annotated[TableOptions, Parameter(name="*")] = NO_TABLE_OPTIONS,
-    json: Path | None = None,
-) -> None:
-    """Integrate a coil's voltage to its field (or, without an area, its flux linkage) and say how sure that is.
+@Parameter(name="*")
+@dataclass(frozen=True)
+class IntegrateOptions:
+    """How the voltage is integrated, and how sure is what it takes.
 
-    Writes the record's rows with field_T (or flux_linkage_Wb), its standard uncertainty and the offset voltage.
-
-    Parameters
+    Attributes
     ----------
-    record : Path
-        Record as CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, and hall_T or current_A; or
-        raw float32 (.bin, .raw, .f32) with a sidecar .toml or .json that has sample_rate_Hz and columns.
-    output : Path
-        File of the integrated record: .csv, .parquet, .bin, .raw or .f32.
-    coil_area : float
+    coil_area_m2 : float
         Total area of the coil in m2, which the filters need.
     method : str
         Method of integration: trapezoid; ffa1 (offset from an initial zero reading); ffa2 (mean on each plateau);
@@ -67,7 +35,7 @@ def integrate(
         Time in s left out after each ramp until the eddy currents have decayed, for ffa2; default: 1.
     still_A : float
         Largest change of the current in A within a second on a plateau of ffa2; default: 0.1.
-    current_to_field : float
+    current_to_field_A_per_T : float
         Ratio of the magnet's current to its field in A/T for cs2, as sure as --reference-gain-sigma says.
     lab : Path
         Record with Hall probe and current of a cycled magnet, from which cs2-identified identifies its field.
@@ -84,7 +52,7 @@ def integrate(
     smooth : bool
         Kalman smoother over the whole record after the filter, which needs all of the record in memory: 0.3 GB for a
         million samples.
-    coil_area_sigma : float
+    coil_area_sigma_m2 : float
         Standard uncertainty of the area in m2.
     reference_gain_sigma : float
         Relative standard uncertainty of the Hall probe's (or the current-to-field ratio's) gain.
@@ -95,38 +63,54 @@ def integrate(
         and 0 (the filters, which estimate it).
     coverage : float
         Coverage factor of the printed uncertainty.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import progress, write_json
-    from femfit.core.files import RESULT, require_outputs
+
+    coil_area_m2: Annotated[float | None, Parameter(name="--coil-area")] = None
+    method: MethodOption | None = None
+    initial_field_T: Annotated[float | None, Parameter(name="--initial-field-T")] = None
+    zero_reading_s: Annotated[float | None, POSITIVE] = None
+    settling_s: Annotated[float | None, NOT_NEGATIVE] = None
+    still_A: Annotated[float | None, Parameter(name="--still-A"), POSITIVE] = None
+    current_to_field_A_per_T: Annotated[float | None, Parameter(name="--current-to-field"), POSITIVE] = None
+    lab: Path | None = None
+    field_model: Path | None = None
+    model: Path | None = None
+    distance_mm: Annotated[float | None, POSITIVE] = None
+    model_sigma: Annotated[float | None, POSITIVE] = None
+    smooth: Annotated[bool, Parameter(negative="")] = False
+    coil_area_sigma_m2: Annotated[float | None, Parameter(name="--coil-area-sigma"), NOT_NEGATIVE] = None
+    reference_gain_sigma: Annotated[float | None, NOT_NEGATIVE] = None
+    reference_offset_sigma_T: Annotated[float | None, Parameter(name="--reference-offset-sigma-T"), NOT_NEGATIVE] = None
+    offset_sigma_uV: Annotated[float | None, Parameter(name="--offset-sigma-uV"), NOT_NEGATIVE] = None
+    coverage: Annotated[float, POSITIVE] = 2.0
+
+
+_DEFAULTS = IntegrateOptions()
+
+
+@command()
+def integrate(
+    record: Path,
+    *,
+    output: Annotated[Path, OUTPUT],
+    options: IntegrateOptions = _DEFAULTS,
+    table_options: TableOptions = NO_TABLE_OPTIONS,
+) -> Outcome:
+    """Integrate a coil's voltage to its field (or, without an area, its flux linkage) and say how sure that is.
+
+    Writes the record's rows with field_T (or flux_linkage_Wb), its standard uncertainty and the offset voltage.
+
+    Parameters
+    ----------
+    record : Path
+        Record as CSV, Parquet, XLSX, MAT, HDF5, TDMS or WAV with time_s, coil_voltage_V, and hall_T or current_A; or
+        raw float32 (.bin, .raw, .f32) with a sidecar .toml or .json that has sample_rate_Hz and columns.
+    output : Path
+        File of the integrated record: .csv, .parquet, .bin, .raw or .f32.
+    """
+    from femfit.cli.output import progress
     from femfit.integrate.integrate_coil import integrate_coil
 
-    require_outputs([record, lab, model, field_model, output], (json, RESULT))
     with progress(f"integrate {record.name}", "samples") as show:
-        result = integrate_coil(
-            record,
-            method=method,
-            coil_area_m2=coil_area,
-            output=output,
-            initial_field_T=initial_field_T,
-            zero_reading_s=zero_reading_s,
-            settling_s=settling_s,
-            still_A=still_A,
-            current_to_field_A_per_T=current_to_field,
-            lab=lab,
-            field_model=field_model,
-            model=model,
-            distance_m=None if distance_mm is None else 1e-3 * distance_mm,
-            model_sigma=model_sigma,
-            smooth=smooth,
-            coil_area_sigma_m2=coil_area_sigma,
-            reference_gain_sigma=reference_gain_sigma,
-            reference_offset_sigma_T=reference_offset_sigma_T,
-            offset_sigma_V=None if offset_sigma_uV is None else 1e-6 * offset_sigma_uV,
-            coverage=coverage,
-            **table_options.keywords,
-            progress=show,
-        )
-    print(result)
-    write_json(json, result.to_dict())
+        result = integrate_coil(record, output=output, **in_si(options), **table_options.keywords, progress=show)
+    return Outcome(result)

@@ -1,9 +1,12 @@
 """``femfit new``: a commented drawing to start from."""
 
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
-from cyclopts import Parameter
+from femfit.cli.command import OUTPUT
+from femfit.core.errors import OutputError
+from femfit.core.files import write_text
 
 Kind = Literal["ball", "bearing", "levitation", "magnet-pair", "pot-magnet", "relay", "solenoid", "voice-coil"]
 
@@ -11,7 +14,7 @@ Kind = Literal["ball", "bearing", "levitation", "magnet-pair", "pot-magnet", "re
 def new(
     kind: Kind,
     *,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, OUTPUT] = None,
 ) -> None:
     """Write a commented actuator file that runs, to change into a drawing of your own.
 
@@ -22,10 +25,6 @@ def new(
     output : Path
         File to write, which must not be there yet; KIND.toml by default.
     """
-    import re
-
-    from femfit.core.errors import OutputError
-    from femfit.core.files import write_text
     from femfit.device.load import starter_text
     from femfit.device.schema import NAME_PATTERN
 

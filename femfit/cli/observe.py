@@ -6,9 +6,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import Outcome, ToWrite, Writes, command
+from femfit.cli.options import FLAG, NO_MEASUREMENT_OPTIONS, MeasurementOptions, names_of
+from femfit.core.errors import TableError, UsageError
+from femfit.core.files import MODEL, PICTURE, REPLAYED, write_text
 
 
+@command()
 def observe(
     model: Path,
     record: Path,
@@ -16,13 +20,12 @@ def observe(
     filters: Annotated[str, Parameter(name="--filter")] = "ukf",
     sensors: str | None = None,
     biases: str | None = None,
-    keep_noise: Annotated[bool, Parameter(negative=())] = False,
-    write_noise: Path | None = None,
-    picture: Path | None = None,
-    csv: Path | None = None,
-    table_options: Annotated[MeasurementOptions, Parameter(name="*")] = NO_MEASUREMENT_OPTIONS,
-    json: Path | None = None,
-) -> None:
+    keep_noise: Annotated[bool, FLAG] = False,
+    write_noise: Annotated[Path | None, Writes(MODEL)] = None,
+    picture: Annotated[Path | None, Writes(PICTURE)] = None,
+    csv: Annotated[Path | None, Writes(REPLAYED)] = None,
+    table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
+) -> Outcome:
     """Run a recorded log through filters: the estimate beside the record, innovations, and the noise in the record.
 
     Parameters
@@ -46,48 +49,32 @@ def observe(
         PNG, SVG or PDF with the estimates beside the record, and normalised innovations.
     csv : Path
         File for record, estimates, their deviations and normalised innovations.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import conclude, status
-    from femfit.core.errors import TableError, UsageError
-    from femfit.core.files import MODEL, PICTURE, REPLAYED, RESULT, require_outputs, write_text
+    from femfit.cli.output import status
     from femfit.estimate.found_noise import with_noise
     from femfit.estimate.observe import NO_NOISE_FOUND
     from femfit.estimate.observe import observe as observed
     from femfit.model.json_file import write_model
-    from femfit.tables.measurement_file import read_measurement
+    from femfit.report.motion_figures import replay_figure
+    from femfit.report.style import write_picture
 
     if keep_noise and write_noise is not None:
         raise UsageError("--write-noise writes the noise that was found; remove --keep-noise.")
-    require_outputs([model, record], (write_noise, MODEL), (picture, PICTURE), (csv, REPLAYED), (json, RESULT))
     with status("Filtering"):
-        measured = read_measurement(record, **table_options.keywords)
         observation = observed(
             model,
-            measured,
-            filter=_names(filters) or (),
-            sensors=_names(sensors),
-            biases=_names(biases),
+            table_options.read(record),
+            filter=names_of(filters),
+            sensors=None if sensors is None else names_of(sensors),
+            biases=None if biases is None else names_of(biases),
             find=not keep_noise,
         )
-    written = []
+    files: list[ToWrite] = [
+        (picture, partial(write_picture, partial(replay_figure, observation))),
+        (csv, lambda path: write_text(path, observation.table.to_csv(index=False))),
+    ]
     if write_noise is not None:
         if observation.noise is None:
             raise TableError(f"--write-noise needs a noise that the record shows. {NO_NOISE_FOUND}")
-        write_model(with_noise(observation.model, observation.noise), write_noise)
-        written.append(write_noise)
-    if picture is not None:
-        from femfit.report.motion_figures import replay_figure
-        from femfit.report.style import write_picture
-
-        write_picture(partial(replay_figure, observation), picture)
-        written.append(picture)
-    if csv is not None:
-        write_text(csv, observation.table.to_csv(index=False))
-        written.append(csv)
-    conclude(observation, json, written)
-
-
-def _names(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
+        files.insert(0, (write_noise, partial(write_model, with_noise(observation.model, observation.noise))))
+    return Outcome(observation, files=files)

@@ -1,4 +1,4 @@
-"""What commands share: results as JSON, progress on standard error, and an end by signals.
+"""What commands say while they run, on standard error, and how signals end them.
 
 Progress is a bar on a terminal, and a line now and then elsewhere.
 
@@ -11,15 +11,11 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from pathlib import Path
 from threading import Event, Thread
 from time import monotonic
-from typing import TYPE_CHECKING, Any, Protocol
-
-from femfit import __version__
-from femfit.core import files as atomic
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from femfit.field.sweep import SweepProgress
@@ -31,13 +27,6 @@ INTERVAL_S = 10.0
 
 Show = Callable[[int, int], None]
 """Takes how much is done, and of how much."""
-
-
-class Outcome(Protocol):
-    """What a command prints."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON-ready data."""
 
 
 @contextmanager
@@ -123,20 +112,6 @@ def duration(seconds: float) -> str:
     if seconds < 90.0:
         return f"{max(seconds, 1.0):.0f} s"
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
-
-
-def write_json(path: Path | None, result: Mapping[str, Any]) -> None:
-    """Write a command's JSON-ready result where ``--json FILE`` asked for it."""
-    if path is not None:
-        atomic.write_json(path, {**result, "written_by": f"femfit {__version__}"})
-
-
-def conclude(result: Outcome, json: Path | None, files: Iterable[Path] = ()) -> None:
-    """Write a result's JSON where it was asked for, and print the result with the other files that were written."""
-    write_json(json, result.to_dict())
-    print(result)
-    for file in files:
-        print(f"written: {file}")
 
 
 @contextmanager

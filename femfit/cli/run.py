@@ -6,7 +6,9 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter, validators
+from femfit.cli.command import OUTPUT, Outcome, Writes, command, run_directory
+from femfit.cli.options import AT_LEAST_ONE
+from femfit.core.files import MODEL, PAGE
 
 if TYPE_CHECKING:
     from femfit.device.parts import Actuator
@@ -25,16 +27,21 @@ NO_DISTANCE = (
 )
 NO_COIL = "the drawing has no coil, so that there is nothing to control."
 
+_MODEL, _LAW, _PAGE = "model.json", "model_law.json", "report.html"
+_RunDirectory = Annotated[
+    Path | None, OUTPUT, Writes(MODEL, _MODEL, run_directory("actuator")), Writes(MODEL, _LAW), Writes(PAGE, _PAGE)
+]
 
+
+@command("File for the results as JSON.")
 def run(
     actuator: Path,
     *,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
-    workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
+    output: _RunDirectory = None,
+    workers: Annotated[int | None, AT_LEAST_ONE] = None,
     seed: int = 1,
     signatures: bool = False,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """Sweep, fit, export, close the loop and report, in turn.
 
     An interrupted run goes on with the sweep where it stopped when the same command is given again.
@@ -52,13 +59,9 @@ def run(
     signatures : bool
         Signatures of the drawing's numbers, solved too, so that a diagnosis can ask for them; those in the directory
         stay without it.
-    json : Path
-        File for the results as JSON.
     """
     from dataclasses import replace
 
-    from femfit.cli.output import write_json
-    from femfit.core.files import MODEL, PAGE, RESULT, require_outputs
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
     from femfit.report.actuator_report import draw_figures, render_report
@@ -66,13 +69,12 @@ def run(
     from femfit.report.write import hashes, with_field
 
     parts = _single_actuator(actuator)
-    directory = output or Path("runs") / parts.name
-    model_file, law_file, page = (directory / name for name in ("model.json", "model_law.json", "report.html"))
-    require_outputs([actuator], (model_file, MODEL), (law_file, MODEL), (page, PAGE), (json, RESULT))
+    assert output is not None  # noqa: S101 - the default of Writes
+    model_file, law_file, page = output / _MODEL, output / _LAW, output / _PAGE
     steps = _Steps()
     for line in remarks(parts):
         print(line)
-    table, summary = _sweep(steps, actuator, parts, directory, workers or len(os.sched_getaffinity(0)), signatures)
+    table, summary = _sweep(steps, actuator, parts, output, workers or len(os.sched_getaffinity(0)), signatures)
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
     steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
@@ -91,7 +93,7 @@ def run(
             ranked = reference if reference.circuits else _fit(table, "all", law_file)
         steps.say(_law_line(ranked))
         with steps.timed("export"):
-            exported = _export(reference.model, directory / "estimator")
+            exported = _export(reference.model, output / "estimator")
         steps.say(exported)
         with steps.timed("close the loop"):
             study, no_study = loop.result()
@@ -104,25 +106,22 @@ def run(
             no_study=no_study,
             unfinished=False,
             timings_s=tuple(steps.times.items()),
-            hashes=hashes([file for file in (directory / "sweep.parquet", model_file, law_file) if file.is_file()]),
+            hashes=hashes([file for file in (output / "sweep.parquet", model_file, law_file) if file.is_file()]),
         )
         write_page(render_report(content, draw_figures(content, drawn=drawn)), page)
     steps.say(f"{page}, {page.stat().st_size / 1e6:.1f} MB")
-    print(f"{sum(steps.times.values()):.1f} s in all")
-    write_json(
-        json,
-        {
-            "directory": str(directory),
-            "sweep": summary,
-            "reference": reference.to_dict(),
-            "laws": ranked.to_dict(),
-            "open_loop": motion.to_dict() if motion else None,
-            "temperatures": heat.to_dict() if heat else None,
-            "closed_loop": study.data() if study else None,
-            "no_closed_loop": no_study,
-            "seconds": steps.times,
-        },
-    )
+    data = {
+        "directory": str(output),
+        "sweep": summary,
+        "reference": reference.to_dict(),
+        "laws": ranked.to_dict(),
+        "open_loop": motion.to_dict() if motion else None,
+        "temperatures": heat.to_dict() if heat else None,
+        "closed_loop": study.data() if study else None,
+        "no_closed_loop": no_study,
+        "seconds": steps.times,
+    }
+    return Outcome(f"{sum(steps.times.values()):.1f} s in all", data)
 
 
 def _single_actuator(path: Path) -> "Actuator":

@@ -5,23 +5,26 @@ from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from cyclopts.validators import Number
+
+from femfit.cli.command import Outcome, ToWrite, Writes, command
+from femfit.cli.options import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, names_of
+from femfit.core.files import PICTURE, REPLAYED, write_text
 
 
+@command()
 def sense(
     model: Path,
     *,
     sensors: str = "current",
     voltage: float | None = None,
     drive: Path | None = None,
-    test_voltage: Annotated[float, Parameter(validator=Number(gte=0.0))] = 0.0,
-    test_frequency_Hz: Annotated[float | None, Parameter(name="--test-frequency-Hz", validator=Number(gt=0.0))] = None,
-    runs: Annotated[int, Parameter(validator=Number(gte=1))] = 20,
-    seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1,
-    picture: Path | None = None,
-    csv: Path | None = None,
-    json: Path | None = None,
-) -> None:
+    test_voltage: Annotated[float, NOT_NEGATIVE] = 0.0,
+    test_frequency_Hz: Annotated[float | None, Parameter(name="--test-frequency-Hz"), POSITIVE] = None,
+    runs: Annotated[int, AT_LEAST_ONE] = 20,
+    seed: Annotated[int, NOT_NEGATIVE] = 1,
+    picture: Annotated[Path | None, Writes(PICTURE)] = None,
+    csv: Annotated[Path | None, Writes(REPLAYED)] = None,
+) -> Outcome:
     """How well the current, or other sensors, tell the distance: error in simulation, and bound.
 
     Parameters
@@ -46,18 +49,16 @@ def sense(
         PNG, SVG or PDF with the motion, the filter's error and its bound.
     csv : Path
         File for time, distance, the filter's error, what it claims, and the bound.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import conclude, status
-    from femfit.core.files import PICTURE, REPLAYED, RESULT, require_outputs, write_text
+    from femfit.cli.output import status
+    from femfit.report.motion_figures import sense_figure
+    from femfit.report.style import write_picture
     from femfit.simulation.sense import sense as sensed
 
-    require_outputs([model], (picture, PICTURE), (csv, REPLAYED), (json, RESULT))
     with status("Simulating"):
         sensing = sensed(
             model,
-            sensors=[name.strip() for name in sensors.split(",") if name.strip()],
+            sensors=list(names_of(sensors)),
             drive=drive,
             voltage_V=voltage,
             test_voltage_V=test_voltage,
@@ -65,14 +66,8 @@ def sense(
             runs=runs,
             rng=seed,
         )
-    written = []
-    if picture is not None:
-        from femfit.report.motion_figures import sense_figure
-        from femfit.report.style import write_picture
-
-        write_picture(partial(sense_figure, sensing), picture)
-        written.append(picture)
-    if csv is not None:
-        write_text(csv, sensing.table.to_csv(index=False))
-        written.append(csv)
-    conclude(sensing, json, written)
+    files: list[ToWrite] = [
+        (picture, partial(write_picture, partial(sense_figure, sensing))),
+        (csv, lambda path: write_text(path, sensing.table.to_csv(index=False))),
+    ]
+    return Outcome(sensing, files=files)

@@ -1,6 +1,7 @@
 """``femfit simulate``: close the loop around a model, or drive it in open loop."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -8,65 +9,28 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
+from femfit.cli.command import Outcome, ToWrite, Writes, command
+from femfit.cli.options import AT_LEAST_ONE, FLAG, NOT_NEGATIVE, POSITIVE, numbers, parsed
 from femfit.core.errors import UsageError
+from femfit.core.files import LOOP, OPEN_LOOP, PICTURE, require_outputs
 
 ControllerOption = Literal["backstepping", "pid", "state-feedback"]
 FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
 
-def simulate(
-    model: Path,
-    *,
-    voltage: str | None = None,
-    current: str | None = None,
-    drive: Path | None = None,
-    interpolation: Literal["held", "linear"] = "held",
-    duration_ms: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
-    start_mm: float | None = None,
-    step_ms: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
-    extrapolate: Annotated[bool, Parameter(negative=())] = False,
-    picture: Path | None = None,
-    controller: ControllerOption | None = None,
-    observer: Annotated[FilterOption | None, Parameter(name="--filter")] = None,
-    sensor: list[str] | None = None,
-    gain: list[str] | None = None,
-    bandwidth_rad_s: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
-    pole_rad_s: Annotated[list[complex] | None, Parameter(name="--pole-rad-s", allow_leading_hyphen=True)] = None,
-    latency: Annotated[int, Parameter(validator=Number(gte=0))] = 0,
-    noise: list[str] | None = None,
-    faulty: str | None = None,
-    offset: float = 0.0,
-    drift_per_s: float = 0.0,
-    force_scale: Annotated[float, Parameter(validator=Number(gt=0.0))] = 1.0,
-    stuck_after_s: Annotated[float | None, Parameter(validator=Number(gte=0.0))] = None,
-    dropout: Annotated[float, Parameter(validator=Number(gte=0.0, lte=1.0))] = 0.0,
-    runs: Annotated[int | None, Parameter(validator=Number(gte=1))] = None,
-    seconds: Annotated[float | None, Parameter(validator=Number(gt=0.0))] = None,
-    seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1,
-    plant: Path | None = None,
-    csv: Path | None = None,
-    json: Path | None = None,
-) -> None:
-    """Drive a model in open loop, or close the loop around it.
+@Parameter(name="*")
+@dataclass(frozen=True)
+class OpenLoopOptions:
+    """What drives a model in open loop: any of these asks for one.
 
-    With --voltage, --current or --drive: pull-in and drop-out, switching times, seating velocity, bounces, energies.
-
-    Otherwise the loop is closed: controller, filter, sensors, steps, noise, faults. Without --controller, --filter,
-    --runs, --seconds, --plant, --csv, --picture, gains or a fault: which controllers hold the body, how well the
-    filters measure, and what a sensor offset, a force error, a wrong start and no filter do.
-
-    Parameters
+    Attributes
     ----------
-    model : Path
-        Model file with circuit and motion, and for a closed loop a sensor.
     voltage : str
         Constant command in V in open loop; for several circuits by their names, as bias=2,diff=1.
     current : str
         Constant command in A of a current amplifier in open loop; for several circuits by their names.
     drive : Path
         Table with the columns time_s and voltage_V or current_A (voltage_NAME_V or current_NAME_A) for the open loop.
-    interpolation : str
-        Interpolation of the drive table: held (each value up to the next time) or linear.
     duration_ms : float
         Duration of the open loop in ms; default: up to the table's last time, or 100.
     start_mm : float
@@ -75,30 +39,54 @@ def simulate(
         Time in ms between two rows of the open loop's table; default: a 2000th of its duration.
     extrapolate : bool
         Motion in open loop that goes on where distance or current leave the validity domain.
-    picture : Path
-        Picture of the open loop, or of one run of the closed one (.png, .svg, .pdf).
+    """
+
+    voltage: str | None = None
+    current: str | None = None
+    drive: Path | None = None
+    duration_ms: Annotated[float | None, POSITIVE] = None
+    start_mm: float | None = None
+    step_ms: Annotated[float | None, POSITIVE] = None
+    extrapolate: Annotated[bool, FLAG] = False
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """All of them, as the library's open loop takes them."""
+        return {
+            "voltage_V": _constant("--voltage", self.voltage),
+            "current_A": _constant("--current", self.current),
+            "drive": self.drive,
+            "duration_s": None if self.duration_ms is None else 1e-3 * self.duration_ms,
+            "start_m": None if self.start_mm is None else 1e-3 * self.start_mm,
+            "sample_time_s": None if self.step_ms is None else 1e-3 * self.step_ms,
+            "outside": "extrapolate" if self.extrapolate else "stop",
+        }
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class LoopOptions:
+    """What a single closed loop is made of: any of these asks for one.
+
+    Attributes
+    ----------
     controller : str
         Controller: pid, state-feedback or backstepping; default: the one whose linear loop keeps the largest margin, or
         pid where gains are given; all of them where no option asks for a single loop.
-    observer : str
+    estimator : str
         Filter: ukf4 (default of one loop) or ekf4, which estimate the first sensor's bias as a further state; ukf or
         ekf, which do not; or direct, which inverts the first sensor's characteristic without a filter.
-    sensor : list of str
-        Sensor that the loop reads, by its name in the drawing; may be repeated; default: the Hall element, or all.
-    gain : list of str
+    gains : list of str
         Gain of the controller in place of the designed one, as in kp=2000; may be repeated; of pid: kp, ki, kd,
         filter_rad_s; of backstepping: position, velocity, current; of state-feedback: distance, velocity, current,
         integral.
     bandwidth_rad_s : float
         Bandwidth of the controller in rad/s, in place of the one that its margins and the noise allow.
-    pole_rad_s : list of complex
+    poles_rad_s : list of complex
         Pole of state feedback in rad/s, as in -40 or -40+30j; once for each of distance, velocity, current and
         integral.
     latency : int
         Number of samples from a reading to the command that it leads to.
-    noise : list of str
-        White noise of a sensor's sample in its unit, as in laser=0.002, or a number alone for the first sensor; may be
-        repeated; default: the model's.
     faulty : str
         Sensor with the offset, drift, sticking and dropouts; default: the first.
     offset : float
@@ -116,154 +104,128 @@ def simulate(
     seconds : float
         Duration of one loop in s; default: 1 a reference distance, or 2000 samples and a step's time where that is
         less.
-    seed : int
-        Seed of the noise.
     plant : Path
         Model file of what truly moves and is truly sensed, while controller and filter believe in MODEL.
+    """
+
+    controller: ControllerOption | None = None
+    estimator: Annotated[FilterOption | None, Parameter(name="--filter")] = None
+    gains: Annotated[list[str] | None, Parameter(name="--gain")] = None
+    bandwidth_rad_s: Annotated[float | None, POSITIVE] = None
+    poles_rad_s: Annotated[list[complex] | None, Parameter(name="--pole-rad-s", allow_leading_hyphen=True)] = None
+    latency: Annotated[int, NOT_NEGATIVE] = 0
+    faulty: str | None = None
+    offset: float = 0.0
+    drift_per_s: float = 0.0
+    force_scale: Annotated[float, POSITIVE] = 1.0
+    stuck_after_s: Annotated[float | None, NOT_NEGATIVE] = None
+    dropout: Annotated[float, Parameter(validator=Number(gte=0.0, lte=1.0))] = 0.0
+    runs: Annotated[int | None, AT_LEAST_ONE] = None
+    seconds: Annotated[float | None, POSITIVE] = None
+    plant: Path | None = None
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """All of them, as the library's closed loop takes them."""
+        gains = numbers(self.gains or (), "--gain", "NAME", "kp=2000")
+        return vars(self) | {"estimator": self.estimator or "ukf4", "runs": self.runs or 1, "gains": gains}
+
+
+_UNDRIVEN, _NO_LOOP = OpenLoopOptions(), LoopOptions()
+
+
+@command()
+def simulate(
+    model: Path,
+    *,
+    drive_options: OpenLoopOptions = _UNDRIVEN,
+    interpolation: Literal["held", "linear"] = "held",
+    picture: Annotated[Path | None, Writes(PICTURE)] = None,
+    loop_options: LoopOptions = _NO_LOOP,
+    sensor: list[str] | None = None,
+    noise: list[str] | None = None,
+    seed: Annotated[int, NOT_NEGATIVE] = 1,
+    csv: Annotated[Path | None, Writes()] = None,
+) -> Outcome:
+    """Drive a model in open loop, or close the loop around it.
+
+    With --voltage, --current or --drive: pull-in and drop-out, switching times, seating velocity, bounces, energies.
+
+    Otherwise the loop is closed: controller, filter, sensors, steps, noise, faults. Without --controller, --filter,
+    --runs, --seconds, --plant, --csv, --picture, gains or a fault: which controllers hold the body, how well the
+    filters measure, and what a sensor offset, a force error, a wrong start and no filter do.
+
+    Parameters
+    ----------
+    model : Path
+        Model file with circuit and motion, and for a closed loop a sensor.
+    interpolation : str
+        Interpolation of the drive table: held (each value up to the next time) or linear.
+    picture : Path
+        Picture of the open loop, or of one run of the closed one (.png, .svg, .pdf).
+    sensor : list of str
+        Sensor that the loop reads, by its name in the drawing; may be repeated; default: the Hall element, or all.
+    noise : list of str
+        White noise of a sensor's sample in its unit, as in laser=0.002, or a number alone for the first sensor; may be
+        repeated; default: the model's.
+    seed : int
+        Seed of the noise.
     csv : Path
         File for the time series of the open loop, or of up to ten runs.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import loop_progress, write_json
-    from femfit.core.files import LOOP, PICTURE, RESULT, require_outputs
+    from femfit.cli.output import loop_progress
     from femfit.model.json_file import read_model
-
-    loop = (controller, observer, runs, seconds, plant, gain, bandwidth_rad_s, pole_rad_s, faulty, stuck_after_s)
-    chosen = (*loop, csv, picture)
-    faults = (offset, drift_per_s, force_scale - 1.0, dropout, latency)
-    open_loop = (voltage, current, drive, duration_ms, start_mm, step_ms)
-    if any(choice is not None for choice in open_loop) or extrapolate:
-        if any(choice is not None for choice in (*loop, noise, sensor)) or any(faults):
-            raise UsageError(
-                "--voltage, --current and --drive simulate in open loop, without controller, filter, noise and faults. "
-                "Leave out the options of one of the two."
-            )
-        _open_loop(
-            model,
-            {
-                "voltage_V": _constant("--voltage", voltage),
-                "current_A": _constant("--current", current),
-                "drive": drive,
-                "interpolation": interpolation,
-                "sample_time_s": None if step_ms is None else 1e-3 * step_ms,
-            },
-            duration_s=None if duration_ms is None else 1e-3 * duration_ms,
-            start_m=None if start_mm is None else 1e-3 * start_mm,
-            outside="extrapolate" if extrapolate else "stop",
-            files=(csv, json, picture),
-        )
-        return
-    require_outputs([model, plant], (csv, LOOP), (json, RESULT), (picture, PICTURE))
-    actuator = read_model(model)
-    white = noise_of(noise)
-    if all(choice is None for choice in chosen) and not any(faults):
-        from femfit.simulation.study import closed_loop_study
-
-        with loop_progress(actuator.name) as shown:
-            study = closed_loop_study(actuator, seed, white, sensors=sensor, progress=shown)
-        print(study)
-        write_json(json, study.data())
-        return
+    from femfit.report.loop_report import closed_loop_figure
+    from femfit.report.motion_figures import open_loop_figure
+    from femfit.report.style import write_picture
     from femfit.simulation.close_loop import close_loop
+    from femfit.simulation.open_loop import simulate as simulate_open_loop
+    from femfit.simulation.study import closed_loop_study
 
+    driven, looped = drive_options != _UNDRIVEN, loop_options != _NO_LOOP
+    if driven and (looped or noise is not None or sensor is not None):
+        raise UsageError(
+            "--voltage, --current and --drive simulate in open loop, without controller, filter, noise and faults. "
+            "Leave out the options of one of the two."
+        )
+    require_outputs([model], (csv, OPEN_LOOP if driven else LOOP))
+    files: list[ToWrite]
+    if driven:
+        motion = simulate_open_loop(model, interpolation=interpolation, **drive_options.keywords)
+        files = [(csv, motion.write_csv), (picture, partial(write_picture, partial(open_loop_figure, motion)))]
+        return Outcome(motion, files=files)
+    actuator = read_model(model)
+    white = _noise_of(noise)
     with loop_progress(actuator.name) as shown:
+        if not (looped or csv or picture):
+            study = closed_loop_study(actuator, seed, white, sensors=sensor, progress=shown)
+            return Outcome(study, study.data())
+        recorded = 10 if csv is not None else 0 if picture is None else 1
         summary = close_loop(
             actuator,
-            controller=controller,
-            estimator=observer or "ukf4",
-            runs=1 if runs is None else runs,
-            seconds=seconds,
-            plant=plant,
+            **loop_options.keywords,
             rng=seed,
             sensors=sensor,
-            gains=dict(map(named_number, gain or ())),
-            bandwidth_rad_s=bandwidth_rad_s,
-            poles_rad_s=pole_rad_s,
-            latency=latency,
             noise=white,
-            faulty=faulty,
-            offset=offset,
-            drift_per_s=drift_per_s,
-            force_scale=force_scale,
-            stuck_after_s=stuck_after_s,
-            dropout=dropout,
-            recorded=10 if csv is not None else 0 if picture is None else 1,
+            recorded=recorded,
             progress=shown,
         )
-    print(summary)
-    write_json(json, {"seed": seed, **summary.data()})
-    if csv is not None:
-        summary.write_csv(csv)
-        print(f"written: {csv}")
-    if picture is not None:
-        from femfit.report.loop_report import closed_loop_figure
-        from femfit.report.style import write_picture
-
-        write_picture(partial(closed_loop_figure, summary), picture)
-        print(f"written: {picture}")
+    files = [(csv, summary.write_csv), (picture, partial(write_picture, partial(closed_loop_figure, summary)))]
+    return Outcome(summary, {"seed": seed, **summary.data()}, files)
 
 
 def _constant(option: str, text: str | None) -> float | dict[str, float] | None:
     """One number, or one by the name of each circuit."""
     if text is None:
         return None
-    try:
-        if "=" not in text:
-            return float(text)
-        pairs = (pair.partition("=") for pair in text.split(","))
-        return {name.strip(): float(value) for name, _, value in pairs}
-    except ValueError as error:
-        raise UsageError(
-            f"{option} must be a number, or one for each of several circuits; instead received {text!r}. Give it as "
-            f"{option} 12, or {option} bias=2,diff=1."
-        ) from error
+    if "=" in text:
+        return numbers(text.split(","), option, "CIRCUIT", f"{option} bias=2,diff=1")
+    return parsed(text, option, "NUMBER", f"{option} 12, or {option} bias=2,diff=1", float)
 
 
-def named_number(text: str) -> tuple[str, float]:
-    """``kp=2000`` as a name and a number."""
-    name, _, value = text.partition("=")
-    try:
-        return name, float(value)
-    except ValueError as error:
-        raise UsageError(
-            f"A gain or noise must be given as NAME=NUMBER, as in kp=2000; instead received {text!r}."
-        ) from error
-
-
-def noise_of(texts: list[str] | None) -> dict[str, float] | float | None:
+def _noise_of(texts: Iterable[str] | None) -> dict[str, float] | float | None:
     """Noise by the sensors' names; a number alone is the first sensor's."""
-    if not texts:
-        return None
+    texts = list(texts or ())
     if len(texts) == 1 and "=" not in texts[0]:
-        return named_number(f"first={texts[0]}")[1]
-    return dict(map(named_number, texts))
-
-
-def _open_loop(
-    model: Path,
-    command: Mapping[str, Any],
-    *,
-    duration_s: float | None,
-    start_m: float | None,
-    outside: Literal["stop", "extrapolate"],
-    files: tuple[Path | None, Path | None, Path | None],
-) -> None:
-    from femfit.cli.output import write_json
-    from femfit.core.files import OPEN_LOOP, PICTURE, RESULT, require_outputs
-    from femfit.simulation.open_loop import simulate as simulate_open_loop
-
-    csv, json, picture = files
-    require_outputs([model, command["drive"]], (csv, OPEN_LOOP), (json, RESULT), (picture, PICTURE))
-    motion = simulate_open_loop(model, **command, duration_s=duration_s, start_m=start_m, outside=outside)
-    print(motion)
-    write_json(json, motion.to_dict())
-    if csv is not None:
-        motion.write_csv(csv)
-        print(f"written: {csv}")
-    if picture is not None:
-        from femfit.report.motion_figures import open_loop_figure
-        from femfit.report.style import write_picture
-
-        write_picture(partial(open_loop_figure, motion), picture)
-        print(f"written: {picture}")
+        return parsed(texts[0], "--noise", "NUMBER", "0.002 or laser=0.002", float)
+    return numbers(texts, "--noise", "SENSOR", "laser=0.002") or None

@@ -2,18 +2,19 @@
 
 from pathlib import Path
 
-from femfit.cli.table_options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import Outcome, command
+from femfit.cli.options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
 from femfit.core.errors import UsageError
 
 
+@command()
 def suggest(
     model: Path,
     data: Path | None = None,
     *,
     plan: Path | None = None,
     table_options: MeasurementOptions = NO_MEASUREMENT_OPTIONS,
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """Advise the cheapest measurement that separates what the data leave together, or examine a plan.
 
     Parameters
@@ -25,25 +26,22 @@ def suggest(
     plan : Path
         Planned bench table with settings and a column (its cells may be empty) for each channel to be read, examined
         for what it could never separate.
-    json : Path
-        File for the result as JSON.
     """
-    from femfit.cli.output import conclude, status
-    from femfit.core.files import RESULT, require_outputs
+    from femfit.cli.output import status
     from femfit.identify.experiments.plan import PlanReport, examine_plan
     from femfit.identify.experiments.suggest import Advice
     from femfit.identify.experiments.suggest import suggest as advise
     from femfit.model.json_file import read_model
-    from femfit.tables.measurement_file import read_bench_table, read_measurement
+    from femfit.tables.measurement_file import read_bench_table
 
-    require_outputs([model, data, plan], (json, RESULT))
+    if (data is None) == (plan is None):
+        raise UsageError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
     actuator = read_model(model)
     result: Advice | PlanReport
     with status("Diagnosing") as say:
-        if data is not None and plan is None:
-            result = advise(actuator, read_measurement(data, **table_options.keywords), progress=say)
-        elif plan is not None and data is None:
-            result = examine_plan(actuator, read_bench_table(plan, planned=True, **table_options.keywords))
-        else:
-            raise UsageError("Give either a bench table that was measured, or a planned one with --plan PLAN.csv.")
-    conclude(result, json)
+        if data is not None:
+            result = advise(actuator, table_options.read(data), progress=say)
+        elif plan is not None:
+            planned = read_bench_table(plan, planned=True, **table_options.keywords, **table_options.stated)
+            result = examine_plan(actuator, planned)
+    return Outcome(result)

@@ -5,15 +5,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from femfit.cli.command import Outcome, command
 
+
+@command()
 def tolerance(
     sweep: Path,
     *,
     distance_mm: float,
     current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
     of: str = "force_N",
-    json: Path | None = None,
-) -> None:
+) -> Outcome:
     """How a series of devices scatters by the drawing's tolerances, and which number to hold more tightly.
 
     Parameters
@@ -26,13 +28,7 @@ def tolerance(
         Current in A, once for each circuit whose current was swept.
     of : str
         Quantity: force_N, flux_linkage_Wb, hall_T, or force_constant_N_per_A (the force's slope over the current).
-    json : Path
-        File for the result as JSON.
     """
     from femfit.audit.tolerance_analysis import analyse_tolerances
-    from femfit.cli.output import conclude
-    from femfit.core.files import RESULT, require_outputs
 
-    require_outputs([sweep], (json, RESULT))
-    result = analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of)
-    conclude(result, json)
+    return Outcome(analyse_tolerances(sweep, distance_m=1e-3 * distance_mm, currents_A=current_A, quantity=of))

@@ -1,20 +1,29 @@
 """``femfit trial``: how often the diagnosis would be right on an actuator of one's own."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-from cyclopts import Parameter, validators
+from femfit.cli.command import OUTPUT, Outcome, Writes, command
+from femfit.cli.options import AT_LEAST_ONE
+from femfit.core.files import RESULT
 
 
+def _results(arguments: Mapping[str, Any]) -> Path:
+    """The file of the counts, in the directory."""
+    return Path(arguments["output"]) / "results.json"
+
+
+@command()
 def trial(
     *,
     drawing: Path,
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    cases: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 60,
+    output: Annotated[Path, OUTPUT, Writes()],
+    cases: Annotated[int, AT_LEAST_ONE] = 60,
     seed: int = 1,
-    workers: Annotated[int, Parameter(validator=validators.Number(gte=1))] = 2,
-    json: Path | None = None,
-) -> None:
+    workers: Annotated[int, AT_LEAST_ONE] = 2,
+    json: Annotated[Path | None, Writes(RESULT, default=_results)] = None,
+) -> Outcome:
     """How often would the diagnosis be right on this actuator? Hide errors in simulated campaigns, and count.
 
     Hidden are numbers of the drawing that are off (remanence, turns, saturating iron), of which the field is solved
@@ -36,15 +45,12 @@ def trial(
     json : Path
         File for the results as JSON; results.json in the directory by default.
     """
-    from femfit.cli.output import progress, write_json
-    from femfit.core.files import RESULT, require_outputs
+    from femfit.cli.output import progress
     from femfit.core.text import counted
     from femfit.trial.campaigns import make_campaigns, prepare_device
     from femfit.trial.counts import trial_data, trial_lines
     from femfit.trial.run import diagnose_campaigns
 
-    results = json or output / "results.json"
-    require_outputs([drawing], (results, RESULT))
     with progress("solve the fields", "points") as show:
         device = prepare_device(
             drawing, output, workers=workers, progress=lambda done: show(done.points_done, done.points)
@@ -52,9 +58,8 @@ def trial(
     numbers = make_campaigns(device, output, cases, seed)
     with progress("diagnose", "campaigns") as show:
         outcomes = diagnose_campaigns(output, numbers, workers=workers, progress=show)
-    write_json(results, trial_data(outcomes))
-    print("\n".join(trial_lines(outcomes)))
+    lines = trial_lines(outcomes)
     if len(numbers) < cases:
         omitted = counted(cases - len(numbers), "campaign")
-        print(f"left out: {omitted} of which the device cannot show what was to be hidden")
-    print(f"written: {results}")
+        lines = [*lines, f"left out: {omitted} of which the device cannot show what was to be hidden"]
+    return Outcome("\n".join([*lines, f"written: {json}"]), trial_data(outcomes))

@@ -3,7 +3,12 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import Parameter, validators
+from cyclopts import Parameter
+
+from femfit.cli.command import OUTPUT, Outcome, Writes, command
+from femfit.cli.options import FLAG, NOT_NEGATIVE
+from femfit.core.errors import DomainError, RunDirectoryError, UsageError
+from femfit.core.files import require_outputs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -12,21 +17,24 @@ if TYPE_CHECKING:
     from femfit.device.parts import Actuator
     from femfit.field.tolerance import SolverSettings
 
+Place = tuple[float, float | tuple[float, ...]]
+"""Distance in m and current in A, of several circuits one each."""
+
 What = Literal["geometry", "mesh", "flux-lines", "flux-density", "permeability", "vtu"]
 FORMATS = (".png", ".svg", ".pdf")
 VTU_SUFFIX = ".vtu"
 
 
+@command("File for the point, its force, and the files written, as JSON.")
 def view(
     source: Path,
     *,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, OUTPUT, Writes()] = None,
     distance_mm: float | None = None,
     current_A: Annotated[tuple[float, ...], Parameter(name="--current-A", negative=())] = (),
-    row: Annotated[int | None, Parameter(validator=validators.Number(gte=0))] = None,
-    what: Annotated[tuple[What, ...], Parameter(negative=())] = (),
-    json: Path | None = None,
-) -> None:
+    row: Annotated[int | None, NOT_NEGATIVE] = None,
+    what: Annotated[tuple[What, ...], FLAG] = (),
+) -> Outcome:
     """Draw geometry, mesh, flux lines, |B| and permeability at a point, and write the field for ParaView.
 
     The geometry marks the numbers of the drawing and lists what they are: faces, bores, corners.
@@ -46,12 +54,8 @@ def view(
         Row of the sweep's table in place of distance and current, counted from 0.
     what : tuple of str
         Picture to draw; may be repeated; all by default.
-    json : Path
-        File for the point, its force, and the files written, as JSON.
     """
-    from femfit.cli.output import status, write_json
-    from femfit.core.errors import UsageError
-    from femfit.core.files import RESULT, require_outputs
+    from femfit.cli.output import status
     from femfit.device.drawn_numbers import in_picture
     from femfit.device.load import read_actuator
     from femfit.report.field_cells import solve_point
@@ -64,7 +68,7 @@ def view(
             "--current-A."
         )
     settings: SolverSettings | None = None
-    place: tuple[float, float | tuple[float, ...]] | None = None
+    place: Place | None = None
     if source.is_dir():
         actuator, settings, place = _swept(source, row)
         signatures = read_signatures(source)
@@ -74,31 +78,27 @@ def view(
         numbers = _numbers(source)
     distance, current = place or _within(actuator, distance_mm, current_A)
     files = _files(output or Path(f"{Path(actuator.name).name}-view"), what)
-    require_outputs([source], *((path, None) for _, path in files), (json, RESULT))
+    require_outputs([source], *((path, None) for _, path in files))
     with status(f"solve {actuator.name}") as say:
         point = solve_point(actuator, distance, current, settings)
         say("draw")
         sample = write_views(point, files, numbers)
-    print(f"{actuator.name}: {point_title(sample)}")
+    lines = [f"{actuator.name}: {point_title(sample)}"]
     if numbers and "geometry" in dict(files):
-        print("Numbers of the drawing, as the picture marks them:")
-        for k, number in enumerate(numbers, 1):
-            print(f"  {k}  {number.title} [{number.key}]")
-    for _, path in files:
-        print(f"written: {path}")
-    write_json(
-        json,
-        {
-            "name": actuator.name,
-            "distance_m": distance,
-            "current_A": current,
-            "force_N": sample.force_N,
-            "part_flux_density_T": sample.part_flux_density_T,
-            "unknowns": sample.unknowns,
-            "numbers": [{"key": number.key, "title": number.title, "at_mm": number.at} for number in numbers],
-            "files": {kind: str(path) for kind, path in files},
-        },
-    )
+        lines.append("Numbers of the drawing, as the picture marks them:")
+        lines += [f"  {k}  {number.title} [{number.key}]" for k, number in enumerate(numbers, 1)]
+    lines += [f"written: {path}" for _, path in files]
+    data = {
+        "name": actuator.name,
+        "distance_m": distance,
+        "current_A": current,
+        "force_N": sample.force_N,
+        "part_flux_density_T": sample.part_flux_density_T,
+        "unknowns": sample.unknowns,
+        "numbers": [{"key": number.key, "title": number.title, "at_mm": number.at} for number in numbers],
+        "files": {kind: str(path) for kind, path in files},
+    }
+    return Outcome("\n".join(lines), data)
 
 
 def _numbers(drawing: Path) -> "tuple[NumberFacts, ...]":
@@ -112,11 +112,8 @@ def _numbers(drawing: Path) -> "tuple[NumberFacts, ...]":
         return ()
 
 
-def _swept(
-    directory: Path, row: int | None
-) -> "tuple[Actuator, SolverSettings, tuple[float, float | tuple[float, ...]] | None]":
+def _swept(directory: Path, row: int | None) -> "tuple[Actuator, SolverSettings, Place | None]":
     """The actuator and settings of a sweep, and the point of a row of its table."""
-    from femfit.core.errors import DomainError, RunDirectoryError
     from femfit.core.sweep_columns import VARIANT, current_columns
     from femfit.device.summary import actuator_from_record
     from femfit.field.tolerance import SolverSettings
@@ -149,12 +146,8 @@ def _current(currents: "Sequence[float]") -> float | tuple[float, ...]:
     return currents[0] if len(currents) == 1 else tuple(currents)
 
 
-def _within(
-    actuator: "Actuator", distance_mm: float | None, currents: tuple[float, ...]
-) -> tuple[float, float | tuple[float, ...]]:
+def _within(actuator: "Actuator", distance_mm: float | None, currents: tuple[float, ...]) -> Place:
     """Distance in m, within the sweep, and currents in A."""
-    from femfit.core.errors import DomainError, UsageError
-
     axes = actuator.sweep
     low, high = min(axes.distances_m), max(axes.distances_m)
     distance = axes.distances_m[len(axes.distances_m) // 2] if distance_mm is None else 1e-3 * distance_mm
@@ -175,7 +168,6 @@ def _within(
 
 def _files(output: Path, what: tuple[str, ...]) -> list[tuple[str, Path]]:
     """What to write where."""
-    from femfit.core.errors import UsageError
     from femfit.report.field_figures import PICTURES, VTU
 
     suffix = output.suffix.lower()
