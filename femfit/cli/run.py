@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from femfit.cli.command import OUTPUT, Outcome, Writes, command, run_directory
 from femfit.cli.options import AT_LEAST_ONE
+from femfit.cli.words import said
 from femfit.core.files import MODEL, PAGE
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def run(
 
     from femfit.core.processes import process_pool
     from femfit.device.summary import remarks
+    from femfit.model.network_magnetics import NETWORK
     from femfit.report.actuator_report import draw_figures, render_report
     from femfit.report.page import ReportContent, write_page
     from femfit.report.write import hashes, with_field
@@ -77,7 +79,7 @@ def run(
     table, summary = _sweep(steps, actuator, parts, output, workers or len(os.sched_getaffinity(0)), signatures)
     with steps.timed("fit"):
         reference = _fit(table, "coenergy", model_file)
-    steps.say(f"co-energy reference, misses the sweep's force by {100 * (reference.misfit.force_share or 0.0):.2g} %")
+    steps.say(said("run", "fit", reference))
     for line in reference.notes:
         print(line)
     with process_pool(1) as pool:
@@ -91,13 +93,13 @@ def run(
         steps.say(f"{page} can be read; the laws and the loop follow")
         with steps.timed("rank laws"):
             ranked = reference if reference.circuits else _fit(table, "all", law_file)
-        steps.say(_law_line(ranked))
+        steps.say(said("run", "laws", ranked, NETWORK))
         with steps.timed("export"):
             exported = _export(reference.model, output / "estimator")
         steps.say(exported)
         with steps.timed("close the loop"):
             study, no_study = loop.result()
-    steps.say(_loop_line(study, no_study))
+    steps.say(said("run", "loop", study, no_study, no_study in {NO_SENSOR, NO_COIL}))
     with steps.timed("report"):
         content = replace(
             content,
@@ -172,7 +174,6 @@ def _sweep(
     steps: _Steps, actuator: Path, parts: "Actuator", directory: Path, workers: int, signatures: bool
 ) -> "tuple[SweepTable, dict[str, Any]]":
     from femfit.cli.output import sweep_progress
-    from femfit.core.text import amount
     from femfit.device.rewrite import only
     from femfit.field.sweep import run_sweep
     from femfit.field.sweep_rows import clipped_hall, failed_points, summarise
@@ -180,8 +181,7 @@ def _sweep(
     with steps.timed("sweep", shown=False), sweep_progress(parts.name) as progress:
         table = run_sweep(actuator, directory, workers=workers, signatures=signatures, progress=progress)
     summary = summarise(table)
-    error = amount(summary["force_error_relative_max"], "")
-    steps.say(f"{summary['rows']} points, {summary['failed']} failed; force error estimated at most {error}")
+    steps.say(said("run", "sweep", summary))
     for line in (*failed_points(table), *clipped_hall(only(parts), table)):
         print(line)
     return table, summary
@@ -196,27 +196,11 @@ def _at_supply(
 
     with steps.timed("open loop"):
         motion = motion_at_supply(model)
-    steps.say(_motion_line(motion, parts))
+    steps.say(said("run", "motion", motion, parts.circuits, NO_COIL))
     with steps.timed("temperatures"):
         heat = temperatures_at_supply(parts, model)
-    steps.say(_heat_line(heat, parts))
+    steps.say(said("run", "heat", heat, parts.circuits, NO_COIL))
     return motion, heat
-
-
-def _motion_line(motion: "OpenLoop | None", parts: "Actuator") -> str:
-    if motion is None and not parts.circuits:
-        return f"none: {NO_COIL}"
-    if motion is None:
-        return "none: the supply neither switches the body between two stops nor moves it on springs"
-    return f"{motion.profile.value[0]:g} V: {str(motion).splitlines()[0]}"
-
-
-def _heat_line(heat: "Temperatures | None", parts: "Actuator") -> str:
-    if heat is None:
-        return f"none: {'the supply has no limits' if parts.circuits else NO_COIL}"
-    first, *_ = str(heat).splitlines()
-    currents = " and ".join(f"{current:.3g}" for current in heat.allowed_A)
-    return first if heat.lasts else f"{first} {currents} A may last."
 
 
 def _fit(table: "SweepTable", law: str, file: Path) -> "FitResult":
@@ -260,30 +244,3 @@ def _export(model: "ActuatorModel", directory: Path) -> str:
     except (DomainError, FilterError, MissingPartError) as error:
         return f"none: {error}"
     return f"{directory}, {len(files)} files that need numpy alone"
-
-
-def _law_line(ranked: "FitResult") -> str:
-    from femfit.model.network_magnetics import NETWORK
-
-    ranking = ranked.ranking
-    if ranking is None:
-        return "none: laws are of one current, and this drawing has several circuits"
-    best = f"{ranking.recommended.law.name} {{}}{100 * ranking.recommended.error:.2g} % of the {ranking.of}"
-    if ranked.network is not None:
-        left_out = f"{100 * ranked.network.left_out:.2g} % of the rms force on points left out"
-        return f"{NETWORK} is taken, {left_out}; of the others {best.format('is the best, ')}"
-    return best.format("is recommended, " if ranking.reached else "is the best and not good enough, ")
-
-
-def _loop_line(study: "ClosedLoopStudy | None", no_study: str) -> str:
-    if study is None:
-        return "none, for the same reason" if no_study in {NO_SENSOR, NO_COIL} else f"none: {no_study}"
-    rows = [row for row in study.holds if row.filter == "ukf" and row.held]
-    if not rows:
-        return "every run was lost; the report says how"
-    held = ", ".join(f"{row.controller} {row.held} of {row.runs}" for row in study.steps if row.measurement == "ukf")
-    if study.no_direct:
-        return f"runs held over the reference: {held}; with filters alone, no reading tells the distance by itself"
-    best = {row.distance_m: row for row in reversed(rows)}
-    ratios = ", ".join(f"{row.ratio:.2f} times at {1e3 * distance:.3g} mm" for distance, row in sorted(best.items()))
-    return f"runs held over the reference: {held}; UKF less noisy than direct measurement: {ratios}"

@@ -1,19 +1,13 @@
 """``femfit sweep``: an actuator file to a sweep table."""
 
 import os
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from femfit.cli.command import OUTPUT, Outcome, Writes, command, run_directory
 from femfit.cli.options import AT_LEAST_ONE
+from femfit.cli.words import said
 from femfit.core.errors import FieldSolverError
-from femfit.core.results import listing
-from femfit.core.text import amount, counted
-
-if TYPE_CHECKING:
-    from femfit.device.rewrite import VariantSweep
-    from femfit.tables.sweep_table import SweepTable
 
 
 @command("File for a summary as JSON.")
@@ -48,8 +42,10 @@ def sweep(
 
     from femfit.cli.output import sweep_progress
     from femfit.device.rewrite import read_variants
+    from femfit.device.summary import remarks
     from femfit.field.sweep import run_sweep
-    from femfit.field.sweep_rows import summarise
+    from femfit.field.sweep_rows import clipped_hall, failed_points, summarise, variants_without_a_point
+    from femfit.tables.impedance_table import NAME as IMPEDANCE
 
     assert output is not None  # noqa: S101 - the default of Writes
     variants = read_variants(actuator)
@@ -64,60 +60,11 @@ def sweep(
             progress=progress,
         )
     summary = summarise(table) | {"seconds": perf_counter() - start, "directory": str(output)}
-    lines = list(_lines(output, variants, table, summary))
-    return Outcome("\n".join(lines), summary, error=_unsolved(actuator, variants, table, summary))
-
-
-def _lines(directory: Path, variants: "VariantSweep", table: "SweepTable", summary: Mapping[str, Any]) -> Iterator[str]:
-    """What is said of a sweep."""
-    from femfit.device.summary import remarks
-    from femfit.field.sweep_rows import clipped_hall, failed_points
-    from femfit.tables.impedance_table import NAME as IMPEDANCE
-
-    points = counted(summary["rows"], "point")
-    points += f" of {counted(len(variants.variants), 'variant')}" if variants.columns else ""
-    yield f"{directory}: {points}, {summary['failed']} failed, in {summary['seconds']:.1f} s{_force(summary)}"
-    yield from (f"  {remark}" for remark in (*remarks(variants.actuator), *clipped_hall(variants, table)))
-    if variants.columns and variants.actuator.frequencies_Hz:
-        yield "  Eddy currents were not solved: a sweep of parameters is at rest. Sweep one variant alone for them."
-    if table.eddy is not None:
-        yield f"  {table.eddy}; what an ampere does at each frequency: {directory / IMPEDANCE}"
-    if table.still_mm:
-        places = ", ".join(f"{distance:g}" for distance in table.still_mm)
-        yield f"  Eddy currents could not be solved at {places} mm; a model takes them from the distances beside."
-    if table.signatures is not None:
-        yield "  By one standard deviation of each number of the drawing, root mean square over the sweep:"
-        yield from (f"    {line}" for line in str(table.signatures).splitlines())
-    yield from (f"  {line}" for line in failed_points(table))
-    if beyond := summary.get("points_beyond_bh_curve"):
-        lie = counted(beyond, "point lies", "points lie")
-        yield f"  {lie} beyond the last point of a B-H curve: extrapolated"
-    if beyond := summary.get("rows_beyond_tolerance"):
-        miss = counted(beyond, "point does", "points do")
-        yield f"  {miss} not meet the tolerance; force_error_N says by how much"
-
-
-def _unsolved(
-    actuator: Path, variants: "VariantSweep", table: "SweepTable", summary: Mapping[str, Any]
-) -> FieldSolverError | None:
-    """The error of a sweep, or of a variant, without a point that could be solved."""
-    from femfit.field.sweep_rows import variants_without_a_point
-
+    facts = (output, variants, table, summary, (*remarks(variants.actuator), *clipped_hall(variants, table)))
+    lines = said("sweep", "lines", *facts, failed_points(table), IMPEDANCE)
+    lost, error = variants_without_a_point(table), None
     if summary["failed"] == summary["rows"]:
-        return FieldSolverError(f"No point of {actuator} could be solved; the reasons are above and in the table.")
-    if lost := variants_without_a_point(table):
-        return FieldSolverError(
-            f"No point could be solved of {counted(len(lost), 'variant')} of {len(variants.variants)} "
-            f"({listing(map(str, lost), 10)}); the reasons are above and in the table, which has the others. Correct "
-            "those values of sweep.parameters, or leave them out."
-        )
-    return None
-
-
-def _force(summary: Mapping[str, Any]) -> str:
-    if summary["force_min_N"] is None:
-        return ""
-    return (
-        f"; force {summary['force_min_N']:.4g} to {summary['force_max_N']:.4g} N, its discretisation error estimated "
-        f"at most {amount(summary['force_error_relative_max'], '')}"
-    )
+        error = FieldSolverError(said("sweep", "no_point", actuator))
+    elif lost:
+        error = FieldSolverError(said("sweep", "lost_variants", lost, len(variants.variants)))
+    return Outcome(lines, summary, error=error)

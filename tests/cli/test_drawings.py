@@ -14,7 +14,7 @@ import pytest
 import femfit as ff
 from femfit.cli.new import Kind
 from femfit.cli.run import _close_loop
-from femfit.cli.sweep import _force
+from femfit.cli.words import said
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.load import actuator_from_toml, read_actuator, starter_names
 from femfit.field import newton as current_path
@@ -177,7 +177,8 @@ def test_a_fit_is_of_the_variant_that_is_chosen(variants, tmp_path):
 
 
 def test_an_error_far_below_a_thousandth_of_a_per_cent_is_not_printed_as_nothing():
-    assert _force({"force_min_N": 0.0, "force_max_N": 1.0, "force_error_relative_max": 1.7e-6}).endswith("0.00017 %")
+    summary = {"force_min_N": 0.0, "force_max_N": 1.0, "force_error_relative_max": 1.7e-6}
+    assert said("sweep", "force", summary).endswith("0.00017 %")
 
 
 def test_a_table_needs_no_stop_and_a_model_ends_where_its_sweep_does(tmp_path):
