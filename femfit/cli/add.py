@@ -3,12 +3,11 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
 from cyclopts import Parameter
 
-from femfit.cli.command import OUTPUT, Outcome, ToWrite, Writes, command
-from femfit.cli.options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import NO_MEASUREMENT_OPTIONS, OUTPUT, MeasurementOptions, Outcome, ToWrite, Writes, command
 from femfit.core.errors import UsageError
 from femfit.core.files import MODEL, PAGE, PICTURE
 
@@ -93,15 +92,11 @@ def add(
     added = [*result.model.provenance.get("added", []), record]
     remembering = replace(result.model, provenance={**result.model.provenance, "added": added})
 
-    def page(path: Path) -> None:
-        with status("Writing the report"):
-            write_page(render_added(result, hashes((model, data))), path)
-
-    def before_after(path: Path) -> None:
-        assert isinstance(measured, TimeSeries)  # noqa: S101 - refused above
-        write_before_after((actuator, result.model), measured, path)
-
-    files: list[ToWrite] = [(output, partial(write_model, remembering)), (picture, before_after), (report, page)]
+    files: list[ToWrite] = [
+        (output, partial(write_model, remembering)),
+        (picture, lambda path: write_before_after((actuator, result.model), cast("TimeSeries", measured), path)),
+        (report, lambda path: write_page(render_added(result, hashes((model, data))), path)),
+    ]
     return Outcome(result, record, files)
 
 

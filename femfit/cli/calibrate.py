@@ -6,8 +6,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command, run_directory
-from femfit.cli.options import AT_LEAST_ONE, NO_MEASUREMENT_OPTIONS, MeasurementOptions, names_of
+from femfit.cli.command import (
+    AT_LEAST_ONE,
+    NO_MEASUREMENT_OPTIONS,
+    OUTPUT,
+    MeasurementOptions,
+    Outcome,
+    Writes,
+    command,
+    names_of,
+    run_directory,
+)
 from femfit.core.errors import UsageError
 from femfit.core.files import DRAWING, MODEL, write_text
 

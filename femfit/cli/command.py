@@ -1,22 +1,35 @@
-"""What every command does around its work: it checks what it may replace, writes its results, and prints them.
+"""What every command has: a check of what it may replace, its results written and printed, options of tables.
 
 A command's signature says which of its paths are files that it writes, and of which kind: ``Annotated[Path | None,
 Writes(PAGE)]``. Every other path is one that it reads.
 """
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from functools import wraps
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from femfit import __version__
+from femfit.core.errors import UsageError
 from femfit.core.files import RESULT, require_outputs, write_json
+from femfit.tables.units import is_unit
+
+if TYPE_CHECKING:
+    from femfit.tables.measurement import Measurement
+
+Value = TypeVar("Value")
 
 OUTPUT = Parameter(name=["--output", "-o"])
+POSITIVE, NOT_NEGATIVE = Parameter(validator=Number(gt=0.0)), Parameter(validator=Number(gte=0.0))
+AT_LEAST_ONE = Parameter(validator=Number(gte=1))
+REPEATED = Parameter(negative=(), show_default=False)
+FLAG = Parameter(negative=())
+
 
 ToWrite = tuple[Path | None, Callable[[Path], object]]
 """Where a file was asked for, and what writes it."""
@@ -82,12 +95,12 @@ def command(json: str = "File for the result as JSON.") -> Callable[[Callable[..
 
         @wraps(function)
         def run(*arguments: Any, **options: Any) -> None:
-            target: Path | None = options.get("json") if has_json else options.pop("json", None)
+            asked: Path | None = None if has_json else options.pop("json", None)
             call = signature.bind(*arguments, **options)
             call.apply_defaults()
-            outputs = list(_outputs(signature, call.arguments))
-            require_outputs(_inputs(signature, call.arguments), *outputs, (target, RESULT))
-            _conclude(function(*call.args, **call.kwargs), target)
+            inputs, outputs = _paths(signature, call.arguments)
+            require_outputs(inputs, *outputs, (asked, RESULT))
+            _conclude(function(*call.args, **call.kwargs), call.arguments["json"] if has_json else asked)
 
         run.__signature__ = shown  # type: ignore[attr-defined]
         run.__annotations__ = {name: parameter.annotation for name, parameter in shown.parameters.items()}
@@ -119,25 +132,132 @@ def _conclude(outcome: Outcome, json: Path | None) -> None:
         raise outcome.error
 
 
-def _written(parameter: inspect.Parameter) -> list[Writes]:
-    return [entry for entry in getattr(parameter.annotation, "__metadata__", ()) if isinstance(entry, Writes)]
-
-
-def _outputs(signature: inspect.Signature, arguments: dict[str, Any]) -> Iterator[tuple[Path | None, str | None]]:
-    """Files that are written; an option that was not given gets its default."""
+def _paths(
+    signature: inspect.Signature, arguments: dict[str, Any]
+) -> tuple[list[Path], list[tuple[Path | None, str | None]]]:
+    """Paths that are read, those of groups of options too, and files that are written, defaults filled in."""
+    read: list[Path] = []
+    outputs: list[tuple[Path | None, str | None]] = []
     for name, parameter in signature.parameters.items():
-        for writes in _written(parameter):
+        metadata = getattr(parameter.annotation, "__metadata__", ())
+        written = [entry for entry in metadata if isinstance(entry, Writes)]
+        for writes in written:
             if arguments[name] is None and writes.default is not None:
                 arguments[name] = writes.default(arguments)
-            path = arguments[name]
-            if path is not None and writes.kind is not None:
-                yield path / writes.name if writes.name else path, writes.kind
+            if arguments[name] is not None and writes.kind is not None:
+                outputs.append((arguments[name] / writes.name, writes.kind))
+        if not written:
+            value = arguments[name]
+            group = vars(value).values() if is_dataclass(value) else value if isinstance(value, tuple) else (value,)
+            read += [path for path in group if isinstance(path, Path)]
+    return read, outputs
 
 
-def _inputs(signature: inspect.Signature, arguments: Mapping[str, Any]) -> Iterator[Path]:
-    """Paths that are read, those of groups of options too."""
-    for name, value in arguments.items():
-        if _written(signature.parameters[name]) or name == "json":
-            continue
-        group = vars(value).values() if is_dataclass(value) else value if isinstance(value, tuple) else (value,)
-        yield from (path for path in group if isinstance(path, Path))
+_TO_SI = {"_mm": ("_m", 1e-3), "_um": ("_m", 1e-6), "_ms": ("_s", 1e-3), "_uV": ("_V", 1e-6), "_g": ("_kg", 1e-3)}
+
+
+def in_si(options: object) -> dict[str, Any]:
+    """A group of options as keywords of the library: what is given in mm, um, ms, uV or g becomes SI, name and all."""
+    keywords = {}
+    for name, value in vars(options).items():
+        stem, mark, unit = name.rpartition("_")
+        si, factor = _TO_SI.get(mark + unit, (mark + unit, None))
+        keywords[stem + si] = value if value is None or factor is None else factor * value
+    return keywords
+
+
+def names_of(text: str | None) -> tuple[str, ...]:
+    """Names with commas between them."""
+    return tuple(name for part in (text or "").split(",") if (name := part.strip()))
+
+
+def parsed(text: str, option: str, form: str, example: str, value_of: Callable[[str], Value]) -> Value:
+    """The value of an option's text; a ValueError of ``value_of`` is a wrong use of the option."""
+    try:
+        return value_of(text)
+    except ValueError as error:
+        raise UsageError(f"{option} must read {form}, as in {example}; instead received {text!r}.") from error
+
+
+def pairs(
+    texts: Iterable[str], option: str, form: str, example: str, value_of: Callable[[str], Value]
+) -> dict[str, Value]:
+    """What an option gives as NAME=VALUE, by name."""
+
+    def pair(text: str) -> tuple[str, Value]:
+        name, _, value = (part.strip() for part in text.rpartition("="))
+        if not (name and value):
+            raise ValueError(text)
+        return name, value_of(value)
+
+    return dict(parsed(text, option, form, example, pair) for text in texts)
+
+
+def numbers(texts: Iterable[str], option: str, name: str, example: str) -> dict[str, float]:
+    """Numbers of an option that gives them by name."""
+    return pairs(texts, option, f"{name}=NUMBER", example, float)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class TableOptions:
+    """What a table's columns are, where their headers do not say it.
+
+    Attributes
+    ----------
+    column : tuple of str
+        Column of a header as HEADER=COLUMN, for example "Kanal 3=force_N"; may be repeated.
+    unit : tuple of str
+        Unit of a header as HEADER=UNIT (Kraft=gf), HEADER=FACTOR to SI, or alone (gf) for the only fitting column.
+    table : str
+        Sheet, group or struct of a file that holds several tables (XLSX, MAT, HDF5, TDMS).
+    """
+
+    column: Annotated[tuple[str, ...], REPEATED] = ()
+    unit: Annotated[tuple[str, ...], REPEATED] = ()
+    table: Annotated[str | None, Parameter(show_default=False)] = None
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """All of them, as the functions that read tables take them."""
+        alone = {text.strip(): text.strip() for text in self.unit if "=" not in text and is_unit(text)}
+        named = (text for text in self.unit if text.strip() not in alone)
+        return {
+            "columns": pairs(self.column, "--column", "HEADER=COLUMN", "Kraft=force_N", str),
+            "units": alone | pairs(named, "--unit", "HEADER=UNIT", "Kraft=mN", str),
+            "table": self.table,
+        }
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class MeasurementOptions(TableOptions):
+    """What a measurement's columns are, and how large their noise is.
+
+    Attributes
+    ----------
+    noise : tuple of str
+        Noise of one reading as CHANNEL=STANDARD DEVIATION (force_N=2e-4), which counts before the sidecar's.
+    setting : tuple of str
+        Setting without a column that was the same throughout, as COLUMN=NUMBER in any unit (distance_mm=2).
+    """
+
+    noise: Annotated[tuple[str, ...], REPEATED] = ()
+    setting: Annotated[tuple[str, ...], REPEATED] = ()
+
+    def read(self, path: Path) -> "Measurement":
+        """A bench table or a record over time, as its sidecar and these options say."""
+        from femfit.tables.measurement_file import read_measurement
+
+        return read_measurement(path, **self.keywords)
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """All of them, as the functions that read measurements take them."""
+        noise = numbers(self.noise, "--noise", "CHANNEL", "force_N=2e-4")
+        settings = numbers(self.setting, "--setting", "COLUMN", "distance_mm=2")
+        return {**super().keywords, "noise": noise, "settings": settings}
+
+
+NO_TABLE_OPTIONS = TableOptions()
+NO_MEASUREMENT_OPTIONS = MeasurementOptions()

@@ -1,14 +1,10 @@
 """``femfit compare``: how far a model is from measurements, against their noise, and where."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
-from femfit.cli.command import Outcome, Writes, command
-from femfit.cli.options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, Writes, command
 from femfit.core.errors import UsageError
-
-if TYPE_CHECKING:
-    from femfit.model.actuator_model import ActuatorModel
 
 
 @command("File for the result as JSON, with the maps.")
@@ -33,15 +29,19 @@ def compare(
         Directory for pictures of the misfit over distance and current, and over what else it changes with.
     """
     from femfit.cli.output import status
+    from femfit.fit.build import fit_model
     from femfit.identify.comparison.compare import compare as compared
+    from femfit.model.json_file import read_model
     from femfit.report.bench_report import save_comparison_pictures
+    from femfit.tables.sweep_table import read_sweep_table
 
     if model.suffix == ".toml":
         if pictures is not None or table_options.noise:
             raise UsageError("A probe scan is compared in words: leave --pictures and --noise out.")
         return _field_scan(model, data, table_options)
     with status("Comparing"):
-        comparison = compared(_model(model), table_options.read(data))
+        predicting = read_model(model) if model.suffix == ".json" else fit_model(read_sweep_table(model)).model
+        comparison = compared(predicting, table_options.read(data))
     written = [] if pictures is None else save_comparison_pictures(comparison, pictures)
     return Outcome(comparison, last="\n".join(f"written: {file}" for file in written))
 
@@ -53,15 +53,7 @@ def _field_scan(drawing: Path, data: Path, table_options: MeasurementOptions) ->
     from femfit.identify.comparison.field_scan import compare_field_scan
     from femfit.tables.field_scan import read_field_scan
 
-    scan = read_field_scan(data, **table_options.keywords)
+    keywords = table_options.keywords
+    scan = read_field_scan(data, columns=keywords["columns"], units=keywords["units"], table=keywords["table"])
     with status("Solving the field at the places of the probe"):
         return Outcome(compare_field_scan(read_actuator(drawing), scan))
-
-
-def _model(path: Path) -> "ActuatorModel":
-    """A model file's model, or the co-energy of a sweep table."""
-    from femfit.fit.build import fit_model
-    from femfit.model.json_file import read_model
-    from femfit.tables.sweep_table import read_sweep_table
-
-    return read_model(path) if path.suffix == ".json" else fit_model(read_sweep_table(path)).model

@@ -5,8 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.command import Outcome, Writes, command
-from femfit.cli.options import NO_MEASUREMENT_OPTIONS, NOT_NEGATIVE, MeasurementOptions
+from femfit.cli.command import NO_MEASUREMENT_OPTIONS, NOT_NEGATIVE, MeasurementOptions, Outcome, Writes, command
 from femfit.core.files import PAGE
 
 

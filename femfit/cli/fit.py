@@ -1,15 +1,13 @@
 """``femfit fit``: a sweep table to a model file."""
 
 import math
-from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command
-from femfit.cli.options import FLAG, names_of, pairs, parsed
+from femfit.cli.command import FLAG, OUTPUT, Outcome, Writes, command, names_of, pairs, parsed
 from femfit.core.errors import FitError
 from femfit.core.files import MODEL
 
@@ -18,10 +16,13 @@ if TYPE_CHECKING:
     from femfit.fit.result import FitResult
 
 
-def _beside(arguments: Mapping[str, Any]) -> Path:
-    """The model file beside its table."""
-    table: Path = arguments["table"]
-    return (table if table.is_dir() else table.parent) / f"model_{arguments['model']}.json"
+_BESIDE = Writes(
+    MODEL,
+    default=lambda arguments: (
+        (arguments["table"] if arguments["table"].is_dir() else arguments["table"].parent)
+        / f"model_{arguments['model']}.json"
+    ),
+)
 
 
 @command()
@@ -30,7 +31,7 @@ def fit(
     *,
     model: str = "coenergy",
     where: Annotated[tuple[str, ...], FLAG] = (),
-    output: Annotated[Path | None, OUTPUT, Writes(MODEL, default=_beside)] = None,
+    output: Annotated[Path | None, OUTPUT, _BESIDE] = None,
     bound: Annotated[tuple[str, ...], FLAG] = (),
     functions: str | None = None,
     constraints: str | None = None,
@@ -83,19 +84,17 @@ def fit(
         "actuator": actuator,
         "mass_kg": None if mass_g is None else 1e-3 * mass_g,
         "resistance_ohm": resistance_ohm,
-        "supply_V": _range(supply_V),
+        "supply_V": None if supply_V is None else parsed(supply_V, "--supply-V", "LOW:HIGH", "0:12", _rising),
     }
     result: FitResult | InductanceFit
     if is_inductance_table(table):
-        _require_of_inductances(
-            {
-                "--where": where,
-                "--bound": bound,
-                "--functions": functions,
-                "--constraints": constraints,
-                "--inductance-H": inductance_H,
-            }
-        )
+        useless = (where, bound, functions, constraints, inductance_H)
+        for (option, purpose), value in zip(_FOR_SWEEPS.items(), useless, strict=True):
+            if value not in (None, ()):
+                raise FitError(
+                    f"{option} {purpose}; a fit to measured inductances has no use for it. Leave it out, or fit a "
+                    "sweep table with forces."
+                )
         result = fit_inductance(read_inductance_table(table), law=model, **device)
     else:
         result = fit_model(
@@ -121,24 +120,12 @@ _FOR_SWEEPS = {
 }
 
 
-def _require_of_inductances(options: dict[str, object]) -> None:
-    """Refuse options that do nothing for a table of inductances."""
-    for option, value in options.items():
-        if value not in (None, ()):
-            raise FitError(
-                f"{option} {_FOR_SWEEPS[option]}; a fit to measured inductances has no use for it. Leave it out, or "
-                "fit a sweep table with forces."
-            )
-
-
-def _range(text: str | None) -> tuple[float, float] | None:
-    def rising(text: str) -> tuple[float, float]:
-        low, _, high = text.partition(":")
-        if not float(low) < float(high):
-            raise ValueError(text)
-        return float(low), float(high)
-
-    return None if text is None else parsed(text, "--supply-V", "LOW:HIGH", "0:12", rising)
+def _rising(text: str) -> tuple[float, float]:
+    """LOW:HIGH of a supply."""
+    low, _, high = text.partition(":")
+    if not float(low) < float(high):
+        raise ValueError(text)
+    return float(low), float(high)
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:

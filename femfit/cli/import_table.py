@@ -6,8 +6,18 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command
-from femfit.cli.options import FLAG, NO_TABLE_OPTIONS, TableOptions, in_si, names_of, parsed
+from femfit.cli.command import (
+    FLAG,
+    NO_TABLE_OPTIONS,
+    OUTPUT,
+    Outcome,
+    TableOptions,
+    Writes,
+    command,
+    in_si,
+    names_of,
+    parsed,
+)
 from femfit.core.errors import UsageError
 from femfit.core.files import MANIFEST, SWEEP
 

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from femfit.cli.command import OUTPUT, Outcome, command
-from femfit.cli.options import NO_TABLE_OPTIONS, NOT_NEGATIVE, POSITIVE, TableOptions, in_si
+from femfit.cli.command import NO_TABLE_OPTIONS, NOT_NEGATIVE, OUTPUT, POSITIVE, Outcome, TableOptions, command, in_si
 
 MethodOption = Literal["trapezoid", "ffa1", "ffa2", "cs1-offset", "cs2", "cs2-identified"]
 

@@ -6,8 +6,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.command import Outcome, ToWrite, Writes, command
-from femfit.cli.options import FLAG, NO_MEASUREMENT_OPTIONS, MeasurementOptions, names_of
+from femfit.cli.command import (
+    FLAG,
+    NO_MEASUREMENT_OPTIONS,
+    MeasurementOptions,
+    Outcome,
+    ToWrite,
+    Writes,
+    command,
+    names_of,
+)
 from femfit.core.errors import TableError, UsageError
 from femfit.core.files import MODEL, PICTURE, REPLAYED, write_text
 

@@ -13,11 +13,17 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING
 
+from femfit.core.results import listing
+from femfit.core.text import amount, counted
+
 if TYPE_CHECKING:
+    from jinja2 import Environment
+
     from femfit.field.sweep import SweepProgress
     from femfit.simulation.loop import LoopProgress
 
@@ -33,7 +39,7 @@ Show = Callable[[int, int], None]
 def progress(text: str, unit: str) -> Iterator[Show]:
     """Show how much of a piece of work is done, counted in a unit in the plural, and when it will end."""
     if not sys.stderr.isatty():
-        yield _Lines(text, unit)
+        yield _progress_lines(text, unit)
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeRemainingColumn
@@ -79,32 +85,25 @@ def loop_progress(name: str) -> "Iterator[LoopProgress]":
         yield update
 
 
-class _Lines:
+def _progress_lines(text: str, unit: str) -> Show:
     """A line when the end can first be told, and then every ten seconds; work of a few seconds prints nothing."""
+    start = printed = monotonic()
+    before: int | None = None
 
-    def __init__(self, text: str, unit: str) -> None:
-        self._text, self._unit = text, unit
-        self._start = self._last = monotonic()
-        self._before: int | None = None
-        self._told = False
+    def show(done: int, total: int) -> None:
+        nonlocal before, printed
+        now, line = monotonic(), ""
+        if before is None:
+            before = done  # of an earlier run that was interrupted: it took no time of this one
+            line = f"{done} of {total} {unit} were there already" if done else ""
+        elif before < done < total:
+            remaining = (now - start) * (total - done) / (done - before)
+            if now - printed >= INTERVAL_S or (printed == start and remaining > INTERVAL_S):
+                printed, line = now, f"{done} of {total} {unit}, about {duration(remaining)} left"
+        if line:
+            print(f"{text}: {line}", file=sys.stderr, flush=True)
 
-    def __call__(self, done: int, total: int) -> None:
-        now = monotonic()
-        if self._before is None:
-            self._before = done  # of an earlier run that was interrupted: it took no time of this one
-            if done:
-                self._print(f"{done} of {total} {self._unit} were there already")
-            return
-        new = done - self._before
-        if new <= 0 or done >= total:
-            return
-        remaining = (now - self._start) * (total - done) / new
-        if now - self._last >= INTERVAL_S or (not self._told and remaining > INTERVAL_S):
-            self._last, self._told = now, True
-            self._print(f"{done} of {total} {self._unit}, about {duration(remaining)} left")
-
-    def _print(self, text: str) -> None:
-        print(f"{self._text}: {text}", file=sys.stderr, flush=True)
+    return show
 
 
 def duration(seconds: float) -> str:
@@ -209,3 +208,23 @@ def _watch(reader: int, heard: threading.Event, numbers: set[signal.Signals]) ->
             os._exit(128 + number[0])
         heard.clear()
     os.close(reader)
+
+
+def said(command: str, macro: str, *facts: object) -> str:
+    """What a macro of a command's text template makes of facts; the words stand in ``templates``."""
+    return str(getattr(_templates().get_template(f"{command}.txt.j2").module, macro)(*facts)).strip()
+
+
+@cache
+def _templates() -> "Environment":
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("femfit.cli"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+        autoescape=False,  # noqa: S701 - a terminal's text is no markup
+    )
+    environment.filters |= {"amount": amount, "counted": counted, "listing": listing}
+    return environment

@@ -6,9 +6,8 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command, run_directory
-from femfit.cli.options import AT_LEAST_ONE
-from femfit.cli.words import said
+from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
+from femfit.cli.output import said
 from femfit.core.files import MODEL, PAGE
 
 if TYPE_CHECKING:

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from femfit.cli.command import Outcome, ToWrite, Writes, command
-from femfit.cli.options import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, names_of
+from femfit.cli.command import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, Outcome, ToWrite, Writes, command, names_of
 from femfit.core.files import PICTURE, REPLAYED, write_text
 
 

@@ -9,8 +9,18 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from femfit.cli.command import Outcome, ToWrite, Writes, command
-from femfit.cli.options import AT_LEAST_ONE, FLAG, NOT_NEGATIVE, POSITIVE, numbers, parsed
+from femfit.cli.command import (
+    AT_LEAST_ONE,
+    FLAG,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Outcome,
+    ToWrite,
+    Writes,
+    command,
+    numbers,
+    parsed,
+)
 from femfit.core.errors import UsageError
 from femfit.core.files import LOOP, OPEN_LOOP, PICTURE, require_outputs
 

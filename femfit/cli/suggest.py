@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from femfit.cli.command import Outcome, command
-from femfit.cli.options import NO_MEASUREMENT_OPTIONS, MeasurementOptions
+from femfit.cli.command import NO_MEASUREMENT_OPTIONS, MeasurementOptions, Outcome, command
 from femfit.core.errors import UsageError
 
 
@@ -42,6 +41,6 @@ def suggest(
         if data is not None:
             result = advise(actuator, table_options.read(data), progress=say)
         elif plan is not None:
-            planned = read_bench_table(plan, planned=True, **table_options.keywords, **table_options.stated)
+            planned = read_bench_table(plan, planned=True, **table_options.keywords)
             result = examine_plan(actuator, planned)
     return Outcome(result)

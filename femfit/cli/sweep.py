@@ -4,9 +4,8 @@ import os
 from pathlib import Path
 from typing import Annotated
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command, run_directory
-from femfit.cli.options import AT_LEAST_ONE
-from femfit.cli.words import said
+from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command, run_directory
+from femfit.cli.output import said
 from femfit.core.errors import FieldSolverError
 
 

@@ -1,17 +1,12 @@
 """``femfit trial``: how often the diagnosis would be right on an actuator of one's own."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command
-from femfit.cli.options import AT_LEAST_ONE
+from femfit.cli.command import AT_LEAST_ONE, OUTPUT, Outcome, Writes, command
 from femfit.core.files import RESULT
 
-
-def _results(arguments: Mapping[str, Any]) -> Path:
-    """The file of the counts, in the directory."""
-    return Path(arguments["output"]) / "results.json"
+_RESULTS = Writes(RESULT, default=lambda arguments: arguments["output"] / "results.json")
 
 
 @command()
@@ -22,7 +17,7 @@ def trial(
     cases: Annotated[int, AT_LEAST_ONE] = 60,
     seed: int = 1,
     workers: Annotated[int, AT_LEAST_ONE] = 2,
-    json: Annotated[Path | None, Writes(RESULT, default=_results)] = None,
+    json: Annotated[Path | None, _RESULTS] = None,
 ) -> Outcome:
     """How often would the diagnosis be right on this actuator? Hide errors in simulated campaigns, and count.
 

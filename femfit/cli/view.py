@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from femfit.cli.command import OUTPUT, Outcome, Writes, command
-from femfit.cli.options import FLAG, NOT_NEGATIVE
+from femfit.cli.command import FLAG, NOT_NEGATIVE, OUTPUT, Outcome, Writes, command
 from femfit.core.errors import DomainError, RunDirectoryError, UsageError
 from femfit.core.files import require_outputs
 

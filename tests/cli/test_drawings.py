@@ -13,8 +13,8 @@ import pytest
 
 import femfit as ff
 from femfit.cli.new import Kind
+from femfit.cli.output import said
 from femfit.cli.run import _close_loop
-from femfit.cli.words import said
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.load import actuator_from_toml, read_actuator, starter_names
 from femfit.field import newton as current_path
