@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from femfit import __version__
-from femfit.core.files import replacing
 from femfit.effects.effect import AddedEffect
 from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.compare import Comparison
@@ -38,7 +37,7 @@ from femfit.report.misfit_figures import (
     worst_first,
 )
 from femfit.report.page import render
-from femfit.report.style import Drawing, style, svg_uri
+from femfit.report.style import Drawing, svg_uri, write_picture
 from femfit.tables.measurement import Measurement
 
 SHOWN = 6
@@ -173,7 +172,8 @@ def save_comparison_pictures(comparison: Comparison, directory: Path) -> list[Pa
     """Write ``misfit-maps.png`` and ``misfit-CHANNEL-1.png`` and so on."""
     observations = comparison.observations
     floor, scale, has_floor = noise_scale(comparison)
-    figures = {"misfit-maps": residual_maps_figure(observations, [("", observations.residual)], scale, has_floor)}
+    maps: Drawing = partial(residual_maps_figure, observations, [("", observations.residual)], scale, has_floor)
+    figures = {"misfit-maps": maps}
     for channel, noise in floor.items():
         lines = [
             misfit_map.along[0]
@@ -183,12 +183,12 @@ def save_comparison_pictures(comparison: Comparison, directory: Path) -> list[Pa
         names = [name for name in lines if name != "mount"]
         for first in range(0, len(names), PANELS):
             shown, misfit = names[first : first + PANELS], observations.residual / noise
-            figures[f"misfit-{channel}-{1 + first // PANELS}"] = covariate_figure(observations, misfit, channel, shown)
-    files = []
-    for name, figure in figures.items():
-        files.append(directory / f"{name}.png")
-        with style(), replacing(files[-1]) as unfinished:
-            figure.savefig(unfinished, dpi=DOTS_PER_INCH)
+            figures[f"misfit-{channel}-{1 + first // PANELS}"] = partial(
+                covariate_figure, observations, misfit, channel, shown
+            )
+    files = [directory / f"{name}.png" for name in figures]
+    for file, draw in zip(files, figures.values(), strict=True):
+        write_picture(draw, file, DOTS_PER_INCH)
     return files
 
 

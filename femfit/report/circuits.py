@@ -6,7 +6,6 @@ currents give the most force: the differential drive of a bearing.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,11 +15,7 @@ from femfit.core.text import axis_scale
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.rating import SweepGrid
-from femfit.report.style import CATEGORIES, INK, MUTED, label, new_figure, percent, plain, significant, styled, words
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+from femfit.report.style import CATEGORIES, INK, MUTED, Figure, label, new_figure, percent, plain, significant, words
 
 POINTS, CURRENTS, LEVELS = 61, 9, 9
 
@@ -138,8 +133,7 @@ def circuit_table(several: SeveralCircuits) -> list[tuple[str, ...]]:
     ]
 
 
-@styled
-def circuits_figure(several: SeveralCircuits) -> "Figure":
+def circuits_figure(several: SeveralCircuits) -> Figure:
     """Draw currents, slopes of the force and inductances over the distance, a colour for each circuit."""
     figure = new_figure(5.4)
     (currents, force), (stiffness, inductance) = figure.subplots(2, 2)

@@ -1,7 +1,7 @@
 """The actuator's full section, drawn to scale with its dimensions."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,11 +19,7 @@ from femfit.report.parts import (
     standing_corners,
 )
 from femfit.report.rating import knee_T
-from femfit.report.style import INK, MUTED, new_figure, plain, significant, styled, words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from femfit.report.style import INK, MUTED, Axes, Figure, new_figure, plain, significant, words
 
 MM = 1e3
 
@@ -36,10 +32,9 @@ ROWS, ROW_INCHES = 14, 0.16
 _BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 
 
-@styled
 def actuator_figure(
     actuator: Actuator, distance: float, title: str = "", numbers: Sequence[NumberFacts] = ()
-) -> "Figure":
+) -> Figure:
     """Draw an actuator in mm, with the moving part at a distance in m below the fixed one; its numbers are listed."""
     corners = np.concatenate([standing_corners(actuator), moving_corners(actuator, distance)])
     wide = float(2.0 * corners[:, 0].max())
@@ -66,7 +61,7 @@ def actuator_figure(
     return figure
 
 
-def _mark(axes: "Axes", actuator: Actuator, distance: float, numbers: Sequence[NumberFacts]) -> list[Any]:
+def _mark(axes: Axes, actuator: Actuator, distance: float, numbers: Sequence[NumberFacts]) -> list[Any]:
     """Number the places in the right half of the section, and return the handles of a legend."""
     moving = {f"coils.{coil.name}" for coil in actuator.coils if coil.moves}
     look: dict[str, Any] = {"boxstyle": "circle,pad=0.15", "facecolor": "white", "edgecolor": INK, "linewidth": 0.5}
@@ -82,7 +77,7 @@ def _mark(axes: "Axes", actuator: Actuator, distance: float, numbers: Sequence[N
     return [axes.plot([], [], linestyle="none")[0] for _ in numbers]
 
 
-def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
+def draw_parts(axes: Axes, actuator: Actuator, distance: float) -> None:
     """Draw the parts' full section with a legend, in mm."""
     labels = [_region_label(region, moving=False) for region in actuator.fixed]
     labels += [_coil_label(coil) for coil in actuator.coils]
@@ -103,7 +98,7 @@ def draw_parts(axes: "Axes", actuator: Actuator, distance: float) -> None:
         axes.plot(r, z, "D", label=words("drawing", "hall"), **look)
 
 
-def draw_outlines(axes: "Axes", actuator: Actuator, distance: float, *, edge: str, opacity: float = 0.0) -> None:
+def draw_outlines(axes: Axes, actuator: Actuator, distance: float, *, edge: str, opacity: float = 0.0) -> None:
     """Draw the parts' outlines in the full section, as over a field, in mm."""
     for outline, kind in outlines(actuator, distance):
         for piece in outline:
@@ -139,7 +134,7 @@ def _coil_label(coil: Coil) -> str:
     return label if wire is None else f"{label}\n{words('drawing', 'wire', diameter=plain(MM * wire))}"
 
 
-def _magnetisation(axes: "Axes", region: Region, shift: float) -> None:
+def _magnetisation(axes: Axes, region: Region, shift: float) -> None:
     if not isinstance(region.material, LinearMaterial) or not region.material.remanence_T:
         return
     radial, axial = np.sign(region.material.remanence_T) * np.asarray(region.material.direction)
@@ -160,7 +155,7 @@ def _magnetisation(axes: "Axes", region: Region, shift: float) -> None:
         )
 
 
-def _dimensions(axes: "Axes", actuator: Actuator, distance: float) -> None:
+def _dimensions(axes: Axes, actuator: Actuator, distance: float) -> None:
     """Diameters above and below, lengths of the fixed part on the left, of moving part and distance on the right."""
     still, moving = MM * standing_corners(actuator), MM * moving_corners(actuator, distance)
     (r_in, z_low), (r_out, z_high) = still.min(axis=0), still.max(axis=0)
@@ -178,7 +173,7 @@ def _dimensions(axes: "Axes", actuator: Actuator, distance: float) -> None:
     )
 
 
-def _across(axes: "Axes", radius: float, z: float, z_part: float, text: str) -> None:
+def _across(axes: Axes, radius: float, z: float, z_part: float, text: str) -> None:
     """Draw a diameter with its extension lines to the part; the label stands beside the line."""
     for x in (-radius, radius):
         axes.plot([x, x], [z_part, z], color=MUTED, linewidth=0.6)
@@ -186,7 +181,7 @@ def _across(axes: "Axes", radius: float, z: float, z_part: float, text: str) -> 
     _beside(axes, (radius, z), 1.0, text)
 
 
-def _along(axes: "Axes", x: float, ends: tuple[float, float], x_part: float, text: str, *, bold: bool = False) -> None:
+def _along(axes: Axes, x: float, ends: tuple[float, float], x_part: float, text: str, *, bold: bool = False) -> None:
     """Draw a length along z with its extension lines to the part; the label stands outside of the line."""
     for z in ends:
         axes.plot([x_part, x], [z, z], color=MUTED, linewidth=0.6)
@@ -194,7 +189,7 @@ def _along(axes: "Axes", x: float, ends: tuple[float, float], x_part: float, tex
     _beside(axes, (x, 0.5 * (ends[0] + ends[1])), float(np.sign(x)), text, bold=bold)
 
 
-def _beside(axes: "Axes", place: tuple[float, float], side: float, text: str, *, bold: bool = False) -> None:
+def _beside(axes: Axes, place: tuple[float, float], side: float, text: str, *, bold: bool = False) -> None:
     weight, align = ("bold" if bold else "normal"), ("left" if side > 0 else "right")
     axes.annotate(
         text, place, xytext=(5 * side, 0), textcoords="offset points", ha=align, va="center",
@@ -202,6 +197,6 @@ def _beside(axes: "Axes", place: tuple[float, float], side: float, text: str, *,
     )  # fmt: skip
 
 
-def _arrow(axes: "Axes", start: tuple[float, float], end: tuple[float, float]) -> None:
+def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
     style = {"arrowstyle": "<|-|>", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
     axes.annotate("", xy=end, xytext=start, arrowprops=style)

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,21 +11,31 @@ from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.readings.observations import Observations
 from femfit.model.bspline import TensorSpline
 from femfit.model.carried import Carried, Curve, FieldTerm
-from femfit.report.style import BLUE, GREEN, INK, MUTED, ORANGE, VERMILION, WIDTH, new_figure, plain, styled, words
+from femfit.report.style import (
+    BLUE,
+    GREEN,
+    INK,
+    MUTED,
+    ORANGE,
+    VERMILION,
+    WIDTH,
+    Axes,
+    Figure,
+    new_figure,
+    plain,
+    words,
+)
 from femfit.tables.measurement import CHANNEL_WORDS
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
+Panel = Callable[[Figure, Axes], None]
+"""What draws a panel of a figure."""
 
 SHOWN = 12
 
 
-@styled
 def ranking_figure(
     ranking: Sequence[ScoredEffect], excess: float, named: Sequence[str], members: Sequence[str]
-) -> "Figure":
+) -> Figure:
     """Share of the structured misfit that each effect explains by itself; a dot for that on runs left out."""
     shown = list(ranking)[:SHOWN]
     figure = new_figure(0.9 + 0.24 * len(shown))
@@ -52,8 +61,7 @@ def ranking_figure(
     return figure
 
 
-@styled
-def waterfall_figure(steps: Sequence[tuple[str, dict[str, float]]], floor: dict[str, float]) -> "Figure":
+def waterfall_figure(steps: Sequence[tuple[str, dict[str, float]]], floor: dict[str, float]) -> Figure:
     """How each step lowers the error of each channel towards the noise, a panel a channel.
 
     A step is what was added, and the error per channel with it and all before; the first is the model as it was.
@@ -71,7 +79,7 @@ def waterfall_figure(steps: Sequence[tuple[str, dict[str, float]]], floor: dict[
     return figure
 
 
-def _waterfall(ax: "Axes", heights: Sequence[float]) -> None:
+def _waterfall(ax: Axes, heights: Sequence[float]) -> None:
     """Bars from top to bottom: all of the first, the changes, all of the last; a dashed line at the noise."""
     top = max(*heights, 1.0)
     bars = [(0.0, heights[0], VERMILION)]
@@ -88,17 +96,10 @@ def _waterfall(ax: "Axes", heights: Sequence[float]) -> None:
     ax.grid(visible=False, axis="y")
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    Panel = Callable[[Figure, Axes], None]
-
 _MM, _LEVELS, _POINTS = 1e3, 61, 400
 
 
-@styled
-def remainder_figure(added: AddedEffect, observations: Observations) -> "Figure":
+def remainder_figure(added: AddedEffect, observations: Observations) -> Figure:
     """One panel for each thing that the remainder changes, within the data."""
     panels = _panels(added, observations)
     columns = min(len(panels), 3)
@@ -112,7 +113,7 @@ def remainder_figure(added: AddedEffect, observations: Observations) -> "Figure"
     return figure
 
 
-def _panels(added: AddedEffect, observations: Observations) -> list["Panel"]:
+def _panels(added: AddedEffect, observations: Observations) -> list[Panel]:
     carried = added.effect.carried
     result: list[Panel] = []
     if not isinstance(carried, Carried):
@@ -143,10 +144,10 @@ def _map(
     order: tuple[int, int],
     size: float,
     observations: Observations,
-) -> "Panel":
+) -> Panel:
     """A change of the field over distance and current, with the settings that were measured."""
 
-    def draw(figure: "Figure", ax: "Axes") -> None:
+    def draw(figure: Figure, ax: Axes) -> None:
         d, i = (observations.covariates[name].to_numpy() for name in ("distance_m", "current_A"))
         across, up = (np.linspace(x.min(), x.max(), _LEVELS) for x in (d, i))
         at_d, at_i = np.meshgrid(across, up)
@@ -173,10 +174,10 @@ def _map(
     return draw
 
 
-def _line(name: str, curve: Curve, added: AddedEffect) -> "Panel":
+def _line(name: str, curve: Curve, added: AddedEffect) -> Panel:
     """A curve between the ends of its data: the outer cells of its knots, where it is constant, are left out."""
 
-    def draw(figure: "Figure", ax: "Axes") -> None:  # noqa: ARG001  a panel's signature
+    def draw(figure: Figure, ax: Axes) -> None:  # noqa: ARG001  a panel's signature
         breaks = np.unique(curve.knots)
         x = np.linspace(breaks[curve.degree], breaks[-1 - curve.degree], _POINTS)
         y = curve.at(x, added.parameters)

@@ -7,22 +7,30 @@ on that grid. |B| is coloured by its square root, so that both the air and iron 
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from femfit.core.files import replacing
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.parts import Actuator, NonlinearMaterial, Region, is_iron
 from femfit.report.drawing import actuator_figure, draw_outlines
 from femfit.report.field_cells import FieldCells, FieldSample, SolvedPoint, field_cells, sample_of, write_vtu
 from femfit.report.parts import COLOURS, half_sections, mirrored
-from femfit.report.style import BLUE, INK, MUTED, PAPER, new_figure, plain, quantity, significant, style, styled, words
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from femfit.report.style import (
+    BLUE,
+    INK,
+    MUTED,
+    PAPER,
+    Axes,
+    Figure,
+    new_figure,
+    plain,
+    quantity,
+    significant,
+    words,
+    write_picture,
+)
 
 PICTURES = ("geometry", "mesh", "flux-lines", "flux-density", "permeability")
 VTU = "vtu"
@@ -58,8 +66,7 @@ def write_views(
         if what == VTU:
             write_vtu(point, cells, path)
             continue
-        with style(), replacing(path) as partial:
-            draw[what]().savefig(partial, dpi=DPI, bbox_inches="tight")
+        write_picture(draw[what], path, DPI, bbox_inches="tight")
     return sample
 
 
@@ -94,7 +101,7 @@ def line_flux(sample: FieldSample) -> float | None:
     return float(np.diff(levels).min()) if len(levels) > 1 else None
 
 
-def draw_flux_lines(axes: "Axes", sample: FieldSample, **line_style: Any) -> None:
+def draw_flux_lines(axes: Axes, sample: FieldSample, **line_style: Any) -> None:
     """Draw flux lines on the full section, in mm."""
     from contourpy import contour_generator
 
@@ -106,8 +113,7 @@ def draw_flux_lines(axes: "Axes", sample: FieldSample, **line_style: Any) -> Non
             axes.plot(*np.asarray(line).T, **line_style)
 
 
-@styled
-def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
+def field_figure(actuator: Actuator, sample: FieldSample) -> Figure:
     """Draw |B| in colours on the regular grid, flux lines and outlines, for a page."""
     figure, axes = _section(sample)
     x, density = mirrored(sample.radius_m, sample.flux_density_T)
@@ -126,8 +132,7 @@ def field_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     return figure
 
 
-@styled
-def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "Figure":
+def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> Figure:
     """Draw the finite elements over the parts, in mm."""
     figure, axes = _section(sample, _title(actuator, sample, "mesh"))
     _light_parts(axes, actuator, sample)
@@ -140,8 +145,7 @@ def mesh_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "
     return figure
 
 
-@styled
-def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
+def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> Figure:
     """Draw flux lines over the parts, in mm."""
     figure, axes = _section(sample, _title(actuator, sample, "flux-lines"))
     _light_parts(axes, actuator, sample)
@@ -151,8 +155,7 @@ def flux_lines_figure(actuator: Actuator, sample: FieldSample) -> "Figure":
     return figure
 
 
-@styled
-def flux_density_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "Figure":
+def flux_density_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> Figure:
     """Draw |B| in colours, sharp at the parts' faces, with flux lines, in mm."""
     figure, axes = _section(sample, _title(actuator, sample, "flux-density"))
     magnitude = np.hypot(*cells.flux_density_T.T)
@@ -166,8 +169,7 @@ def flux_density_figure(actuator: Actuator, sample: FieldSample, cells: FieldCel
     return figure
 
 
-@styled
-def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> "Figure":
+def permeability_figure(actuator: Actuator, sample: FieldSample, cells: FieldCells) -> Figure:
     """Draw mu_r = B / (mu_0 H) of the soft parts on a logarithmic scale; what is not soft is white."""
     from matplotlib.colors import LogNorm
 
@@ -208,7 +210,7 @@ def _range(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _section(sample: FieldSample, title: str = "") -> tuple["Figure", "Axes"]:
+def _section(sample: FieldSample, title: str = "") -> tuple[Figure, Axes]:
     """An empty picture of the window with as much height as it needs; z points down, as in the drawing."""
     right, z = MM * sample.radius_m[-1], MM * sample.height_m
     figure = new_figure(float(np.clip(0.9 + 5.0 * np.ptp(z) / (2.0 * right), 3.2, 6.6)), 6.8)
@@ -234,7 +236,7 @@ def point_title(sample: FieldSample) -> str:
     return words("point", "title", distance=distance, current=current, force=quantity(force, "N", 4), sense=sense)
 
 
-def _light_parts(axes: "Axes", actuator: Actuator, sample: FieldSample, legend: float = 1.01) -> None:
+def _light_parts(axes: Axes, actuator: Actuator, sample: FieldSample, legend: float = 1.01) -> None:
     draw_outlines(axes, actuator, sample.distance_m, edge=INK, opacity=LIGHT)
     kinds = {kind for _, _, kind in half_sections(actuator, sample.distance_m)}
     handles = [
@@ -254,7 +256,7 @@ def _in_window(cells: FieldCells, triangles: Any, sample: FieldSample) -> BoolAr
     )
 
 
-def _colour(axes: "Axes", cells: FieldCells, values: FloatArray, shown: BoolArray, **colours: Any) -> Any:
+def _colour(axes: Axes, cells: FieldCells, values: FloatArray, shown: BoolArray, **colours: Any) -> Any:
     """Values at points in colours on both halves, rasterised."""
     from matplotlib.tri import Triangulation
 
@@ -265,7 +267,7 @@ def _colour(axes: "Axes", cells: FieldCells, values: FloatArray, shown: BoolArra
     return drawn
 
 
-def _bar(axes: "Axes", shown: Any, label: str, *, extend: str, logarithmic: bool = False) -> None:
+def _bar(axes: Axes, shown: Any, label: str, *, extend: str, logarithmic: bool = False) -> None:
     """A colour bar as high as the picture beside it."""
     from matplotlib.ticker import LogLocator
 
@@ -283,7 +285,7 @@ def _bar(axes: "Axes", shown: Any, label: str, *, extend: str, logarithmic: bool
     bar.set_label(label)
 
 
-def _note(axes: "Axes", note: str) -> None:
+def _note(axes: Axes, note: str) -> None:
     """Words below a picture, broken so that they stay below it."""
     from textwrap import fill
 

@@ -14,18 +14,17 @@ from femfit.report.style import (
     ORANGE,
     PURPLE,
     VERMILION,
+    Figure,
     label,
     new_figure,
     ordered_colours,
     plain,
     significant,
-    styled,
     words,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
 
 MM = 1e3
 
@@ -42,8 +41,7 @@ FEEDS = {
 """Colour and line of each feed."""
 
 
-@styled
-def stroke_figure(rating: Rating, motion: Mechanics | None) -> "Figure":
+def stroke_figure(rating: Rating, motion: Mechanics | None) -> Figure:
     """Draw force over the stroke at the supply's voltage and the rated current, and what it has to overcome."""
     figure = new_figure(3.6)
     axes = figure.subplots()
@@ -69,8 +67,7 @@ def stroke_figure(rating: Rating, motion: Mechanics | None) -> "Figure":
     return figure
 
 
-@styled
-def coil_figure(rating: Rating) -> "Figure":
+def coil_figure(rating: Rating) -> Figure:
     """Draw inductance, electrical time constant and motor constant over the stroke."""
     figure = new_figure(2.9)
     panels = figure.subplots(1, 3)
@@ -93,8 +90,7 @@ def coil_figure(rating: Rating) -> "Figure":
     return figure
 
 
-@styled
-def force_curves_figure(grid: SweepGrid, weight: float | None, differential: bool = False) -> "Figure":
+def force_curves_figure(grid: SweepGrid, weight: float | None, differential: bool = False) -> Figure:
     """Draw force over distance, a curve for each current, on logarithmic axes too where its sign allows.
 
     Parameters
@@ -129,8 +125,7 @@ def force_curves_figure(grid: SweepGrid, weight: float | None, differential: boo
     return figure
 
 
-@styled
-def force_map_figure(grid: SweepGrid, weight: float | None, differential: bool = False) -> "Figure":
+def force_map_figure(grid: SweepGrid, weight: float | None, differential: bool = False) -> Figure:
     """Draw force over distance and current in colours, blue and red where it changes its sign.
 
     The weight in N is drawn as the line on which the body is held; ``differential`` as of :func:`force_curves_figure`.

@@ -1,7 +1,7 @@
 """The chapter on the closed loop: its figures, the numbers for its tables, and the picture of one run."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +13,10 @@ from femfit.report.style import (
     MUTED,
     ORANGE,
     Drawing,
+    Figure,
     new_figure,
     percent,
     quantity,
-    styled,
     words,
 )
 from femfit.simulation.design import CONTROLLERS
@@ -33,10 +33,6 @@ from femfit.simulation.margins import worst_of
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.simulation.study_rows import FaultRow, SpectrumPair, StepSeries
 from femfit.simulation.summary import LoopSummary
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 MM = 1e3
 MICRO = 1e6
@@ -132,8 +128,7 @@ def _fault(study: ClosedLoopStudy, experiment: Experiment) -> str:
     return "no filter"
 
 
-@styled
-def steps_figure(series: StepSeries) -> "Figure":
+def steps_figure(series: StepSeries) -> Figure:
     """Draw reference steps: distances, errors of both measurements, coil voltage; noisy curves are rasterised."""
     figure = new_figure(5.0)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.3, 1.0))
@@ -156,8 +151,7 @@ def steps_figure(series: StepSeries) -> "Figure":
     return figure
 
 
-@styled
-def spectrum_figure(pair: SpectrumPair) -> "Figure":
+def spectrum_figure(pair: SpectrumPair) -> Figure:
     """Draw spectra of the direct measurement and of the filter at rest."""
     figure = new_figure(2.8)
     axes = figure.subplots()
@@ -169,8 +163,7 @@ def spectrum_figure(pair: SpectrumPair) -> "Figure":
     return figure
 
 
-@styled
-def closed_loop_figure(loop: LoopSummary) -> "Figure":
+def closed_loop_figure(loop: LoopSummary) -> Figure:
     """Draw distances, currents and commands of the first recorded run over time."""
     figure = new_figure(5.0)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(2.0, 1.0, 1.0))

@@ -1,7 +1,7 @@
 """What was measured, and where the model fails: measured points on the model's curves, and maps of the misfit."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -17,17 +17,14 @@ from femfit.report.style import (
     MUTED,
     VERMILION,
     WIDTH,
+    Axes,
+    Figure,
     new_figure,
     ordered_colours,
     quantity,
-    styled,
     words,
 )
 from femfit.tables.measurement import CHANNEL_WORDS
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MM = 1e3
 
@@ -40,8 +37,7 @@ LEAST_LIMIT = 2.0
 BINS = 12
 
 
-@styled
-def settings_figure(observations: Observations) -> "Figure":
+def settings_figure(observations: Observations) -> Figure:
     """Where and when readings were taken."""
     rows = observations.covariates
     warm = [n for n in ("coil_temperature_C", "magnet_temperature_C") if np.isfinite(rows[n].to_numpy()).any()]
@@ -65,10 +61,9 @@ def settings_figure(observations: Observations) -> "Figure":
     return figure
 
 
-@styled
 def residual_maps_figure(
     observations: Observations, rows: Sequence[tuple[str, FloatArray]], scale: Mapping[str, float], sigma: bool
-) -> "Figure":
+) -> Figure:
     """Maps of recorded minus predicted over distance and current, a column a channel, a row a titled residual.
 
     All rows share a channel's colours.
@@ -129,8 +124,7 @@ def _cell_means(
     return mean.reshape(shape)
 
 
-@styled
-def covariate_figure(observations: Observations, residual: FloatArray, channel: str, names: Sequence[str]) -> "Figure":
+def covariate_figure(observations: Observations, residual: FloatArray, channel: str, names: Sequence[str]) -> Figure:
     """One channel's residual, over its noise, against temperature, time, branch or run."""
     figure = new_figure(2.7, width=min(WIDTH, 2.8 + 2.5 * len(names)))
     panels = figure.subplots(1, len(names), squeeze=False, sharey=True)[0]
@@ -169,7 +163,7 @@ def _level(name: str, value: float) -> str:
     return {1.0: "rising", -1.0: "falling"}.get(float(value), "unknown")
 
 
-def _binned(ax: "Axes", x: FloatArray, y: FloatArray) -> None:
+def _binned(ax: Axes, x: FloatArray, y: FloatArray) -> None:
     finite = np.isfinite(x)
     x, y = x[finite], y[finite]
     levels = np.unique(x)
@@ -186,8 +180,7 @@ _SETTING = {"distance_m": 1e3, "current_A": 1.0, "frequency_Hz": 1e-3}
 """Factor of a setting's axis, in mm, A or kHz."""
 
 
-@styled
-def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> "Figure":
+def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> Figure:
     """Draw readings of one channel on the model's curves with the misfit below; with a fit, before and after."""
     columns = [("before", curves.before, curves.misfit_before)]
     if fitted:
@@ -209,7 +202,7 @@ def curves_figure(curves: MeasuredCurves, *, fitted: bool) -> "Figure":
     return figure
 
 
-def _draw(above: "Axes", below: "Axes", curves: MeasuredCurves, lines: FloatArray, misfit: FloatArray) -> None:
+def _draw(above: Axes, below: Axes, curves: MeasuredCurves, lines: FloatArray, misfit: FloatArray) -> None:
     factor, size = _SETTING[curves.along], axis_scale(curves.measured, curves.channel)[0]
     small = axis_scale(curves.misfit_before, curves.channel)[0]
     for k, (level, colour) in enumerate(zip(curves.levels, ordered_colours(len(curves.levels)), strict=True)):

@@ -1,7 +1,6 @@
 """How a model fits: laws ranked, maps of the misfit, the sensor's characteristic."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,17 +9,13 @@ from femfit.fit.constants import TARGET
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
-from femfit.report.style import BLUE, INK, MUTED, VERMILION, label, new_figure, ordered_colours, styled, words
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from femfit.report.style import BLUE, INK, MUTED, VERMILION, Figure, label, new_figure, ordered_colours, words
 
 MM = 1e3
 POINTS = 200
 
 
-@styled
-def ranking_figure(ranking: Ranking) -> "Figure":
+def ranking_figure(ranking: Ranking) -> Figure:
     """Draw each law's error, a bar a law with its floating-point operations, the recommended one dark."""
     fitted = [c for c in ranking.candidates if c.fit is not None]
     figure = new_figure(0.9 + 0.24 * len(fitted))
@@ -41,8 +36,7 @@ def ranking_figure(ranking: Ranking) -> "Figure":
     return figure
 
 
-@styled
-def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> "Figure":
+def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> Figure:
     """Draw each named force minus the solved one, in per cent of the weight or of the rms force, on its own scale."""
     from matplotlib.ticker import MaxNLocator
 
@@ -65,8 +59,7 @@ def residual_figure(rows: FitRows, forces: Sequence[tuple[str, FloatArray]]) -> 
     return figure
 
 
-@styled
-def hall_figure(model: ActuatorModel, rows: FitRows) -> "Figure":
+def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
     """Draw the sensor's output as the coil's part over voltage (or current), and as it is without current."""
     sensor = model.require_sensor()
     figure = new_figure(3.0)

@@ -2,7 +2,6 @@
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,8 +19,9 @@ from femfit.report.style import (
     MUTED,
     ORANGE,
     VERMILION,
+    Axes,
+    Figure,
     new_figure,
-    styled,
     words,
     write_picture,
 )
@@ -29,18 +29,12 @@ from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.sense import Sensing
 from femfit.tables.measurement import TimeSeries
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
 _MS = 1e3
 _SPAN = 0.1
 """Conventional: share of its height that a panel leaves free at each end of its lines."""
 
 
-@styled
-def open_loop_figure(motion: OpenLoop) -> "Figure":
+def open_loop_figure(motion: OpenLoop) -> Figure:
     """Draw distance with the stops, velocity, current, voltage and forces over time, first touches marked."""
     figure = new_figure(7.0)
     panels = figure.subplots(5, 1, sharex=True, height_ratios=(1.6, 1.0, 1.0, 1.0, 1.2))
@@ -74,7 +68,7 @@ def open_loop_figure(motion: OpenLoop) -> "Figure":
     return figure
 
 
-def _mark(axes: "Axes", motion: OpenLoop) -> None:
+def _mark(axes: Axes, motion: OpenLoop) -> None:
     for switching in motion.switchings:
         axes.axvline(_MS * switching.reached_s, color=MUTED, linewidth=0.7)
     for _, time in motion.left_domain:
@@ -89,8 +83,7 @@ _POINTS = 20_000
 """Conventional: points of a line; more are not seen."""
 
 
-@styled
-def replay_figure(observation: Observation) -> "Figure":
+def replay_figure(observation: Observation) -> Figure:
     """Draw distance and currents as recorded and estimated, and the normalised innovations with their band."""
     figure = new_figure(6.0)
     panels = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.0, 1.0))
@@ -121,8 +114,7 @@ def replay_figure(observation: Observation) -> "Figure":
     return figure
 
 
-@styled
-def before_after_figure(before: Observation, after: Observation) -> "Figure":
+def before_after_figure(before: Observation, after: Observation) -> Figure:
     """Draw the distance as recorded and as two models' filters tell it that do not read it, and their errors."""
     figure = new_figure(5.0)
     path, left = figure.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
@@ -159,8 +151,7 @@ _FLOOR_M = 1e-7
 """Conventional: errors below a tenth of a micrometre are drawn as that."""
 
 
-@styled
-def sense_figure(sensing: Sensing) -> "Figure":
+def sense_figure(sensing: Sensing) -> Figure:
     """Draw the motion with the filter's error, and that error beside its bound."""
     figure = new_figure(4.5)
     path, error = figure.subplots(2, 1)

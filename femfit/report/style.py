@@ -7,10 +7,10 @@ import re
 import tomllib
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import cache, wraps
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from markupsafe import Markup, escape
 
@@ -18,13 +18,15 @@ from femfit.core.files import PICTURE, replacing, require_outputs
 from femfit.core.text import amount, probability, rounded
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    import matplotlib.axes
+    import matplotlib.figure
 
+Axes: TypeAlias = "matplotlib.axes.Axes"
+Figure: TypeAlias = "matplotlib.figure.Figure"
+"""By their names: who draws nothing must not wait for matplotlib."""
 
 Drawing = Callable[[], "Figure"]
-Arguments = ParamSpec("Arguments")
-Result = TypeVar("Result")
+"""What makes a figure; it is drawn within :func:`style`."""
 
 INK = "#24292f"
 MUTED = "#6e7781"
@@ -90,25 +92,14 @@ def style(**more: Any) -> AbstractContextManager[None]:
     return mpl.rc_context(settings)
 
 
-def styled(draw: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
-    """Draw within :func:`style`."""
-
-    @wraps(draw)
-    def inside(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-        with style():
-            return draw(*args, **kwargs)
-
-    return inside
-
-
-def new_figure(height: float, width: float = WIDTH) -> "Figure":
+def new_figure(height: float, width: float = WIDTH) -> Figure:
     """An empty figure, without any state of pyplot."""
-    from matplotlib.figure import Figure
+    import matplotlib.figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return matplotlib.figure.Figure(figsize=(width, height), layout="constrained")
 
 
-def label(axes: "Axes", figure: str, x: str, y: str, title: str = "", **values: object) -> None:
+def label(axes: Axes, figure: str, x: str, y: str, title: str = "", **values: object) -> None:
     """Write a figure's words beside its axes."""
     axes.set(xlabel=words(figure, x), ylabel=words(figure, y, **values))
     if title:
@@ -131,12 +122,12 @@ def svg_uri(draw: Drawing, name: str) -> str:
     return data_uri("image/svg+xml", buffer.getvalue())
 
 
-def write_picture(draw: Drawing, path: str | Path) -> None:
+def write_picture(draw: Drawing, path: str | Path, dpi: float = DPI, **options: Any) -> None:
     """Draw a figure and write it as PNG, SVG or PDF, by the file's suffix."""
     path = Path(path)
     require_outputs([], (path, PICTURE))
     with style(), replacing(path) as unfinished:
-        draw().savefig(unfinished, dpi=DPI, format=path.suffix.lstrip(".").lower() or "png")
+        draw().savefig(unfinished, dpi=dpi, format=path.suffix.lstrip(".").lower() or "png", **options)
 
 
 def data_uri(kind: str, content: bytes) -> str:

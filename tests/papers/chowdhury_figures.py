@@ -30,7 +30,7 @@ from femfit.model.magnetics import Magnetics
 from femfit.report.force_figures import force_curves_figure, force_map_figure
 from femfit.report.model_figures import hall_figure
 from femfit.report.rating import sweep_grid
-from femfit.report.style import BLUE, CATEGORIES, INK, MUTED, VERMILION, new_figure, style, styled
+from femfit.report.style import BLUE, CATEGORIES, INK, MUTED, VERMILION, new_figure, style
 from femfit.tables.sweep_table import read_sweep_table
 
 MM = 1e3
@@ -75,8 +75,7 @@ def local_exponents(magnetics: Magnetics, rows: FitRows) -> dict[str, tuple[Floa
     return found
 
 
-@styled
-def exponent_figure(exponents: dict[str, tuple[FloatArray, FloatArray]]) -> "Figure":
+def exponent_figure(exponents: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
     """Draw the local exponents beside what F1e allows."""
     figure = new_figure(3.0)
     axes = figure.subplots()
@@ -98,7 +97,6 @@ def exponent_figure(exponents: dict[str, tuple[FloatArray, FloatArray]]) -> "Fig
     return figure
 
 
-@styled
 def residual_sums_figure(fits: Sequence[LawFit]) -> Figure:
     """Figure 8 of the paper: J_1 and J_2, the sum of squared residuals at each current."""
     figure = new_figure(2.8)
@@ -114,7 +112,6 @@ def residual_sums_figure(fits: Sequence[LawFit]) -> Figure:
     return figure
 
 
-@styled
 def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> Figure:
     """Figure 9 of the paper: laws on force curves at three currents, with their residuals below.
 
@@ -161,7 +158,6 @@ def shown_currents(count: int) -> list[int]:
     return sorted({0, last // 2, last})
 
 
-@styled
 def coefficient_figure(fit: LawFit) -> Figure:
     """Figure 10 of the paper: a law's coefficients at each current, and the functions fitted to them."""
     count = len(fit.law.basis)
@@ -197,10 +193,10 @@ def main() -> None:
     parser.add_argument("output", type=Path, help="directory for the figures")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
-    for name, figure in figures(options.run).items():
-        with style():
+    with style():
+        for name, figure in figures(options.run).items():
             figure.savefig(options.output / f"{name}.png", dpi=150)
-        print(options.output / f"{name}.png")
+            print(options.output / f"{name}.png")
 
 
 def figures(run: Path) -> dict[str, Figure]:
