@@ -19,10 +19,9 @@ from femfit.fit.constants import TARGET
 from femfit.fit.law_fit import LawFit
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
-from femfit.heat.result import Temperatures
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
-from femfit.report.circuits import circuit_table, circuits_figure, current_ranges, several_circuits
+from femfit.report.circuits import circuits_figure, current_ranges, several_circuits
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
 from femfit.report.field_cells import FieldSample
@@ -41,7 +40,6 @@ from femfit.report.page import ReportContent, render
 from femfit.report.rating import (
     SMALL,
     USUAL_KNEES,
-    Rating,
     SweepGrid,
     copper_share,
     growth,
@@ -50,11 +48,9 @@ from femfit.report.rating import (
     reciprocity,
     sweep_grid,
 )
-from femfit.report.style import Drawing, data_uri, quantity, significant, svg_uri
+from femfit.report.style import Drawing, data_uri, svg_uri
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
-
-NO_HEAT = 1e-9  # numerical: watts that are none
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
 
@@ -101,9 +97,7 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "weight": content.weight,
         "levitates": content.levitates,
         "rating": rating,
-        "stroke_table": [] if rating is None else _stroke_rows(rating),
         "several": several,
-        "circuit_table": [] if several is None else circuit_table(several),
         "circuit_names": [] if actuator is None else [circuit.name for circuit in actuator.circuits],
         "limits": model.validity.current_limits_A.tolist(),
         "ranges": " and ".join(current_ranges(model)),
@@ -112,7 +106,6 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "growth": growth(model, content.strongest.current_A) if iron and content.strongest else None,
         "motion": content.motion,
         "heat": content.heat,
-        "warm_parts": [] if content.heat is None else _warm_parts(content.heat.at_limit or content.heat),
         "carried": _carried(model),
         "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
@@ -190,37 +183,6 @@ def _fitted_forces(content: ReportContent, rows: FitRows, ranking: Ranking) -> l
     return [*forces, ("co-energy", content.model.force(rows.distance, rows.current, extrapolate=True))]
 
 
-def _stroke_rows(rating: Rating) -> list[tuple[str, ...]]:
-    """A row for each level of the distance: forces of every feed, inductance, time constant, motor constant."""
-    return [
-        (
-            significant(1e3 * rating.distance_m[k], 3),
-            *(significant(rating.forces_N[feed.name][k], 3) for feed in rating.feeds),
-            significant(1e3 * rating.inductance_H[k], 3),
-            significant(1e3 * rating.time_constant_s(rating.inductance_H)[k], 3),
-            significant(rating.motor_constant[k], 3),
-        )
-        for k in rating.levels
-    ]
-
-
-def _warm_parts(heat: Temperatures) -> list[tuple[str, ...]]:
-    """A row for each part: mean and hottest temperature, heat, what it stores and gives off to the surroundings."""
-    nothing = np.full(len(heat.names) - heat.count, np.nan)  # of parts without a winding no hottest place is known
-    columns = zip(
-        heat.temperatures_C,
-        np.append(heat.hottest_C, nothing),
-        heat.heat_W,
-        heat.network.capacities,
-        heat.released_W,
-        strict=True,
-    )
-    return [
-        (name, *("0" if abs(value) <= NO_HEAT else significant(float(value), 3) for value in values))
-        for name, values in zip(heat.names, columns, strict=True)
-    ]
-
-
 def _drawing_facts(content: ReportContent, actuator: Actuator) -> dict[str, Any]:
     table = None if content.sweep is None else content.sweep.valid_rows()
     inductance = None
@@ -269,19 +231,8 @@ def _sweep_facts(content: ReportContent, rows: FitRows, grid: SweepGrid | None) 
     }
     if grid is not None:
         factor, unit = axis_scale(grid.force, "N")
-        facts |= {
-            "unit": unit,
-            "changes_sign": changes_sign(grid),
-            "table": [
-                (significant(1e3 * d, 4), *(_force_cell(factor * f, factor * largest) for f in grid.force[:, k]))
-                for k, d in enumerate(grid.distances)
-            ],
-        }
+        facts |= {"unit": unit, "factor": factor, "largest": largest, "changes_sign": changes_sign(grid)}
     return facts
-
-
-def _force_cell(force: float, largest: float) -> str:
-    return "0" if abs(force) < 1e-6 * largest else significant(force, 4)  # below it are the solver's errors
 
 
 def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] | None:
@@ -359,10 +310,7 @@ def _provenance(content: ReportContent) -> dict[str, Any]:
         hashes.insert(0, ("sweep configuration", str(manifest["configuration_hash"])))
     return {
         "versions": sorted((str(name), str(value)) for name, value in versions.items()),
-        "settings": [
-            (str(k).replace("_", " "), str(v)) for k, v in (manifest.get("settings") or {}).items() if v is not None
-        ],
+        "settings": [(name, value) for name, value in (manifest.get("settings") or {}).items() if value is not None],
         "hashes": hashes,
-        "times": [(name, quantity(seconds, "s")) for name, seconds in content.timings_s],
         "notes": () if content.fit is None else content.fit.notes,
     }

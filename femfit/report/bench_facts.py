@@ -54,18 +54,6 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     return facts | {"noise_rows": rows}
 
 
-def misfit_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    """A row for each channel: rms, largest misfit, noise and their ratio."""
-    rms = {channel.channel: channel.rms_before for channel in diagnosis.error_fall.channels}
-    rows: list[tuple[str, ...]] = []
-    for name in diagnosis.observations.channels:
-        largest = float(np.abs(diagnosis.observations.residual[diagnosis.observations.of(name)]).max())
-        floor = diagnosis.noise_floor.get(name)
-        noise = (quantity(floor, name), significant(rms[name] / floor, 3)) if floor else (NOTHING, NOTHING)
-        rows.append((CHANNEL_WORDS[name], quantity(rms[name], name), quantity(largest, name), *noise))
-    return rows
-
-
 def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]:
     """What the verdict names, how it ranks, and what the data could have shown."""
     nominal = diagnosis.observations.nominal
@@ -154,31 +142,16 @@ def error_fall(
     added: AddResult | None,
 ) -> tuple[dict[str, Any], dict[str, Drawing]]:
     """Error before, after and the noise floor per channel, with maps of what is left."""
-    rows = []
-    for name in errors[0]:
-        noise = (quantity(floor[name], name), f"{errors[-1][name] / floor[name]:.2f}") if name in floor else ()
-        values = (quantity(rms[name], name) for rms in errors)
-        rows.append((CHANNEL_WORDS[name], *values, *(noise or (NOTHING, NOTHING))))
     facts = {
         "added": added,
         "level": LEVEL_AFTER,
         "steps": [f"with {name}" for name in steps],
-        "fall_rows": rows,
+        "errors": errors,
+        "floor": floor,
         "tolerances": [
             (name.removesuffix("_error"), value)
             for parameter in (added.base if added else ())
             for name, value in parameter.parameters.items()
-        ],
-        "size_rows": [
-            (
-                size.effect,
-                CHANNEL_WORDS[size.channel],
-                quantity(size.change, size.channel),
-                " … ".join(quantity(end, size.channel) for end in size.ci95),
-                percent(size.of_largest),
-                f"{quantity(size.distance_m, 'm')}, {quantity(size.current_A, 'A')}",
-            )
-            for size in (added.sizes if added else ())
         ],
     }
     maps = [("before", observations.residual), ("after", after)]

@@ -24,7 +24,6 @@ from femfit.report.bench_facts import (
     error_fall,
     explained,
     measured_facts,
-    misfit_rows,
     next_facts,
     rms_before_and_after,
 )
@@ -95,7 +94,6 @@ def render_diagnosis(
         "classes": [effect for effect in diagnosis.missing if len(effect.members) > 1],
         "known": has_floor,
         "covariates": covariates,
-        "misfit_rows": misfit_rows(diagnosis),
         "versions": _versions(),
         "hashes": hashes,
         **measured_facts(diagnosis),

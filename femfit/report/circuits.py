@@ -15,7 +15,7 @@ from femfit.core.text import axis_scale
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.rating import SweepGrid
-from femfit.report.style import CATEGORIES, INK, MUTED, Figure, label, new_figure, percent, plain, significant, words
+from femfit.report.style import CATEGORIES, INK, MUTED, Figure, label, new_figure, plain, words
 
 POINTS, CURRENTS, LEVELS = 61, 9, 9
 
@@ -117,20 +117,6 @@ def current_ranges(model: ActuatorModel) -> list[str]:
     limits = model.validity.current_limits_A
     names = [f"{name} " for name in getattr(model.magnetics, "names", ())] if len(limits) > 1 else [""]
     return [f"{name}{plain(low)} to {plain(high)} A" for name, (low, high) in zip(names, limits, strict=True)]
-
-
-def circuit_table(several: SeveralCircuits) -> list[tuple[str, ...]]:
-    """A row for each level of the distance: currents, force per current, slope of the force, coupling."""
-    return [
-        (
-            significant(1e3 * several.distance_m[k], 3),
-            *(significant(current, 3) for current in several.holding_A[k]),
-            *(significant(constant, 3) for constant in several.force_per_A[k]),
-            significant(1e-3 * several.stiffness_N_per_m[k], 3),
-            percent(float(several.coupling[k])),
-        )
-        for k in several.levels
-    ]
 
 
 def circuits_figure(several: SeveralCircuits) -> Figure:
