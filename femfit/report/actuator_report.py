@@ -21,7 +21,7 @@ from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
-from femfit.report.circuits import circuits_figure, current_ranges, several_circuits
+from femfit.report.circuits import circuits_figure, current_ranges
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure, material_words
 from femfit.report.field_cells import FieldSample
@@ -44,15 +44,16 @@ from femfit.report.rating import (
     copper_share,
     growth,
     iron_loads,
-    rate,
     reciprocity,
-    sweep_grid,
 )
 from femfit.report.style import Drawing, data_uri, svg_uri
 
 Draw = Callable[[Actuator, FieldSample], tuple[bytes | None, str]]
 
 DRAWN_WITH = ("numpy", "scipy", "matplotlib", "pyvista", "jinja2")
+
+_OF_CONTENT = ("model", "actuator", "rows", "weight", "levitates", "motion", "heat", "rating", "unfinished")
+"""What templates call by its own name."""
 
 CUTAWAY, NO_CUTAWAY = "cutaway", "why there is no cut-away"
 
@@ -82,30 +83,21 @@ def render_report(content: ReportContent, figures: Mapping[str, str]) -> str:
 
 
 def _facts(content: ReportContent) -> dict[str, Any]:
-    model, actuator, rows = content.model, content.actuator, content.rows
-    grid = _grid(content)
-    rating = rate(model, actuator, grid, content.heat)
-    several = several_circuits(model)
+    model, actuator, rows, grid = content.model, content.actuator, content.rows, content.grid
     iron = () if actuator is None or content.strongest is None else iron_loads(actuator, content.strongest)
     return {
         "title": model.name,
         "lead": "" if actuator is None else actuator.description,
         "content": content,
-        "model": model,
-        "actuator": actuator,
-        "rows": rows,
-        "weight": content.weight,
-        "levitates": content.levitates,
-        "rating": rating,
-        "several": several,
+        **{name: getattr(content, name) for name in _OF_CONTENT},
+        **{name: getattr(model, name) for name in ("misfit", "validity")},
+        "several": content.together,
         "circuit_names": [] if actuator is None else [circuit.name for circuit in actuator.circuits],
         "limits": model.validity.current_limits_A.tolist(),
         "ranges": " and ".join(current_ranges(model)),
         "copper_share": None if actuator is None else copper_share(actuator),
         "iron": iron,
         "growth": growth(model, content.strongest.current_A) if iron and content.strongest else None,
-        "motion": content.motion,
-        "heat": content.heat,
         "carried": _carried(model),
         "usual_knees": USUAL_KNEES,
         "drawing": None if actuator is None else _drawing_facts(content, actuator),
@@ -116,20 +108,16 @@ def _facts(content: ReportContent) -> dict[str, Any]:
         "shapes": SHAPES,
         "hall": _hall_facts(content),
         "closed_loop": None if content.study is None else loop_facts(content.study),
-        "misfit": model.misfit,
-        "validity": model.validity,
         "travel": model.travel_m,
         "stopped": model.motion is not None and None not in {model.motion.near_stop, model.motion.far_stop},
         "provenance": _provenance(content),
-        "unfinished": content.unfinished,
     }
 
 
 def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     model, actuator, rows = content.model, content.actuator, content.rows
     figures: dict[str, Drawing] = {}
-    grid, several = _grid(content), several_circuits(model)
-    rating = rate(model, actuator, grid, content.heat)
+    grid, several, rating = content.grid, content.together, content.rating
     if actuator is not None:
         distance = content.field.distance_m if content.field else float(np.median(actuator.sweep.distances_m))
         signatures = content.sweep.signatures if content.sweep is not None else None
@@ -162,12 +150,6 @@ def _figures(content: ReportContent) -> Mapping[str, Drawing]:
     if content.study is not None:
         figures |= loop_figures(content.study)
     return figures
-
-
-def _grid(content: ReportContent) -> SweepGrid | None:
-    """The sweep over its current and distance; several circuits have no such grid."""
-    rows = content.rows
-    return None if rows is None or content.several is not None else sweep_grid(rows)
 
 
 def _carried(model: ActuatorModel) -> list[str]:

@@ -24,8 +24,9 @@ from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.heat.result import Temperatures
 from femfit.model.actuator_model import ActuatorModel
-from femfit.report.circuits import at_currents
+from femfit.report.circuits import SeveralCircuits, at_currents, several_circuits
 from femfit.report.field_cells import FieldSample
+from femfit.report.rating import Rating, SweepGrid, rate, sweep_grid
 from femfit.report.style import NOTHING, formula_markup, p_value, percent, plain, quantity, significant, words
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.study import ClosedLoopStudy
@@ -130,6 +131,21 @@ class ReportContent:
             return None
         mass = None if self.model.motion is None else self.model.motion.mass_kg
         return rows_of_table(self.sweep, mass, GRAVITY, self.model.kind)
+
+    @cached_property
+    def grid(self) -> SweepGrid | None:
+        """The sweep over its current and distance; several circuits have no such grid."""
+        return None if self.rows is None or self.several is not None else sweep_grid(self.rows)
+
+    @cached_property
+    def rating(self) -> Rating | None:
+        """What coil and supply allow; None without a circuit, and for several."""
+        return rate(self.model, self.actuator, self.grid, self.heat)
+
+    @cached_property
+    def together(self) -> SeveralCircuits | None:
+        """What several circuits do together; None for one."""
+        return several_circuits(self.model)
 
     @property
     def several(self) -> FitRows | None:
