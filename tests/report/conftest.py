@@ -69,7 +69,7 @@ def made_up_field(distance=0.022):
     )
 
 
-def made_up_study(model, held=2, runs=2):
+def made_up_study(design, held=2, runs=2):
     """A study whose numbers are typed in; none held makes every mean NaN."""
     known = 1.0 if held else np.nan
     outcomes = {"HELD": held, "FELL": runs - held}
@@ -84,11 +84,10 @@ def made_up_study(model, held=2, runs=2):
         return StepSeries(controller, observer, t, *(known * a for a in arrays))
 
     frequency, flat = np.linspace(0.0, 1000.0, 64), np.full(64, known)
-
     band = ConsistencyBand(0.98, 1.02)
     nan = float("nan")
     return ClosedLoopStudy(
-        design=design_loop(model),
+        design=design,
         seed=7,
         seconds=0.15,
         steps=tuple(
@@ -149,7 +148,7 @@ def rig_content():
         actuator=actuator,
         sweep=table,
         fit=fit,
-        study=made_up_study(fit.model),
+        study=made_up_study(design_loop(fit.model)),
         field=made_up_field(),
         strongest=made_up_field(0.015),
         timings_s=(("sweep", 5.25), ("fit", 2.5)),
@@ -171,13 +170,13 @@ def plunger_content():
 @pytest.fixture(scope="session")
 def lost_study(rig_content):
     """A study in which no run was held."""
-    return made_up_study(rig_content.fit.model, held=0)
+    return made_up_study(rig_content.study.design, held=0)
 
 
 @pytest.fixture(scope="session")
 def partly_lost_study(rig_content):
     """A study in which one of two runs was held."""
-    return made_up_study(rig_content.fit.model, held=1)
+    return made_up_study(rig_content.study.design, held=1)
 
 
 @pytest.fixture

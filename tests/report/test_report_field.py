@@ -1,15 +1,123 @@
-"""The field that is drawn is the field that was solved."""
+"""What is drawn and written of a point is the field that was solved."""
 
+from dataclasses import asdict
+
+import magpylib
 import numpy as np
 import pytest
 
+from femfit.core.errors import ActuatorFileError
+from femfit.core.numerics import MU_0
 from femfit.device.load import read_actuator
+from femfit.device.summary import actuator_from_record
 from femfit.field.sweep import plan_sweep, solve_task
 from femfit.field.tolerance import SolverSettings
-from femfit.report.field_cells import sample_field
-from support.actuators import GEOMETRY
+from femfit.report.field_cells import field_cells, sample_field, solve_point
+from femfit.report.field_figures import write_views
+from support.actuators import GEOMETRY, assembly, magnet
+from support.exact import axis_field_of_cylinder
+from support.saturating import bobbin
 
-DISTANCE, CURRENT = 0.0225, 0.8  # on the sweep's grid, away from where a mesh is made
+REMANENCE, RADIUS, HEIGHT, DISTANCE = 1.3, 0.0055, 0.005, 0.02
+
+
+@pytest.fixture(scope="module")
+def point():
+    """A magnet alone: the weak coil that an assembly needs carries no current."""
+    actuator = assembly(moving=[magnet(REMANENCE, RADIUS, HEIGHT)], distances=(DISTANCE,))
+    return solve_point(actuator, DISTANCE, 0.0)
+
+
+@pytest.fixture(scope="module")
+def grid(point, tmp_path_factory):
+    pyvista = pytest.importorskip("pyvista")
+    file = tmp_path_factory.mktemp("vtu") / "field.vtu"
+    write_views(point, [("vtu", file)])
+    return pyvista.read(file)
+
+
+def test_the_paraview_file_holds_the_magnets_field_on_its_axis(grid):
+    r, z, _ = grid.points.T
+    on_axis = (np.abs(r) < 1e-12) & (z > DISTANCE - 0.02) & (z < DISTANCE - 1e-4)
+    exact = [axis_field_of_cylinder(REMANENCE, RADIUS, HEIGHT, DISTANCE - height) for height in z[on_axis]]
+    assert on_axis.sum() > 20
+    # B at a point of one element is less exact than forces are: it jumps between elements by some 0.1 %
+    np.testing.assert_allclose(grid["B"][on_axis, 1], exact, rtol=3e-3)
+    np.testing.assert_allclose(grid["B"][on_axis, 0], 0.0, atol=1e-12)
+
+
+def test_the_potential_in_the_paraview_file_gives_the_flux_through_a_disc(grid):
+    """2 pi r A_phi at the rim is the flux of B_z through the disc: magpylib's exact B_z, by quadrature."""
+    body = magpylib.magnet.Cylinder(
+        polarization=(0, 0, REMANENCE), dimension=(2 * RADIUS, HEIGHT), position=(0, 0, DISTANCE + HEIGHT / 2)
+    )
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    place, below = grid.points, grid.points[:, 1] < DISTANCE - 0.002
+    for radius, z in ((0.004, 0.012), (0.01, 0.015), (0.02, 0.0)):
+        k = np.argmin(np.where(below, np.hypot(place[:, 0] - radius, place[:, 1] - z), 1.0))
+        rim, height, _ = place[k]
+        r = 0.5 * rim * (nodes + 1.0)
+        field = body.getB(np.stack([r, 0 * r, np.full_like(r, height)], axis=1))[:, 2]
+        through = 0.5 * rim * np.sum(weights * 2.0 * np.pi * r * field)
+        # The tolerance of the field solver's other points off the parts; the force is far better
+        assert 2.0 * np.pi * rim * grid["A_phi"][k] == pytest.approx(through, rel=5e-4)
+        assert grid["flux"][k] == pytest.approx(through, rel=5e-4)
+
+
+def test_the_paraview_file_names_regions_and_states_its_point(grid):
+    names = list(grid.field_data["regions"])
+    centres = grid.cell_centers().points
+    inside = (centres[:, 0] < RADIUS) & (np.abs(centres[:, 1] - DISTANCE - HEIGHT / 2) < HEIGHT / 2)
+    assert {names[k] for k in grid["region"][inside]} == {"moving:magnet"}
+    assert grid.field_data["distance_m"][0] == DISTANCE
+    assert grid.compute_cell_sizes()["Area"].sum() > 0.0
+
+
+def test_h_in_a_magnet_opposes_its_magnetisation_and_is_b_over_mu_0_in_air(point):
+    cells = field_cells(point)
+    body = cells.point_region == cells.regions.index("moving:magnet")
+    np.testing.assert_allclose(
+        cells.field_A_per_m[body], (cells.flux_density_T[body] - [0.0, REMANENCE]) / MU_0, rtol=1e-12, atol=1e-6
+    )
+    np.testing.assert_allclose(cells.field_A_per_m[~body], cells.flux_density_T[~body] / MU_0, rtol=1e-12)
+    assert np.median(cells.field_A_per_m[body, 1]) < 0.0
+
+
+def test_permeability_falls_where_the_core_saturates():
+    actuator = bobbin(distances=(0.005,), currents=(0.0, 12.0))
+    weak, strong = (field_cells(solve_point(actuator, 0.005, i)) for i in (0.5, 12.0))
+    sleeve = weak.point_region == weak.regions.index("fixed:sleeve")
+    assert np.median(weak.relative_permeability[sleeve]) > 1000.0
+    assert np.median(strong.relative_permeability[sleeve]) < 200.0
+    steel = np.hypot(*strong.flux_density_T[sleeve].T) / np.hypot(*strong.field_A_per_m[sleeve].T) / MU_0
+    np.testing.assert_allclose(strong.relative_permeability[sleeve], steel, rtol=1e-9)
+
+
+def test_cells_cover_each_element_once(point):
+    cells = field_cells(point, subdivisions=3)
+    corners = cells.points_m[cells.triangles]
+    sides = corners[:, 1:] - corners[:, :1]
+    area = 0.5 * (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0])
+    assert len(cells.triangles) == 9 * len(cells.elements)
+    assert (np.sign(area) == np.sign(area[0])).all()
+    body = cells.triangle_region == cells.regions.index("moving:magnet")
+    assert np.abs(area[body]).sum() == pytest.approx(RADIUS * HEIGHT, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "emaws-saturable"])
+def test_an_actuators_record_gives_the_actuator(name):
+    actuator = read_actuator(GEOMETRY / f"{name}.toml")
+    assert actuator_from_record(asdict(actuator), "manifest") == actuator
+
+
+def test_a_damaged_record_is_refused_with_its_key():
+    record = asdict(read_actuator(GEOMETRY / "emaws-rig.toml"))
+    record["coils"][0]["turns"] = "many"
+    with pytest.raises(ActuatorFileError, match=r"coils\.0\.turns"):
+        actuator_from_record(record, "manifest")
+
+
+SWEPT, CURRENT = 0.0225, 0.8  # on the sweep's grid, away from where a mesh is made
 
 
 @pytest.fixture(scope="module")
@@ -19,18 +127,18 @@ def actuator():
 
 @pytest.fixture(scope="module")
 def sample(actuator):
-    return sample_field(actuator, DISTANCE, CURRENT)
+    return sample_field(actuator, SWEPT, CURRENT)
 
 
 def test_the_force_beside_the_picture_is_the_sweeps(actuator, sample):
-    task = next(t for t in plan_sweep(actuator, SolverSettings()) if t.distance == DISTANCE)
+    task = next(t for t in plan_sweep(actuator, SolverSettings()) if t.distance == SWEPT)
     swept = solve_task(task)["rows"]["force_N"][actuator.sweep.currents_A.index(CURRENT)]
     assert sample.force_N == pytest.approx(swept, rel=5e-4)  # two meshes, each within 0.02 %
 
 
 def test_flux_and_flux_density_belong_together(actuator):
     """B_z = (1 / 2 pi r) d psi/dr and B_r = -(1 / 2 pi r) d psi/dz, in the air between magnet and core."""
-    sample = sample_field(actuator, DISTANCE, CURRENT, SolverSettings(order=6))
+    sample = sample_field(actuator, SWEPT, CURRENT, SolverSettings(order=6))
     r, z, psi = sample.radius_m, sample.height_m, sample.flux_Wb
     in_z, in_r = np.gradient(psi, z, r)
     gap = np.ix_((z > 0.005) & (z < 0.018), (r > 0.004) & (r < 0.02))
@@ -39,17 +147,11 @@ def test_flux_and_flux_density_belong_together(actuator):
     np.testing.assert_allclose(magnitude, sample.flux_density_T[gap], rtol=5e-3)
 
 
-def test_no_flux_passes_through_the_axis(sample):
+def test_no_flux_passes_through_the_axis_and_the_window_holds_every_part(sample):
     assert sample.radius_m[0] == 0.0
     np.testing.assert_array_equal(sample.flux_Wb[:, 0], 0.0)
-
-
-def test_the_window_holds_every_part(actuator, sample):
     assert sample.height_m[0] < -0.025
-    assert sample.height_m[-1] > DISTANCE + 0.005
+    assert sample.height_m[-1] > SWEPT + 0.005
     assert sample.radius_m[-1] > 0.02
-
-
-def test_the_magnet_carries_about_a_tesla_and_the_core_less(sample):
     assert 0.5 < sample.part_flux_density_T["magnet"] < 1.45  # below its remanence
     assert max(sample.part_flux_density_T[n] for n in ("sleeve", "upper_flange", "lower_flange")) < 0.5

@@ -22,7 +22,7 @@ def child_imports(monkeypatch, tmp_path, source):
     [
         (DYING, "killed by signal 11", 60.0),
         (RAISING, "ended with code 1", 60.0),
-        (HANGING, r"no picture within 2 s", 2.0),
+        (HANGING, r"no picture within 0.5 s", 0.5),
     ],
     ids=["segmentation fault", "import error", "endless"],
 )

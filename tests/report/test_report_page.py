@@ -252,6 +252,7 @@ def test_a_report_on_a_model_alone_has_what_a_model_knows(rig_content, tmp_path)
     assert {"stroke", "coil"} <= set(page.images)
 
 
+@pytest.mark.nightly
 def test_a_report_on_two_circuits_names_each(tmp_path, renew):
     clipped_at = table_with_hall(Symmetric(), {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}, output_max_V=4.45)
     fit = fit_model(clipped_at)  # 39 mT, without current from 0.483 mm on
@@ -364,7 +365,9 @@ def test_the_page_on_a_diagnosis_begins_with_measured_points_and_loads_nothing(a
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("name", DIAGNOSES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.nightly] * (name == "unexplained")) for name in DIAGNOSES]
+)
 def test_every_verdict_has_its_page(name, levitation_model, advised, renew):
     make, verdict = DIAGNOSES[name]
     model, table = make(levitation_model)

@@ -1,0 +1,87 @@
+"""Drawings: half section to full section, and every part of actuators of schema 2."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+
+from femfit.device.load import actuator_from_toml, starter_names, starter_text
+from femfit.report.drawing import actuator_figure
+from femfit.report.parts import full_section, half_sections, mirrored, moving_corners
+from support.actuators import rectangle
+
+
+def test_a_ring_becomes_a_left_and_a_right_outline():
+    left, right = full_section(rectangle(0.005, 0.02, -0.025, -0.02), shift=0.01)
+    np.testing.assert_allclose(right.min(axis=0), [0.005, -0.015])
+    np.testing.assert_allclose(left.max(axis=0), [-0.005, -0.01])
+
+
+def test_a_cylinder_becomes_one_outline_across_the_axis():
+    (outline,) = full_section(rectangle(0.0, 0.0055, 0.0, 0.005))
+    np.testing.assert_allclose([outline.min(axis=0), outline.max(axis=0)], [[-0.0055, 0.0], [0.0055, 0.005]])
+
+
+def test_a_polygon_that_touches_the_axis_in_part_stays_one_outline():
+    tee = ((0.0, -0.02), (0.015, -0.02), (0.015, -0.015), (0.005, -0.015), (0.005, 0.0), (0.0, 0.0))
+    (outline,) = full_section(tee)
+    assert shapely.Polygon(outline).area == pytest.approx(2.0 * shapely.Polygon(tee).area)
+
+
+@given(
+    inner=st.just(0.0) | st.floats(1e-6, 0.01),
+    width=st.floats(1e-3, 0.02),
+    low=st.floats(-0.03, 0.03),
+    height=st.floats(1e-3, 0.03),
+)
+def test_the_full_section_is_symmetric_and_twice_as_large(inner, width, low, height):
+    parts = [shapely.Polygon(p) for p in full_section(rectangle(inner, inner + width, low, low + height))]
+    whole = shapely.union_all(parts)
+    other = shapely.affinity.scale(whole, xfact=-1.0, yfact=1.0, origin=(0.0, 0.0))
+    assert whole.area == pytest.approx(2.0 * width * height)
+    assert whole.symmetric_difference(other).area < 1e-9 * whole.area
+
+
+def test_an_even_quantity_is_mirrored_without_repeating_the_axis():
+    x, values = mirrored(np.array([0.0, 1.0, 2.0]), np.array([[5.0, 6.0, 7.0]]))
+    np.testing.assert_array_equal(x, [-2.0, -1.0, 0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(values, [[7.0, 6.0, 5.0, 6.0, 7.0]])
+
+
+@pytest.mark.parametrize("name", starter_names())
+def test_every_starter_is_drawn_with_all_its_parts(name):
+    actuator = actuator_from_toml(starter_text(name))
+    distance = actuator.sweep.distances_m[0]
+    figure = actuator_figure(actuator, distance)
+    parts = len(actuator.fixed) + len(actuator.coils) + len(actuator.moving.regions)
+    assert len(half_sections(actuator, distance)) == parts
+    assert figure.axes[0].patches
+
+
+def test_a_moving_coil_is_drawn_where_it_stands():
+    actuator = actuator_from_toml(starter_text("voice-coil"))
+    assert moving_corners(actuator, -0.006)[:, 1].min() == pytest.approx(-0.006)
+    (winding,) = [shift for _, shift, kind in half_sections(actuator, -0.006) if kind == "winding"]
+    assert winding == -0.006
+
+
+def test_a_ball_is_drawn_round():
+    actuator = actuator_from_toml(starter_text("ball"))
+    corners = moving_corners(actuator, 0.0)
+    np.testing.assert_allclose(np.hypot(corners[:, 0], corners[:, 1] - 0.0125), 0.0125, rtol=1e-9)
+
+
+def test_a_radial_magnet_points_outwards_on_both_sides():
+    text = (
+        starter_text("magnet-pair")
+        .replace('"+z" # "-z" here, and they repel', '"+r"')
+        .replace("[0, 22.5]\nz_mm = [-30", "[10, 22.5]\nz_mm = [-30")
+    )
+    figure = actuator_figure(actuator_from_toml(text), 0.01)
+    arrows = [
+        note for note in figure.axes[0].texts if getattr(note, "arrow_patch", None) is not None and not note.get_text()
+    ]
+    ends = [(note.xyann[0], note.xy[0]) for note in arrows if note.arrow_patch.get_edgecolor()[:3] == (1.0, 1.0, 1.0)]
+    assert any(start < end for start, end in ends if start > 0)
+    assert any(start > end for start, end in ends if start < 0)
