@@ -18,9 +18,6 @@ from threading import Event, Thread
 from time import monotonic
 from typing import TYPE_CHECKING
 
-from femfit.core.results import listing
-from femfit.core.text import amount, counted
-
 if TYPE_CHECKING:
     from jinja2 import Environment
 
@@ -218,6 +215,9 @@ def said(command: str, macro: str, *facts: object) -> str:
 @cache
 def _templates() -> "Environment":
     from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    from femfit.core.results import listing
+    from femfit.core.text import amount, counted
 
     environment = Environment(
         loader=PackageLoader("femfit.cli"),

@@ -8,8 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import femfit as ff
-from femfit.cli.add import add as add_command
 from femfit.core.errors import UsageError
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.effect import AddedEffect
@@ -109,11 +107,11 @@ def bench(levitation_model):
     return table.rows.drop(columns="mount")
 
 
-def passes(model, seed, count, offset_N=0.0):
+def passes(model, seed, count):
     """Passes over 20 settings with white noise of the force, without a column that says which pass or when."""
     box = model.validity
     d, i = np.meshgrid(np.linspace(0.0165, 0.0435, 5), np.linspace(box.current_min_A, box.current_max_A, 4))
-    force = np.tile(model.force(d.ravel(), i.ravel()), count) + offset_N
+    force = np.tile(model.force(d.ravel(), i.ravel()), count)
     read = force + SIGMA * np.random.default_rng(seed).standard_normal(len(force))
     return pd.DataFrame(
         {"distance_m": np.tile(d.ravel(), count), "current_A": np.tile(i.ravel(), count), "force_N": read}
@@ -134,22 +132,6 @@ def test_the_white_noise_of_passes_without_a_run_column_is_found(levitation_mode
     within = np.abs(np.array(ratios) - 1.0) <= 0.25
     assert within.sum() >= 0.9 * seeds, ratios
     assert max(ratios) < 1.4
-
-
-@pytest.mark.parametrize(("times", "source"), [(1.0, "declared and repeats"), (10.0, "repeats")])
-def test_a_declared_noise_is_kept_beside_what_repeats_show(levitation_model, folder, times, source):
-    data, channels = compared(folder, passes(levitation_model, 1, 2), "--noise", f"force_N={times * SIGMA}")
-    assert channels["force_N"]["noise_source"] == source
-    assert channels["force_N"]["noise_declared"] == pytest.approx(times * SIGMA)
-    assert channels["force_N"]["noise_readings"] == pytest.approx(20.0)
-    assert bool(found(data, "declared-noise")) is (source == "repeats")
-
-
-def test_a_comparison_says_one_probability(levitation_model, folder):
-    passes(levitation_model, 1, 2, offset_N=5.0 * SIGMA).to_csv(folder / "off.csv", index=False)
-    result = ff.compare(levitation_model, folder / "off.csv")
-    assert result.to_dict()["verdict"] == "fails"
-    assert str(result).count("p <") + str(result).count("p =") == 1
 
 
 @pytest.mark.parametrize(("rows", "weight_N"), [(12, 0.04267), (21, 0.05)])
@@ -264,14 +246,6 @@ def test_suggest_answers_for_a_plan_and_asks_for_repeats_where_no_noise_is_known
     assert "twice" in femfit("suggest", "model.json", "few.csv", cwd=folder).stdout
 
 
-def test_what_was_added_is_not_diagnosed_once_more_for_its_report(folder, monkeypatch):
-    for place in ("diagnose.diagnose", "diagnose.diagnose_observations"):
-        monkeypatch.setattr(f"femfit.identify.decision.{place}", None)  # a call of it would fail
-    files = (folder / "model.json", "hall_offset", folder / "hall.csv")
-    add_command(*files, output=folder / "b.json", report=folder / "b.html")
-    assert (folder / "b.html").is_file()
-
-
 def test_what_no_effect_explains_is_learnt_by_its_own_name(folder, levitation_model):
     def bent(readings, rows):
         return {**readings, "force_N": readings["force_N"] + 0.2 * readings["force_N"] ** 2}
@@ -289,6 +263,7 @@ def impedances(folder, levitation_model):
     return folder
 
 
+@pytest.mark.nightly
 def test_impedances_are_compared_diagnosed_and_explained_by_what_is_added(impedances):
     data = worked(impedances, "compare model.json z.csv")
     assert {one["largest"]["frequency_Hz"] is not None for one in data["channels"]} == {True}

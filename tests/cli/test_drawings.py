@@ -239,6 +239,7 @@ def test_distances_that_fail_whole_are_named_and_the_curve_is_blamed_for_several
     assert ("B-H curve" in line) == curve_asked_for
 
 
+@pytest.mark.nightly
 def test_a_distance_whose_mesh_fails_is_solved_on_a_finer_one(steel, monkeypatch):
     meshes = []
 
@@ -328,7 +329,8 @@ def weak(tmp_path_factory):
     return directory
 
 
-@pytest.mark.parametrize("name", ["assumed", pytest.param("declared", marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["assumed", "declared"])
 def test_a_tolerance_is_taken_as_meant_only_where_it_was_declared(weak, name):
     """One that is assumed holds the number far from the truth, and its width says nothing of that."""
     done = worked(

@@ -107,7 +107,7 @@ add model.json gremlins bench.csv -o new          | core_saturation
 suggest model.json                                | --plan
 compare model.json bench.csv --unit force_N       | --unit
 compare model.json bench.csv --noise force_N=little | --noise
-compare model.json one-impedance.csv --setting distance_mm=two | number
+compare model.json one-impedance.csv --setting distance_mm=two | COLUMN=NUMBER
 export model.json --to fmu -o new                 | estimator
 export model.json                                 | --output
 simulate model.json --filter ukf9

@@ -88,6 +88,7 @@ def test_the_default_is_the_filter_with_the_offset_state_and_the_library_keeps_i
     assert result.rows["field_T"].iloc[-1] == result.value
 
 
+@pytest.mark.nightly
 def test_the_identified_field_is_written_and_read_again(experiment, tmp_path):
     record = tmp_path / "coil.csv"
     table(experiment).iloc[::3].to_csv(record, index=False)
@@ -248,6 +249,7 @@ def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
     assert {row["measurement"] for row in data["steps"]} == {"direct", "ukf"}
 
 
+@pytest.mark.nightly
 def test_a_lost_magnet_is_named_and_no_rms_is_told(model_file, tmp_path):
     options = ("--controller", "pid", "--filter", "direct", "--seconds", 0.5, "--json", tmp_path / "r.json")
     result = worked("simulate", model_file, *options)
@@ -255,6 +257,7 @@ def test_a_lost_magnet_is_named_and_no_rms_is_told(model_file, tmp_path):
     assert "rms of estimated" not in result.stdout
 
 
+@pytest.mark.nightly
 def test_a_filter_reads_the_drawn_sensors_of_a_simulated_record_and_finds_their_noise(levitation_model, tmp_path):
     laser = PositionSensor(name="laser", noise=2e-4, distances_m=(0.0, 1.0), readings=(0.0, 10.0))
     ammeter = CurrentSensor(name="ammeter", noise=4e-3, circuit=levitation_model.circuit.name)

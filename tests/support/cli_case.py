@@ -60,6 +60,10 @@ AFTER = {"view": "sweep", "fit": "sweep", "tolerance": "sweep", "run": "slopes"}
 """Commands that go on with what another has written."""
 
 
+SEPARATE = ("new", "export", "simulate")
+"""Commands that are run as a user starts them: a process of its own takes a second or two to load what it needs."""
+
+
 class Case:
     """The folder, and what each command printed there."""
 
@@ -72,7 +76,8 @@ class Case:
             if name in AFTER:
                 self.run(AFTER[name])
             words = shlex.split((ONCE | FIRST)[name])
-            done = femfit(*words, cwd=self.folder) if name in FIRST else separate_femfit(*words, cwd=self.folder)
+            start = separate_femfit if name in SEPARATE else femfit
+            done = start(*words, cwd=self.folder)
             assert done.returncode == 0, done.stderr
             self.done[name] = done
         return self.done[name]
