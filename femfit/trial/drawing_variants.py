@@ -33,7 +33,7 @@ def is_linear_iron(region: Region) -> bool:
 
 def has_magnet(actuator: Actuator) -> bool:
     """Whether any part is a permanent magnet."""
-    return any(map(is_magnet, (*actuator.fixed, *actuator.moving.regions)))
+    return any(map(is_magnet, actuator.regions))
 
 
 def scaled_magnets(actuator: Actuator, change: float) -> Actuator:

@@ -19,10 +19,11 @@ from scipy.interpolate import CubicSpline
 
 from femfit.core.errors import DomainError, FieldSolverError
 from femfit.core.numerics import FloatArray
-from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
+from femfit.device.parts import Actuator, SweepAxes
 from femfit.device.rewrite import Variant, VariantSweep
 from femfit.field.sweep import Progress, run_sweep
 from femfit.field.tolerance import SolverSettings
+from femfit.trial.drawing_variants import has_magnet
 
 LINEAR_DISTANCES, SATURATING_DISTANCES, CURRENTS = 16, 12, 8
 
@@ -100,7 +101,9 @@ def solve_drawings(
     """
     first = next(iter(drawings.values()))
     distances = _range(first.sweep.distances_m)
-    planned = {name: replace(form, sweep=_nodes(form, distances, is_linear(first))) for name, form in drawings.items()}
+    planned = {
+        name: replace(form, sweep=_nodes(form, distances, not first.saturates)) for name, form in drawings.items()
+    }
     variants = tuple(Variant((name,), form.sweep, form) for name, form in planned.items())
     sweep = VariantSweep(next(iter(planned.values())), ("form",), variants)
     rows = run_sweep(sweep, directory, workers=workers, settings=SolverSettings(), progress=progress).rows
@@ -122,7 +125,7 @@ def _table(actuator: Actuator, distances: tuple[float, float], rows: pd.DataFram
             values[k] = rows[column].to_numpy().reshape(len(currents), -1).T
     in_distance = np.linalg.inv(chebvander(_chebyshev(count), count - 1))
     coefficients = np.einsum("ak,ckj->caj", in_distance, values)
-    if is_linear(actuator):
+    if not actuator.saturates:
         basis = np.linalg.inv(np.vander(currents, 3, increasing=True))
         return FieldTable(distances, np.einsum("caj,bj->cab", coefficients, basis))
     if currents[0] == 0.0:  # solved one way alone: a force is even in the current then, a flux odd
@@ -130,12 +133,6 @@ def _table(actuator: Actuator, distances: tuple[float, float], rows: pd.DataFram
         coefficients = np.concatenate([mirrored, coefficients], axis=2)
         currents = np.concatenate([-currents[:0:-1], currents])
     return FieldTable(distances, coefficients, tuple(currents.tolist()))
-
-
-def is_linear(actuator: Actuator) -> bool:
-    """Whether no part saturates."""
-    parts = (*actuator.fixed, *actuator.moving.regions)
-    return not any(isinstance(region.material, NonlinearMaterial) for region in parts)
 
 
 def dialled_currents(actuator: Actuator) -> tuple[float, ...]:
@@ -146,24 +143,19 @@ def dialled_currents(actuator: Actuator) -> tuple[float, ...]:
     return tuple(np.linspace(-largest if both else 0.0, largest, CURRENTS + (CURRENTS + 1) % 2 * both).tolist())
 
 
-def _is_biased(actuator: Actuator) -> bool:
-    return any(region.material.remanence_T != 0.0 for region in (*actuator.fixed, *actuator.moving.regions))
-
-
 def _nodes(actuator: Actuator, distances: tuple[float, float], free: bool) -> SweepAxes:
     """Where a drawing is solved; ``free`` where the bench takes any current, as of a linear drawing's forms."""
     low, high = map(_coordinate(distances), distances)
-    linear = is_linear(actuator)
-    x = _chebyshev(LINEAR_DISTANCES if linear else SATURATING_DISTANCES)
+    x = _chebyshev(SATURATING_DISTANCES if actuator.saturates else LINEAR_DISTANCES)
     nodes = 0.5 * (low + high) + 0.5 * (high - low) * x
     largest = (1.0 + _CURRENT_MARGIN) * max(map(abs, actuator.sweep.currents_A))
     currents: tuple[float, ...] = (-largest, 0.0, largest)
-    if not linear and free:
+    if actuator.saturates and free:
         currents = tuple(np.linspace(-largest, largest, _FREE_CURRENTS).tolist())
-    elif not linear:
+    elif actuator.saturates:
         dialled = dialled_currents(actuator)
         first = dialled[0] - _CURRENT_MARGIN * dialled[-1]
-        currents = (first, *dialled, largest) if _is_biased(actuator) else (*(i for i in dialled if i >= 0), largest)
+        currents = (first, *dialled, largest) if has_magnet(actuator) else (*(i for i in dialled if i >= 0), largest)
     return SweepAxes(currents, tuple((np.exp(nodes) if distances[0] > 0.0 else nodes).tolist()))
 
 

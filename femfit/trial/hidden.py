@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
+from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.sweep import Progress
 from femfit.trial.device import Conditions, Device, Family, HiddenError, Readings
@@ -22,9 +22,6 @@ REMANENCE_STEP = 0.1
 
 FERRITE_T = 0.45
 """Polarisation of soft parts that are drawn without a B-H curve; iron holds four times as much."""
-
-COPPER_PER_K = 3.93e-3
-"""Temperature coefficient of copper's resistance at 20 degC, IEC 60028."""
 
 MAGNET_PER_K, MAGNET_PER_K2 = -1.15e-3, -2e-6
 """Sintered NdFeB's remanence from 20 to 100 degC, of the order of data sheets: the curve bends downwards."""
@@ -41,27 +38,26 @@ def possible_errors(actuator: Actuator) -> list[str]:
         "": True,
         _MAGNET: has_magnet(actuator),
         _HALL: actuator.hall is not None,
-        _IRON: any(map(is_linear_iron, (*actuator.fixed, *actuator.moving.regions))),
+        _IRON: any(map(is_linear_iron, actuator.regions)),
     }
     return [name for name, error in HIDDEN_ERRORS.items() if there[error.needs]]
 
 
 def solve_device(actuator: Actuator, directory: Path, *, workers: int, progress: Progress | None = None) -> Device:
     """Solve a drawing and the changed forms that its usual errors need."""
-    forms = {"drawn": actuator}
-    if "remanence" in possible_errors(actuator):
-        forms |= {f"remanence{step:+g}": scaled_magnets(actuator, step) for step in (-REMANENCE_STEP, REMANENCE_STEP)}
-    if "core_saturation" in possible_errors(actuator):
-        forms["saturating"] = saturable_core(actuator, FERRITE_T)
-    tables = solve_drawings(forms, directory, workers=workers, progress=progress)
-    drawn = tables["drawn"]
-    families = {}
-    if "remanence" in possible_errors(actuator):
-        steps = (-REMANENCE_STEP, REMANENCE_STEP)
-        families["remanence"] = Family(steps, tuple(tables[f"remanence{step:+g}"] for step in steps), drawn)
-    if "saturating" in tables:
-        families["saturating"] = Family((1.0,), (tables["saturating"],), drawn)
-    return Device(actuator, drawn, families)
+    possible, steps = possible_errors(actuator), (-REMANENCE_STEP, REMANENCE_STEP)
+    changed: dict[str, dict[float, Actuator]] = {}
+    if "remanence" in possible:
+        changed["remanence"] = {step: scaled_magnets(actuator, step) for step in steps}
+    if "core_saturation" in possible:
+        changed["saturating"] = {1.0: saturable_core(actuator, FERRITE_T)}
+    named = {f"{name}{p:+g}": form for name, forms in changed.items() for p, form in forms.items()}
+    tables = solve_drawings({"drawn": actuator} | named, directory, workers=workers, progress=progress)
+    families = {
+        name: Family(tuple(forms), tuple(tables[f"{name}{p:+g}"] for p in forms), tables["drawn"])
+        for name, forms in changed.items()
+    }
+    return Device(actuator, tables["drawn"], families)
 
 
 def _warm_magnet(device: Device, size: float, settings: Conditions) -> Fields:
@@ -107,7 +103,7 @@ HIDDEN_ERRORS: Mapping[str, HiddenError] = {
     "coil_temperature": HiddenError(
         lambda device: 1.3,  # of copper's coefficient
         ("voltage_V",),
-        reading=_resisted(lambda size, settings: abs(size) * COPPER_PER_K * (settings.coil_C - 20.0)),
+        reading=_resisted(lambda size, settings: abs(size) * COPPER_TEMPERATURE_COEFFICIENT * (settings.coil_C - 20.0)),
     ),
     "magnet_temperature": HiddenError(
         lambda device: 2.5,

@@ -23,7 +23,6 @@ from femfit.device.file_numbers import Location
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, LinearMaterial, NonlinearMaterial
 from femfit.trial.device import HiddenError
-from femfit.trial.field_table import is_linear
 from support.trial.truth import FIELD, Truth, always
 
 STEP = 0.04
@@ -73,7 +72,7 @@ def number_truths(drawing: Path, part: int, parts: int, count: int) -> Mapping[s
     order = np.random.default_rng([_DEAL, zlib.crc32(actuator.name.encode())]).permutation(len(numbers))
     truths: dict[str, Truth] = {}
     for number in (numbers[k] for k in order[part::parts]):
-        forms = _forms(number, data, drawing.parent, is_linear(actuator))
+        forms = _forms(number, data, drawing.parent, not actuator.saturates)
         if forms and len(truths) < count:
             truths[f"drawing:{number.names[0]}"] = _truth(number, actuator, forms)
     return truths

@@ -16,7 +16,7 @@ import numpy as np
 from femfit.core.errors import FieldSolverError
 from femfit.device.load import read_actuator
 from femfit.trial.device import Device, Family
-from femfit.trial.field_table import is_linear, solve_drawings
+from femfit.trial.field_table import solve_drawings
 from support.trial import magnetics, mechanics, memory, off_axis, readings
 from support.trial.drawing_numbers import number_truths
 from support.trial.truth import BENDS, Shape, Truth, only_in_some_runs
@@ -80,7 +80,7 @@ def truths_of(drawing: Path, set_name: SetName) -> dict[str, Truth]:
     shape, passing = _IN_SOME_RUNS[set_name]
     for name in passing:
         truths[f"{name} {shape}"] = only_in_some_runs(truths[name], name, shape)
-    count = _LINEAR_NUMBERS if is_linear(read_actuator(drawing)) else _SATURATING_NUMBERS
+    count = _SATURATING_NUMBERS if read_actuator(drawing).saturates else _LINEAR_NUMBERS
     truths |= number_truths(drawing, k, len(SETS), count)
     return {f"{name} ({set_name})": truth for name, truth in truths.items()}
 
