@@ -15,7 +15,7 @@ from femfit.device.load import read_actuator
 from femfit.model.json_file import read_model
 from femfit.tables.sweep_table import read_sweep_table
 from support.campaign import NOISE
-from support.cli_case import DRAWN, FACE, ONCE
+from support.cli_case import DRAWN, FACE, ONCE, SLOW
 from support.command import femfit
 from support.page import Page
 from support.snapshot import check_snapshot
@@ -38,7 +38,10 @@ def test_every_command_is_run():
     assert {*ONCE, "trial"} == {name for name, _, _ in COMMANDS}
 
 
-@pytest.mark.parametrize("name", ONCE)
+NAMES = [pytest.param(name, marks=[pytest.mark.nightly] * (name in SLOW)) for name in ONCE]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_command_prints_what_it_printed_and_writes_its_files(case, name, renew):
     done = case.run(name)
     assert "Traceback" not in done.stderr
@@ -49,7 +52,10 @@ def test_a_command_prints_what_it_printed_and_writes_its_files(case, name, renew
     check_snapshot(f"femfit-{name}", done.stdout, renew=renew)
 
 
-@pytest.mark.parametrize("name", [name for name in ONCE if f"--json {name}.json" in ONCE[name]])
+WITH_JSON = [param for name, param in zip(ONCE, NAMES, strict=True) if f"--json {name}.json" in ONCE[name]]
+
+
+@pytest.mark.parametrize("name", WITH_JSON)
 def test_a_result_as_json_is_a_table_of_strict_json_with_findings_by_code(case, name):
     data = result(case, name)
     assert data["written_by"].startswith("femfit ")
@@ -167,6 +173,7 @@ def test_the_new_model_remembers_its_measurement_and_simulates_and_exports(case,
     assert ff.export(model, tmp_path / "package").files
 
 
+@pytest.mark.nightly
 def test_a_calibrated_drawing_says_above_it_what_was_changed(case):
     (number,) = result(case, "calibrate")["numbers"]
     text = (case.folder / "calibrated.toml").read_text()
@@ -180,6 +187,7 @@ def test_a_calibrated_drawing_says_above_it_what_was_changed(case):
     assert number["sd"] > number["sd_as_drawn"]
 
 
+@pytest.mark.nightly
 def test_the_command_after_a_calibration_finds_sweep_and_model(case):
     line = case.run("calibrate").stdout.splitlines()[-1].partition("femfit ")[2]
     runs = case.folder / "runs/calibration"

@@ -122,6 +122,7 @@ def test_a_file_that_hangs_its_library_is_given_up(folder, deaf, monkeypatch):
     assert "damaged" in done.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_command_that_waits_for_a_file_which_hangs(folder, deaf, number):
     path = os.pathsep.join([str(deaf[0]), *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -251,12 +252,3 @@ def test_numbers_that_nobody_measures_are_no_impedances(tmp_path):
     (tmp_path / "a.csv").write_text("f [Hz],|Z|,theta\n1,1e300,1\n10,2,20\n100,3,25\n1e3,9,30\n")
     read = ff.read_measurement(tmp_path / "a.csv", settings={"distance_mm": 2.0})
     assert read.rows["resistance_ohm"].notna().sum() == 3
-
-
-def test_a_message_shows_the_first_problems_of_many(tmp_path):
-    lines = "".join(f"word_{k} = {k}\n" for k in range(400))
-    (tmp_path / "a.toml").write_text(f"schema = 2\n{lines}")
-    done = femfit("sweep", tmp_path / "a.toml")
-    assert done.returncode == 1
-    assert len(done.stderr) < 6000
-    assert "more" in done.stderr.splitlines()[-1]

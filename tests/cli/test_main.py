@@ -22,7 +22,7 @@ from femfit.cli.output import PATIENCE, duration, loop_progress, progress, statu
 from femfit.cli.run import _Steps
 from femfit.field import sweep_task
 from femfit.model.json_file import write_model
-from support.command import FEMFIT, femfit, separate_femfit
+from support.command import FEMFIT, femfit
 from support.small_drawing import SMALL
 
 FEW = SMALL.replace("stop = 12", "stop = 6")
@@ -38,6 +38,7 @@ def test_help_lists_every_command_and_imports_nothing_heavy():
     assert python(code).strip() == "[]"
     text = femfit("--help").stdout
     assert all(f" {name} " in text for name, _, _ in COMMANDS)
+    assert "--install-completion" in text
 
 
 @pytest.fixture
@@ -109,10 +110,7 @@ def test_an_unforeseen_failure_is_one_line_with_a_log_file(monkeypatch, tmp_path
     (log,) = tmp_path.glob("femfit-*.log")
     assert str(log) in result.stderr
     assert "TypeError: something that nobody thought of" in log.read_text()
-
-
-def test_too_little_memory_is_no_bug_of_femfit(monkeypatch, tmp_path):
-    monkeypatch.setattr("femfit.targets.targets.export", raising(MemoryError()))
+    monkeypatch.setattr("femfit.targets.targets.export", raising(MemoryError()))  # which is no bug
     assert femfit("export", "model.json", "-o", tmp_path / "out").returncode == 1
 
 
@@ -127,12 +125,6 @@ def test_a_terminal_that_knows_only_ascii_loses_no_result():
     code = "import sys, femfit.cli.main as m; m._print_what_the_terminal_can_show(); print('3.2 µm, 20 °C, ±1 Ω, ☂')"
     said = python(code, env=os.environ | {"PYTHONIOENCODING": "ascii"})
     assert said == "3.2 um, 20 degC, +-1 ohm, ?\n"
-
-
-def test_completion_of_the_shell_is_installed_by_one_command(tmp_path):
-    result = separate_femfit("--install-completion", env=os.environ | {"HOME": str(tmp_path), "SHELL": "/bin/bash"})
-    assert result.returncode == 0, result.stderr
-    assert [path for path in tmp_path.rglob("*") if path.is_file() and "diagnose" in path.read_text()]
 
 
 @pytest.mark.parametrize("line", ["audit model.json --json audit.json", "audit --help"])
@@ -260,6 +252,7 @@ main.main()
 """
 
 
+@pytest.mark.nightly
 def test_a_ctrl_c_waits_until_the_solver_is_loaded_which_would_print_it_as_its_own_error(tmp_path):
     (tmp_path / "a.toml").write_text(SMALL)
     command = [sys.executable, "-c", IMPORTING]

@@ -60,6 +60,9 @@ AFTER = {"view": "sweep", "fit": "sweep", "tolerance": "sweep", "run": "slopes"}
 """Commands that go on with what another has written."""
 
 
+SLOW = ("calibrate",)
+"""Commands that take a quarter of a minute."""
+
 SEPARATE = ("new", "export", "simulate")
 """Commands that are run as a user starts them: a process of its own takes a second or two to load what it needs."""
 
