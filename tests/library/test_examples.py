@@ -66,8 +66,13 @@ def one_process(monkeypatch):
 SLOW = ("CalibrationResult", "calibrate", "observe", "write_report")
 """They take from five to twenty seconds each."""
 
+TWICE = ("AddResult", "Diagnosis", "LoopSummary", "Observation")
+"""What they show is made by a function whose own example is run."""
 
-@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.nightly] * (one in SLOW)) for one in NAMES])
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.nightly] * (one in SLOW + TWICE)) for one in NAMES]
+)
 def test_the_example_of_a_public_name_runs(name, bench, monkeypatch):
     public = getattr(femfit, name)
     # Methods have examples of their own only where a reader needs one

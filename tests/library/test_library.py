@@ -111,6 +111,7 @@ def threads_after_fork():
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")
 def test_a_child_process_has_the_limit_of_its_own_calls_and_not_of_other_threads(levitation_model):
     entered, forked, inside = threading.Event(), threading.Event(), []
