@@ -1,6 +1,6 @@
 """The numbers in the tables of a report on a bench, with the figures that belong to them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -8,19 +8,17 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
-from femfit.effects.effect import Effect, EffectParameter
 from femfit.effects.words import smallest_visible
 from femfit.identify.comparison.misfit import ErrorFall
 from femfit.identify.constants import LEVEL_AFTER
-from femfit.identify.decision.diagnosis import Diagnosis, NamedEffect
+from femfit.identify.decision.diagnosis import Diagnosis
 from femfit.identify.experiments.suggest import Suggestion
 from femfit.identify.readings.observations import Observations
 from femfit.identify.readings.settings import setting_cells
 from femfit.identify.refit.add_result import AddResult
 from femfit.report.explained_figures import ranking_figure, waterfall_figure
 from femfit.report.misfit_figures import residual_maps_figure
-from femfit.report.style import NOTHING, Drawing, formula_markup, percent, plain, quantity, significant
-from femfit.tables.measurement import CHANNEL_WORDS
+from femfit.report.style import NOTHING, Drawing
 
 SHOWN = 6
 """Suggestions in the table."""
@@ -31,7 +29,7 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
     observations, evidence = diagnosis.observations, diagnosis.campaign
     recorded_motion = "velocity_m_s" in observations.covariates  # readings are windows of a time series
     distinct = not recorded_motion and "mount" in observations.given  # whether mounts are told from runs
-    facts: dict[str, Any] = {
+    return {
         "recorded_motion": recorded_motion,
         "runs": len(np.unique(observations.covariates["run"])),
         "mounts": len(np.unique(observations.covariates["mount"])) if distinct else 0,
@@ -39,19 +37,6 @@ def measured_facts(diagnosis: Diagnosis) -> dict[str, Any]:
         "noise": None if evidence is None else evidence.noise,
         "findings": observations.findings if evidence is None else diagnosis.findings,
     }
-    if evidence is None:
-        return facts
-    noise, rows = evidence.noise, []
-    for c, name in enumerate(noise.channels):
-        values = np.abs(observations.value[observations.of(name)])
-        source, sigma = noise.source.get(name, ""), float(noise.sigma[c])
-        origin = f"{significant(float(noise.repeats[c]), 3)} repeats" if source == "repeats" else source
-        origin = {"guess": "a guess", "": "not known"}.get(origin, origin)
-        share = percent(sigma / float(values.max())) if source and values.max(initial=0.0) > 0.0 else NOTHING
-        row = (quantity(sigma, name), origin, share, quantity(float(noise.run[c]), name, 2))
-        shown = row if source else (NOTHING, origin, NOTHING, NOTHING)
-        rows.append((CHANNEL_WORDS[name], f"{len(values):,}", *shown, f"{noise.rho[c]:.2f}"))
-    return facts | {"noise_rows": rows}
 
 
 def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]:
@@ -59,10 +44,7 @@ def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]
     nominal = diagnosis.observations.nominal
     effects = device_effects(nominal.circuits, nominal.drawn)
     facts = {
-        "named": [
-            (effect, effects[effect.name].symptom if effect.name in effects else "", _parameter_rows(effect, effects))
-            for effect in diagnosis.missing
-        ],
+        "named": [(effect, effects.get(effect.name)) for effect in diagnosis.missing],
         "detectable": [
             (name, smallest_visible(effects[name], amplitudes, nominal) or NOTHING)
             for name, amplitudes in diagnosis.detectable.items()
@@ -76,24 +58,6 @@ def explained(diagnosis: Diagnosis) -> tuple[dict[str, Any], dict[str, Drawing]]
     named = [effect.name for effect in diagnosis.missing]
     members = [name for effect in diagnosis.missing for name in effect.members[1:]]
     return facts, {"ranking-effects": partial(ranking_figure, testable, diagnosis.excess, named, members)}
-
-
-def _parameter_rows(missing: NamedEffect, effects: Mapping[str, Effect]) -> list[tuple[str, ...]]:
-    effect, rows = effects.get(missing.name), list[tuple[str, ...]]()
-    parameters = {} if effect is None else {p.name: p for p in effect.parameters}
-    for name, value in missing.parameters.items():
-        p, (low, high) = parameters.get(name), missing.ci95.get(name, (np.nan, np.nan))
-        interval = f"{significant(low, 4)} … {significant(high, 4)}" if np.isfinite(low) else _no_interval(value, p)
-        usual = f"{plain(p.plausible[0])} … {plain(p.plausible[1])}" if p else NOTHING
-        unit = formula_markup(p.unit) if p else ""
-        rows.append((p.description if p else name, significant(value, 4), interval, usual, unit))
-    return rows
-
-
-def _no_interval(value: float, parameter: EffectParameter | None) -> str:
-    if parameter is None or parameter.nonlinear or value not in {parameter.lower, parameter.upper}:
-        return NOTHING
-    return "at its bound"
 
 
 def next_facts(diagnosis: Diagnosis, advice: Sequence[Suggestion]) -> dict[str, Any]:
