@@ -23,6 +23,8 @@ from femfit.report.style import INK, MUTED, Axes, Figure, new_figure, plain, sig
 
 MM = 1e3
 
+Place = tuple[float, float]
+
 CLOSE = 0.025
 """Of the picture's height: numbers nearer to each other would cover one another."""
 
@@ -162,41 +164,29 @@ def _dimensions(axes: Axes, actuator: Actuator, distance: float) -> None:
     m_low, m_high, m_out = moving[:, 1].min(), moving[:, 1].max(), moving[:, 0].max()
     low, high, wide = min(z_low, m_low), max(z_high, m_high), max(r_out, m_out)
     step = 0.085 * max(2.0 * wide, high - low)
-    _across(axes, r_out, low - (2.0 if r_in > 0 else 1.2) * step, z_low, f"Ø {plain(2 * r_out, 4)}")
-    if r_in > 0:
-        _across(axes, r_in, low - 0.8 * step, z_low, f"Ø {plain(2 * r_in, 4)}")
-    _across(axes, m_out, high + 1.2 * step, m_high, f"Ø {plain(2 * m_out, 4)}")
-    _along(axes, -wide - step, (z_low, z_high), -r_out, plain(z_high - z_low, 4))
-    _along(axes, wide + step, (m_low, m_high), m_out, plain(m_high - m_low, 4))
-    _along(
-        axes, wide + 3.0 * step, (0.0, MM * distance), min(m_out, r_out), f"d = {plain(MM * distance, 4)}", bold=True
-    )
+    diameters = [(r_out, low - (2.0 if r_in > 0 else 1.2) * step, z_low), (m_out, high + 1.2 * step, m_high)]
+    diameters += [(r_in, low - 0.8 * step, z_low)] if r_in > 0 else []
+    for r, z, part in diameters:
+        _dimension(axes, ((-r, z), (r, z)), ((-r, part), (r, part)), (r, z), f"Ø {plain(2 * r, 4)}")
+    for x, (begin, end), part, name in (
+        (-wide - step, (z_low, z_high), -r_out, ""),
+        (wide + step, (m_low, m_high), m_out, ""),
+        (wide + 3.0 * step, (0.0, MM * distance), min(m_out, r_out), "d = "),
+    ):
+        middle, text = (x, 0.5 * (begin + end)), f"{name}{plain(end - begin, 4)}"
+        _dimension(axes, ((x, begin), (x, end)), ((part, begin), (part, end)), middle, text, bold=bool(name))
 
 
-def _across(axes: Axes, radius: float, z: float, z_part: float, text: str) -> None:
-    """Draw a diameter with its extension lines to the part; the label stands beside the line."""
-    for x in (-radius, radius):
-        axes.plot([x, x], [z_part, z], color=MUTED, linewidth=0.6)
-    _arrow(axes, (-radius, z), (radius, z))
-    _beside(axes, (radius, z), 1.0, text)
-
-
-def _along(axes: Axes, x: float, ends: tuple[float, float], x_part: float, text: str, *, bold: bool = False) -> None:
-    """Draw a length along z with its extension lines to the part; the label stands outside of the line."""
-    for z in ends:
-        axes.plot([x_part, x], [z, z], color=MUTED, linewidth=0.6)
-    _arrow(axes, (x, ends[0]), (x, ends[1]))
-    _beside(axes, (x, 0.5 * (ends[0] + ends[1])), float(np.sign(x)), text, bold=bold)
-
-
-def _beside(axes: Axes, place: tuple[float, float], side: float, text: str, *, bold: bool = False) -> None:
-    weight, align = ("bold" if bold else "normal"), ("left" if side > 0 else "right")
+def _dimension(
+    axes: Axes, ends: tuple[Place, Place], feet: tuple[Place, Place], place: Place, text: str, *, bold: bool = False
+) -> None:
+    """Draw a length with extension lines from its feet on the part; its label stands outside, beside a place of it."""
+    for foot, end in zip(feet, ends, strict=True):
+        axes.plot([foot[0], end[0]], [foot[1], end[1]], color=MUTED, linewidth=0.6)
+    arrow = {"arrowstyle": "<|-|>", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+    axes.annotate("", xy=ends[1], xytext=ends[0], arrowprops=arrow)
+    side = float(np.sign(place[0]))
     axes.annotate(
-        text, place, xytext=(5 * side, 0), textcoords="offset points", ha=align, va="center",
-        fontsize=8.5 if bold else 8, fontweight=weight, bbox=_BOX,
+        text, place, xytext=(5 * side, 0), textcoords="offset points", ha="left" if side > 0 else "right", va="center",
+        fontsize=8.5 if bold else 8, fontweight="bold" if bold else "normal", bbox=_BOX,
     )  # fmt: skip
-
-
-def _arrow(axes: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
-    style = {"arrowstyle": "<|-|>", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
-    axes.annotate("", xy=end, xytext=start, arrowprops=style)

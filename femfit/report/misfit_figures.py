@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.stats import binned_statistic_2d
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import axis_scale
@@ -111,17 +112,9 @@ def _cell_means(
     observations: Observations, values: FloatArray, here: BoolArray, edges: Sequence[FloatArray]
 ) -> FloatArray:
     """Mean of each cell, shape (columns, rows); NaN where nothing was read."""
-    places = [
-        np.clip(np.searchsorted(e, x[here], side="right") - 1, 0, len(e) - 2)
-        for e, x in zip(edges, (MM * observations.column("distance_m"), observations.column("current_A")), strict=True)
-    ]
-    shape = (len(edges[0]) - 1, len(edges[1]) - 1)
-    flat = np.ravel_multi_index((places[0], places[1]), shape)
-    count = np.bincount(flat, minlength=shape[0] * shape[1])
-    total = np.bincount(flat, weights=values[here], minlength=shape[0] * shape[1])
-    mean = np.full(len(count), np.nan)
-    mean[count > 0] = total[count > 0] / count[count > 0]
-    return mean.reshape(shape)
+    columns = (MM * observations.column("distance_m")[here], observations.column("current_A")[here])
+    x, y = (np.clip(column, e[0], e[-1]) for column, e in zip(columns, edges, strict=True))
+    return np.asarray(binned_statistic_2d(x, y, values[here], bins=list(edges)).statistic)
 
 
 def covariate_figure(observations: Observations, residual: FloatArray, channel: str, names: Sequence[str]) -> Figure:
