@@ -112,20 +112,16 @@ def duration(seconds: float) -> str:
 
 @contextmanager
 def status(text: str) -> Iterator[Callable[[str], None]]:
-    """What is being done, on standard error, a line now and then where that is no terminal; yields what changes it."""
-    if not sys.stderr.isatty():
-        with _lines(text) as say:
-            yield say
+    """What is being done, on standard error, a line now and then where that is no terminal; yields what changes it.
+
+    There, it is printed after ten seconds and whenever it reads otherwise; short work prints nothing.
+    """
+    if sys.stderr.isatty():
+        from rich.console import Console
+
+        with Console(stderr=True).status(text) as line:
+            yield line.update
         return
-    from rich.console import Console
-
-    with Console(stderr=True).status(text) as line:
-        yield line.update
-
-
-@contextmanager
-def _lines(text: str) -> Iterator[Callable[[str], None]]:
-    """Print what is being done after ten seconds, and whenever that reads otherwise; short work prints nothing."""
     doing, ended, start = [text], Event(), monotonic()
 
     def tell() -> None:
