@@ -29,11 +29,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
     ("sense", "femfit.cli.sense:sense", "How well the current tells the distance: error in simulation, and bound."),
-    (
-        "audit",
-        "femfit.cli.audit:audit",
-        "Check a model against its table, physics and supply; exits with 1 if wrong.",
-    ),
+    ("audit", "femfit.cli.audit:audit", "Check a model against its table, physics and supply; exits with 1 if wrong."),
     ("heat", "femfit.cli.heat:heat", "How warm winding and magnet become, and which current may last."),
     ("tolerance", "femfit.cli.tolerance:tolerance", "How a series of devices scatters by the drawing's tolerances."),
     ("observe", "femfit.cli.observe:observe", "Run a recorded log through filters: estimate, innovations, noise."),
