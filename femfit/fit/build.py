@@ -13,7 +13,6 @@ from femfit.core.errors import FitError, UsageError
 from femfit.core.numerics import GRAVITY
 from femfit.core.text import amount
 from femfit.device.electrics import Circuit
-from femfit.fit.circuit_system import require_currents
 from femfit.fit.circuits_fit import CircuitsFit, fit_circuits
 from femfit.fit.coenergy import CoenergyFit, fit_coenergy, missed_between
 from femfit.fit.constants import MAY_MISS, STORED
@@ -39,6 +38,7 @@ from femfit.fit.network_fit import NetworkFit, better_network, fit_network
 from femfit.fit.ranking import Ranking, rank_laws
 from femfit.fit.result import FitResult
 from femfit.fit.rows import FitRows, rows_of_table
+from femfit.fit.saturating_circuits import require_currents
 from femfit.fit.sensed_field import HallFit, SensedRows, fit_hall, fit_pickups, fit_sensed
 from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel

@@ -11,9 +11,11 @@ from itertools import pairwise
 import numpy as np
 
 from femfit.core.errors import FitError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
-from femfit.fit.circuit_system import CircuitSolution, best_along_distance, flux_scale, solve_circuits
+from femfit.fit.basis import CurrentProducts
+from femfit.fit.coenergy_choice import best_along_distance
+from femfit.fit.coenergy_system import CoenergySystem, Projection, coenergy_system, flux_scale
 from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, SMALL_CIRCUIT_FORCE, U_DEGREE
 from femfit.fit.misfit import middles
 from femfit.fit.rows import FitRows, rms, rms_share
@@ -95,47 +97,6 @@ def _listed(values: Sequence[float]) -> str:
     return f"{', '.join(but_last)} and {last}" if but_last else last
 
 
-@dataclass(frozen=True, eq=False)
-class _Products:
-    """v_a v_b of v = (1, i_1, .., i_n), a <= b, half of the squares; those with 1 where there is a magnet alone."""
-
-    circuits: int
-    magnet: bool
-
-    @property
-    def places(self) -> tuple[IntArray, IntArray]:
-        """Row and column in M of each; shape (count,)."""
-        a, b = np.triu_indices(self.circuits + 1)
-        wanted = (a > 0) | self.magnet
-        return a[wanted], b[wanted]
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return len(self.places[0])
-
-    @property
-    def constant(self) -> bool:
-        """Whether the first one is a constant."""
-        return self.magnet
-
-    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
-        """As of :class:`femfit.fit.circuit_system.CurrentFunctions`."""
-        a, b = self.places
-        v = np.concatenate([np.ones((len(currents), 1)), currents], axis=1)
-        if not circuits:
-            return np.asarray(np.where(a == b, 0.5, 1.0) * v[:, a] * v[:, b])
-        first, *second = (k + 1 for k in circuits)
-        if not second:
-            return np.where(a == first, v[:, b], np.where(b == first, v[:, a], 0.0))
-        low, high = sorted((first, *second))
-        return np.tile(((a == low) & (b == high)).astype(np.float64), (len(currents), 1))
-
-    def roughness(self) -> FloatArray:
-        """Nothing is left open."""
-        return np.zeros((0, self.count))
-
-
 def fit_circuits(rows: FitRows) -> CircuitsFit:
     """Fit M(d), or where the iron saturates a spline in the distance and all currents.
 
@@ -145,21 +106,28 @@ def fit_circuits(rows: FitRows) -> CircuitsFit:
         If the rows do not determine the co-energy, if force and flux linkages contradict each other, or if the
         inductances are not positive definite everywhere.
     """
-    functions = _Products(len(rows.names), rows.magnet)
+    functions, system = CurrentProducts(len(rows.names), rows.magnet), coenergy_system(rows)
     if _not_quadratic(rows, functions) > NOT_QUADRATIC:
-        return _judged(*fit_saturating(rows), rows)
-    solution = solve_circuits(rows, *best_along_distance(rows, functions), functions)
-    if solution is None:
+        return _judged(*fit_saturating(system), system)
+    basis = best_along_distance(system, functions)
+    projection = system.projection(basis)
+    if projection is None:
         raise FitError(
             f"The rows do not determine the inductances of {', '.join(rows.names)}. Sweep each circuit's current by "
             "itself and at least one point with each two together."
         )
-    every = _Products(len(rows.names), magnet=True)
-    coefficients = np.zeros((len(solution.coefficients), every.count))
-    coefficients[:, (every.places[0] > 0) | rows.magnet] = solution.coefficients
-    magnetics = CoenergyMatrix(rows.names, solution.coordinate, solution.knots, U_DEGREE, coefficients)
+    every = CurrentProducts(len(rows.names), magnet=True)
+    coefficients = np.zeros((basis.shape[0], every.count))
+    coefficients[:, (every.places[0] > 0) | rows.magnet] = projection.coefficients.reshape(basis.shape)
+    magnetics = CoenergyMatrix(rows.names, basis.coordinate, basis.u_knots, U_DEGREE, coefficients)
     _require_definite(magnetics, rows)
-    return _judged(magnetics, solution, rows)
+    return _judged(magnetics, projection, system)
+
+
+def _force_left_out(projection: Projection, system: CoenergySystem, out: BoolArray) -> FloatArray:
+    """What a fit to the other rows misses their force by, over its scale; infinite where they do not determine it."""
+    errors = projection.left_out(system.places(out))
+    return np.full(int(out.sum()), np.inf) if errors is None else errors[: int(out.sum())]
 
 
 @dataclass(frozen=True)
@@ -171,10 +139,10 @@ class _Planes:
     finer: tuple[str, tuple[float, ...]]
 
     @classmethod
-    def of(cls, solution: CircuitSolution, name: str, column: FloatArray) -> "_Planes":
+    def of(cls, projection: Projection, system: CoenergySystem, name: str, column: FloatArray) -> "_Planes":
         """The middles beside all values that are missed at least half as much (rms) as the most missed one."""
         values = np.unique(column)
-        missed = [solution.left_out(column == value)[0] for value in values[1:-1]]
+        missed = [_force_left_out(projection, system, column == value) for value in values[1:-1]]
         if not missed:
             return cls(-1.0, 0.0, (name, ()))
         sizes = np.array([rms(errors) for errors in missed])
@@ -185,17 +153,17 @@ class _Planes:
         )
 
 
-def _judged(magnetics: CoenergyMatrix | CoenergyTensor, solution: CircuitSolution, rows: FitRows) -> CircuitsFit:
-    force = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
-    flux = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
-    folds = [rows.distance == d for d in rows.distances[1:-1]]
-    if isinstance(magnetics, CoenergyTensor):
-        folds = points_left_out(rows)
-    left_out = np.concatenate([solution.left_out(out)[0] for out in folds]) if folds else np.array([np.inf])
+def _judged(magnetics: CoenergyMatrix | CoenergyTensor, projection: Projection, system: CoenergySystem) -> CircuitsFit:
+    rows = system.rows
+    force = magnetics.force(*rows.points) - rows.force
+    flux = magnetics.flux_linkage(*rows.points) - rows.linked
+    folds = points_left_out(rows) if isinstance(magnetics, CoenergyTensor) else system.folds
+    errors = [_force_left_out(projection, system, out) for out in folds]
+    left_out = np.concatenate(errors) if errors else np.array([np.inf])
     axes = [("distance", rows.distance)]
     if isinstance(magnetics, CoenergyTensor):
         axes += list(zip(rows.names, rows.circuit_currents.T, strict=True))
-    planes = [_Planes.of(solution, name, column) for name, column in axes]
+    planes = [_Planes.of(projection, system, name, column) for name, column in axes]
     fit = CircuitsFit(
         magnetics,
         float(np.max(np.abs(force) / rows.force_scale)),
@@ -210,10 +178,10 @@ def _judged(magnetics: CoenergyMatrix | CoenergyTensor, solution: CircuitSolutio
     return fit
 
 
-def _not_quadratic(rows: FitRows, functions: _Products) -> float:
+def _not_quadratic(rows: FitRows, functions: CurrentProducts) -> float:
     """What the best quadratic form in the currents misses at each distance by itself, over the scale, at most."""
-    flux = enumerate(zip(rows.linked.T, flux_scale(rows).T, strict=True))
-    readings = [((), rows.force, rows.force_scale), *(((circuit,), *column) for circuit, column in flux)]
+    flux = [((k,), column, flux_scale(column)) for k, column in enumerate(rows.linked.T)]
+    readings = [((), rows.force, rows.force_scale), *flux]
     worst = 0.0
     for circuits, values, scale in readings:
         columns = functions.columns(rows.circuit_currents, *circuits) / scale[:, None]

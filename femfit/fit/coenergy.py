@@ -25,9 +25,10 @@ import numpy as np
 from femfit.core.errors import UsageError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
+from femfit.fit.basis import CoenergyBasis, CurrentSplines
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_choice import choose_basis, distance_trials
-from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system, determined
+from femfit.fit.coenergy_system import coenergy_system, determined
 from femfit.fit.constants import (
     ALLOWED_VIOLATION,
     COARSE,
@@ -47,6 +48,13 @@ SHAPES: dict[str, str] = {
     "attracting": "force does not fall as the current grows",
 }
 """Shape constraints by name."""
+
+_SHAPE_DERIVATIVES = {
+    "inductance": (0, (0, 0), 1.0),
+    "decreasing": (2, (), 1.0),
+    "attracting": (1, (0,), -1.0),
+}
+"""Of each shape the derivatives of W' that must not be negative: order in the distance, circuits, sign."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,12 +95,12 @@ def fit_coenergy(
     shape = _shape_inequalities(basis, rows, names, open_inductance_H)
     imposed = Inequalities(shape.matrix[:, keep], shape.right, shape.labels)
     qp, active = _solve_with_shapes(matrix[:, keep], value, sigma, imposed, len(names))
-    coefficients = np.zeros(basis.shape[0] * basis.shape[1])
+    coefficients = np.zeros(basis.size)
     coefficients[keep] = qp.x
-    table = coefficients.reshape(basis.shape)
+    coefficients = coefficients.reshape(basis.shape)
     if rows.flux_linkage is None and open_inductance_H:
-        table = table + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
-    magnetics = gauged(basis, table, rows)
+        coefficients = coefficients + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
+    magnetics = spline_of(basis, coefficients, rows)
     missed = np.abs(magnetics.force(rows.distance, rows.current) - rows.force)
     left_out = np.maximum(missed, system.left_out_force_errors(basis))
     return CoenergyFit(
@@ -153,40 +161,45 @@ def _shape_inequalities(
     basis: CoenergyBasis, rows: FitRows, names: Sequence[str], open_inductance: float
 ) -> Inequalities:
     """The shapes on a grid of points."""
-    cells_u, cells_i = basis.cells
-    fraction = np.linspace(0.0, cells_u, max(SHAPE_POINTS, 6 * cells_u) + 1)
-    u = np.interp(fraction, np.arange(cells_u + 1), np.unique(basis.u_knots))
-    points = {0: 0, 2: 2}.get(basis.current_degree, 4 * cells_i)
-    i = np.linspace(basis.current_knots[0], basis.current_knots[-1], points + 1)
+    (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+    fraction = np.linspace(0.0, basis.u_cells, max(SHAPE_POINTS, 6 * basis.u_cells) + 1)
+    u = np.interp(fraction, np.arange(basis.u_cells + 1), np.unique(basis.u_knots))
+    points = {0: 0, 2: 2}.get(degree, 4 * splines_of_current(basis).cells[0])
+    i = np.linspace(knots[0], knots[-1], points + 1)
     grid_u, grid_i = (axis.ravel() for axis in np.meshgrid(u, i, indexing="ij"))
     d = basis.coordinate.distance(grid_u)
-    orders = {"inductance": (0, 2), "decreasing": (2, 0), "attracting": (1, 1)}
-    signs = {"inductance": 1.0, "decreasing": 1.0, "attracting": -1.0}
-    blocks, right, labels = [np.zeros((0, basis.shape[0] * basis.shape[1]))], [np.zeros(0)], []
+    blocks, right, labels = [np.zeros((0, basis.size))], [np.zeros(0)], []
     for name in names:
-        blocks.append(signs[name] * basis.columns(d, grid_i, orders[name]))
+        along, circuits, sign = _SHAPE_DERIVATIVES[name]
+        blocks.append(sign * basis.columns(d, grid_i[:, None], along, circuits))
         offset = open_inductance if name == "inductance" and rows.flux_linkage is None else 0.0
         right.append(np.full(len(d), -offset))
         labels += [f"{SHAPES[name]} at {1e3 * a:.4g} mm, {b:.4g} A" for a, b in zip(d, grid_i, strict=True)]
     return Inequalities(np.concatenate(blocks), np.concatenate(right), tuple(labels))
 
 
+def splines_of_current(basis: CoenergyBasis) -> CurrentSplines:
+    """The functions of the current of a fitted co-energy."""
+    assert isinstance(basis.functions, CurrentSplines)  # noqa: S101  of one circuit, or where the iron saturates
+    return basis.functions
+
+
 def _square_of_current(basis: CoenergyBasis) -> FloatArray:
     """Coefficients of i^2 in the current's B-splines (exact, their degree is at least 2)."""
-    points = np.linspace(basis.current_knots[0], basis.current_knots[-1], 4 * basis.shape[1])
-    columns = basis_matrix(points, basis.current_knots, basis.current_degree)
-    return np.asarray(np.linalg.lstsq(columns, points**2, rcond=None)[0])
+    ((knots,), (degree,)) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+    points = np.linspace(knots[0], knots[-1], 4 * basis.shape[1])
+    return np.asarray(np.linalg.lstsq(basis_matrix(points, knots, degree), points**2, rcond=None)[0])
 
 
-def gauged(basis: CoenergyBasis, table: FloatArray, rows: FitRows) -> CoenergySpline:
+def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> CoenergySpline:
     """The spline of coefficients, W' counted from the largest distance without current."""
+    (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
 
-    def spline(coefficients: FloatArray) -> CoenergySpline:
-        inner = TensorSpline(basis.u_knots, basis.current_knots, U_DEGREE, basis.current_degree, coefficients)
-        return CoenergySpline(basis.coordinate, inner)
+    def spline(table: FloatArray) -> CoenergySpline:
+        return CoenergySpline(basis.coordinate, TensorSpline(basis.u_knots, knots, U_DEGREE, degree, table))
 
     origin = np.clip(0.0, rows.currents[0], rows.currents[-1])
-    return spline(table - spline(table).coenergy(rows.distances[-1:], np.array([origin])))
+    return spline(coefficients - spline(coefficients).coenergy(rows.distances[-1:], np.array([origin])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,10 +272,11 @@ def _others(basis: CoenergyBasis, rows: FitRows) -> Iterator[CoenergySpline]:
     They go without the shape constraints, which hold at the points and hardly act between them.
     """
     system = coenergy_system(rows)
-    columns = np.array([rows.force, rows.flux_linkage[:, 0], rows.inductance[:, 0, 0]])[..., None]  # type: ignore[index]
-    knots = basis.current_knots
+    columns = np.array([rows.force, rows.linked[:, 0], rows.inductance[:, 0, 0]])[..., None]  # type: ignore[index]
+    functions = splines_of_current(basis)
+    (knots,) = functions.knots
     step = MOVED_BREAKS * np.diff(np.unique(knots)).min() * ((knots > knots[0]) & (knots < knots[-1]))
     alike = [replace(basis, **trial) for trial in distance_trials(rows)]
-    for n, trial_basis in enumerate(trial_basis for trial_basis in alike if trial_basis.cells == basis.cells):
-        moved = replace(trial_basis, current_knots=knots + (-1) ** (n + 1) * step)
-        yield gauged(moved, system.without_constraints(moved, columns).reshape(moved.shape), rows)
+    for n, trial_basis in enumerate(trial for trial in alike if trial.u_cells == basis.u_cells):
+        moved = replace(trial_basis, functions=replace(functions, knots=(knots + (-1) ** (n + 1) * step,)))
+        yield spline_of(moved, system.without_constraints(moved, columns).reshape(moved.shape), rows)

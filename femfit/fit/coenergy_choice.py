@@ -1,8 +1,9 @@
 """How many B-splines a co-energy takes, and where their knots lie: what held-out rows of the sweep ask for."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,12 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import ROUNDING, FloatArray, first_best
 from femfit.core.text import counted
-from femfit.fit.coenergy_system import CoenergyBasis, CoenergySystem
+from femfit.fit.basis import CoenergyBasis, CurrentFunctions, CurrentSplines, clamped_knots
+from femfit.fit.coenergy_system import CoenergySystem
 from femfit.fit.constants import (
     BENT_CELLS,
     CELLS_IN_CURRENT,
+    CIRCUIT_CELLS,
     CLOSEST,
     FEWEST_CURRENTS,
     HELD_OUT_TARGET,
@@ -24,10 +27,10 @@ from femfit.fit.constants import (
     ROUNDS,
     SHIFTS,
     SMOOTHED_DEGREE,
+    TWO_GAPS,
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows
-from femfit.fit.splines import clamped_knots
 from femfit.model.coordinate import DistanceCoordinate
 
 
@@ -44,14 +47,14 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     start = in_current[
         0 if rows.inductance is None else -1
     ]  # a bend that is not resolved hides what the distances show
-    basis, error = CoenergyBasis(**in_distance[0], **start), np.inf
+    basis, error = CoenergyBasis(**in_distance[0], functions=start), np.inf
     for _ in range(ROUNDS):
-        before = basis.current_knots
-        for trials in (in_distance, in_current):
+        before = basis.functions
+        for trials in (in_distance, [{"functions": functions} for functions in in_current]):
             basis, error = _best([replace(basis, **trial) for trial in trials], system)
             if error < HELD_OUT_TARGET:
                 return basis, error
-        if basis.current_knots is before:  # the distance was searched with these
+        if basis.functions is before:  # the distance was searched with these
             break
     if not np.isfinite(error):
         raise FitError(
@@ -64,7 +67,8 @@ def choose_basis(system: CoenergySystem) -> tuple[CoenergyBasis, float]:
 def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[CoenergyBasis, float]:
     """The choice among bases, force and flux linkage apart: noise of the one must not hide what the other shows."""
     scored: list[tuple[FloatArray, CoenergyBasis]] = []
-    for _, alike in groupby(sorted(bases, key=_size), key=_size):
+    size_of = attrgetter("size")
+    for _, alike in groupby(sorted(bases, key=size_of), key=size_of):
         tried = [(system.held_out_errors(basis), basis) for basis in alike]
         errors, basis = tried[first_best([-float(np.max(errors)) for errors, _ in tried])]
         if np.max(errors) < HELD_OUT_TARGET:
@@ -78,10 +82,6 @@ def _best(bases: Sequence[CoenergyBasis], system: CoenergySystem) -> tuple[Coene
     allowed = max(nearly, min(float(np.max(errors / best)) for errors, _ in scored))
     errors, basis = next(pair for pair in scored if np.max(pair[0] / best) <= (1.0 + ROUNDING) * allowed)
     return basis, float(np.max(errors))
-
-
-def _size(basis: CoenergyBasis) -> int:
-    return basis.shape[0] * basis.shape[1]
 
 
 def check_grid(currents: int, distances: int, fewest_distances: int = U_DEGREE + 1) -> None:
@@ -99,22 +99,19 @@ def _fewest_distances(rows: FitRows, cells: int = 1) -> int:
     return U_DEGREE + cells + (2 if rows.flux_linkage is None else 0)
 
 
-def _current_trials(rows: FitRows) -> list[dict[str, Any]]:
-    """Knots and degree in the current: a held-out fold must leave more data than functions.
+def _current_trials(rows: FitRows) -> list[CurrentSplines]:
+    """Splines of the current: a held-out fold must leave more data than functions.
 
     Without any current W' depends on the distance alone: one function of degree zero.
     """
     if rows.without_current:
-        return [{"current_knots": np.array([0.0, 1.0]), "current_degree": 0}]
+        return [CurrentSplines((np.array([0.0, 1.0]),), (0,))]
     count = len(rows.currents)
     forms = [(2, 1)] if count >= FEWEST_CURRENTS else []
     forms += [(degree, n) for degree in (3, 4) for n in CELLS_IN_CURRENT if degree + n + 2 <= count]
     even = [(degree, np.linspace(rows.currents[0], rows.currents[-1], n + 1)) for degree, n in forms]
     following = [(SMOOTHED_DEGREE, breaks) for breaks in _bent_breaks(rows)]
-    return [
-        {"current_knots": clamped_knots(breaks, degree), "current_degree": degree}
-        for degree, breaks in even + following
-    ]
+    return [CurrentSplines((clamped_knots(breaks, degree),), (degree,)) for degree, breaks in even + following]
 
 
 def _bent_breaks(rows: FitRows) -> list[FloatArray]:
@@ -158,3 +155,60 @@ def distance_coordinates(distances: FloatArray) -> list[DistanceCoordinate]:
     shifts = [share * stroke for share in SHIFTS]
     inverse = [s for s in shifts if nearest > 0.0 or nearest + s >= CLOSEST * stroke]
     return [*(DistanceCoordinate(nearest + s, s) for s in inverse), DistanceCoordinate(stroke, inverse=False)]
+
+
+Along = tuple[DistanceCoordinate, FloatArray]
+"""A coordinate of the distance, and the knots in it."""
+
+
+def choose_along_distance(
+    distances: FloatArray, held_out: Callable[[DistanceCoordinate, FloatArray], float]
+) -> tuple[Along, float]:
+    """The fewest cells below the target on distances left out, or the fewest that are nearly the best, and the error.
+
+    Parameters
+    ----------
+    distances : array, shape (n,)
+        Ascending, in m.
+    held_out : callable
+        Coordinate and knots -> rms error on distances left out.
+
+    Raises
+    ------
+    FitError
+        If there are fewer distances than one cell needs.
+    """
+    if len(distances) < U_DEGREE + 1:
+        raise FitError(
+            f"Several circuits need a sweep of at least {U_DEGREE + 1} distances; instead received {len(distances)}. "
+            "Sweep more distances."
+        )
+    middle, width = float(distances[[0, -1]].mean()), float(np.ptp(distances))
+    between = [DistanceCoordinate(middle, inverse=False, stretch_m=share * width) for share in TWO_GAPS]
+    coordinates = [*distance_coordinates(distances), *between]
+    scored: list[tuple[float, Along]] = []
+    for cells in CIRCUIT_CELLS:
+        if U_DEGREE + cells > len(distances):
+            break
+        alike: list[tuple[float, Along]] = []
+        for coordinate in coordinates:
+            ends = np.sort(coordinate.of(distances[[0, -1]]))
+            knots = clamped_knots(np.linspace(ends[0], ends[1], cells + 1), U_DEGREE)
+            alike.append((held_out(coordinate, knots), (coordinate, knots)))
+        error, along = min(alike, key=lambda pair: pair[0])
+        if error < HELD_OUT_TARGET:
+            return along, error
+        scored += sorted(alike, key=lambda pair: pair[0])
+    least = min(error for error, _ in scored)
+    error, along = next(pair for pair in scored if pair[0] <= NEARLY_BEST * least)
+    return along, error
+
+
+def best_along_distance(system: CoenergySystem, functions: CurrentFunctions) -> CoenergyBasis:
+    """Functions of several currents with the splines of the distance that miss least with distances left out."""
+
+    def held_out(coordinate: DistanceCoordinate, knots: FloatArray) -> float:
+        return float(system.held_out_errors(CoenergyBasis(coordinate, knots, functions)).max())
+
+    along, _ = choose_along_distance(system.rows.distances, held_out)
+    return CoenergyBasis(*along, functions)

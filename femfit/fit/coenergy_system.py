@@ -1,95 +1,55 @@
-"""The B-splines of a co-energy and their linear equations: a sweep's force, flux linkage and inductance.
+"""The linear equations of a co-energy: a sweep's forces, flux linkages and inductances, with what rows leave open.
 
-F = -dW'/dd, flux linkage = dW'/di and inductance = d^2W'/di^2 are linear in the coefficients of W'. The inductance is
-what identifies a winding that saturates between two currents: without it a spline through few currents misses the bend.
+F = -dW'/dd, flux linkage_k = dW'/di_k and inductance_jk = d^2W'/di_j di_k are linear in the coefficients of W'. The
+inductance is what identifies a winding that saturates between two currents: without it a spline through few currents
+misses the bend. What no row determines takes the smoothest coefficients, by rows far below the data's weight.
+
+The fit is a projection: one factorisation gives what is missed at rows left out, too.
+
+References
+----------
+P. H. C. Eilers and B. D. Marx, Statistical Science 11 (1996) 89: difference penalties on the coefficients of B-splines.
+R. D. Cook and S. Weisberg, Residuals and Influence in Regression (Chapman and Hall, 1982), section 2.2: cases left out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations_with_replacement
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.fit.basis import CoenergyBasis, CurrentSplines
 from femfit.fit.constants import (
     DISTANCE_FOLDS,
     FEWEST_CURRENTS,
     FREE_BEND,
     FREE_SLOPE,
     INDUCTANCE_SIGMA,
-    JUDGED,
     RELATIVE_SIGMA,
     SCATTERED_FOLDS,
+    SMALL_FLUX,
+    SMOOTH_DISTANCE,
     SMOOTHED_DEGREE,
+    SMOOTHNESS,
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows
-from femfit.fit.splines import row_products
 from femfit.model.bspline import basis_matrix
-from femfit.model.coordinate import DistanceCoordinate
 
-
-@dataclass(frozen=True, eq=False)
-class CoenergyBasis:
-    """Degrees and knots of the spline."""
-
-    coordinate: DistanceCoordinate
-    u_knots: FloatArray
-    current_knots: FloatArray
-    current_degree: int
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Number of basis functions in u and in i."""
-        return len(self.u_knots) - U_DEGREE - 1, len(self.current_knots) - self.current_degree - 1
-
-    @property
-    def cells(self) -> tuple[int, int]:
-        """Number of polynomial cells in u and in i."""
-        return len(np.unique(self.u_knots)) - 1, len(np.unique(self.current_knots)) - 1
-
-    def columns(self, distance: FloatArray, current: FloatArray, order: tuple[int, int]) -> FloatArray:
-        """d^(a+b) W' / dd^a di^b of each basis function, shape (n, functions); a up to 2."""
-        a, b = order
-        u, first, second = self.coordinate.with_slopes(distance)
-        in_i = basis_matrix(current, self.current_knots, self.current_degree, b)
-
-        def in_u(k: int) -> FloatArray:
-            return basis_matrix(u, self.u_knots, U_DEGREE, k)
-
-        slope = first[:, None]
-        if a == 0:
-            along_u = in_u(0)
-        elif a == 1:
-            along_u = slope * in_u(1)
-        else:
-            along_u = slope**2 * in_u(2) + second[:, None] * in_u(1)
-        return row_products(along_u, in_i)
-
-    def roughness(self) -> tuple[FloatArray, FloatArray]:
-        """d^3W'/di^3, and d^4W'/du^3 di in u itself, of each basis function in every cell, shape (n, functions) each.
-
-        In the middle of a cell in i, and at as many places of it in u as fix a polynomial there.
-        """
-        u, i = np.unique(self.u_knots), np.unique(self.current_knots)
-        middles = 0.5 * (i[1:] + i[:-1])
-        places = (u[:-1, None] + np.diff(u)[:, None] * (np.arange(U_DEGREE + 1.0) + 0.5) / (U_DEGREE + 1.0)).ravel()
-
-        def at_each(in_u: int, in_i: int) -> FloatArray:
-            along_u = basis_matrix(places, self.u_knots, U_DEGREE, in_u)
-            along_i = basis_matrix(middles, self.current_knots, self.current_degree, in_i)
-            return np.asarray(np.kron(np.linalg.qr(along_u, mode="r"), along_i), np.float64)
-
-        return at_each(0, 3), at_each(3, 1)
+_UNDETERMINED = 1e-11
+"""Numerical: what is left of a column beside those before it, or of its square beside rows left out, next to rounding.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """Rows of one column, shape (m,) each."""
+    """Rows of one quantity; shape (m,) each."""
 
-    order: tuple[int, int]  # Derivative of W' in d and i
-    sign: float
-    which: IntArray  # Rows of the table that have the column
+    circuits: tuple[int, ...]  # Of a flux linkage one, of an inductance two; of the force none
+    which: IntArray  # Rows of the table that have it
     # Data, what their relative error is measured against, and their standard deviation
     value: FloatArray
     scale: FloatArray
@@ -97,31 +57,72 @@ class Channel:
 
 
 @dataclass(frozen=True, eq=False)
+class Projection:
+    """Least squares of weighted rows with columns of length one."""
+
+    q_factor: FloatArray  # Orthonormal columns, (rows, unknowns)
+    residual: FloatArray  # (rows,)
+    coefficients: FloatArray  # Of all functions
+    guarded: bool  # Whether rows left out may leave the others undetermined
+
+    def left_out(self, which: IntArray) -> FloatArray | None:
+        """The residual of rows by a fit to the others; None where these do not determine it.
+
+        Leaving out the rows B turns their residual r_B into (1 - Q_B Q_B^T)^-1 r_B.
+        """
+        fold, errors = self.q_factor[which], self.residual[which]
+        few = len(which) < fold.shape[1]
+        remaining = np.eye(min(fold.shape)) - (fold @ fold.T if few else fold.T @ fold)
+        try:
+            if self.guarded and np.linalg.eigvalsh(remaining)[0] < _UNDETERMINED:
+                return None
+            if few:
+                return np.asarray(np.linalg.solve(remaining, errors))
+            return np.asarray(errors + fold @ np.linalg.solve(remaining, fold.T @ errors))
+        except np.linalg.LinAlgError:
+            return None
+
+
+@dataclass(frozen=True, eq=False)
 class CoenergySystem:
     """All equations of a sweep."""
 
     rows: FitRows
-    channels: tuple[Channel, ...]  # Force, then flux linkage and inductance where the table has them
+    channels: tuple[Channel, ...]  # Force, then flux linkages and inductances where the table has them
+    folds: tuple[BoolArray, ...]  # Rows to leave out, fold by fold
 
     def equations(
         self, basis: CoenergyBasis, channels: Sequence[Channel] | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Matrix, data and standard deviations in N, Wb and H, as the table has them; of all channels by default.
-
-        Where it has inductances, also zeros of the basis' roughness, with sigmas that only fill gaps.
-        """
+        """Matrix, data and standard deviations, as the table has them; of all channels by default."""
         channels = self.channels if channels is None else channels
-        d, i = self.rows.distance, self.rows.current
-        blocks = [c.sign * basis.columns(d[c.which], i[c.which], c.order) for c in channels]
-        value, sigma = [c.value for c in channels], [c.sigma for c in channels]
-        if self.rows.inductance is not None and basis.current_degree == SMOOTHED_DEGREE:
-            largest = float(np.nanmax(np.abs(self.rows.inductance)))
-            in_i, in_u = largest / float(np.ptp(i)), largest * float(np.ptp(i)) / float(np.ptp(basis.u_knots)) ** 3
-            for rough, typical in zip(basis.roughness(), (FREE_SLOPE * in_i, FREE_BEND * in_u), strict=True):
-                blocks.append(rough)
-                value.append(np.zeros(len(rough)))
-                sigma.append(np.full(len(rough), typical))
+        d, i = self.rows.distance, self.rows.circuit_currents
+        blocks, value, sigma = [], [c.value for c in channels], [c.sigma for c in channels]
+        for c in channels:
+            columns = basis.columns(d[c.which], i[c.which], 0 if c.circuits else 1, c.circuits)
+            blocks.append(columns if c.circuits else -columns)
+        penalties = self._smooth_tensor if self.rows.several else self._smooth_plane
+        for rough, typical in penalties(basis, blocks, sigma):
+            blocks.append(rough)
+            value.append(np.zeros(len(rough)))
+            sigma.append(np.full(len(rough), typical))
         return np.concatenate(blocks), np.concatenate(value), np.concatenate(sigma)
+
+    def projection(self, basis: CoenergyBasis) -> Projection | None:
+        """The least squares without constraints; None if the rows do not determine them."""
+        matrix, value, sigma = self.equations(basis)
+        weighted, target = matrix[:, determined(basis, self.rows)] / sigma[:, None], value / sigma
+        norms = np.linalg.norm(weighted, axis=0)
+        if len(weighted) < len(norms) or not np.all(norms > 0.0):
+            return None
+        q_factor, triangle = np.linalg.qr(weighted / norms)
+        if np.min(np.abs(np.diag(triangle))) < _UNDETERMINED:
+            return None
+        data, coefficients = len(self._channel), np.zeros(basis.size)
+        coefficients[determined(basis, self.rows)] = (
+            solve_triangular(triangle, q_factor[:data].T @ target[:data]) / norms
+        )
+        return Projection(q_factor, target - q_factor @ (q_factor.T @ target), coefficients, self.rows.several)
 
     def without_constraints(self, basis: CoenergyBasis, values: FloatArray) -> FloatArray:
         """Coefficients of W' or of small changes of it, from what the first channels have of it.
@@ -148,19 +149,20 @@ class CoenergySystem:
         return result
 
     def held_out_errors(self, basis: CoenergyBasis) -> FloatArray:
-        """Rms error of force and of flux linkage, as a part of their scales: on rows left out, or on all if larger.
+        """Rms error of force and of each flux linkage on rows left out, as a part of their scales.
 
-        No outermost row is ever left out, and a saturating force is missed most where it is largest, at the least
-        distance and the largest current.
+        Of one circuit on all rows, where that is larger: no outermost row is ever left out, and a saturating force is
+        missed most where it is largest, at the least distance and the largest current.
         """
-        judged = range(min(len(self.channels), JUDGED))
+        judged = range(sum(len(channel.circuits) < 2 for channel in self.channels))
         errors = self._squared_errors(basis)
-        if errors is None:
+        if errors is None or (self.rows.several and not self.folds):
             return np.full(len(judged), np.inf)
         fitted, left_out, times = ([array[self._channel == k] for k in judged] for array in errors)
-        return np.array(
-            [np.sqrt(max(np.mean(a), np.sum(b) / np.sum(n))) for a, b, n in zip(fitted, left_out, times, strict=True)]
-        )
+        squares = [np.sum(b) / np.sum(n) for b, n in zip(left_out, times, strict=True)]
+        if not self.rows.several:
+            squares = [max(np.mean(a), square) for a, square in zip(fitted, squares, strict=True)]
+        return np.sqrt(squares)
 
     def left_out_force_errors(self, basis: CoenergyBasis) -> FloatArray:
         """Error of the force in N with each inner row predicted by the others; outermost rows as fitted; (rows,)."""
@@ -171,59 +173,112 @@ class CoenergySystem:
         squares = np.where(times > 0, left_out / np.maximum(times, 1.0), fitted)
         return np.asarray(np.sqrt(squares) * self.channels[0].scale)
 
+    def places(self, out: BoolArray) -> IntArray:
+        """Which of all channels' rows are those of a mask of the table's."""
+        return np.flatnonzero(out[np.concatenate([channel.which for channel in self.channels])])
+
     def _squared_errors(self, basis: CoenergyBasis) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """Squared errors of every row of the columns over its scale: as fitted, summed where left out, and how often.
 
-        None if the rows do not determine the basis. One factorisation serves all folds: leaving out the rows B turns
-        their residual r_B into (1 - Q_B Q_B^T)^-1 r_B.
+        None if the rows do not determine the basis.
         """
-        matrix, value, sigma = self.equations(basis)
-        weighted = matrix[:, determined(basis, self.rows)] / sigma[:, None]
-        norms = np.linalg.norm(weighted, axis=0)
-        if not np.all(norms > 0):
+        projection = self.projection(basis)
+        if projection is None:
             return None
-        q_factor, triangle = np.linalg.qr(weighted / norms)
-        if len(triangle) < len(norms) or np.min(np.abs(np.diag(triangle))) < 1e-10:
-            return None
-        target = value / sigma
-        residual = target - q_factor @ (q_factor.T @ target)
         left_out, times = np.zeros(len(self._channel)), np.zeros(len(self._channel))
-        for which in self._folds:
-            fold, errors = q_factor[which], residual[which]
-            try:
-                if len(which) < fold.shape[1]:
-                    errors = np.linalg.solve(np.eye(len(which)) - fold @ fold.T, errors)
-                else:
-                    errors = errors + fold @ np.linalg.solve(np.eye(fold.shape[1]) - fold.T @ fold, fold.T @ errors)
-            except np.linalg.LinAlgError:
+        for which in self._places:
+            errors = projection.left_out(which)
+            if errors is None:
                 return None
             left_out[which] += errors**2
             times[which] += 1.0
         scale = np.concatenate([channel.sigma / channel.scale for channel in self.channels]) ** 2
-        return residual[: len(left_out)] ** 2 * scale, left_out * scale, times
+        return projection.residual[: len(left_out)] ** 2 * scale, left_out * scale, times
+
+    def _smooth_plane(
+        self, basis: CoenergyBasis, _blocks: Sequence[FloatArray], _sigma: Sequence[FloatArray]
+    ) -> Iterator[tuple[FloatArray, float]]:
+        """Of one circuit with inductances: d^3W'/di^3, and d^4W'/du^3 di in u itself, with sigmas that only fill gaps.
+
+        In the middle of a cell in i, and at as many places of it in u as fix a polynomial there.
+        """
+        functions = basis.functions
+        if self.rows.inductance is None or not isinstance(functions, CurrentSplines):
+            return
+        (knots,), (degree,) = functions.knots, functions.degrees
+        if degree != SMOOTHED_DEGREE:
+            return
+        u, i = np.unique(basis.u_knots), np.unique(knots)
+        middles = 0.5 * (i[1:] + i[:-1])
+        places = (u[:-1, None] + np.diff(u)[:, None] * (np.arange(U_DEGREE + 1.0) + 0.5) / (U_DEGREE + 1.0)).ravel()
+        largest, wide = float(np.nanmax(np.abs(self.rows.inductance))), float(np.ptp(self.rows.current))
+        slope, bend = largest / wide, largest * wide / float(np.ptp(basis.u_knots)) ** 3
+        for in_u, in_i, typical in ((0, 3, FREE_SLOPE * slope), (3, 1, FREE_BEND * bend)):
+            along_u = np.linalg.qr(basis_matrix(places, basis.u_knots, U_DEGREE, in_u), mode="r")
+            yield np.asarray(np.kron(along_u, basis_matrix(middles, knots, degree, in_i)), np.float64), typical
+
+    def _smooth_tensor(
+        self, basis: CoenergyBasis, blocks: Sequence[FloatArray], sigma: Sequence[FloatArray]
+    ) -> Iterator[tuple[FloatArray, float]]:
+        """Of several circuits: what the smoothest coefficients have none of, along currents and distance."""
+        size = float(np.linalg.norm(np.concatenate(blocks) / np.concatenate(sigma)[:, None]))
+        in_u, count = basis.shape
+        rough = [(np.kron(np.diff(np.eye(in_u), U_DEGREE, axis=0), np.eye(count)), SMOOTH_DISTANCE)]
+        if isinstance(basis.functions, CurrentSplines):  # a quadratic form leaves nothing open
+            rough = [(np.kron(np.eye(in_u), basis.functions.roughness()), SMOOTHNESS), *rough]
+        for penalty, weight in rough:
+            if len(penalty):
+                yield weight * size / np.linalg.norm(penalty) * penalty, 1.0
 
     @cached_property
     def _channel(self) -> IntArray:
         return np.repeat(np.arange(len(self.channels)), [len(channel.which) for channel in self.channels])
 
     @cached_property
-    def _folds(self) -> list[IntArray]:
-        row = np.concatenate([channel.which for channel in self.channels])
-        return [np.flatnonzero(mask[row]) for mask in held_out_masks(self.rows)]
+    def _places(self) -> list[IntArray]:
+        return [self.places(mask) for mask in self.folds]
 
 
 def coenergy_system(rows: FitRows) -> CoenergySystem:
-    """The equations of a sweep, with or without flux linkage and inductance."""
-    every, scale = np.arange(len(rows.force)), rows.force_scale
-    channels = [Channel((1, 0), -1.0, every, rows.force, scale, np.hypot(rows.force_error, RELATIVE_SIGMA * scale))]
-    slopes = (((0, 1), rows.flux_linkage, 1.0), ((0, 2), rows.inductance, INDUCTANCE_SIGMA))
-    for order, values, weaker in slopes:
-        if values is not None:
-            column = values.reshape(-1)
-            which = np.flatnonzero(np.isfinite(column))
-            scale = np.full(len(which), _change_over_distance(rows.current[which], column[which]))
-            channels.append(Channel(order, 1.0, which, column[which], scale, RELATIVE_SIGMA * weaker * scale))
-    return CoenergySystem(rows, tuple(channels))
+    """The equations of a sweep, with or without flux linkage and inductance; of several circuits each row's own scale.
+
+    A small force of theirs is met as well as a large one.
+    """
+    scale = rows.force_scale
+    sigma = _divisor(scale) if rows.several else np.hypot(rows.force_error, RELATIVE_SIGMA * scale)
+    channels = [Channel((), np.arange(len(rows.force)), rows.force, sigma if rows.several else scale, sigma)]
+    circuits = range(rows.circuit_currents.shape[1])
+    if rows.flux_linkage is not None:
+        channels += [_channel(rows, (k,), rows.flux_linkage[:, k], 1.0) for k in circuits]
+    if rows.inductance is not None:
+        pairs = combinations_with_replacement(circuits, 2)
+        channels += [_channel(rows, (j, k), rows.inductance[:, j, k], INDUCTANCE_SIGMA) for j, k in pairs]
+    folds = [rows.distance == d for d in rows.distances[1:-1]] if rows.several else held_out_masks(rows)
+    return CoenergySystem(rows, tuple(channels), tuple(folds))
+
+
+def _channel(rows: FitRows, circuits: tuple[int, ...], column: FloatArray, weaker: float) -> Channel:
+    """A flux linkage, or an inductance with a sigma so many times larger."""
+    which = np.flatnonzero(np.isfinite(column))
+    if not rows.several:
+        scale = np.full(len(which), _change_over_distance(rows.current[which], column[which]))
+        return Channel(circuits, which, column[which], scale, RELATIVE_SIGMA * weaker * scale)
+    if len(circuits) == 1:
+        sigma = _divisor(flux_scale(column))
+    else:
+        assert rows.inductance is not None  # noqa: S101  the caller has a column of it
+        first, second = (_divisor(rows.inductance[:, k, k]) for k in circuits)
+        sigma = weaker * np.sqrt(first * second)
+    return Channel(circuits, which, column, sigma, sigma)
+
+
+def flux_scale(flux_linkage: FloatArray) -> FloatArray:
+    """What an error of one of several circuits' flux linkages is a part of: its size, or a part of the largest."""
+    return np.asarray(np.maximum(np.abs(flux_linkage), SMALL_FLUX * np.abs(flux_linkage).max()))
+
+
+def _divisor(scale: FloatArray) -> FloatArray:
+    return np.where(scale > 0.0, scale, 1.0)
 
 
 def _change_over_distance(current: FloatArray, values: FloatArray) -> float:
@@ -238,14 +293,16 @@ def determined(basis: CoenergyBasis, rows: FitRows) -> IntArray:
     Force and flux leave a constant open (one coefficient); force alone leaves any function of the current open (the
     whole row that is W' at the largest distance: the first of an inverse distance, the last of the distance itself).
     """
-    indices = np.arange(basis.shape[0] * basis.shape[1])
-    if rows.flux_linkage is not None:
-        return indices[1:]
-    return indices[basis.shape[1] :] if basis.coordinate.inverse else indices[: -basis.shape[1]]
+    indices, count = np.arange(basis.size), basis.shape[1]
+    if rows.flux_linkage is None:
+        return indices[count:] if basis.coordinate.inverse else indices[:-count]
+    if not basis.functions.constant:
+        return indices
+    return np.delete(indices, -count if rows.several and not basis.coordinate.inverse else 0)
 
 
 def held_out_masks(rows: FitRows) -> list[BoolArray]:
-    """Rows to leave out, fold by fold.
+    """Rows of one circuit to leave out, fold by fold.
 
     The extremes of distance and current stay in, because beyond them a model extrapolates, which its validity domain
     forbids. Between them every fourth distance is left out, and each single current; where inductances stand beside

@@ -19,18 +19,18 @@ from femfit.core.sweep_columns import is_current
 from femfit.core.text import amount
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.device.tolerances import KINDS
+from femfit.fit.basis import CoenergyBasis, row_products
 from femfit.fit.coenergy import CoenergyFit
-from femfit.fit.coenergy_system import CoenergyBasis, coenergy_system
-from femfit.fit.constants import AT_THE_GAP, DRAWN_MISFIT, EDDY_PER_DECADE, U_DEGREE
+from femfit.fit.coenergy_system import coenergy_system
+from femfit.fit.constants import AT_THE_GAP, DRAWN_MISFIT, EDDY_PER_DECADE
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
-from femfit.fit.splines import row_products
-from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.bspline import basis_matrix
 from femfit.model.carried import FieldTerm
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.impedance import CUBIC, impedance_change, induced_impedance
-from femfit.model.magnetics import Magnetics
+from femfit.model.magnetics import CoenergySpline, Magnetics
 from femfit.tables.impedance_table import ImpedanceSlopes
 from femfit.tables.signatures import Signatures
 
@@ -55,7 +55,7 @@ def drawn_effects(
     sensed = None if hall is None or len(slopes) < 3 else _fit_hall(hall, rows, slopes[2])
     effects, notes = [], []
     for k, number in enumerate(numbers):
-        terms = _terms(number, coenergy.basis, magnetic[:, k], hall, None if sensed is None else sensed[:, k])
+        terms = _terms(number, coenergy.magnetics, magnetic[:, k], hall, None if sensed is None else sensed[:, k])
         effects.append(
             replace(drawn_effect(number, terms), gap_m=_gap(number, coenergy, rows, slopes[:of_fields, :, k]))
         )
@@ -99,8 +99,8 @@ def _gap(number: NumberFacts, coenergy: CoenergyFit, rows: FitRows, slopes: Floa
     """
     coefficients = coenergy.magnetics.spline.coefficients.ravel()
     along = [
-        sign * coenergy.basis.columns(rows.distance, rows.current, order) @ coefficients
-        for sign, order in ((1.0, (2, 0)), (-1.0, (1, 1)))
+        sign * coenergy.basis.columns(rows.distance, rows.circuit_currents, *order) @ coefficients
+        for sign, order in ((1.0, (2,)), (-1.0, (1, (0,))))
     ]
     size = np.array([rms(column) or 1.0 for column in along[: len(slopes)]])[:, None]
     nearer, changed = np.array(along[: len(slopes)]) / size, slopes / size
@@ -117,15 +117,17 @@ def _fit_hall(hall: HallFit, rows: FitRows, slopes: FloatArray) -> FloatArray:
 
 
 def _terms(
-    number: NumberFacts, basis: CoenergyBasis, magnetic: FloatArray, hall: HallFit | None, sensed: FloatArray | None
+    number: NumberFacts,
+    magnetics: CoenergySpline,
+    magnetic: FloatArray,
+    hall: HallFit | None,
+    sensed: FloatArray | None,
 ) -> tuple[FieldTerm, ...]:
     name, reciprocal = parameter_name(number.unit), KINDS[number.kind].reciprocal
     terms = []
     if np.any(magnetic):
-        coenergy = TensorSpline(
-            basis.u_knots, basis.current_knots, U_DEGREE, basis.current_degree, magnetic.reshape(basis.shape)
-        )
-        terms.append(FieldTerm(name, basis.coordinate, coenergy=coenergy, reciprocal=reciprocal))
+        change = replace(magnetics.spline, coefficients=magnetic.reshape(magnetics.spline.coefficients.shape))
+        terms.append(FieldTerm(name, magnetics.coordinate, coenergy=change, reciprocal=reciprocal))
     if hall is not None and sensed is not None:
         like = hall.field.spline
         field = replace(like, coefficients=sensed.reshape(like.coefficients.shape))
@@ -137,7 +139,7 @@ def _missed(
     number: NumberFacts, basis: CoenergyBasis, magnetic: FloatArray, rows: FitRows, slopes: FloatArray
 ) -> list[str]:
     """A note where the splines miss the force's slope, by what matters within the tolerance."""
-    remainder = rms(-basis.columns(rows.distance, rows.current, (1, 0)) @ magnetic - slopes)
+    remainder = rms(-basis.columns(rows.distance, rows.circuit_currents, 1) @ magnetic - slopes)
     size = rms(slopes)
     if remainder <= DRAWN_MISFIT * size or number.tolerance * remainder <= np.median(rows.force_error):
         return []

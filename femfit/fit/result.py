@@ -10,7 +10,7 @@ import numpy as np
 from femfit.core.results import Printed
 from femfit.core.text import amount, counted
 from femfit.fit.circuits_fit import CircuitsFit
-from femfit.fit.coenergy import SHAPES, Between, CoenergyFit
+from femfit.fit.coenergy import SHAPES, Between, CoenergyFit, splines_of_current
 from femfit.fit.law_fit import LawFit
 from femfit.fit.misfit import finer_settings
 from femfit.fit.network_fit import NetworkFit
@@ -203,10 +203,11 @@ def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:
 
 
 def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
+    splines = splines_of_current(fit.basis)
     return {
-        "coefficients": fit.basis.shape[0] * fit.basis.shape[1],
-        "cells": list(fit.basis.cells),
-        "current_degree": fit.basis.current_degree,
+        "coefficients": fit.basis.size,
+        "cells": [fit.basis.u_cells, *splines.cells],
+        "current_degree": splines.degrees[0],
         "held_out_relative_rms": fit.held_out,
         "left_out_force_rms_N": rms(fit.left_out_N),
         "constraints": list(fit.constraints),

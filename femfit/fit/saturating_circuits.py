@@ -8,23 +8,18 @@ What currents of signs that were not swept together leave open takes the smoothe
 each does alone and of what one does in proportion to the other.
 """
 
-from dataclasses import dataclass
-from functools import cached_property, reduce
-from itertools import combinations
+from dataclasses import replace
 
 import numpy as np
 
 from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
-from femfit.fit.circuit_system import (
-    CircuitSolution,
-    best_along_distance,
-    require_currents,
-    solve_circuits,
-)
+from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots
+from femfit.fit.coenergy_choice import best_along_distance
+from femfit.fit.coenergy_system import CoenergySystem, Projection
 from femfit.fit.constants import (
-    ALONE,
+    FEWEST_CURRENTS,
     FINER_CURRENTS,
     LEAST_OF_GRID,
     LEFT_OUT_EVERY,
@@ -32,77 +27,10 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows, rms
-from femfit.fit.splines import clamped_knots, row_products
-from femfit.model.bspline import basis_matrix
 from femfit.model.several_magnetics import CoenergyTensor
 
 
-@dataclass(frozen=True, eq=False)
-class CurrentSplines:
-    """Products of one spline in each current; without a magnet those sums of them that are even, and 0 at 0."""
-
-    knots: tuple[FloatArray, ...]
-    even: bool
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Functions of each current."""
-        return tuple(len(knots) - U_DEGREE - 1 for knots in self.knots)
-
-    @property
-    def count(self) -> int:
-        """How many sums are free."""
-        return int(self.products.shape[1])
-
-    @property
-    def constant(self) -> bool:
-        """Whether a constant is among them: all splines of one current add up to 1."""
-        return not self.even
-
-    @cached_property
-    def products(self) -> FloatArray:
-        """Each sum's coefficients of the products, (products, count)."""
-        size = int(np.prod(self.shape))
-        if not self.even:
-            return np.eye(size)
-        pairs = np.eye(size)[:, : (size - 1) // 2]  # those in the middle follow from W'(d, 0) = 0
-        pairs = pairs + pairs[::-1]
-        return np.asarray(pairs - self._all(np.zeros((1, len(self.knots)))) @ pairs)
-
-    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
-        """As of :class:`femfit.fit.circuit_system.CurrentFunctions`."""
-        return np.asarray(self._all(currents, *circuits) @ self.products)
-
-    def _all(self, currents: FloatArray, *circuits: int) -> FloatArray:
-        return row_products(
-            *(basis_matrix(currents[:, k], knots, U_DEGREE, circuits.count(k)) for k, knots in enumerate(self.knots))
-        )
-
-    def roughness(self) -> FloatArray:
-        """Mixed second differences along each two currents, and, far weaker, third ones along each by itself."""
-        orders = [dict.fromkeys(pair, 2) for pair in combinations(range(len(self.knots)), 2)]
-        orders += [{k: 3} for k in range(len(self.knots))]
-        blocks = []
-        for order in orders:
-            parts = [_differences(knots, order.get(k, 0)) for k, knots in enumerate(self.knots)]
-            weight = 1.0 if len(order) == 2 else ALONE
-            blocks.append(weight * reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
-        return np.asarray(np.concatenate(blocks) @ self.products)
-
-
-def _differences(knots: FloatArray, order: int) -> FloatArray:
-    """Divided differences of a spline's coefficients, zero for polynomials of lower order, times the mean step.
-
-    The coefficients stand at the means of U_DEGREE knots (Greville).
-    """
-    places = np.lib.stride_tricks.sliding_window_view(knots[1:-1], U_DEGREE).mean(axis=1)
-    step, differences = np.ptp(places) / (len(places) - 1), np.eye(len(places))
-    for k in range(1, order + 1):
-        differences = np.diff(differences, axis=0) * (k * step / (places[k:] - places[:-k]))[:, None]
-    return differences
-
-
-def fit_saturating(rows: FitRows) -> tuple[CoenergyTensor, CircuitSolution]:
+def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
     """The spline, and how it was found.
 
     Raises
@@ -111,11 +39,12 @@ def fit_saturating(rows: FitRows) -> tuple[CoenergyTensor, CircuitSolution]:
         If a circuit has fewer than three currents, the rows are no grid or do not determine the spline, or the
         inductances are not positive definite everywhere.
     """
-    axes = rows.axes
+    rows, axes = system.rows, system.rows.axes
     _require_grid(rows)
     signed = axes if rows.magnet else [np.unique(np.concatenate([axis, -axis])) for axis in axes]
+    degrees = (U_DEGREE,) * len(axes)
     trials = [
-        CurrentSplines(tuple(_knots(axis, share, not rows.magnet) for axis in signed), not rows.magnet)
+        CurrentSplines(tuple(_knots(axis, share, not rows.magnet) for axis in signed), degrees, not rows.magnet)
         for share in FINER_CURRENTS
     ]
     unknowns = len(rows.distances) * trials[-1].count
@@ -126,19 +55,21 @@ def fit_saturating(rows: FitRows) -> tuple[CoenergyTensor, CircuitSolution]:
         )
 
     finest = trials[-1 if rows.inductance is not None else -2]  # a knee that is not met hides what the distances show
-    along = best_along_distance(rows, finest)
-    folds = points_left_out(rows)
-    solved = [(trial, solve_circuits(rows, *along, trial)) for trial in trials]
-    tried = [(solution.left_out_in_turn(folds), trial, solution) for trial, solution in solved if solution is not None]
+    along = best_along_distance(system, finest)
+    by_points = replace(system, folds=tuple(points_left_out(rows)))
+    bases = [replace(along, functions=trial) for trial in trials]
+    tried = [(by_points.held_out_errors(basis).max(), basis, system.projection(basis)) for basis in bases]
     indefinite: list[str] = []
     tightly = ""
-    for _, trial, solution in sorted(tried, key=lambda entry: entry[0]):
-        magnetics = _tensor(trial, solution, rows)
+    for _, basis, projection in sorted(tried, key=lambda entry: entry[0]):
+        if projection is None:
+            continue
+        magnetics = _tensor(basis, projection, rows)
         if not indefinite:
             tightly = _tightly_coupled(magnetics, rows)
         indefinite.append(_indefinite(magnetics, rows, axes))
         if not indefinite[-1]:
-            return magnetics, solution
+            return magnetics, projection
     if not indefinite:
         raise FitError(
             f"The rows do not determine the co-energy of {', '.join(rows.names)}. Sweep every combination of the "
@@ -174,6 +105,17 @@ def _tightly_coupled(magnetics: CoenergyTensor, rows: FitRows) -> str:
     )
 
 
+def require_currents(rows: FitRows, why: str) -> None:
+    """Refuse two currents of a circuit whose iron bends: a quadratic form would meet both, however it bends."""
+    few = [name for name, axis in zip(rows.names, rows.axes, strict=True) if len(axis) < FEWEST_CURRENTS]
+    if few:
+        raise FitError(
+            f"{why}, and each circuit then needs {FEWEST_CURRENTS} currents or more to show how it bends; "
+            f"{' and '.join(few)} {'has' if len(few) == 1 else 'have'} fewer. Sweep more of them, together with all of "
+            "the others'."
+        )
+
+
 def _require_grid(rows: FitRows) -> None:
     require_currents(rows, "The iron saturates")
     points = rows.grid_points
@@ -207,16 +149,16 @@ def _knots(currents: FloatArray, share: float, even: bool) -> FloatArray:
     return clamped_knots(breaks, U_DEGREE)
 
 
-def _tensor(functions: CurrentSplines, solution: CircuitSolution, rows: FitRows) -> CoenergyTensor:
+def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> CoenergyTensor:
     """The model's magnetics; with a magnet W' is counted from zero current at the farthest distance."""
-    degrees = (U_DEGREE,) * len(rows.names)
+    functions = basis.functions
+    assert isinstance(functions, CurrentSplines)  # noqa: S101  of iron that saturates
 
     def tensor(table: FloatArray) -> CoenergyTensor:
-        return CoenergyTensor(
-            rows.names, solution.coordinate, solution.knots, U_DEGREE, functions.knots, degrees, table
-        )
+        axes = functions.knots, functions.degrees
+        return CoenergyTensor(rows.names, basis.coordinate, basis.u_knots, U_DEGREE, *axes, table)
 
-    table = (solution.coefficients @ functions.products.T).reshape(-1, *functions.shape)
+    table = functions.table(projection.coefficients.reshape(basis.shape))
     if functions.even:
         return tensor(table)
     origin = np.clip(np.zeros(len(rows.names)), rows.circuit_currents.min(axis=0), rows.circuit_currents.max(axis=0))

@@ -22,12 +22,11 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.core.sweep_columns import PICKUP_COLUMN
 from femfit.core.text import amount
+from femfit.fit.basis import clamped_knots, row_products
 from femfit.fit.bounded_qp import solve_bounded_qp
-from femfit.fit.circuit_system import Along, choose_along_distance
-from femfit.fit.coenergy_choice import distance_coordinates
+from femfit.fit.coenergy_choice import Along, choose_along_distance, distance_coordinates
 from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HALL_TARGET, HELD_OUT_TARGET, U_DEGREE
 from femfit.fit.rows import FitRows, rms
-from femfit.fit.splines import clamped_knots, row_products
 from femfit.model.bspline import LINE, TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.hall import HallSpline, SensedField

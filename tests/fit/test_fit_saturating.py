@@ -155,7 +155,7 @@ def test_thirteen_currents_have_three_cells_from_each_to_the_next_and_are_met_be
 
 def test_more_currents_than_can_have_three_cells_have_one():
     fit = fit_coenergy(rows_of(VALVE.table(np.linspace(0.0, 6.0, 25), FEW[1])))
-    np.testing.assert_allclose(np.unique(fit.basis.current_knots), np.linspace(0.0, 6.0, 25), atol=1e-12)
+    np.testing.assert_allclose(np.unique(fit.basis.functions.knots[0]), np.linspace(0.0, 6.0, 25), atol=1e-12)
 
 
 @pytest.mark.parametrize(("device", "currents", "distances"), [(HARD, *COARSE), (VALVE, *FEW)])

@@ -56,7 +56,7 @@ def test_the_first_of_equal_shifts_holds_the_hall_field(monkeypatch):
     [(1.0, 10.0), (10.0 * LITTLE_LESS, 1.0)],  # each the worse in one quantity
 ])  # fmt: skip
 def test_the_first_of_equal_bases_holds_the_coenergy(errors):
-    bases = [SimpleNamespace(shape=(4, 3), number=k) for k in range(len(errors))]
+    bases = [SimpleNamespace(size=12, number=k) for k in range(len(errors))]
     system = SimpleNamespace(
         held_out_errors=lambda basis: np.array(errors[basis.number]),
         rows=SimpleNamespace(inductance=None),

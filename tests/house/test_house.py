@@ -38,7 +38,7 @@ def test_rooms_import_downwards_only():
 KINDS = ("Derived", "Conventional", "Calibrated", "Assumed", "Numerical")
 NO_DECISION = {
     "fit/bounded_qp.py": "tolerances of the solver, beside the solver",
-    "fit/circuit_system.py": "what rounding leaves of a column, beside the solver",
+    "fit/coenergy_system.py": "what rounding leaves of a column, beside the solver",
     "fit/result.py": "how many labels a sentence lists",
     "identify/comparison/misfit.py": "what a picture shows",
     "identify/series/balances.py": "orders of a Taylor series, and how many motions, that are kept for use again",

@@ -1,0 +1,191 @@
+"""The functions whose sum is a co-energy: splines in a coordinate of the distance, times functions of all currents.
+
+W' = sum of c_af N_a(u(d)) f(i). The functions of the currents are products of one spline in each current, or, where no
+iron saturates, products of two currents.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from itertools import combinations
+
+import numpy as np
+
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.fit.constants import ALONE, U_DEGREE
+from femfit.model.bspline import basis_matrix
+from femfit.model.coordinate import DistanceCoordinate
+
+
+def clamped_knots(breaks: FloatArray, degree: int) -> FloatArray:
+    """The knots of splines of a degree over ascending breaks, the outermost ones repeated."""
+    return np.concatenate([np.repeat(breaks[0], degree), breaks, np.repeat(breaks[-1], degree)])
+
+
+def row_products(*factors: FloatArray) -> FloatArray:
+    """Each product of one column of each factor at the same row, the last factor's columns fastest."""
+    return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), factors)
+
+
+@dataclass(frozen=True, eq=False)
+class CurrentSplines:
+    """Products of one spline in each current; without a magnet those sums of them that are even, and 0 at 0."""
+
+    knots: tuple[FloatArray, ...]
+    degrees: tuple[int, ...]
+    even: bool = False
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Functions of each current."""
+        return tuple(len(knots) - degree - 1 for knots, degree in zip(self.knots, self.degrees, strict=True))
+
+    @property
+    def cells(self) -> tuple[int, ...]:
+        """Polynomial cells in each current."""
+        return tuple(len(np.unique(knots)) - 1 for knots in self.knots)
+
+    @property
+    def count(self) -> int:
+        """How many sums are free."""
+        size = int(np.prod(self.shape))
+        return (size - 1) // 2 if self.even else size
+
+    @property
+    def constant(self) -> bool:
+        """Whether a constant is among them: all splines of one current add up to 1."""
+        return not self.even
+
+    @cached_property
+    def products(self) -> FloatArray:
+        """Each even sum's coefficients of the products, (products, count)."""
+        pairs = np.eye(int(np.prod(self.shape)))[:, : self.count]  # those in the middle follow from W'(d, 0) = 0
+        pairs = pairs + pairs[::-1]
+        return np.asarray(pairs - self._all(np.zeros((1, len(self.knots)))) @ pairs)
+
+    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
+        """Each function at currents (rows, n), differentiated once along each circuit named; (rows, count)."""
+        columns = self._all(currents, *circuits)
+        return np.asarray(columns @ self.products) if self.even else columns
+
+    def table(self, coefficients: FloatArray) -> FloatArray:
+        """Coefficients (functions of u, count) as those of the products, (functions of u, functions of i_1, ..)."""
+        all_products = coefficients @ self.products.T if self.even else coefficients
+        return all_products.reshape(-1, *self.shape)
+
+    def _all(self, currents: FloatArray, *circuits: int) -> FloatArray:
+        axes = enumerate(zip(self.knots, self.degrees, strict=True))
+        return row_products(*(basis_matrix(currents[:, k], *axis, circuits.count(k)) for k, axis in axes))
+
+    def roughness(self) -> FloatArray:
+        """Sums of the coefficients that are penalised, (penalties, count).
+
+        Mixed second differences along each two currents, and, far weaker, third ones along each by itself.
+        """
+        orders = [dict.fromkeys(pair, 2) for pair in combinations(range(len(self.knots)), 2)]
+        orders += [{k: 3} for k in range(len(self.knots))]
+        blocks = []
+        for order in orders:
+            parts = [_differences(knots, order.get(k, 0)) for k, knots in enumerate(self.knots)]
+            weight = 1.0 if len(order) == 2 else ALONE
+            blocks.append(weight * reduce(lambda a, b: np.asarray(np.kron(a, b)), parts))
+        rough = np.concatenate(blocks)
+        return np.asarray(rough @ self.products) if self.even else rough
+
+
+def _differences(knots: FloatArray, order: int) -> FloatArray:
+    """Divided differences of a spline's coefficients, zero for polynomials of lower order, times the mean step.
+
+    The coefficients stand at the means of U_DEGREE knots (Greville).
+    """
+    places = np.lib.stride_tricks.sliding_window_view(knots[1:-1], U_DEGREE).mean(axis=1)
+    step, differences = np.ptp(places) / (len(places) - 1), np.eye(len(places))
+    for k in range(1, order + 1):
+        differences = np.diff(differences, axis=0) * (k * step / (places[k:] - places[:-k]))[:, None]
+    return differences
+
+
+@dataclass(frozen=True, eq=False)
+class CurrentProducts:
+    """v_a v_b of v = (1, i_1, .., i_n), a <= b, half of the squares; those with 1 where there is a magnet alone."""
+
+    circuits: int
+    magnet: bool
+
+    @property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """Row and column in M of each; shape (count,)."""
+        a, b = np.triu_indices(self.circuits + 1)
+        wanted = (a > 0) | self.magnet
+        return a[wanted], b[wanted]
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.places[0])
+
+    @property
+    def constant(self) -> bool:
+        """Whether the first one is a constant."""
+        return self.magnet
+
+    def columns(self, currents: FloatArray, *circuits: int) -> FloatArray:
+        """As of :class:`CurrentSplines`."""
+        a, b = self.places
+        v = np.concatenate([np.ones((len(currents), 1)), currents], axis=1)
+        if not circuits:
+            return np.asarray(np.where(a == b, 0.5, 1.0) * v[:, a] * v[:, b])
+        first, *second = (k + 1 for k in circuits)
+        if not second:
+            return np.where(a == first, v[:, b], np.where(b == first, v[:, a], 0.0))
+        low, high = sorted((first, *second))
+        return np.tile(((a == low) & (b == high)).astype(np.float64), (len(currents), 1))
+
+
+CurrentFunctions = CurrentSplines | CurrentProducts
+"""Functions of all currents; ``constant`` says whether a constant in W', which no row determines, is among their sums.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class CoenergyBasis:
+    """Splines of degree U_DEGREE in a coordinate of the distance, times functions of the currents."""
+
+    coordinate: DistanceCoordinate
+    u_knots: FloatArray
+    functions: CurrentFunctions
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Number of basis functions in u and of the currents."""
+        return len(self.u_knots) - U_DEGREE - 1, self.functions.count
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def u_cells(self) -> int:
+        """Number of polynomial cells in u."""
+        return len(np.unique(self.u_knots)) - 1
+
+    def columns(
+        self, distance: FloatArray, currents: FloatArray, along: int, circuits: Sequence[int] = ()
+    ) -> FloatArray:
+        """Each function at distances (rows,) and currents (rows, n), differentiated; (rows, functions).
+
+        Parameters
+        ----------
+        along : int
+            Order of the derivative along the distance, up to 2.
+        circuits : sequence of int
+            The circuits along whose currents it is differentiated, each once.
+        """
+        u, first, second = self.coordinate.with_slopes(distance)
+        in_u = [basis_matrix(u, self.u_knots, U_DEGREE, k) for k in range(min(along, 1), along + 1)]
+        if along == 1:
+            in_u[0] = first[:, None] * in_u[0]
+        elif along == 2:
+            in_u[0] = first[:, None] ** 2 * in_u[1] + second[:, None] * in_u[0]
+        return row_products(in_u[0], self.functions.columns(currents, *circuits))
