@@ -16,7 +16,7 @@ from femfit.core.text import amount
 from femfit.fit.basis import CurrentProducts
 from femfit.fit.coenergy_choice import best_along_distance
 from femfit.fit.coenergy_system import CoenergySystem, Projection, coenergy_system, flux_scale
-from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, SMALL_CIRCUIT_FORCE, U_DEGREE
+from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, U_DEGREE
 from femfit.fit.misfit import middles
 from femfit.fit.rows import FitRows, rms, rms_share
 from femfit.fit.saturating_circuits import fit_saturating, points_left_out
@@ -38,22 +38,15 @@ class CircuitsFit:
     whole_current_worst: float
     finer: tuple[str, tuple[float, ...]]  # The axis of the sweep that is too coarse first, and what to add to it
 
-    def lines(self) -> list[str]:
-        """What ``femfit fit`` prints of it."""
-        names, saturates = ", ".join(self.magnetics.names), isinstance(self.magnetics, CoenergyTensor)
-        form = "spline in the distance and" if saturates else "quadratic form in"
-        what = "points" if saturates else "distances"
-        text = f"{form} the currents of {names}"
-        of = f"of the force there (at least of {100.0 * SMALL_CIRCUIT_FORCE:g} % of the largest)"
-        within = f"each point of the table is met within {amount(self.worst, '')} {of}"
-        if not np.isfinite(self.left_out_worst):
-            return [f"{text}; {within}; the sweep has too few points to leave {what} out and see what it misses there"]
-        missed = f"misses the force by {amount(self.left_out_rms, '')} rms, {amount(self.left_out_worst, '')} at most"
-        text = f"{text}; {within}; with {what} left out it {missed}"
-        if saturates:
-            text += f", with a whole distance left out by {amount(self.whole_distance_worst, '')} at most"
-            text += f", with a whole current by {amount(self.whole_current_worst, '')} at most"
-        return [text]
+    @property
+    def saturates(self) -> bool:
+        """Whether it is a spline in the currents, not a quadratic form."""
+        return isinstance(self.magnetics, CoenergyTensor)
+
+    @property
+    def has_points_left_out(self) -> bool:
+        """Whether the sweep has enough points to leave some out."""
+        return bool(np.isfinite(self.left_out_worst))
 
     @property
     def between_distances(self) -> float:
@@ -66,7 +59,7 @@ class CircuitsFit:
 
     def notes(self) -> list[str]:
         """Where the sweep is too coarse, why, and what to add to it."""
-        left_out = self.left_out_worst if np.isfinite(self.left_out_worst) else 0.0
+        left_out = self.left_out_worst if self.has_points_left_out else 0.0
         between = self.between_distances if np.isfinite(self.between_distances) else 0.0
         if self.worst <= POOR_POINT and max(left_out, between) <= POOR_LEFT_OUT:
             return []

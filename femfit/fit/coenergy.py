@@ -24,7 +24,6 @@ import numpy as np
 
 from femfit.core.errors import UsageError
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.core.text import amount
 from femfit.fit.basis import CoenergyBasis, CurrentSplines
 from femfit.fit.bounded_qp import Inequalities, QPSolution, solve_bounded_qp
 from femfit.fit.coenergy_choice import choose_basis, distance_trials
@@ -220,15 +219,6 @@ class Between:
     def poor(self) -> bool:
         """Whether the user is told to sweep more finely."""
         return self.force > COARSE or self.inductance > COARSE_INDUCTANCE
-
-    def __str__(self) -> str:
-        parts = ((self.force, "force"), (self.flux_linkage, "flux linkage"), (self.inductance, "inductance"))
-        text = ", ".join(f"{name} {amount(share, '', 2)}" for share, name in parts)
-        where = f"{1e3 * self.distance_m:.4g} mm and {self.current_A:.4g} A"
-        return (
-            f"between its points it may miss {text} (estimated rms); the inductance at most by "
-            f"{amount(self.largest, '', 2)}, at {where}"
-        )
 
 
 def missed_between(fit: CoenergyFit, rows: FitRows) -> Between | None:

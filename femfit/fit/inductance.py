@@ -26,6 +26,7 @@ from femfit.fit.constants import POOR_CIRCUIT
 from femfit.fit.law_fit import search_shape
 from femfit.fit.misfit import as_written
 from femfit.fit.model_parts import MASS_UNKNOWN, actuator_entry, circuit_of, mechanics_of, sample_time
+from femfit.fit.printed import printed
 from femfit.fit.rows import rms
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -55,22 +56,13 @@ class InductanceFit(Printed):
         """The lines that ``femfit fit`` prints, the answer first."""
         magnetics, domain = self.model.magnetics, self.model.validity
         ends = np.array([domain.distance_min_m, domain.distance_max_m])
-        first, last = 1e3 * magnetics.inductance(ends, np.ones(2))
-        pull = magnetics.force(ends, np.full(2, domain.current_max_A))
-        near, far = 1e3 * ends
-        return "\n".join(
-            [
-                (
-                    f"{self.model.name}: it misses {self.rows} inductances by {1e3 * self.rms_H:.2g} mH rms, "
-                    f"{1e3 * self.max_H:.2g} mH at most"
-                ),
-                f"inductance {first:.4g} mH at {near:.3g} mm to {last:.4g} mH at {far:.3g} mm",
-                (
-                    f"force at {domain.current_max_A:.3g} A, from the slope: {pull[0]:.3g} N at {near:.3g} mm "
-                    f"to {pull[1]:.3g} N at {far:.3g} mm"
-                ),
-                *(f"note: {note}" for note in (*self.of_data, *self.notes)),
-            ]
+        return printed(
+            "inductance.txt.j2",
+            result=self,
+            distances_mm=1e3 * ends,
+            inductance_mH=1e3 * magnetics.inductance(ends, np.ones(2)),
+            current_A=domain.current_max_A,
+            force_N=magnetics.force(ends, np.full(2, domain.current_max_A)),
         )
 
 

@@ -105,6 +105,32 @@ class LawFit:
         """Floating-point operations of one evaluation with the chosen functions."""
         return self.law.operations_with([FUNCTIONS[name] for name in self.functions])
 
+    @property
+    def active(self) -> tuple[str, ...]:
+        """The bounds that the coefficients stand on, in words."""
+        return self.limits.active(self.joint)
+
+    @property
+    def term_rows(self) -> list[tuple[str, int, float | None, tuple[float, float], str]]:
+        """Column, power of the current, value, interval and unit of each coefficient.
+
+        A value is None where the table leaves its sign open.
+        """
+        rows: list[tuple[str, int, float | None, tuple[float, float], str]] = []
+        sides = self.limits.active_sides(self.joint)
+        for n, (basis, power) in enumerate(self.terms):
+            unit = self.law.coefficient_units[self.law.basis.index(basis)] + (f" A^-{power}" if power else "")
+            low, high = self.interval.block[n]
+            free = low < 0.0 < high and not sides[n]
+            rows.append((basis, power, None if free else float(self.joint.x[n]), (low, high), unit))
+        return rows
+
+    @property
+    def shape_rows(self) -> list[tuple[str, float, float, float, str]]:
+        """Name, value, both ends of the interval and unit of each nonlinear parameter."""
+        units = {parameter.name: parameter.unit for parameter in self.law.shape}
+        return [(name, value, *self.shape_interval[name], units[name]) for name, value in self.shape.items()]
+
     def force(self, coefficients: FloatArray, distance: FloatArray, current: FloatArray) -> FloatArray:
         """Force in N for coefficients in the order of ``terms``."""
         return np.asarray(design_matrix(self.law, self.shape, self.functions, distance, current) @ coefficients)

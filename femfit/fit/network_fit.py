@@ -12,7 +12,7 @@ from femfit.core.text import amount
 from femfit.fit.constants import NETWORK_CURRENTS, NETWORK_DISTANCES, NETWORK_IDLE, NETWORK_OFF, NETWORK_STARTS
 from femfit.fit.ranking import Ranking, ranking_folds
 from femfit.fit.rows import FitRows, rms
-from femfit.model.network_magnetics import NETWORK, OPERATIONS, NetworkMagnetics
+from femfit.model.network_magnetics import NETWORK, NetworkMagnetics
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,15 +23,6 @@ class NetworkFit:
     # Rms error of the force over its rms: on all rows, and on blocks of distances and single currents left out
     fitted: float
     left_out: float
-
-    def lines(self) -> list[str]:
-        """What ``femfit fit`` prints of it."""
-        return [
-            (
-                f"{NETWORK} ({OPERATIONS} operations, ten numbers) misses the force, on points left out, by "
-                f"{amount(self.left_out, '')} of its rms"
-            )
-        ]
 
 
 def fit_network(rows: FitRows) -> NetworkFit:

@@ -11,14 +11,12 @@ are a thousand times its armature's weight).
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from textwrap import shorten
 from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import FemfitError, FitError
 from femfit.core.numerics import BoolArray, FloatArray, ranked
-from femfit.core.text import rounded
 from femfit.fit.constants import DISTANCE_BLOCKS, MAY_MISS, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics, refit
@@ -59,40 +57,6 @@ class Ranking:
     reached: bool  # Whether the recommended one is within the target
     of: str  # What the errors are a part of: ``weight`` or ``rms force``
     why_of: str  # Why it is the rms force, a clause; empty for the weight
-
-    def lines(self) -> list[str]:
-        """The table of candidates and why one is recommended."""
-        best = self.recommended
-        reason = "the cheapest within" if self.reached else "the best; none is within"
-        operations = best.fit.operations if best.fit else 0
-        because = f", because {self.why_of}" if self.why_of else ""
-        circuit = any(c.misfit and c.misfit.flux_linkage_share is not None for c in self.candidates)
-        lines = [
-            (
-                f"recommended: {best.law.name} ({operations} operations), {reason} {100 * TARGET:g} % of the "
-                f"{self.of}, on points left out and as written"
-            ),
-            (
-                f"force errors in % of the {self.of}{because}; ranked by the larger of points left out and all points, "
-                "as written"
-            ),
-            *(["flux linkage and inductance in % of their own rms"] if circuit else []),
-            (
-                f"  {'law':23} {'ranked by':>9} {'left out':>9} {'all points':>11}"
-                + (f" {'flux linkage':>13} {'inductance':>11}" if circuit else "")
-                + f" {'operations':>11}"
-            ),
-        ]
-        for c in self.candidates:
-            if c.fit is None or c.misfit is None:
-                continue
-            shares = (c.misfit.flux_linkage_share, c.misfit.inductance_share)
-            lines.append(
-                f"  {c.law.name:23} {_percent(c.error):>9} {_percent(c.held_out_rms):>9} {_percent(c.rms):>11}"
-                + (f" {_percent(shares[0]):>13} {_percent(shares[1]):>11}" if circuit else "")
-                + f" {c.fit.operations:11d}"
-            )
-        return lines + [f"  {', '.join(names)} not fitted: {shorten(why, 90)}" for names, why in self.failures]
 
     @property
     def failures(self) -> tuple[tuple[tuple[str, ...], str], ...]:
@@ -136,10 +100,6 @@ def _grouped(candidates: Sequence[Candidate]) -> tuple[tuple[tuple[str, ...], st
         (tuple(candidate.law.name for candidate in alike), why if len(alike) > 1 else alike[0].failure)
         for why, alike in groups.items()
     )
-
-
-def _percent(share: float | None) -> str:
-    return "-" if share is None else rounded(100.0 * share, 2)
 
 
 def rank_laws(laws: Sequence[ForceLaw], rows: FitRows) -> Ranking:

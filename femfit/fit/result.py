@@ -1,32 +1,27 @@
 """What a fit gives: the model, how it came about, and both as text and JSON-ready data."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from femfit.core.results import Printed
-from femfit.core.text import amount, counted
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, Between, CoenergyFit, splines_of_current
 from femfit.fit.law_fit import LawFit
 from femfit.fit.misfit import finer_settings
 from femfit.fit.network_fit import NetworkFit
+from femfit.fit.printed import printed
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.model_text import eddy_line, fit_lines
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
 from femfit.model.validity import Misfit
 
 _FINE = 101
 """Numerical: so many distances and currents are looked at between the sweep's points."""
-
-_LABELS_SHOWN = 4
-"""So many active constraints are listed; more are counted."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,7 +85,16 @@ class FitResult(Printed):
 
     def __str__(self) -> str:
         """The lines that ``femfit fit`` prints, the answer first."""
-        return "\n".join(_lines(self))
+        derived = None if self.circuits or self.rows.without_current else self._ranges()
+        return printed("fit.txt.j2", result=self, derived=derived, shapes=SHAPES, rms=rms)
+
+    def _ranges(self) -> dict[str, tuple[float, float] | None]:
+        """Motional constant and inductance over the swept points and all of the domain, where they are known."""
+        swept, between = self.rows.points, self.model.validity.grid(_FINE, _FINE)
+        state = self.model.magnetics.state(*(np.concatenate(pair) for pair in zip(swept, between, strict=True)))
+        constant, inductance = ((np.min(x), np.max(x)) for x in (state.motional_constant, state.inductance))
+        unknown = self.model.circuit is None and self.rows.flux_linkage is None
+        return {"motional_constant": constant, "inductance": None if unknown else inductance}
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data: for ``--json`` and the model's provenance."""
@@ -109,97 +113,6 @@ class FitResult(Printed):
             "finer_sweep": finer_settings(spline.missed_N, self.rows) if spline else None,
             "notes": [*self.of_data, *self.notes],
         }
-
-
-def _lines(result: FitResult) -> list[str]:
-    lines = [
-        *fit_lines(result.model),
-        *([] if result.between is None else [str(result.between)]),
-        *([] if result.model.eddy is None else [eddy_line(result.model, result.model.eddy)]),
-        *(f"note: {note}" for note in (*result.of_data, *result.notes)),
-    ]
-    if result.circuits is not None:
-        return [*lines, *result.circuits.lines()]
-    if not result.rows.without_current:
-        lines.append(_derived_line(result))
-    if result.network is not None:
-        lines += result.network.lines()
-    if result.ranking is not None:
-        lines += result.ranking.lines()[1 if result.network else 0 :]
-    elif result.law is not None:
-        lines += _law_lines(result.law)
-    elif result.coenergy is not None and result.network is None:
-        lines += _coenergy_lines(result.coenergy, result.rows)
-    if result.hall is not None:
-        lines += _hall_lines(result.hall, result.model)
-    return lines
-
-
-def _derived_line(result: FitResult) -> str:
-    swept = result.rows.distance, result.rows.current
-    d, i = (np.concatenate(pair) for pair in zip(swept, result.model.validity.grid(_FINE, _FINE), strict=True))
-    state = result.model.magnetics.state(d, i)
-    text = f"motional constant dF/di {state.motional_constant.min():.4g} to {state.motional_constant.max():.4g} N/A"
-    if result.model.circuit is None and result.rows.flux_linkage is None:
-        return f"{text}; inductance unknown (no flux linkage in the table)"
-    return f"{text}; inductance {amount(state.inductance.min(), 'H', 4)} to {amount(state.inductance.max(), 'H', 4)}"
-
-
-def _coenergy_lines(fit: CoenergyFit, rows: FitRows) -> list[str]:
-    text = f"B-spline of {fit.basis.shape[0]} x {fit.basis.shape[1]} coefficients (distance x current)"
-    if rows.rms_force:
-        off = amount(rms(fit.left_out_N) / rows.rms_force, "")
-        text += f"; with each inner point left out in turn it misses the force by {off}"
-    return [
-        text,
-        *(f"constraint: {SHAPES[name]}" for name in fit.constraints),
-        f"active constraints: {_active(fit.active)}",
-    ]
-
-
-def _active(labels: Sequence[str]) -> str:
-    if len(labels) <= _LABELS_SHOWN:
-        return "; ".join(labels) or "none"
-    counts = Counter(label.partition(" at ")[0] for label in labels)
-    return "; ".join(f"{name} at {counted(count, 'place')}" for name, count in counts.items())
-
-
-def _law_lines(fit: LawFit) -> list[str]:
-    lines = [f"coefficients of {fit.law.name} (95 % intervals from leaving out blocks of distances):"]
-    units = {parameter.name: parameter.unit for parameter in fit.law.shape}
-    for name, value in fit.shape.items():
-        low, high = fit.shape_interval[name]
-        lines.append(f"  {name:20} {value:13.5g}   {low:.5g} .. {high:.5g} {units[name]}")
-    sides = fit.limits.active_sides(fit.joint)
-    for n, (basis, power) in enumerate(fit.terms):
-        unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
-        low, high = fit.interval.block[n]
-        free = low < 0.0 < high and not sides[n]
-        shown = "not determined by this table:" if free else f"{fit.joint.x[n]:13.5e}  "
-        lines.append(f"  {_term(basis, power):20} {shown} {low:.5e} .. {high:.5e} {unit}")
-    active = fit.limits.active(fit.joint)
-    return [*lines, *(f"  on its bound: {_active(active)}" for _ in active[:1])]
-
-
-def _term(basis: str, power: int) -> str:
-    return basis if power == 0 else f"{basis} i" if power == 1 else f"{basis} i^{power}"
-
-
-def _hall_lines(hall: HallFit, model: ActuatorModel) -> list[str]:
-    low, high = hall.coil_slope_T_per_A
-    far, near = hall.magnet_field_T
-    volt = ""
-    if model.sensor is not None:
-        per_tesla = model.sensor.sensitivity_V_per_T
-        volt = (
-            f" ({per_tesla * low:.3g} to {per_tesla * high:.3g} V/A, {per_tesla * far:.3g} to {per_tesla * near:.3g} V)"
-        )
-    return [
-        (
-            f"field at the Hall element: coil {amount(low, 'T/A', 4)} to {amount(high, 'T/A', 4)}, without "
-            f"current {amount(far, 'T', 4)} to {amount(near, 'T', 4)}{volt}; misfit {amount(hall.rms_T, 'T', 3)} rms"
-        )
-    ]
 
 
 def _coenergy_data(fit: CoenergyFit) -> dict[str, Any]:
@@ -233,7 +146,7 @@ def _law_data(fit: LawFit) -> dict[str, Any]:
             }
             for n, (basis, power) in enumerate(fit.terms)
         ],
-        "active": list(fit.limits.active(fit.joint)),
+        "active": list(fit.active),
         "condition_scaled": fit.joint.condition_scaled,
     }
 

@@ -16,7 +16,6 @@ from femfit.device.electrics import REMEDY, where_clipped
 from femfit.device.parts import Actuator
 from femfit.fit.coenergy import SHAPES
 from femfit.fit.constants import TARGET
-from femfit.fit.law_fit import LawFit
 from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows
 from femfit.model.actuator_model import ActuatorModel
@@ -230,25 +229,15 @@ def _law_facts(content: ReportContent, rows: FitRows | None) -> dict[str, Any] |
         "best": fit.ranking.recommended,
         "fitted": sum(c.fit is not None for c in candidates),
         "target": TARGET,
-        "terms": _terms(fit.ranking.recommended.fit),
+        "terms": [
+            *fit.ranking.recommended.fit.term_rows,
+            *(
+                (name, 0, value, (low, high), unit)
+                for name, value, low, high, unit in fit.ranking.recommended.fit.shape_rows
+            ),
+        ],
         "failures": fit.ranking.failures,
     }
-
-
-def _terms(fit: LawFit) -> list[tuple[str, int, float | None, tuple[float, float], str]]:
-    """Column, power of the current, value, interval and unit of each coefficient, shape parameters last.
-
-    A value is None where the table leaves its sign open, as ``femfit fit`` prints it.
-    """
-    rows: list[tuple[str, int, float | None, tuple[float, float], str]] = []
-    sides = fit.limits.active_sides(fit.joint)
-    for n, (basis, power) in enumerate(fit.terms):
-        unit = fit.law.coefficient_units[fit.law.basis.index(basis)] + (f" A^-{power}" if power else "")
-        low, high = fit.interval.block[n]
-        free = low < 0.0 < high and not sides[n]
-        rows.append((basis, power, None if free else float(fit.joint.x[n]), (low, high), unit))
-    units = {parameter.name: parameter.unit for parameter in fit.law.shape}
-    return rows + [(name, 0, value, fit.shape_interval[name], units[name]) for name, value in fit.shape.items()]
 
 
 def _hall_facts(content: ReportContent) -> dict[str, Any] | None:

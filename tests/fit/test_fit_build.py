@@ -1,4 +1,4 @@
-"""From a table to a model: parts, misfits, notes, and every refusal."""
+"""From a table to a model: the parts that its drawing gives, misfits, notes, and what is printed."""
 
 import json
 import re
@@ -8,71 +8,64 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FitError, TableError, UsageError
+from femfit.core.errors import DomainError, MissingPartError, ModelFileError, SimulationError
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
+from femfit.effects.catalogue import effect_by_name
+from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
 from femfit.fit.law_fit import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
-from femfit.model.json_file import read_model, write_model
-from femfit.model.magnetics import CoenergySpline, LawMagnetics
+from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
+from femfit.model.magnetics import LawMagnetics
 from femfit.model.model_text import misfit_lines
 from femfit.model.validity import Misfit
+from femfit.model.with_effects import with_effects
+from femfit.simulation.open_loop import simulate
 from femfit.tables.sweep_table import SweepTable
-from support.sweeps import ACTUATOR, MASS, ClosedForm, force_table, full_table, grid
+from support.bearing import CIRCUITS, DISTANCES, ENTRY, NAMES, TRUTH, grid, table_of
+from support.closed_forms import Saturating, fit_of, pair_table, steel_fit
+from support.sweeps import ACTUATOR, MASS, ClosedForm, force_table, full_table
+from support.sweeps import grid as plane
 
-WEIGHT = MASS * 9.80665
+ONE_SIDE, BOTH_SIDES = (0.0, 1.0, 2.0, 3.0), (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
+
+
+def voice_coil(flux_linkage=None):
+    """A coil in a gap: currents of both signs, a motional constant with a hump, 2 mH that saturate a little."""
+    bent = ClosedForm(saturation=6.0)
+    i, d = plane(np.linspace(-4.0, 4.0, 9), np.linspace(4e-3, 14e-3, 11))
+    # Off the centre of the magnet's field the coil is driven less; its inductance falls with the distance
+    force = (5.6 - 2.2e4 * (d - 9e-3) ** 2) * i + 1e-3 / 6e-3 * np.exp(-d / 6e-3) * bent._g(i, 0)
+    flux = -5.6 * d + 2.2e4 * (d - 9e-3) ** 3 / 3.0 + (1e-3 + 1e-3 * np.exp(-d / 6e-3)) * bent._g(i, 1)
+    rows = pd.DataFrame({"current_A": i, "distance_m": d, "force_N": force, "flux_linkage_Wb": flux, "status": "ok"})
+    if flux_linkage is not None:
+        rows["flux_linkage_Wb"] = flux_linkage(d, i)
+    return SweepTable(rows, {"name": "voice-coil", "actuator": {"name": "voice-coil", "mass_kg": 0.012}})
 
 
 @pytest.fixture(scope="module")
-def table():
-    return full_table()
+def ranked():
+    return fit_model(voice_coil(), law="all")
 
 
 @pytest.fixture(scope="module")
-def coenergy(closed_form_fit):
-    return closed_form_fit
+def disk():
+    return fit_model(full_table(), law="dipole-disk")
 
 
-@pytest.fixture(scope="module")
-def disk(table):
-    return fit_model(table, law="dipole-disk")
-
-
-def test_a_full_table_gives_a_complete_model(coenergy):
-    model = coenergy.model
-    assert isinstance(model.magnetics, CoenergySpline)
-    assert model.name == "test-rig"
-    assert model.require_circuit().resistance_ohm == 2.69
-    assert model.require_motion().mass_kg == MASS
-    assert model.require_sensor().adc_bits == 12
+def test_a_full_table_gives_a_complete_model():
+    fit = fit_of("rig")
+    model = fit.model
+    assert (model.name, model.circuit.resistance_ohm, model.motion.mass_kg, model.sensor.adc_bits) == (
+        "test-rig", 2.69, MASS, 12,
+    )  # fmt: skip
     assert model.reference_distances_m == (0.022, 0.03)
     assert (model.validity.distance_min_m, model.validity.distance_max_m) == (0.015, 0.045)
-    assert coenergy.notes == ()
-
-
-def test_a_coenergy_that_the_sweep_does_not_determine_says_so():
-    # Beyond a knee the force grows no further: six currents cannot tell where the knee stands
-    def force(d, i):
-        return 2e-3 / d * np.minimum(i / 0.5, 2e-2 / d) ** 2
-
-    fit = fit_model(force_table(force, actuator=ACTUATOR, currents=np.linspace(0.0, 3.0, 6)), inductance_H=0.01)
-    assert fit.model.misfit.force_rms_relative > 0.01
-    assert any("too coarse" in note for note in fit.notes)
-
-
-def test_what_the_import_warned_of_is_passed_on():
-    findings = [
-        {"code": "assumed-units", "severity": "info", "sentence": "SI assumed: I in A.", "remedy": "Name it."},
-        {"code": "reciprocity", "severity": "warning", "sentence": "current in mA read as A (accepted)", "remedy": ""},
-        {"code": "noise", "severity": "info", "sentence": "The force is smooth.", "remedy": ""},
-    ]
-    imported = full_table()
-    fit = fit_model(SweepTable(imported.rows, {"actuator": ACTUATOR, "findings": findings}))
-    assert fit.of_data == ("SI assumed: I in A. Name it.", "current in mA read as A (accepted)")
-    assert all(f"note: {sentence}" in str(fit) for sentence in fit.of_data)
-    assert fit.to_dict()["notes"] == list(fit.of_data)
-    assert "smooth" not in str(fit)
+    assert fit.notes == ()
+    assert (fit.misfit.against, fit.misfit.rows) == ("sweep", 488)
+    assert fit.misfit.force_rms_of_weight < 1e-3
+    assert fit.misfit.force_max_N >= fit.misfit.force_rms_N
 
 
 def test_the_mechanics_and_the_drive_of_the_drawing_are_the_models():
@@ -83,202 +76,10 @@ def test_the_mechanics_and_the_drive_of_the_drawing_are_the_models():
     assert model.motion == mechanics
     assert model.circuit.drive == Drive(diode_V=0.7)
     amplifier = drive | {"kind": "current", "minimum": -1.0, "maximum": 2.0, "diode_V": None, "bandwidth_Hz": 500.0}
-    other = fit_model(full_table(), actuator=entry | {"circuits": [{"drive": amplifier}]}).model
-    assert other.circuit.drive == Drive("current", None, -1.0, 2.0, 500.0)
-
-
-def test_a_damaged_entry_of_the_mechanics_is_refused_by_its_key():
-    entry = ACTUATOR | {"mechanics": {"coulomb_N": "much"}}
-    with pytest.raises(TableError, match="coulomb_N"):
-        fit_model(SweepTable(full_table().rows, {"actuator": entry}))
-
-
-def test_the_coenergy_is_within_a_tenth_of_a_percent_of_its_sweep(coenergy):
-    misfit = coenergy.model.misfit
-    assert misfit.against == "sweep"
-    assert misfit.rows == 488
-    assert misfit.force_rms_relative < 1e-3
-    assert misfit.force_rms_of_weight < 1e-3
-    assert misfit.force_max_N >= misfit.force_rms_N
-
-
-def voice_coil():
-    """A coil in a gap: currents of both signs, a motional constant with a hump, 2 mH that saturate a little."""
-    bent = ClosedForm(saturation=6.0)
-
-    # Off the centre of the magnet's field the coil is driven less; its inductance falls with the distance
-    def motional_flux(d):
-        return -5.6 * d + 2.2e4 * (d - 9e-3) ** 3 / 3.0
-
-    def motional(d):
-        return 5.6 - 2.2e4 * (d - 9e-3) ** 2
-
-    i, d = grid(np.linspace(-4.0, 4.0, 9), np.linspace(4e-3, 14e-3, 11))
-    force = motional(d) * i + 1e-3 / 6e-3 * np.exp(-d / 6e-3) * bent._g(i, 0)
-    flux = motional_flux(d) + (1e-3 + 1e-3 * np.exp(-d / 6e-3)) * bent._g(i, 1)
-    rows = pd.DataFrame({"current_A": i, "distance_m": d, "force_N": force, "flux_linkage_Wb": flux, "status": "ok"})
-    return SweepTable(rows, {"name": "voice-coil", "actuator": {"name": "voice-coil", "mass_kg": 0.012}})
-
-
-@pytest.fixture(scope="module")
-def ranked_voice_coil():
-    return fit_model(voice_coil(), law="all")
-
-
-def test_the_motional_constant_is_stated_over_the_whole_domain_and_not_at_the_swept_points_alone():
-    def force(d, i):
-        return 1.5e-3 / d * i / (1.0 + (i / 1.5) ** 2)  # rises most steeply at 0 A, between two currents
-
-    fit = fit_model(force_table(force, currents=np.linspace(-4.0, 4.0, 8)))
-    d = np.linspace(0.015, 0.045, 301)
-    at_rest = fit.model.magnetics.motional_constant(d, np.zeros_like(d)).max()
-    assert at_rest > 1.1 * fit.model.magnetics.motional_constant(fit.rows.distance, fit.rows.current).max()
-    found = re.search(r"motional constant dF/di \S+ to (\S+) N/A", str(fit))
-    assert float(found[1]) == pytest.approx(at_rest, rel=1e-3)
-
-
-def test_the_law_that_is_written_is_the_one_that_was_ranked(ranked_voice_coil, tmp_path):
-    result = ranked_voice_coil
-    write_model(result.model, tmp_path / "m.json")
-    read_back = misfit_to_rows(read_model(tmp_path / "m.json"), result.rows)
-    assert read_back == result.misfit
-    assert result.misfit.force_rms_N == pytest.approx(result.ranking.recommended.misfit.force_rms_N, rel=1e-9)
-    scale, _ = result.rows.error_scale
-    assert result.misfit.force_rms_N <= 1.1 * scale * result.ranking.recommended.rms
-
-
-@pytest.mark.parametrize("law", ["shifted-powers", "shifted-multipoles", "shifted-F1e", "exponential-harmonics"])
-def test_a_laws_circuit_has_no_constants_that_cancel(ranked_voice_coil, law):
-    # Counted from infinity, 2 mH were written as 162 H, and -165 Wb cancelled an inductance of 8 H
-    candidate = next(c for c in ranked_voice_coil.ranking.candidates if c.law.name == law)
-    magnetics = law_magnetics(candidate.fit, ranked_voice_coil.rows)
-    assert 1e-4 < magnetics.constant_inductance_H < 2e-3
-    assert abs(magnetics.constant_flux_linkage_Wb) < 0.1
-    assert candidate.misfit.flux_linkage_share < 0.02
-    inductance = magnetics.inductance(ranked_voice_coil.rows.distance, ranked_voice_coil.rows.current)
-    assert 0.0 < inductance.min() < inductance.max() < 4e-3
-
-
-def test_a_misfit_counts_force_flux_linkage_and_inductance(disk):
-    off = replace(disk.model.magnetics, constant_inductance_H=disk.model.magnetics.constant_inductance_H + 1e-3)
-    misfit = misfit_to_rows(as_written(replace(disk.model, magnetics=off)), disk.rows)
-    assert misfit.force_rms_N == disk.misfit.force_rms_N
-    assert misfit.inductance_rms_H == pytest.approx(1e-3, rel=0.05)
-    # 1 mH times the rms of 0 to 1.4 A
-    assert misfit.flux_linkage_rms_Wb == pytest.approx(1e-3 * np.sqrt(np.mean(disk.rows.current**2)), rel=0.05)
-
-
-def test_a_model_that_its_file_changes_is_not_written(table, monkeypatch):
-    def rounded(model):
-        wrong = [replace(c, value=0.5 * c.value) for c in model.magnetics.coefficients]
-        return replace(model, magnetics=replace(model.magnetics, coefficients=tuple(wrong)))
-
-    monkeypatch.setattr("femfit.fit.build.as_written", rounded)
-    with pytest.raises(FitError, match="F1e is not written"):
-        fit_model(table, law="F1e")
-
-
-def test_a_model_whose_file_changes_its_inductance_alone_is_not_written(table, monkeypatch):
-    def longer(model):
-        more = model.magnetics.constant_inductance_H + 1e-3
-        return replace(model, magnetics=replace(model.magnetics, constant_inductance_H=more))
-
-    monkeypatch.setattr("femfit.fit.build.as_written", longer)
-    with pytest.raises(FitError, match="misses the table's flux linkage"):
-        fit_model(table, law="F1e")
-
-
-def test_a_sweep_without_current_is_told_to_have_some():
-    table = voice_coil()
-    table.rows["flux_linkage_Wb"] = 3e-3 * table.rows["distance_m"] / table.rows["distance_m"].max()
-    still = replace(table, rows=table.rows[table.rows["current_A"] == 0.0].reset_index(drop=True))
-    (note,) = (note for note in fit_model(still).notes if "do not simulate its circuit" in note)
-    assert note.endswith("Give [sweep] more than one current, then sweep and fit again.")
-
-
-def test_a_circuit_that_a_law_does_not_hold_is_said():
-    table = voice_coil()
-    table.rows["flux_linkage_Wb"] = 3e-3 * np.tanh(table.rows["current_A"])
-    result = fit_model(table, law="shifted-multipoles")
-    (note,) = (note for note in result.notes if "do not simulate its circuit" in note)
-    assert "without --model" in note
-
-
-def test_a_coenergy_that_misses_the_flux_linkage_asks_for_finer_currents_and_not_for_itself():
-    table = voice_coil()
-    table.rows["flux_linkage_Wb"] = 3e-3 * np.tanh(30.0 * table.rows["current_A"])
-    (note,) = (note for note in fit_model(table).notes if "do not simulate its circuit" in note)
-    assert "without --model" not in note
-    assert "currents" in note
-
-
-def test_a_laws_constant_inductance_comes_from_the_flux_linkage():
-    # Truth of the law's own form: its flux linkage is that of reciprocity plus 16 mH i plus 1 mWb.
-    def force(d, i):
-        return 6e-9 * d**-4 + 4.5e-6 * i * d**-2
-
-    table = force_table(force, actuator=ACTUATOR)
-    rows = table.rows
-    rows["flux_linkage_Wb"] = 4.5e-6 / rows["distance_m"] + 16e-3 * rows["current_A"] + 1e-3
-    magnetics = fit_model(table, law="F1e").model.magnetics
-    assert isinstance(magnetics, LawMagnetics)
-    assert magnetics.constant_inductance_H == pytest.approx(16e-3, rel=1e-6)
-    # At the farthest distance of the sweep, 45 mm
-    assert magnetics.reference_distance_m == 0.045
-    assert magnetics.constant_flux_linkage_Wb == pytest.approx(1e-3 + 4.5e-6 / 0.045, rel=1e-5)
-
-
-def test_the_model_survives_its_file(disk, tmp_path):
-    path = tmp_path / "model.json"
-    write_model(disk.model, path)
-    again = read_model(path)
-    d, i = np.meshgrid([0.02, 0.03], [0.1, 0.9])
-    np.testing.assert_array_equal(again.magnetics.force(d, i), disk.model.magnetics.force(d, i))
-    np.testing.assert_array_equal(again.covariance, disk.model.covariance)
-    coefficient = again.magnetics.coefficients[0]
-    assert coefficient.ci95[0] < coefficient.value < coefficient.ci95[1]
-    assert coefficient.unit == "N m^4"
-
-
-def test_an_active_bound_is_marked_in_the_model_and_has_no_interval(table):
-    fit = fit_model(table, law="F1e", functions=("constant", "through-origin"), bounds={"d^-2": (0.0, 1.4e-5)})
-    first, second = fit.model.magnetics.coefficients
-    # m i <= 1.4e-5 up to 1.4 A is m <= 1e-5.
-    assert second.value == second.bounds[1] == pytest.approx(1e-5)
-    assert (second.active, second.ci95, second.unit) == ("upper", None, "N m^2 A^-1")
-    assert first.active == ""
-    assert first.ci95[0] < first.value < first.ci95[1]
-
-
-def test_all_writes_the_recommended_law(ranked_voice_coil):
-    result = ranked_voice_coil
-    assert result.model.magnetics.law_name == result.ranking.recommended.law.name
-    ranking = json.loads(json.dumps(result.to_dict(), allow_nan=False))["ranking"]
-    assert len(ranking["candidates"]) >= 8
-    assert ranking["recommended"] == result.model.magnetics.law_name
-    assert all(c["law"] in str(result) for c in ranking["candidates"])
-    assert len(str(result).splitlines()) < 30
-
-
-def test_the_ranking_is_printed_in_its_own_order_and_in_one_unit(ranked_voice_coil):
-    ranking = ranked_voice_coil.ranking
-    lines = ranking.lines()
-    heads = next(line for line in lines if "ranked by" in line and "operations" in line)
-    assert heads.split()[:7] == ["law", "ranked", "by", "left", "out", "all", "points"]
-    table = [line.split() for line in lines[lines.index(heads) + 1 :] if "not fitted" not in line]
-    errors = [float(cells[1]) for cells in table]
-    assert errors == sorted(errors)
-    assert all(
-        ranked == max(left_out, written) for ranked, left_out, written in ((float(c) for c in r[1:4]) for r in table)
-    )
-
-
-def test_a_coefficient_whose_interval_holds_zero_is_not_printed_as_a_number(table):
-    result = fit_model(table, law="inverse-powers")
-    intervals = result.law.interval.block
-    undetermined = np.sum((intervals[:, 0] < 0.0) & (intervals[:, 1] > 0.0))
-    assert undetermined > 0
-    assert str(result).count("not determined by this table") == undetermined
+    options = {"mass_kg": 8e-3, "resistance_ohm": 5.0, "supply_V": (-6.0, 6.0)}
+    model = fit_model(full_table(), actuator=entry | {"circuits": [{"drive": amplifier}]}, **options).model
+    assert model.circuit.drive == Drive("current", None, -1.0, 2.0, 500.0)
+    assert (model.motion.mass_kg, model.circuit.resistance_ohm, model.circuit.voltage_min_V) == (8e-3, 5.0, -6.0)
 
 
 @pytest.mark.parametrize(
@@ -292,125 +93,283 @@ def test_a_period_that_no_file_gives_follows_from_the_coil_and_the_body(length, 
     assert fit_model(full_table(actuator=actuator)).model.sample_time_s == pytest.approx(period)
 
 
-def test_a_table_without_an_actuator_says_what_to_give():
-    result = fit_model(full_table(actuator=None))
-    assert result.model.circuit is None
-    assert result.model.motion is None
-    assert result.model.sensor is None
-    assert result.model.misfit.force_rms_of_weight is None
-    assert any("resistance_ohm, voltage_min_V, voltage_max_V unknown. Give --actuator" in n for n in result.notes)
-    assert any("--mass-g" in note for note in result.notes)
-
-
-def test_options_replace_single_values_of_the_manifest(table):
-    result = fit_model(table, law="F2e", mass_kg=8e-3, resistance_ohm=5.0, supply_V=(-6.0, 6.0))
-    assert result.model.motion.mass_kg == 8e-3
-    assert result.model.circuit.resistance_ohm == 5.0
-    assert result.model.circuit.voltage_min_V == -6.0
-
-
-def test_force_alone_needs_a_declared_inductance_for_a_circuit():
+def test_what_a_table_and_its_drawing_lack_is_said_with_what_to_give():
+    bare = fit_model(full_table(actuator=None))
+    assert (bare.model.circuit, bare.model.motion, bare.model.sensor) == (None, None, None)
+    assert bare.model.misfit.force_rms_of_weight is None
     alone = force_table(ClosedForm().force, actuator=ACTUATOR)
-    without = fit_model(alone)
+    without, declared = fit_model(alone), fit_model(alone, law="F1e", inductance_H=16e-3)
     assert without.model.circuit is None
-    assert any("--inductance-H since the table has no flux linkage" in note for note in without.notes)
-    given = fit_model(alone, inductance_H=16e-3)
-    assert given.model.circuit is not None
-    assert given.model.magnetics.inductance(np.array(0.045), np.array(0.5)) == pytest.approx(16e-3, rel=1e-9)
-    law = fit_model(alone, law="F1e", inductance_H=16e-3).model.magnetics
-    assert law.constant_inductance_H == 16e-3
-
-
-def test_a_table_too_small_for_a_coenergy_still_gives_a_law():
-    small = full_table(distances=np.linspace(0.015, 0.045, 4), currents=[0.0, 0.7, 1.4])
-    result = fit_model(small, law="F1e")
-    assert result.coenergy is None
-    assert result.misfit.against == "sweep"
-
-
-def broken(change):
-    table = full_table()
-    return SweepTable(change(table.rows), table.manifest)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda r: r.iloc[:0], "none among its 0"),
-        (lambda r: r.iloc[:9], "at least 12 usable rows at 4 distances; instead received 9 rows at 2"),
-        (lambda r: r.assign(force_N=r["force_N"].where(r.index != 7)), "force_N must hold finite numbers.*row 8"),
-        (lambda r: r.assign(force_N="1,5"), "force_N must be numeric"),
-        (lambda r: r.assign(force_N=np.inf), "finite numbers"),
-        (lambda r: r.assign(flux_linkage_Wb=r["flux_linkage_Wb"].where(r.index > 3)), "flux_linkage_Wb must hold"),
-        (lambda r: r.drop(columns="force_N"), "force_N missing"),
-        (lambda r: r.assign(distance_m=1e3 * r["distance_m"]), "distance_m seems to be in mm"),
-        (lambda r: r.iloc[[*range(len(r)), 0]], "1 repeat another, the first at 0 A and 15 mm"),
-        (lambda r: r.assign(status="failed"), "none among its 488"),
-    ],
-)
-def test_unusable_tables_are_refused_with_place_and_remedy(change, message):
-    with pytest.raises(TableError, match=message):
-        fit_model(broken(change))
-
-
-@pytest.mark.parametrize(
-    "actuator",
-    [{"mass_kg": "4 g"}, {"resistance_ohm": [2]}, {"sample_time_s": "soon"}, {"hall": 5}, {"kind": {"a": True}}],
-)
-def test_a_damaged_manifest_is_one_clear_error(table, actuator):
-    with pytest.raises(TableError, match="manifest must give"):
-        fit_model(SweepTable(table.rows, {"actuator": {**ACTUATOR, **actuator}}), law="F2e")
-
-
-@pytest.mark.parametrize("text", ["[]", '{"actuator": 5}', "[" * 5000])
-def test_a_manifest_that_is_none_is_one_clear_error(tmp_path, text):
-    full_table().rows.to_csv(tmp_path / "sweep.csv", index=False)
-    (tmp_path / "manifest.json").write_text(text)
-    with pytest.raises(TableError, match=r"manifest\.json"):
-        fit_model(tmp_path)
-
-
-@pytest.mark.parametrize("law", ["F1e", "all", None])
-def test_one_current_is_refused_by_every_model_with_what_to_do(law):
-    with pytest.raises(FitError, match=r"at least 3 currents.*Sweep"):
-        fit_model(full_table(currents=[0.2]), law=law)
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"law": "F9"}, "must be coenergy, all or a law .*F1e.*; instead received 'F9'"),
-        ({"bounds": {"d^-4": (0.0, 1.0)}}, "bounds can be given for one law only; instead received model 'coenergy'"),
-        ({"law": "all", "functions": ("affine",)}, "functions can be given for one law only"),
-        ({"mass_kg": -1.0}, "mass_kg must be > 0"),
-        ({"inductance_H": float("nan")}, "inductance_H must be > 0"),
-    ],
-)
-def test_options_that_mean_nothing_are_refused(table, options, message):
-    with pytest.raises(UsageError, match=message):
-        fit_model(table, **options)
-
-
-def test_functions_must_be_known_and_one_a_column(table):
-    with pytest.raises(
-        UsageError, match="one of constant, through-origin, square, affine, quadratic for each of 2 columns"
+    assert declared.model.circuit is not None
+    assert declared.model.magnetics.constant_inductance_H == 16e-3
+    several = fit_model(table_of(entry={"name": "bare"}))
+    hall = fit_model(table_of(entry={**ENTRY, "hall": {"sensitivity_V_per_T": 50.0}}))
+    assert hall.model.sensor is None
+    assert several.model.circuits == ()
+    for fit, words in (
+        (bare, "resistance_ohm, voltage_min_V, voltage_max_V unknown. Give --actuator"),
+        (bare, "--mass-g"),
+        (without, "--inductance-H since the table has no flux linkage"),
+        (several, "lower, upper"),
+        (hall, "Hall element"),
     ):
-        fit_model(table, law="F1e", functions=("constant",))
-    with pytest.raises(UsageError, match="one of constant"):
-        fit_model(table, law="F1e", functions=("constant", "cubic"))
+        assert sum(words in note for note in fit.notes) == 1, words
+    pair = fit_model(pair_table(10))
+    assert (pair.model.circuit, pair.misfit.rows) == (None, 10)
+    assert not any("unknown" in note for note in pair.notes)
+    with pytest.raises(DomainError):
+        pair.model.force(0.01, 0.1)
+    few = full_table(distances=np.linspace(0.015, 0.045, 4), currents=[0.0, 0.7, 1.4])
+    assert fit_model(few, law="F1e").coenergy is None  # too small a table for one
+
+
+def test_what_the_import_warned_of_is_passed_on():
+    findings = [
+        {"code": "assumed-units", "severity": "info", "sentence": "SI assumed: I in A.", "remedy": "Name it."},
+        {"code": "reciprocity", "severity": "warning", "sentence": "current in mA read as A (accepted)", "remedy": ""},
+        {"code": "noise", "severity": "info", "sentence": "The force is smooth.", "remedy": ""},
+    ]
+    fit = fit_model(SweepTable(full_table().rows, {"actuator": ACTUATOR, "findings": findings}))
+    assert fit.of_data == ("SI assumed: I in A. Name it.", "current in mA read as A (accepted)")
+    assert fit.to_dict()["notes"] == list(fit.of_data)
+
+
+@pytest.mark.parametrize(("flux_linkage", "law", "wanted"), [
+    # Flux linkages that the model misses: of a law, of a co-energy with too few currents, of one current
+    (lambda d, i: 3e-3 * np.tanh(i), "shifted-multipoles", "without --model"),
+    (lambda d, i: 3e-3 * np.tanh(30.0 * i), None, "the currents"),
+    (lambda d, i: 3e-3 * d / d.max(), None, "Give [sweep] more than one current"),
+])  # fmt: skip
+def test_a_circuit_that_the_model_does_not_hold_is_said_with_what_to_do(flux_linkage, law, wanted):
+    table = voice_coil(flux_linkage)
+    if "more than one" in wanted:
+        table = replace(table, rows=table.rows[table.rows["current_A"] == 0.0].reset_index(drop=True))
+    (note,) = (note for note in fit_model(table, law=law).notes if "do not simulate its circuit" in note)
+    assert wanted in note
+    assert ("without --model" in note) == (law is not None)
+
+
+def test_a_misfit_counts_force_flux_linkage_and_inductance(disk):
+    off = replace(disk.model.magnetics, constant_inductance_H=disk.model.magnetics.constant_inductance_H + 1e-3)
+    misfit = misfit_to_rows(as_written(replace(disk.model, magnetics=off)), disk.rows)
+    assert misfit.force_rms_N == disk.misfit.force_rms_N
+    assert misfit.inductance_rms_H == pytest.approx(1e-3, rel=0.05)
+    # 1 mH times the rms of 0 to 1.4 A
+    assert misfit.flux_linkage_rms_Wb == pytest.approx(1e-3 * np.sqrt(np.mean(disk.rows.current**2)), rel=0.05)
+
+
+def test_a_laws_constant_inductance_comes_from_the_flux_linkage():
+    # Truth of the law's own form: its flux linkage is that of reciprocity plus 16 mH i plus 1 mWb
+    table = force_table(lambda d, i: 6e-9 * d**-4 + 4.5e-6 * i * d**-2, actuator=ACTUATOR)
+    rows = table.rows
+    rows["flux_linkage_Wb"] = 4.5e-6 / rows["distance_m"] + 16e-3 * rows["current_A"] + 1e-3
+    magnetics = fit_model(table, law="F1e").model.magnetics
+    assert isinstance(magnetics, LawMagnetics)
+    assert magnetics.constant_inductance_H == pytest.approx(16e-3, rel=1e-6)
+    assert magnetics.reference_distance_m == 0.045  # the farthest of the sweep
+    assert magnetics.constant_flux_linkage_Wb == pytest.approx(1e-3 + 4.5e-6 / 0.045, rel=1e-5)
+
+
+@pytest.mark.parametrize("law", ["shifted-powers", "shifted-multipoles", "shifted-F1e", "exponential-harmonics"])
+def test_a_laws_circuit_has_no_constants_that_cancel(ranked, law):
+    # Counted from infinity, 2 mH were written as 162 H, and -165 Wb cancelled an inductance of 8 H
+    candidate = next(c for c in ranked.ranking.candidates if c.law.name == law)
+    magnetics = law_magnetics(candidate.fit, ranked.rows)
+    assert 1e-4 < magnetics.constant_inductance_H < 2e-3
+    assert abs(magnetics.constant_flux_linkage_Wb) < 0.1
+    assert candidate.misfit.flux_linkage_share < 0.02
+    inductance = magnetics.inductance(ranked.rows.distance, ranked.rows.current)
+    assert 0.0 < inductance.min() < inductance.max() < 4e-3
+
+
+def test_the_law_that_is_written_is_the_one_that_was_ranked(ranked, tmp_path):
+    write_model(ranked.model, tmp_path / "m.json")
+    assert misfit_to_rows(read_model(tmp_path / "m.json"), ranked.rows) == ranked.misfit
+    best = ranked.ranking.recommended
+    assert ranked.misfit.force_rms_N == pytest.approx(best.misfit.force_rms_N, rel=1e-9)
+    assert ranked.model.magnetics.law_name == best.law.name
+    facts = json.loads(json.dumps(ranked.to_dict(), allow_nan=False))["ranking"]
+    assert facts["recommended"] == best.law.name
+    lines = str(ranked).splitlines()
+    assert len(lines) < 30
+    heads = next(k for k, line in enumerate(lines) if line.split()[:3] == ["law", "ranked", "by"])
+    cells = [line.split() for line in lines[heads + 1 :] if "not fitted" not in line]
+    assert [row[0] for row in cells] == [c["law"] for c in facts["candidates"] if c["rms"] is not None]
+    assert all(float(row[1]) == max(float(row[2]), float(row[3])) for row in cells)
+
+
+def test_a_coefficient_says_whether_the_table_determines_it(disk, tmp_path):
+    result = fit_model(full_table(), law="inverse-powers")
+    intervals = result.law.interval.block
+    undetermined = np.sum((intervals[:, 0] < 0.0) & (intervals[:, 1] > 0.0))
+    assert str(result).count("not determined by this table") == undetermined > 0
+    write_model(disk.model, tmp_path / "model.json")
+    again = read_model(tmp_path / "model.json")
+    np.testing.assert_array_equal(again.covariance, disk.model.covariance)
+    coefficient = again.magnetics.coefficients[0]
+    assert coefficient.ci95[0] < coefficient.value < coefficient.ci95[1]
+    assert coefficient.unit == "N m^4"
+    options = {"functions": ("constant", "through-origin"), "bounds": {"d^-2": (0.0, 1.4e-5)}}
+    first, second = fit_model(full_table(), law="F1e", **options).model.magnetics.coefficients
+    # m i <= 1.4e-5 up to 1.4 A is m <= 1e-5
+    assert second.value == second.bounds[1] == pytest.approx(1e-5)
+    assert (second.active, second.ci95, second.unit) == ("upper", None, "N m^2 A^-1")
+    assert first.active == ""
+    assert first.ci95[0] < first.value < first.ci95[1]
+
+
+def test_the_motional_constant_is_stated_over_the_whole_domain_and_not_at_the_swept_points_alone():
+    def force(d, i):
+        return 1.5e-3 / d * i / (1.0 + (i / 1.5) ** 2)  # rises most steeply at 0 A, between two currents
+
+    fit = fit_model(force_table(force, currents=np.linspace(-4.0, 4.0, 8)))
+    d = np.linspace(0.015, 0.045, 301)
+    at_rest = fit.model.magnetics.motional_constant(d, np.zeros_like(d)).max()
+    assert at_rest > 1.1 * fit.model.magnetics.motional_constant(fit.rows.distance, fit.rows.current).max()
+    printed = re.search(r"motional constant dF/di \S+ to (\S+) N/A", str(fit))
+    assert float(printed[1]) == pytest.approx(at_rest, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("newtons", "words"),
-    [
-        (2.706e-6, "2.71 µN rms"),
-        (0.0125, "12.5 mN rms"),
-        (2.99, "2.99 N rms"),
-        (3659.0, "3.66 kN rms"),
-        (0.0, "0 N rms"),
-    ],
+    ("newtons", "words"), [(2.706e-6, "2.71 µN rms"), (2.99, "2.99 N rms"), (3659.0, "3.66 kN rms"), (0.0, "0 N rms")]
 )
 def test_forces_are_printed_in_the_unit_of_their_size(newtons, words):
     (line,) = misfit_lines(Misfit(newtons, newtons, 1e-3, None, None, None, 36, "sweep"))
     assert words in line
     assert "weight" not in line
+
+
+# Several circuits
+
+
+def test_circuits_domain_and_sensors_of_several_are_those_of_the_drawing():
+    laser = {"kind": "position", "name": "gap", "noise": 1e-6, "distances_m": [0, 1], "readings": [0, 1], "unit": "m"}
+    shunt = {"kind": "current", "name": "shunt", "noise": 1e-3, "circuit": "upper"}
+    amplifier = {"kind": "current", "minimum": -1.0, "maximum": 2.0, "bandwidth_Hz": 500.0}
+    early = {"name": "upper", "resistance_ohm": 1.2, "drive": amplifier}  # an entry without the supply behind it
+    entry = {**ENTRY, "circuits": [CIRCUITS[0], early], "sensors": [laser, shunt]}
+    model = fit_model(table_of(entry={**entry, "supply_V": [-12.0, 48.0]})).model
+    assert [(sensor.name, getattr(sensor, "circuit", None)) for sensor in model.other_sensors] == [
+        ("gap", None), ("shunt", "upper"),
+    ]  # fmt: skip
+    upper = model.circuits[1]
+    assert (upper.voltage_min_V, upper.voltage_max_V) == (-12.0, 48.0)
+    assert (upper.drive.kind, upper.drive.current_max_A, upper.drive.bandwidth_Hz) == ("current", 2.0, 500.0)
+    unknown = fit_model(table_of(entry=entry))
+    assert unknown.model.circuits == ()
+    assert "upper" in unknown.notes[0]
+    fit = fit_of("bearing")
+    assert [circuit.name for circuit in fit.model.circuits] == list(NAMES)
+    assert fit.model.circuits[1].drive.diode_V == 0.7
+    np.testing.assert_allclose(fit_of("bearing from one side").model.validity.current_limits_A, [[-2.0, 2.0]] * 2)
+    assert "lower -2 to 2 A" in str(fit)
+    few = fit_model(table_of(distances=np.linspace(0.4e-3, 0.6e-3, 5), currents=(-2.0, 2.0)))
+    assert all("with distances left out it misses" in str(one) for one in (few, fit))
+
+
+def test_one_circuit_keeps_its_name_and_what_is_in_series():
+    """A coil pair in series: the first circuit's own columns of the bearing, the other without current."""
+    d, i = grid(DISTANCES, (-2.0, 0.0, 2.0), (0.0,))
+    columns = {"current_A": i[:, 0], "distance_m": d, "force_N": TRUTH.force(d, i)}
+    columns |= {"flux_linkage_Wb": TRUTH.flux_linkage(d, i)[:, 0], "status": "ok"}
+    entry = {"name": "pair", "mass_kg": 0.5, "circuits": [{**CIRCUITS[1], "name": "pair"}]}
+    entry |= {"resistance_ohm": 1.2, "voltage_min_V": 0.0, "voltage_max_V": 24.0}
+    model = fit_model(SweepTable(pd.DataFrame(columns), {"actuator": entry})).model
+    assert (model.circuit.name, model.circuit.inductance_H, model.circuit.drive.diode_V) == ("pair", 1e-3, 0.7)
+
+
+def test_a_model_of_several_takes_currents_of_each_and_refuses_what_needs_one():
+    model, d = fit_of("bearing").model, np.linspace(0.3e-3, 0.7e-3, 4)
+    assert model.force(d, [0.5, -0.5]).shape == (4,)
+    assert model.flux_linkage(d[:, None], np.zeros((4, 3, 2))).shape == (4, 3, 2)
+    assert model.inductance(0.5e-3, [0.0, 0.0]).shape == (2, 2)
+    for current, words in (([0.0, 3.0], r"-2\.\.2 A, -2\.\.2 A.*3 A"), (1.0, r"shape \(\.\.\., 2\)")):
+        with pytest.raises(DomainError, match=words):
+            model.force(0.5e-3, current)
+    for call in (model.require_circuit, lambda: model.magnetics.coenergy_derivatives(0.5e-3, 0.0, ((0, 0),))):
+        with pytest.raises(MissingPartError, match="lower, upper"):
+            call()
+
+
+def test_damaged_files_of_several_circuits_are_refused_by_their_key_and_early_ones_are_read():
+    model, tensor = fit_of("bearing").model, model_to_dict(fit_of("two circuits that saturate").model)
+    data = json.loads(json.dumps(model_to_dict(model)))
+    first, further = data["circuits"]
+    early = {key: value for key, value in data.items() if key != "circuits"} | {"schema": 2}
+    assert model_from_dict(early | {"circuit": first, "further_circuits": [further]}).circuits == model.circuits
+    coil = model_to_dict(fit_of("voice coil").model)
+    coil["magnetics"] |= {"coordinate": "inverse_distance", "distance_shift_m": 0.0}
+    tensor["magnetics"]["circuits"][1]["degree"] = 3
+    for damaged, words in (
+        (data | {"circuits": data["circuits"][:1]}, "as many circuits"),
+        (data | {"magnetics": data["magnetics"] | {"coefficients": [[0.0]]}}, r"magnetics\.coefficients"),
+        (tensor, "knots_A"),
+        (coil, "must be finite in the validity domain"),
+    ):
+        with pytest.raises(ModelFileError, match=words):
+            model_from_dict(damaged)
+
+
+def test_signs_that_were_not_swept_together_are_outside_and_said():
+    fit, every = steel_fit(ONE_SIDE, ONE_SIDE), steel_fit(ONE_SIDE, BOTH_SIDES).model.validity
+    assert fit.model.force(0.5e-3, [-1.0, -2.0]) == pytest.approx(fit.model.force(0.5e-3, [1.0, 2.0]), abs=1e-9)
+    with pytest.raises(DomainError, match="reversed"):
+        fit.model.force(0.5e-3, [1.0, -1.0])
+    assert fit.model.validity.mirrored
+    assert sum("both sides of 0 A" in note for note in fit.notes) == 1
+    assert not any("too coarse" in note for note in fit.notes)
+    np.testing.assert_array_equal(every.current_limits_A, [[-3.0, 3.0], [-3.0, 3.0]])
+    assert not every.mirrored
+    one_sided = fit_model(Saturating().table(currents=(0.0, 0.5, 1.0, 1.5, 2.0)))
+    assert one_sided.model.validity.current_limits_A.min() == 0.0
+    (note,) = (note for note in one_sided.notes if "one side of 0 A" in note)
+    assert f"currents of {NAMES[0]} to one side" in note  # the other one's driver has a diode
+    both = fit_of("two circuits that saturate")
+    assert not any("one side of 0 A" in note for note in both.notes)
+
+
+def test_a_circuit_beyond_its_currents_keeps_its_inductance_as_far_as_it_is_positive():
+    model, d = fit_of("two circuits that saturate").model, np.linspace(0.25e-3, 0.75e-3, 7)
+    at_the_end = model.magnetics.inductance(d, np.array([2.0, 0.7]))[:, 0, 0]
+    assert at_the_end.min() > 0.0
+    np.testing.assert_allclose(model.magnetics.inductance(d, np.array([9.0, 0.7]))[:, 0, 0], at_the_end, rtol=1e-9)
+
+    def motion(volts):
+        command = dict.fromkeys(NAMES, volts)
+        return simulate(model, voltage_V=command, start_m=0.5e-3, duration_s=2e-3, outside="extrapolate")
+
+    assert motion(3.5).end_s == 2e-3
+    with pytest.raises(SimulationError, match="Keep it within the validity domain"):
+        motion(24.0)
+
+
+def test_more_turns_of_one_circuit_are_more_of_its_current_in_the_one_coenergy():
+    """W'(d, 1.1 i_1, i_2): force of the scaled current, 1.1 times its flux; a remanence has no part."""
+    model, turns = fit_of("two circuits that saturate").model, effect_by_name("turns:lower")
+    changed, d = with_effects(model, [AddedEffect(turns, {"turns_error": 0.1})]), np.linspace(0.3e-3, 0.7e-3, 5)
+    i = np.tile([0.8, -0.4], (5, 1))
+    scaled = i * [1.1, 1.0]
+    np.testing.assert_allclose(changed.magnetics.force(d, i), model.magnetics.force(d, scaled), rtol=1e-9)
+    linked = model.magnetics.flux_linkage(d, scaled) * [1.1, 1.0]
+    np.testing.assert_allclose(changed.magnetics.flux_linkage(d, i), linked, rtol=1e-9)
+    with pytest.raises(MissingPartError, match="remanence"):
+        with_effects(model, [AddedEffect(effect_by_name("remanence"), {"remanence_error": 0.1})])
+
+
+def test_points_that_failed_are_counted_and_left_out():
+    table = Saturating().table()
+    fit = fit_model(replace(table, rows=table.rows.drop(index=[0, 40]).reset_index(drop=True)))
+    (note,) = (note for note in fit.notes if "points of the grid" in note)
+    assert note.startswith(f"2 of the {len(table.rows)} ")
+    complete = fit_of("two circuits that saturate")
+    d, i = complete.rows.points
+    missed = fit.model.magnetics.force(d, i) - complete.rows.force
+    assert np.sqrt(np.mean(missed**2)) < 5e-3 * complete.rows.rms_force
+
+
+def test_a_winding_of_few_turns_is_judged_by_its_own_flux_linkage():
+    table = Saturating().table()
+    few = {f"current_{NAMES[1]}_A": 50.0, f"flux_linkage_{NAMES[1]}_Wb": 1.0 / 50.0}
+    few = {name: table.rows[name] * factor for name, factor in few.items()}
+    fair = fit_model(replace(table, rows=table.rows.assign(**few))).circuits
+    assert fair.share == pytest.approx(fit_of("two circuits that saturate").circuits.share, rel=0.2)

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import FitError, UsageError
-from femfit.fit import bounded_qp
+from femfit.core.errors import UsageError
 from femfit.fit.constants import TARGET
 from femfit.fit.law_columns import default_bounds
 from femfit.fit.law_fit import fit_law, law_sigma
@@ -32,21 +31,6 @@ def noisy_rows(noise):
     table = force_table(paper_force)
     table.rows["force_N"] += noise(table.rows)
     return rows_of_table(table, MASS, G)
-
-
-def test_a_law_that_does_not_converge_leaves_the_ranking_to_the_others(paper_rows, monkeypatch):
-    right = bounded_qp.nnls
-
-    def only_for_f1e(matrix, values, maxiter=None):
-        if matrix.shape[1] > 7:  # F2E's bounds and inequalities are eight
-            raise RuntimeError("Maximum number of iterations reached.")
-        return right(matrix, values, maxiter=maxiter)
-
-    monkeypatch.setattr(bounded_qp, "nnls", only_for_f1e)
-    ranking = rank_laws((F1E, F2E), paper_rows)
-    assert ranking.recommended.law is F1E
-    (failed,) = (one for one in ranking.candidates if one.fit is None)
-    assert failed.law is F2E
 
 
 def test_two_stages_and_joint_fit_agree_on_exact_data(paper_rows):
@@ -143,16 +127,6 @@ def test_ranking_of_a_closed_form_reaches_half_a_percent_within_sixty_operations
     assert errors == sorted(errors)
 
 
-def test_a_law_that_the_data_do_not_determine_is_listed_with_the_reason(paper_rows):
-    twice = replace(F1E, name="twice", columns=lambda d, _: np.stack([d**-4.0, d**-4.0], axis=-1))
-    ranking = rank_laws((twice, F1E), paper_rows)
-    assert ranking.recommended.law is F1E
-    assert ranking.candidates[-1].fit is None
-    assert "do not determine d^-4" in ranking.candidates[-1].failure
-    with pytest.raises(FitError, match=r"No law could be fitted\. twice: The data do not determine"):
-        rank_laws((twice,), paper_rows)
-
-
 def test_folds_leave_out_every_inner_row_and_keep_the_ends(paper_rows):
     folds = ranking_folds(paper_rows)
     distances, currents = paper_rows.distances, paper_rows.currents
@@ -211,28 +185,6 @@ def test_errors_are_parts_of_the_rms_force_where_the_part_cannot_hang():
     rms = np.sqrt(np.mean(rows.force**2))
     f2e = next(c for c in ranking.candidates if c.law is F2E)
     assert f2e.rms == pytest.approx(np.sqrt(np.mean(f2e.fit.joint.residual**2)) / rms)
-
-
-def test_a_law_of_another_package_that_fails_is_a_row_with_its_reason(paper_rows):
-    def columns(distance, _shape):
-        raise ValueError("distances above 40 mm are not supported")
-
-    def nothing(distance, _shape):
-        return np.stack([1.0 / (distance - distance[0]), distance], axis=-1)
-
-    broken = replace(F1E, name="broken", columns=columns)
-    with np.errstate(divide="ignore"):
-        ranking = rank_laws((broken, replace(F1E, name="pole", columns=nothing), F1E), paper_rows)
-    assert ranking.recommended.law is F1E
-    reasons = {c.law.name: c.failure for c in ranking.candidates}
-    assert reasons["broken"] == "distances above 40 mm are not supported"
-    assert "finite" in reasons["pole"]
-
-
-def test_what_is_wrong_with_the_table_is_said_once_for_all_laws():
-    rows = rows_of_table(force_table(paper_force, currents=[0.5]), MASS, G)
-    with pytest.raises(FitError, match=r"^No law could be fitted\. Two stages need at least 3 currents[^:]*$"):
-        rank_laws((F1E, F2E), rows)
 
 
 def test_errors_are_parts_of_the_rms_force_where_the_weight_is_next_to_nothing():

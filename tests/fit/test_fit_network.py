@@ -1,51 +1,27 @@
 """The law of plungers that saturate, on sweeps of three devices and against its own closed form."""
 
 import json
-from functools import cache
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from femfit.core.errors import FitError, ModelFileError
+from femfit.core.errors import ModelFileError
 from femfit.fit.build import fit_model
-from femfit.fit.network_fit import fit_network
 from femfit.fit.ranking import rank_laws
-from femfit.fit.rows import rows_of_table
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.network_magnetics import OPERATIONS, NetworkMagnetics
-from femfit.tables.sweep_table import SweepTable
 from support.counting import Counting
-
-SWEEPS = pd.read_csv(Path(__file__).with_name("saturating_plungers.csv"), comment="#")
-DEVICES = ("push", "pull", "relay")
-ENTRY = {"name": "plunger", "mass_kg": 0.03, "resistance_ohm": 15.0, "voltage_min_V": 0.0, "voltage_max_V": 12.0}
-
-
-def table_of(device):
-    rows = SWEEPS[SWEEPS["device"] == device].drop(columns="device")
-    rows = rows.assign(distance_m=1e-3 * rows["distance_mm"], status="ok").drop(columns="distance_mm")
-    return SweepTable(rows.reset_index(drop=True), {"actuator": ENTRY})
-
-
-def rows_of(device):
-    return rows_of_table(table_of(device), None, 9.80665)
-
-
-@cache
-def network_of(device):
-    return fit_network(rows_of(device))
+from support.plungers import DEVICES, network_of, plunger_table
 
 
 @pytest.fixture(params=DEVICES)
 def fitted(request):
-    return request.param, rows_of(request.param), network_of(request.param)
+    return network_of(request.param)
 
 
 def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
-    _, rows, fit = fitted
+    rows, fit = fitted
     assert fit.fitted < 0.02
     table = rows.linked[:, 0]
     flux = fit.magnetics.flux_linkage(rows.distance, rows.current) - table
@@ -53,15 +29,15 @@ def test_force_of_a_saturating_plunger_is_met_within_two_percent(fitted):
 
 
 def test_inductance_is_positive_where_it_was_fitted(fitted):
-    _, rows, fit = fitted
+    rows, fit = fitted
     d = np.linspace(rows.distances[0], rows.distances[-1], 40)[:, None]
     i = np.linspace(0.0, rows.currents[-1], 40)
     assert np.min(fit.magnetics.inductance(d, i)) > 0.0
 
 
 def test_it_is_better_than_every_law_of_columns():
-    ranking = rank_laws(BUILT_IN, rows_of("push"))
-    assert network_of("push").left_out < ranking.recommended.error
+    rows, fit = network_of("push")
+    assert fit.left_out < rank_laws(BUILT_IN, rows).recommended.error
 
 
 LAW = NetworkMagnetics(3e-3, 0.4e-3, (2.0, 0.26, -0.02, 0.03), (0.22, 0.016), 0.05, (-0.01, -0.01))
@@ -109,7 +85,7 @@ def test_operation_count_is_what_one_force_does():
 
 
 def test_the_model_keeps_the_law_and_says_its_misfit():
-    fit = fit_model(table_of("pull"), law="reluctance-network")
+    fit = fit_model(plunger_table("pull"), law="reluctance-network")
     assert fit.misfit.force_share < 0.02
     assert "reluctance-network" in str(fit)
     again = model_from_dict(json.loads(json.dumps(model_to_dict(fit.model))))
@@ -123,21 +99,7 @@ def test_the_model_keeps_the_law_and_says_its_misfit():
 
 
 def test_all_takes_the_network_where_no_law_of_columns_is_good():
-    fit = fit_model(table_of("pull"), law="all")
+    fit = fit_model(plunger_table("pull"), law="all")
     assert fit.law is None
     assert isinstance(fit.model.magnetics, NetworkMagnetics)
     assert fit.to_dict()["model"] == "reluctance-network"
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda rows: rows.assign(flux_linkage_Wb=np.nan), "must have flux_linkage_Wb"),
-        (lambda rows: rows[rows["current_A"] > 0.5], "3 currents beside zero"),
-        (lambda rows: pd.concat([rows, rows.iloc[:8].assign(current_A=0.0)]), "plungers without a magnet"),
-    ],
-)
-def test_tables_of_other_devices_are_refused_with_the_reason(change, message):
-    table = table_of("push")
-    with pytest.raises(FitError, match=message):
-        fit_model(SweepTable(change(table.rows).reset_index(drop=True), table.manifest), law="reluctance-network")

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.core.errors import FitError
 from femfit.fit.law_columns import CoefficientBounds, term_bounds
 from femfit.fit.rows import rows_of_table
 from femfit.fit.two_stage import fit_coefficient_function, fit_each_current, fit_functions
@@ -94,12 +93,6 @@ def test_j_1_is_the_unweighted_sum_of_squares():
     plain = np.linalg.lstsq(columns / np.linalg.norm(columns, axis=0), misfit, rcond=None)[1][0]
     # Bounds are inactive from 0.2 A on, where the residual is that of plain least squares.
     np.testing.assert_allclose(stage.residual_sums[1:], plain, rtol=1e-6)
-
-
-def test_one_current_is_refused_with_what_to_do():
-    rows = rows_of_table(force_table(paper_force, currents=[0.2]), None, 9.80665)
-    with pytest.raises(FitError, match=r"at least 3 currents.*the table holds 1 \(0.2 A\)\. Sweep or import more"):
-        fit_each_current(F1E, {}, rows, np.full(len(rows.force), 1e-3), NONNEGATIVE)
 
 
 def test_bounds_at_every_current_become_a_box_where_one_term_makes_up_the_coefficient():
