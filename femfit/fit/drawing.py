@@ -65,17 +65,8 @@ def drawn_effects(
 
 def drawn_effect(number: NumberFacts, terms: tuple[FieldTerm, ...], *, at_rest: bool = False) -> DrawnEffect:
     """A number with what it changes."""
-    return DrawnEffect(
-        number.key,
-        number.also,
-        number.subject,
-        number.value,
-        number.unit,
-        number.tolerance,
-        terms,
-        at_rest=at_rest,
-        stands_for=number.stands_for,
-    )
+    names = "key", "also", "subject", "value", "unit", "tolerance", "stands_for"
+    return DrawnEffect(**{name: getattr(number, name) for name in names}, terms=terms, at_rest=at_rest)
 
 
 def _aligned(signatures: Signatures, rows: FitRows) -> tuple[BoolArray, FloatArray]:

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 from femfit.core.errors import FitError, UsageError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.core.text import counted
-from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, non_negative, solve_bounded_qp
+from femfit.fit.bounded_qp import QPSolution, non_negative
 from femfit.fit.constants import JACKKNIFE_BLOCKS, NEGLIGIBLE, STEPS
 from femfit.fit.law_columns import (
     FUNCTIONS,
@@ -172,7 +172,7 @@ def fit_law(
     chosen = tuple(function.name for function in stage_two)
     matrix = design_matrix(law, shape, chosen, rows.distance, rows.current)
     limits = term_bounds(chosen, law.basis, rows.currents, bounds)
-    joint = solve_bounded_qp(matrix, rows.force, sigma, limits.lower, limits.upper, limits.inequalities, limits.names)
+    joint = limits.solve(matrix, rows.force, sigma)
     interval, shape_interval = _intervals(law, shape, chosen, rows, limits, joint)
     return LawFit(
         law=law,
@@ -217,8 +217,7 @@ def refit(
     fitted, sigma = rows.take(subset), law_sigma(rows)[subset]
     refitted = fit_shape(law, fitted, sigma, shape)
     matrix = design_matrix(law, refitted, functions, fitted.distance, fitted.current)
-    sides = limits.lower, limits.upper, limits.inequalities
-    return refitted, active_set_least_squares(matrix, fitted.force, sigma, *sides)
+    return refitted, limits.refit(matrix, fitted.force, sigma)
 
 
 def _intervals(

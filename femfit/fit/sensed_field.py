@@ -22,7 +22,7 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.core.sweep_columns import PICKUP_COLUMN
 from femfit.core.text import amount
-from femfit.fit.basis import clamped_knots, row_products
+from femfit.fit.basis import clamped_knots, left_by_currents, row_products
 from femfit.fit.bounded_qp import solve_bounded_qp
 from femfit.fit.coenergy_choice import Along, choose_along_distance, distance_coordinates
 from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HALL_TARGET, HELD_OUT_TARGET, U_DEGREE
@@ -105,7 +105,7 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
             f"{what} needs two currents or more of each circuit; circuit {constant[0]} has one. Sweep another."
         )
     linear = _Currents(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes), True)
-    missed = _not_linear(rows, linear)
+    missed = rms(left_by_currents(linear.columns(rows.currents), rows.values, rows.distance)) / scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
     tried = [linear] if missed <= HELD_OUT_TARGET else [_splines(axes), *([linear] if missed < COARSE else [])]
     for currents in tried:
@@ -142,18 +142,6 @@ def _splines(axes: list[FloatArray]) -> _Currents:
         inner = axis[2:-2] if degree == CURRENT_DEGREE else axis[:0]
         knots.append(np.concatenate([np.repeat(axis[0], degree + 1), inner, np.repeat(axis[-1], degree + 1)]))
     return _Currents(tuple(knots), degrees, False)
-
-
-def _not_linear(rows: SensedRows, linear: _Currents) -> float:
-    """What lines in the currents miss at a distance by itself, rms over the range."""
-    columns, errors = linear.columns(rows.currents), np.zeros_like(rows.values)
-    for d in rows.distances:
-        at_distance = rows.distance == d
-        errors[at_distance] = (
-            columns[at_distance] @ np.linalg.lstsq(columns[at_distance], rows.values[at_distance], rcond=None)[0]
-            - rows.values[at_distance]
-        )
-    return rms(errors) / (float(np.ptp(rows.values)) or 1.0)
 
 
 def _left_out(along: Along, rows: SensedRows, columns: FloatArray) -> float:

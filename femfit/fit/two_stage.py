@@ -16,7 +16,7 @@ import numpy as np
 
 from femfit.core.errors import FitError, InfeasibleFitError
 from femfit.core.numerics import FloatArray
-from femfit.fit.bounded_qp import QPSolution, active_set_least_squares, solve_bounded_qp
+from femfit.fit.bounded_qp import QPSolution, solve_bounded_qp
 from femfit.fit.constants import FEWEST_CURRENTS
 from femfit.fit.law_columns import FUNCTIONS, CoefficientBounds, term_bounds
 from femfit.fit.rows import FitRows
@@ -99,15 +99,7 @@ def fit_coefficient_function(
     solver_noise = 1e-7 * float(np.sqrt(np.mean(values**2)))
     chosen = name or _simplest(squares, max(negligible, solver_noise))
     limits = term_bounds([chosen], [label], currents, bounds)
-    solution = solve_bounded_qp(
-        _monomials(chosen, currents),
-        values,
-        np.ones(len(values)),
-        limits.lower,
-        limits.upper,
-        limits.inequalities,
-        limits.names,
-    )
+    solution = limits.solve(_monomials(chosen, currents), values, np.ones(len(values)))
     return CoefficientFunction(
         name=chosen,
         values=solution.x,
@@ -132,14 +124,7 @@ def _held_out_squares(currents: FloatArray, values: FloatArray, bounds: Coeffici
             for out in range(len(currents)):
                 fitted = np.arange(len(currents)) != out
                 limits = term_bounds([name], ["c"], currents[fitted], bounds)
-                x = active_set_least_squares(
-                    monomials[fitted],
-                    values[fitted],
-                    np.ones(len(currents) - 1),
-                    limits.lower,
-                    limits.upper,
-                    limits.inequalities,
-                )
+                x = limits.refit(monomials[fitted], values[fitted], np.ones(len(currents) - 1))
                 errors.append(float(monomials[out] @ x - values[out]))
         except InfeasibleFitError:
             continue

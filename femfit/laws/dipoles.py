@@ -20,24 +20,17 @@ The loop's field on its axis is proportional to (s^2 + R^2)^(-3/2), and the forc
 """
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.laws.law import ForceLaw, ShapeParameter
+from femfit.laws.law import ForceLaw, ShapeParameter, gradient_of_powers, potential_of_powers
 
 
 def _columns(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
     square = 1.0 / (distance * distance)
     return np.stack([square * square], axis=-1)
-
-
-def _gradient(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([-4.0 * distance**-5.0], axis=-1)
-
-
-def _potential(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([distance**-3.0 / 3.0], axis=-1)
 
 
 F2E = ForceLaw(
@@ -46,8 +39,8 @@ F2E = ForceLaw(
     basis=("d^-4",),
     coefficient_units=("N m^4",),
     columns=_columns,
-    gradient_columns=_gradient,
-    potential_columns=_potential,
+    gradient_columns=partial(gradient_of_powers, ((4.0, ""),)),
+    potential_columns=partial(potential_of_powers, ((4.0, ""),)),
     column_operations=3,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (6)",
     nonnegative=(True,),
@@ -60,22 +53,14 @@ def _columns_of_f1e(distance: FloatArray, _shape: Mapping[str, float]) -> FloatA
     return np.stack([square * square, square], axis=-1)
 
 
-def _gradient_of_f1e(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([-4.0 * distance**-5.0, -2.0 * distance**-3.0], axis=-1)
-
-
-def _potential_of_f1e(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([distance**-3.0 / 3.0, 1.0 / distance], axis=-1)
-
-
 F1E = ForceLaw(
     name="F1e",
     formula="a d^-4 + b d^-2",
     basis=("d^-4", "d^-2"),
     coefficient_units=("N m^4", "N m^2"),
     columns=_columns_of_f1e,
-    gradient_columns=_gradient_of_f1e,
-    potential_columns=_potential_of_f1e,
+    gradient_columns=partial(gradient_of_powers, ((4.0, ""), (2.0, ""))),
+    potential_columns=partial(potential_of_powers, ((4.0, ""), (2.0, ""))),
     column_operations=3,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5)",
     nonnegative=(True, True),
@@ -88,24 +73,14 @@ def _columns_of_shifted_f1e(distance: FloatArray, shape: Mapping[str, float]) ->
     return np.stack([square * square, 1.0 / (second * second)], axis=-1)
 
 
-def _gradient_of_shifted_f1e(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    return np.stack([-4.0 * first**-5.0, -2.0 * second**-3.0], axis=-1)
-
-
-def _potential_of_shifted_f1e(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    return np.stack([first**-3.0 / 3.0, 1.0 / second], axis=-1)
-
-
 SHIFTED_F1E = ForceLaw(
     name="shifted-F1e",
     formula="a (d + d1)^-4 + b (d + d2)^-2",
     basis=("(d+d1)^-4", "(d+d2)^-2"),
     coefficient_units=("N m^4", "N m^2"),
     columns=_columns_of_shifted_f1e,
-    gradient_columns=_gradient_of_shifted_f1e,
-    potential_columns=_potential_of_shifted_f1e,
+    gradient_columns=partial(gradient_of_powers, ((4.0, "shift1_m"), (2.0, "shift2_m"))),
+    potential_columns=partial(potential_of_powers, ((4.0, "shift1_m"), (2.0, "shift2_m"))),
     column_operations=7,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5), with shifted origins",
     shape=(
@@ -121,24 +96,14 @@ def _columns_of_two_dipoles(distance: FloatArray, shape: Mapping[str, float]) ->
     return np.stack([square1 * square1, square2 * square2], axis=-1)
 
 
-def _gradient_of_two_dipoles(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    return np.stack([-4.0 * first**-5.0, -4.0 * second**-5.0], axis=-1)
-
-
-def _potential_of_two_dipoles(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    return np.stack([first**-3.0 / 3.0, second**-3.0 / 3.0], axis=-1)
-
-
 TWO_DIPOLES = ForceLaw(
     name="two-dipoles",
     formula="a (d + d1)^-4 + b (d + d2)^-4",
     basis=("(d+d1)^-4", "(d+d2)^-4"),
     coefficient_units=("N m^4", "N m^4"),
     columns=_columns_of_two_dipoles,
-    gradient_columns=_gradient_of_two_dipoles,
-    potential_columns=_potential_of_two_dipoles,
+    gradient_columns=partial(gradient_of_powers, ((4.0, "shift1_m"), (4.0, "shift2_m"))),
+    potential_columns=partial(potential_of_powers, ((4.0, "shift1_m"), (4.0, "shift2_m"))),
     column_operations=8,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 5.7: force between dipoles",
     shape=(

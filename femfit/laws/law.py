@@ -9,6 +9,8 @@ law therefore gives flux linkage, motional constant and inductance as well, and 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from femfit.core.numerics import FloatArray
 
 
@@ -25,6 +27,21 @@ class ShapeParameter:
 
 
 Columns = Callable[[FloatArray, Mapping[str, float]], FloatArray]
+
+Powers = tuple[tuple[float, str], ...]
+"""Columns (d + shift)^-k, each as k and the name of its shift; empty for none."""
+
+
+def gradient_of_powers(powers: Powers, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+    """The slopes of inverse powers; as of :attr:`ForceLaw.gradient_columns`."""
+    shifted = [(k, distance + shape[name] if name else distance) for k, name in powers]
+    return np.stack([-k * s ** (-k - 1.0) for k, s in shifted], axis=-1)
+
+
+def potential_of_powers(powers: Powers, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+    """The integrals of inverse powers; as of :attr:`ForceLaw.potential_columns`."""
+    shifted = [(k, distance + shape[name] if name else distance) for k, name in powers]
+    return np.stack([s ** (1.0 - k) / (k - 1.0) for k, s in shifted], axis=-1)
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,12 @@ A shifted dipole and a rational bell: a (d + d1)^-4 + b (d^2 + R^2)^-2, without 
 """
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.laws.law import ForceLaw, ShapeParameter
+from femfit.laws.law import ForceLaw, ShapeParameter, gradient_of_powers, potential_of_powers
 
 
 def _columns(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
@@ -22,22 +23,14 @@ def _columns(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
     return np.stack([square, square * inverse, fourth, fourth * inverse], axis=-1)
 
 
-def _gradient(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([-k * distance ** (-k - 1.0) for k in (2.0, 3.0, 4.0, 5.0)], axis=-1)
-
-
-def _potential(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([distance ** (1.0 - k) / (k - 1.0) for k in (2.0, 3.0, 4.0, 5.0)], axis=-1)
-
-
 INVERSE_POWERS = ForceLaw(
     name="inverse-powers",
     formula="a d^-2 + b d^-3 + c d^-4 + e d^-5",
     basis=("d^-2", "d^-3", "d^-4", "d^-5"),
     coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
     columns=_columns,
-    gradient_columns=_gradient,
-    potential_columns=_potential,
+    gradient_columns=partial(gradient_of_powers, tuple((k, "") for k in (2.0, 3.0, 4.0, 5.0))),
+    potential_columns=partial(potential_of_powers, tuple((k, "") for k in (2.0, 3.0, 4.0, 5.0))),
     column_operations=5,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
 )
@@ -50,24 +43,14 @@ def _columns_of_shifted_powers(distance: FloatArray, shape: Mapping[str, float])
     return np.stack([square, square * inverse, fourth, fourth * inverse], axis=-1)
 
 
-def _gradient_of_shifted_powers(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    shifted = distance + shape["shift_m"]
-    return np.stack([-k * shifted ** (-k - 1.0) for k in (2.0, 3.0, 4.0, 5.0)], axis=-1)
-
-
-def _potential_of_shifted_powers(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    shifted = distance + shape["shift_m"]
-    return np.stack([shifted ** (1.0 - k) / (k - 1.0) for k in (2.0, 3.0, 4.0, 5.0)], axis=-1)
-
-
 SHIFTED_POWERS = ForceLaw(
     name="shifted-powers",
     formula="a s^-2 + b s^-3 + c s^-4 + e s^-5, s = d + d1",
     basis=("s^-2", "s^-3", "s^-4", "s^-5"),
     coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
     columns=_columns_of_shifted_powers,
-    gradient_columns=_gradient_of_shifted_powers,
-    potential_columns=_potential_of_shifted_powers,
+    gradient_columns=partial(gradient_of_powers, tuple((k, "shift_m") for k in (2.0, 3.0, 4.0, 5.0))),
+    potential_columns=partial(potential_of_powers, tuple((k, "shift_m") for k in (2.0, 3.0, 4.0, 5.0))),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
     shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 5e-3, "depth of the expansion's centre behind the face"),),
@@ -81,24 +64,14 @@ def _columns_of_shifted_multipoles(distance: FloatArray, shape: Mapping[str, flo
     return np.stack([fourth, fourth * inverse, fourth * square], axis=-1)
 
 
-def _gradient_of_shifted_multipoles(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    shifted = distance + shape["shift_m"]
-    return np.stack([-k * shifted ** (-k - 1.0) for k in (4.0, 5.0, 6.0)], axis=-1)
-
-
-def _potential_of_shifted_multipoles(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    shifted = distance + shape["shift_m"]
-    return np.stack([shifted ** (1.0 - k) / (k - 1.0) for k in (4.0, 5.0, 6.0)], axis=-1)
-
-
 SHIFTED_MULTIPOLES = ForceLaw(
     name="shifted-multipoles",
     formula="a s^-4 + b s^-5 + c s^-6, s = d + d1",
     basis=("s^-4", "s^-5", "s^-6"),
     coefficient_units=("N m^4", "N m^5", "N m^6"),
     columns=_columns_of_shifted_multipoles,
-    gradient_columns=_gradient_of_shifted_multipoles,
-    potential_columns=_potential_of_shifted_multipoles,
+    gradient_columns=partial(gradient_of_powers, tuple((k, "shift_m") for k in (4.0, 5.0, 6.0))),
+    potential_columns=partial(potential_of_powers, tuple((k, "shift_m") for k in (4.0, 5.0, 6.0))),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
     shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 10e-3, "depth of the multipoles' centre behind the face"),),
