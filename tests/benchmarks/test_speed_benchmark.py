@@ -23,7 +23,6 @@ import femfit as ff
 from femfit.device.drawn_numbers import read_numbers
 from femfit.device.load import read_actuator
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.estimate.holding import holding_current
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
@@ -45,7 +44,7 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.study import closed_loop_study
 from support.actuators import GEOMETRY
-from support.added_effects import usual
+from support.added_effects import added, usual
 from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded
 from support.command import FEMFIT
@@ -146,16 +145,18 @@ def test_a_thousand_loops_of_one_second(levitation_model, observer):
     assert sum(summary.outcomes.values()) == 1000
 
 
-def test_the_closed_loop_study(levitation_model):
-    study, spent = seconds(lambda: closed_loop_study(levitation_model))
-    print(f"\nclosed-loop study: {spent:.1f} s")
-    assert len(study.holds) == 8
+WORK = {
+    "closed-loop study": lambda rig: closed_loop_study(rig).holds,
+    "100 ms of a solenoid with one pull-in": lambda _: ff.simulate(solenoid(), voltage_V=12.0).switchings,
+    "20,000 samples with the search for the noise": lambda _: ff.observe(damped(), logs(20_000, 1, seed=7)[1][0]).noise,
+}
 
 
-def test_the_pull_in_of_a_solenoid():
-    motion, spent = seconds(lambda: ff.simulate(solenoid(), voltage_V=12.0), 3)
-    print(f"\n100 ms of a solenoid with one pull-in: {spent:.3f} s")
-    assert [one.kind for one in motion.switchings] == ["pull_in"]
+@pytest.mark.parametrize("label", WORK)
+def test_whole_commands_of_simulation_and_estimate(label, levitation_model):
+    result, spent = seconds(lambda: WORK[label](levitation_model))
+    print(f"\n{label}: {spent:.2f} s")
+    assert result
 
 
 @pytest.mark.parametrize("name", ["ukf", "ekf"])
@@ -169,17 +170,10 @@ def test_samples_a_second_of_one_filter_over_a_record(name):
     assert found.filters[0].replayed.mean.shape == (len(rows), 3)
 
 
-def test_what_the_search_for_the_noise_adds():
-    record = logs(20_000, 1, seed=7)[1][0]
-    found, spent = seconds(lambda: ff.observe(damped(), record))
-    print(f"\nwith the noise: 20,000 samples in {spent:.1f} s")
-    assert found.noise is not None
-
-
 @pytest.mark.parametrize("bootstrap", [40, 0])
 def test_forty_thousand_samples_with_all_effects(levitation_model, bootstrap):
     model = replace(levitation_model, sample_time_s=1e-3)
-    friction = AddedEffect(effect_by_name("viscous_friction"), {"damping_per_s": 3.0})
+    friction = added("viscous_friction", damping_per_s=3.0)
     record = recorded(closed_loop(model, [friction], runs=10, seconds=4.0, seed=1), runs=range(1, 11))
     result, spent = seconds(lambda: diagnose(model, record, bootstrap=bootstrap), 3)
     scored = sum(not score.note for score in result.ranking)
@@ -203,8 +197,7 @@ def drawn(k):
 def test_a_thousand_rows_with_all_effects_and_twenty_numbers(levitation_model):
     """Asked are 3 s, and 20 s for 40 simulated clean campaigns."""
     model = replace(levitation_model, drawn=tuple(drawn(k) for k in range(20)))
-    saturation = effect_by_name("core_saturation")
-    hidden = [AddedEffect(saturation, saturation.null() | {"mmf_loss_6": 0.02})]
+    hidden = [added("core_saturation", mmf_loss_6=0.02)]
     observations = placed(model, campaign(model, 1, hidden, distances=15, currents=11))
     effects = considered_effects((), (), observations.nominal.drawn)
     result, whole = seconds(lambda: diagnose_observations(model, observations), 3)

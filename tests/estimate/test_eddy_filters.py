@@ -7,8 +7,6 @@ import pytest
 
 from femfit.core.numerics import central_differences
 from femfit.device.electrics import CurrentSensor, Drive
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.estimate import run_filter as fine_steps
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
@@ -16,7 +14,7 @@ from femfit.estimate.levitation import fastest_time_constant, levitation_process
 from femfit.estimate.run_filter import advance, in_fine_steps, substeps, unmoved
 from femfit.model.dynamics import runge_kutta_step, state_scale
 from femfit.model.sensors import predict_sensor, sensor_named
-from femfit.model.with_effects import with_effects
+from support.added_effects import under_effects
 from support.eddies import with_eddies
 from support.halves import cut_in_two
 from support.solenoids import solenoid
@@ -182,9 +180,8 @@ def test_filters_that_are_told_commands_follow_the_driver(levitation_model, driv
 
 
 def test_effects_and_eddy_currents_run_in_one_filter(levitation_model):
-    lag = effect_by_name("eddy_current_lag")
-    chosen = AddedEffect(lag, lag.null() | {"ring_share": 0.1, "time_s": 2e-3})
-    model = with_effects(with_two_sensors(with_eddies(levitation_model)), [chosen])
+    lag = ("eddy_current_lag", {"ring_share": 0.1, "time_s": 2e-3})
+    model = under_effects(with_two_sensors(with_eddies(levitation_model)), lag)
     built = kalman_filter(model, "ukf", sensors=("hall", "shunt"))
     np.linalg.cholesky(built.process.process_covariance)
     at = resting(model)

@@ -65,6 +65,7 @@ def test_the_current_alone_is_followed_through_strokes_much_shorter_than_a_milli
     assert np.sqrt(np.mean((one.replayed.mean[:, 0] - distance) ** 2)) < 0.25 * (FAR - NEAR)
 
 
+@pytest.mark.nightly
 def test_a_current_that_a_suppressor_ends_is_no_unknown_voltage(valve, record):
     one = ff.observe(valve, record, find=False).filters[0]
     current = next(each for each in one.innovations if each.sensor == "current")

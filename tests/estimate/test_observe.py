@@ -164,6 +164,7 @@ def test_where_a_solenoid_rests_without_current_the_current_does_not_tell():
     assert one.replayed.deviation[-1, 0] > 0.5e-3
 
 
+@pytest.mark.nightly
 def test_the_noise_in_the_record_is_found_and_makes_the_filter_consistent(log):
     wrong = damped({"acceleration": 3e-3, "voltage": 0.01, "current": 1e-3, "laser": 1e-5})
     found = ff.observe(wrong, log[1])

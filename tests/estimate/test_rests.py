@@ -113,7 +113,7 @@ def test_a_body_that_a_loop_moves_has_left_no_place_however_wrong_the_model_is(l
     assert "lift-off" not in {one.code for one in found.findings}
 
 
-@pytest.mark.parametrize("with_blocked", [False, True])
+@pytest.mark.parametrize("with_blocked", [True, pytest.param(False, marks=pytest.mark.nightly)])
 def test_compare_agrees_on_switching_with_and_without_blocked_runs(free, blocked, with_blocked):
     """A body that is balanced as free while it is held misses by hundreds of times the noise."""
     comparison = ff.compare(solenoid(), logged([free, *(blocked if with_blocked else ())]))

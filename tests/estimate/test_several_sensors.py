@@ -68,7 +68,7 @@ def test_a_sensor_whose_samples_are_all_missing_is_as_good_as_none(model, kind):
     np.testing.assert_allclose(left.normalised_innovation_squared, right.normalised_innovation_squared, rtol=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+@pytest.mark.parametrize("kind", ["ukf", pytest.param("ekf", marks=pytest.mark.nightly)])
 def test_the_bias_of_a_sensor_is_found_beside_another_that_has_none(model, kind):
     """The current tells the distance, however weakly; the laser is 0.3 mm off."""
     names = ("current", "laser")

@@ -1,5 +1,6 @@
 """A steady current tells the winding's resistance, whatever the filter makes of the record."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -28,10 +29,15 @@ def record(factor, seed=1, mass=1.0):
     return logged([switched([0.0, 0.01, 0.05, 0.07, 0.10], [0.0, 12.0, 0.0, 12.0, 0.0], 0.13, model=plant)], seed)
 
 
+@functools.cache
+def seen_by_the_drawn_model(factor):
+    return ff.observe(solenoid(), record(factor), find=False)
+
+
 @pytest.mark.parametrize("factor", [1.0, WARMER])
 def test_voltage_over_steady_current_is_the_true_resistance_within_its_interval(factor):
     drawn = solenoid().circuit.resistance_ohm
-    seen = ff.observe(solenoid(), record(factor), find=False)
+    seen = seen_by_the_drawn_model(factor)
     (shown,) = seen.resistances
     assert shown.ohm == pytest.approx(factor * drawn, rel=3e-3)
     half = 0.5 * (shown.high_ohm - shown.low_ohm)
@@ -53,7 +59,7 @@ def test_a_resistance_that_accounts_for_little_of_the_misfit_is_not_blamed_for_i
 
 
 def test_a_small_resistance_that_accounts_for_the_misfit_is_said_first():
-    seen = ff.observe(solenoid(), record(1.012), find=False)
+    seen = seen_by_the_drawn_model(1.012)
     assert seen.of_resistance
     assert "1.2 % larger" in str(seen).splitlines()[0]
 
@@ -93,7 +99,7 @@ def test_a_warm_winding_is_the_first_line_and_no_advice_on_the_sensor(tmp_path):
 
 
 def test_a_covariance_that_breaks_down_is_blamed_on_the_reading_that_broke_it():
-    seen = ff.observe(solenoid(), record(1.0), find=False).filters[0]
+    seen = seen_by_the_drawn_model(1.0).filters[0]
     row = 500
     outcome = np.where(np.arange(len(seen.replayed.outcome)) < row, 0, int(FilterOutcome.COVARIANCE_LOST))
     innovation = seen.replayed.innovation.copy()

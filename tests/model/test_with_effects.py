@@ -3,14 +3,12 @@
 import numpy as np
 import pytest
 
-from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect
-from femfit.effects.iron import CORE_SATURATION
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
+from support.added_effects import added
 
-SATURATION = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | {"mmf_loss_3": 0.1, "mmf_loss_6": 0.02})
+SATURATION = added("core_saturation", mmf_loss_3=0.1, mmf_loss_6=0.02)
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +30,7 @@ def test_the_base_jet_is_the_model(levitation_model, points):
 def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, points):
     # dW'/dh of -c g(lambda) is -c g'(lambda) dB/di, by reciprocity of the winding and the test coil; small c: G is g
     d, i = points
-    shares = {"magnet_share": 1.0, "hall_share": 1.0}
-    added = AddedEffect(CORE_SATURATION, CORE_SATURATION.null() | shares | {"mmf_loss_3": 1e-4})
+    saturation = added("core_saturation", magnet_share=1.0, hall_share=1.0, mmf_loss_3=1e-4)
     nominal, base = nominal_of(levitation_model), levitation_model
     expected = (
         -1e-4
@@ -41,7 +38,7 @@ def test_the_changed_hall_field_is_the_flux_of_a_test_coil(levitation_model, poi
         * (base.magnetics.flux_linkage(d, i) / nominal.flux_linkage_Wb) ** 2
         * base.sensor.field.derivatives(d, i)[2]
     )
-    change = with_effects(levitation_model, [added]).sensor.field.field(d, i) - base.sensor.field.field(d, i)
+    change = with_effects(levitation_model, [saturation]).sensor.field.field(d, i) - base.sensor.field.field(d, i)
     np.testing.assert_allclose(change, expected, rtol=1e-3)  # the next order in c
 
 
@@ -51,8 +48,7 @@ def test_no_effects_are_the_base_itself(levitation_model):
 
 def test_readings_pass_the_stages_in_order(levitation_model, points):
     d, i = points
-    stage = AddedEffect(effect_by_name("distance_offset"), {"offset_m": 1e-4})
-    offset = AddedEffect(effect_by_name("hall_offset"), {"offset_V": 0.02})
+    stage, offset = added("distance_offset", offset_m=1e-4), added("hall_offset", offset_V=0.02)
     at = Conditions(nominal_of(levitation_model))
     read = predict_readings(levitation_model, d, i, at, [offset, stage, SATURATION])
     plain = predict_readings(with_effects(levitation_model, [SATURATION]), d + 1e-4, i, at)

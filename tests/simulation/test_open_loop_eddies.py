@@ -7,12 +7,10 @@ import pytest
 
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
-from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.plant import Plant
 from femfit.simulation.profile import Profile
+from support.added_effects import under_effects
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.solenoids import solenoid
@@ -45,10 +43,9 @@ def test_a_solid_solenoid_switches_later_and_the_energy_is_all_there():
 
 def test_effects_beside_eddy_currents_leave_the_motion_where_they_do_nothing():
     model = with_eddies(solenoid(), TIMES)
-    sag = effect_by_name("supply_sag")
     plain, under = (
         simulate(one, voltage_V=12.0, duration_s=0.015).table
-        for one in (model, with_effects(model, [AddedEffect(sag, sag.null())]))
+        for one in (model, under_effects(model, ("supply_sag", {})))
     )
     for name in ("distance_m", "current_A", "force_N"):
         np.testing.assert_allclose(under[name], plain[name], atol=1e-3 * np.abs(plain[name]).max())  # the table's error

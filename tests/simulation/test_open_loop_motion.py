@@ -8,11 +8,11 @@ import pytest
 from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.profile import Profile
+from support.added_effects import usual
 from support.solenoids import LinearInductance, NoField, inductance, solenoid
 
 
@@ -115,9 +115,7 @@ def test_a_solenoid_with_a_constant_slope_moves_as_an_own_quadrature_says():
 def test_without_events_the_motion_is_that_of_the_fixed_step_plant(levitation_model, effect):
     model = replace(levitation_model, circuits=(Circuit(2.69, -3.0, 3.0),))
     if effect:
-        chosen = effect_by_name(effect)
-        usual = {p.name: p.null + 0.2 * (max(p.plausible, key=abs) - p.null) for p in chosen.amplitudes}
-        model = with_effects(model, [AddedEffect(chosen, chosen.null() | usual)])
+        model = with_effects(model, [usual(effect_by_name(effect), 0.2)])
     motion = simulate(model, voltage_V=2.0, start_m=0.022, duration_s=0.02, outside="extrapolate")
     state = np.array([[0.022, 0.0, 0.0, *np.zeros(len(model.memory_names))]])
     for _ in range(200):
@@ -152,10 +150,8 @@ def test_a_body_pressed_on_a_stop_that_gives_way_comes_to_rest_in_it():
 
 
 def test_eddy_currents_delay_the_pull_in_and_take_energy_also_while_the_diode_blocks():
-    chosen = effect_by_name("eddy_current_lag")
-    usual = {p.name: p.null + 0.5 * (max(p.plausible, key=abs) - p.null) for p in chosen.amplitudes}
     bare = solenoid(drive=Drive(diode_V=0.7))
-    lagging = with_effects(bare, [AddedEffect(chosen, chosen.null() | usual)])
+    lagging = with_effects(bare, [usual(effect_by_name("eddy_current_lag"), 0.5)])
     command = Profile("voltage", np.array([0.0, 0.07]), np.array([12.0, 0.0]))
     quick, slow = (simulate(one, drive=command, duration_s=0.12) for one in (bare, lagging))
     assert slow.switchings[0].started_s > quick.switchings[0].started_s

@@ -9,9 +9,10 @@ from scipy.stats import chi2
 
 import femfit as ff
 from femfit.core.errors import FilterError, UsageError
-from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor
 from femfit.simulation.sense import MOVES
 from support.command import femfit
+from support.readings import LASER
 from support.solenoids import solenoid
 
 RUNS = 200
@@ -79,16 +80,14 @@ def test_a_test_frequency_beyond_half_of_the_sampling_rate_is_refused(model):
 
 
 def test_what_a_filter_remembers_of_a_late_sensor_begins_where_the_body_was(model):
-    laser = PositionSensor(
-        name="laser", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", noise=1e-5, delay_s=0.5e-4
-    )
+    laser = replace(LASER, noise=1e-5, delay_s=0.5e-4)
     found = ff.sense(replace(model, other_sensors=(laser,)), sensors=("laser",), runs=100)
     # Half of the reading is what was remembered; a first estimate off by 1 mm must not make it more wrong
     assert found.rms_m[0] < found.claimed_m[0] < 1e-3
 
 
 def test_a_slow_sensor_is_not_read_between_its_readings(model):
-    laser = PositionSensor(name="laser", distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", noise=5e-5)
+    laser = replace(LASER, noise=5e-5)
     slow = replace(laser, sample_time_s=20.0 * model.sample_time_s)
     prompt, seldom = (
         ff.sense(replace(model, other_sensors=(one,)), sensors=("laser",), runs=40).errors[MOVES]

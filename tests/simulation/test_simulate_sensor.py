@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import DomainError
-from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor
 from femfit.model.sensors import sampled_readings, sensor_named
 from femfit.simulation.sensor import (
     History,
@@ -20,6 +20,7 @@ from femfit.simulation.sensor import (
 )
 from support.pickups import STEP_S as PICKUP_STEP_S
 from support.pickups import searched
+from support.readings import LASER
 
 STEP_S = 0.5e-3
 
@@ -107,9 +108,7 @@ def test_blocks_of_runs_share_their_noise(free):
 @pytest.fixture
 def several(levitation_model):
     """Beside the Hall element a laser that is 1.3 samples late and an ammeter that is read at every fourth sample."""
-    laser = PositionSensor(
-        name="laser", distances_m=(0.0, 0.1), readings=(0.0, 0.1), unit="m", noise=1e-6, delay_s=1.3 * STEP_S
-    )
+    laser = replace(LASER, noise=1e-6, delay_s=1.3 * STEP_S)
     ammeter = CurrentSensor(name="ammeter", circuit="coil", sample_time_s=4 * STEP_S, noise=1e-3)
     return replace(levitation_model, other_sensors=(laser, ammeter))
 

@@ -19,6 +19,7 @@ from femfit.simulation.observers import coil_currents
 from femfit.simulation.open_loop import simulate
 from support.bearing import CIRCUITS, ENTRY, table_of
 from support.pickups import SHARE, search_coil
+from support.readings import LASER
 from support.solenoids import solenoid
 
 PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
@@ -26,9 +27,7 @@ PERIOD, NOISE, DISTANCE = 4, 2e-5, 0.026
 
 def design_with(model, noise, period):
     step = model.sample_time_s
-    laser = PositionSensor(
-        name="laser", noise=noise, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m", sample_time_s=period * step
-    )
+    laser = replace(LASER, noise=noise, sample_time_s=period * step)
     return design_loop(replace(model, sensor=None, other_sensors=(laser,), reference_distances_m=(DISTANCE,)))
 
 
@@ -111,7 +110,7 @@ def test_a_sensor_is_read_at_whole_samples_and_a_faster_one_at_each(levitation_m
     assert sensor.period == period
 
 
-LASER = PositionSensor(
+LATE = PositionSensor(
     name="laser", noise=1e-3, distances_m=(0.0, 5e-3), readings=(1.0, 6.0), maximum=4.0, delay_s=1e-3, unit="V"
 )
 STEP_S = 1e-4
@@ -124,7 +123,7 @@ def sensed(*sensors):
 
 
 def test_a_position_sensor_reads_its_characteristic_late_and_within_its_range():
-    table = sensed(LASER)
+    table = sensed(LATE)
     late = np.r_[np.full(10, table["distance_m"][0]), table["distance_m"][:-10]]
     np.testing.assert_allclose(table["position_V"], np.minimum(1.0 + 1e3 * late, 4.0), atol=1e-9)
 
