@@ -293,8 +293,7 @@ def test_an_error_that_is_left_beyond_the_noise_is_said_in_the_verdict(found, ti
     sigma = found.campaign.noise.floor["voltage_V"]
     left = ChannelFall("voltage_V", readings, 3.0, times * sigma, sigma)
     campaign_without_mounts = replace(
-        found.campaign,
-        whitening=replace(found.campaign.whitening, noise=replace(found.campaign.noise, mount_m=0.0)),
+        found.campaign, whitening=replace(found.campaign.whitening, noise=replace(found.campaign.noise, mount_m=0.0))
     )
     one = replace(found, verdict="named", error_fall=ErrorFall((left,)), campaign=campaign_without_mounts)
     assert (f"{times:.3g} times" in verdict_sentence(one)) is said
@@ -370,11 +369,7 @@ def test_the_verdict_says_both_misfits_the_assumed_factor_and_what_to_sweep(levi
     force = next(one for one in compared.channels if one.channel == "force_N")
     assert found.own_misfit
     said = verdict_sentence(found)
-    wanted = [
-        amount(force.rms, "N"),
-        amount(force.model_misfit, "N"),
-        amount(2.0 * force.model_misfit, "N"),
-    ]
+    wanted = [amount(force.rms, "N"), amount(force.model_misfit, "N"), amount(2.0 * force.model_misfit, "N")]
     assert [words for words in wanted if words not in said] == []
     for text in (str(found), str(compared), str(suggest(model, data, found))):
         assert said in text

@@ -313,9 +313,7 @@ def test_what_a_bench_engineer_calibrates_has_its_measurement(name):
     assert effect_by_name(name).calibrations
 
 
-def test_a_plan_of_force_alone_names_what_it_leaves_together_and_what_would_separate_it(
-    levitation_model,
-):
+def test_a_plan_of_force_alone_names_what_it_leaves_together_and_what_would_separate_it(levitation_model):
     report = examine_plan(levitation_model, force_alone(campaign(levitation_model, 25, runs=3, **SMALL)))
     magnet = ("remanence", "magnet_temperature", "magnet_demagnetisation")
     assert {("force_offset", "constant_force"), *combinations(magnet, 2)} <= set(report.together)

@@ -42,7 +42,7 @@ QUICK = {"bootstrap": 0}
 
 
 def disturbed(model, *effects):
-    return recorded(closed_loop(model, effects, seconds=1.2, seed=3))
+    return recorded(closed_loop(model, effects, seconds=2.0, seed=3))
 
 
 def test_balances_of_an_undisturbed_record_close_far_below_what_effects_do(model, loops):

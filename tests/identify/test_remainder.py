@@ -89,8 +89,7 @@ def test_it_is_learnt_where_it_acts_and_to_the_noise(learnt, cause, parts):
 
 
 @pytest.mark.parametrize(
-    ("cause", "text"),
-    [("load cell", "(F / "), ("energy", "i/(1.4 A) exp(-(d - 15 mm) / "), ("screw", "sin(2 pi d / ")],
+    ("cause", "text"), [("load cell", "(F / "), ("energy", "i/(1.4 A) exp(-(d - 15 mm) / "), ("screw", "sin(2 pi d / ")]
 )
 def test_the_short_law_is_that_of_the_cause(learnt, cause, text):
     law = learnt[cause].laws[0]

@@ -270,12 +270,7 @@ READ = [BOTH, SHORT, *(pytest.param(one, marks=pytest.mark.nightly) for one in (
 @pytest.mark.parametrize("names", READ)
 def test_nothing_is_named_of_what_was_read_of_a_device_as_drawn(eddied, tmp_path, names):
     verdicts = [
-        diagnose(
-            eddied,
-            impedance_bench(eddied, tmp_path / "z.csv", names, seed=seed),
-            bootstrap=0,
-            rng=1,
-        ).verdict
+        diagnose(eddied, impedance_bench(eddied, tmp_path / "z.csv", names, seed=seed), bootstrap=0, rng=1).verdict
         for seed in range(4 if "outer" in names else 1)
     ]
     assert set(verdicts) == {"nothing_missing"}
@@ -283,10 +278,7 @@ def test_nothing_is_named_of_what_was_read_of_a_device_as_drawn(eddied, tmp_path
 
 @pytest.mark.parametrize("names", READ)
 def test_a_wrong_conductivity_is_named_from_whatever_was_read(levitation_model, eddied, tmp_path, names):
-    wrong = replace(
-        eddied,
-        eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.08),
-    )
+    wrong = replace(eddied, eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.08))
     assert with_conductivity(levitation_model, 0.08).eddy.resistances_ohm == pytest.approx(wrong.eddy.resistances_ohm)
     found = diagnose(eddied, impedance_bench(wrong, tmp_path / "z.csv", names), bootstrap=0, rng=1)
     assert [one.name for one in found.missing] == [KEY]
@@ -308,10 +300,7 @@ def test_what_is_of_one_circuit_is_named_with_it(eddied, tmp_path, name, size):
 
 def test_a_conductivity_that_was_added_is_kept_and_changes_every_impedance(eddied, tmp_path, points):
     d, i, f = points
-    wrong = replace(
-        eddied,
-        eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.2),
-    )
+    wrong = replace(eddied, eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.2))
     added = add_effects(eddied, impedance_bench(wrong, tmp_path / "z.csv", EACH), [KEY]).model
     write_model(added, tmp_path / "model.json")
     again = read_model(tmp_path / "model.json")
@@ -359,10 +348,7 @@ def test_an_impedance_of_no_known_circuit_is_refused(eddied, tmp_path, column):
 
 def test_advice_for_several_circuits_names_the_frequencies_that_decide(eddied, tmp_path):
     """Far below the eddy currents' frequencies a conductivity changes the inductance as a wrong distance does."""
-    wrong = replace(
-        eddied,
-        eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.1),
-    )
+    wrong = replace(eddied, eddy=replace(eddied.eddy, resistances_ohm=eddied.eddy.resistances_ohm / 1.1))
     low = {"frequencies": (20.0, 30.0, 40.0, 50.0), "distances": 3, "bias": (0.0,)}
     advice = suggest(eddied, impedance_bench(wrong, tmp_path / "z.csv", ("inner",), **low))
     up = next(one for one in advice.suggestions if one.text.endswith("500 Hz") or "500 Hz" in one.text)
@@ -370,11 +356,7 @@ def test_advice_for_several_circuits_names_the_frequencies_that_decide(eddied, t
 
 
 def test_what_no_inductance_gives_is_set_aside_of_a_circuit_whose_name_could_be_that_of_two(eddied, tmp_path):
-    names, magnetics, eddy = (
-        ("coil_1", "coil_2"),
-        eddied.magnetics,
-        eddied.eddy,
-    )
+    names, magnetics, eddy = (("coil_1", "coil_2"), eddied.magnetics, eddied.eddy)
     circuits = tuple(replace(one, name=name) for one, name in zip(eddied.circuits, names, strict=True))
     renamed = replace(
         eddied,
@@ -394,10 +376,7 @@ def test_what_no_inductance_gives_is_set_aside_of_a_circuit_whose_name_could_be_
 
 def test_currents_beyond_those_that_were_swept_are_said(eddied, tmp_path):
     inside, outside = (
-        compare(
-            eddied,
-            impedance_bench(eddied, tmp_path / "z.csv", ("inner",), bias=bias),
-        ).findings
+        compare(eddied, impedance_bench(eddied, tmp_path / "z.csv", ("inner",), bias=bias)).findings
         for bias in ((0.5,), (5.0,))
     )
     assert not any(one.code == "extrapolated" for one in inside)
