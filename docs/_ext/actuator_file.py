@@ -7,9 +7,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 from femfit.device import schema, schema_device
-from femfit.device import schema_device as schema_materials
-from femfit.device import schema_device as schema_solver
-from femfit.device import schema_device as schema_thermal
 from femfit.device.materials import LIBRARY
 
 REFERENCE = Path(__file__).parents[1] / "reference"
@@ -21,9 +18,9 @@ TABLES = (
     (
         "[materials.NAME]",
         "A linear material: a magnet, a ferrite, or steel far from saturation.",
-        schema_materials.MaterialEntry,
+        schema_device.MaterialEntry,
     ),
-    ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema_materials.CurveEntry),
+    ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema_device.CurveEntry),
     ("[fixed.regions.NAME]", "A part that stands still.", schema.RegionEntry),
     ("[coils.NAME]", "A winding.", schema_device.WindingEntry),
     (
@@ -47,16 +44,16 @@ TABLES = (
     ("{ key, factor, offset }", "A key that follows a named parameter.", schema.KeyEntry),
     ("{ min, max, step }", "The range of a Latin hypercube.", schema.SampledEntry),
     ("{ start, stop, step }", "Equally spaced values, both ends included.", schema.RangeEntry),
-    ("[solver]", "How accurate the field solution has to be, and at which frequencies.", schema_solver.SolverEntry),
+    ("[solver]", "How accurate the field solution has to be, and at which frequencies.", schema_device.SolverEntry),
     (
         "{ start, stop, per_decade }",
         "Frequencies equally spaced in their logarithm.",
-        schema_solver.FrequencyRangeEntry,
+        schema_device.FrequencyRangeEntry,
     ),
     (
         "[thermal]",
         "What temperatures depend on beside the drawing: [Find temperatures](../howto/find_temperatures.md).",
-        schema_thermal.ThermalEntry,
+        schema_device.ThermalEntry,
     ),
     ("[reference]", "The closed loop's steps.", schema.ReferenceEntry),
     (
@@ -95,7 +92,7 @@ def _section(name: str, text: str, entry: type[schema.Entry], examples: dict[str
         if "schema" not in value  # another schema's form of a table
     )
     title = f"`{name}`" if name else "The top of the file"
-    heading = f"\n## {title}\n\n" if name != "[materials.NAME]" or entry is schema_materials.MaterialEntry else "\n"
+    heading = f"\n## {title}\n\n" if name != "[materials.NAME]" or entry is schema_device.MaterialEntry else "\n"
     head = "| key | unit | what to give | range | default | example |\n|---|---|---|---|---|---|\n"
     return f"{heading}{text}\n\n{head}{rows}"
 

@@ -2,17 +2,21 @@
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from femfit.device.schema import AXIS_KINDS, Entry
+from femfit.device.schema import AXIS_KINDS, MAX_NAME, NAME_PATTERN, Entry
+from femfit.device.schema_device import NAMED, TABLES
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
 
 _TABLE_TYPES = {"dict_type", "model_type", "model_attributes_type"}
+
+UNCHECKED = ("materials", "mechanics")
+"""Tables in which names may be any text: no column or file is named after what stands there."""
 
 
 def read_table(entry: type[AnyEntry], table: object, path: str, problems: list[str]) -> AnyEntry | None:
@@ -27,7 +31,40 @@ def read_table(entry: type[AnyEntry], table: object, path: str, problems: list[s
         table = {key: value for key, value in table.items() if key not in unknown}
     if _errors(entry, table):
         return None
-    return entry.model_validate(table)
+    read = entry.model_validate(table)
+    faults = [path + fault for fault in read.faults()]
+    problems += faults
+    return None if faults else read
+
+
+def table_at(data: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+    """The table at a key path, empty if there is none."""
+    place: Any = data
+    for key in keys:
+        place = place.get(key) if isinstance(place, dict) else None
+    return place if isinstance(place, dict) else {}
+
+
+def tables_of(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], type[Entry], Any]]:
+    """Place, class and content of each table of a file, whatever is wrong with it."""
+    for pattern, entry in TABLES.items():
+        *above, last = pattern
+        tables = table_at(data, *above)
+        for name in tables if last == NAMED else [last] if last in tables else []:
+            yield (*above, name), entry if isinstance(entry, type) else entry(tables[name]), tables[name]
+
+
+def read_tables(data: Mapping[str, Any], problems: list[str]) -> dict[str, Any]:
+    """The entries of a file by their key paths, without those in which anything is wrong."""
+    read = {}
+    for place, entry, table in tables_of(data):
+        path, name = joined("", *place), place[-1]
+        if place[0] not in UNCHECKED and place[:-1] and not (re.match(NAME_PATTERN, name) and len(name) <= MAX_NAME):
+            problems.append(f"{path} must be named with letters, digits, - and _, beginning with a letter. Rename it.")
+        # One of the top level that is no table is a mistake of that level
+        if len(place) > 1 or isinstance(table, dict):
+            read[path] = read_table(entry, table, path, problems)
+    return {path: entry for path, entry in read.items() if entry is not None}
 
 
 def read_part(entry: type[AnyEntry], table: object) -> AnyEntry | None:
@@ -85,7 +122,9 @@ def _sentence(entry: type[Entry], error: ErrorDetails, path: str) -> str:
     need = re.sub(r"^(Input|String|List) should", "must", error["msg"])
     need = need.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
     need = need.replace(" after validation", "")
-    return f"{where} {need}; it is {_shortened(error['input'])}. {remedy}"
+    words = get_args(fields[str(keys[0])].annotation) if error["type"] == "literal_error" else ()
+    near = did_you_mean(str(error["input"]), map(str, words))
+    return f"{where} {need}; it is {_shortened(error['input'])}.{near} {remedy}"
 
 
 def _shortened(value: object) -> str:

@@ -5,8 +5,9 @@ A grid is a key of the sweep table; it must come out the same on every machine a
 
 from decimal import Decimal
 from itertools import pairwise
+from typing import Any
 
-from femfit.device.schema import MAX_AXIS_POINTS, RangeEntry
+from femfit.device.schema import MAX_AXIS_POINTS, Entry, RangeEntry
 
 LENGTH_EXPONENT = -3
 """Power of ten from mm to m, g to kg and ms to s."""
@@ -18,6 +19,34 @@ MEGA_EXPONENT = 6
 def scaled(value: float, exponent: int = LENGTH_EXPONENT) -> float:
     """The double nearest to value * 10^exponent, the value taken with the digits that print it."""
     return float(Decimal(repr(float(value))).scaleb(exponent))
+
+
+_IN_SI = {"mm": ("m", -3), "ms": ("s", -3), "g": ("kg", -3), "mH": ("H", -3), "MS": ("S", 6), "MJ": ("J", 6)}
+"""SI unit and power of ten of the words in keys that are not in SI units."""
+
+
+def si_key(key: str) -> tuple[str, int]:
+    """Name of a key's value in SI units, and the power of ten to it: ``stiffness_N_per_mm`` is in N/m times 10^3."""
+    words, power = key.split("_"), 0
+    for place, word in enumerate(words[1:], 1):
+        words[place], exponent = _IN_SI.get(word, (word, 0))
+        power += -exponent if words[place - 1] == "per" else exponent
+    return "_".join(words), power
+
+
+def in_si(entry: Entry, *without: str) -> dict[str, Any]:
+    """The values of an entry by their names in SI units, lists as tuples, without some keys."""
+    values = {}
+    for key in type(entry).model_fields.keys() - {*without}:
+        name, power = si_key(key)
+        values[name] = _in_si(getattr(entry, key), power)
+    return values
+
+
+def _in_si(value: Any, power: int) -> Any:
+    if isinstance(value, list):
+        return tuple(_in_si(each, power) for each in value)
+    return scaled(value, power) if power and value is not None else value
 
 
 def axis_values(axis: RangeEntry | list[float], path: str, problems: list[str]) -> tuple[float, ...]:

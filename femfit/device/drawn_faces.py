@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from typing import Any
 
-from femfit.device.complaints import joined, read_part
-from femfit.device.drawing import fixed_key, table_at
+from femfit.device.complaints import joined, read_part, table_at
+from femfit.device.drawing import fixed_key
 from femfit.device.file_numbers import Location, conducts_flux
 from femfit.device.schema import OutlineEntry
 

@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.complaints import joined
+from femfit.device.complaints import joined, table_at
 from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, decimal_sum, scaled
-from femfit.device.drawing import table_at
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import Location, with_value
 from femfit.device.load import actuator_from_tables, parse, read_text

@@ -5,49 +5,16 @@ from collections.abc import Iterator, Mapping
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
-from femfit.device.complaints import joined
-from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, scaled
-from femfit.device.drawing import table_at
+from femfit.device.complaints import joined, table_at, tables_of
+from femfit.device.decimals import scaled, si_key
 from femfit.device.materials import LIBRARY
-from femfit.device.parts import LinearMaterial, NonlinearMaterial
-from femfit.device.schema import (
-    CoilEntry,
-    Entry,
-    HallEntry,
-    MovingEntry,
-    RegionEntry,
-    SupplyEntry,
-)
-from femfit.device.schema_device import (
-    AccelerationSensorEntry,
-    CircuitEntry,
-    CurrentSensorEntry,
-    CurveEntry,
-    ForceSensorEntry,
-    MaterialEntry,
-    MechanicsEntry,
-    PickupCoilEntry,
-    PositionSensorEntry,
-    SpringEntry,
-    StopEntry,
-    WindingEntry,
-    has_curve,
-)
-from femfit.device.thermal import ThermalMaterial
-
-_SECTIONS: dict[str, type[Entry]] = {
-    "coil": CoilEntry, "moving": MovingEntry, "hall": HallEntry, "supply": SupplyEntry, "mechanics": MechanicsEntry,
-}  # fmt: skip
-
-_SENSORS: dict[str, type[Entry]] = {
-    "hall": HallEntry, "current": CurrentSensorEntry, "position": PositionSensorEntry, "pickup_coil": PickupCoilEntry,
-    "acceleration": AccelerationSensorEntry, "force": ForceSensorEntry,
-}  # fmt: skip
+from femfit.device.parts import NonlinearMaterial
+from femfit.device.schema import Entry
+from femfit.device.schema_device import BODIES, has_curve, material_entry
 
 Location = tuple[str | int, ...]
 """Keys and list positions from the top of the file."""
 
-BODIES = ("electromagnet", "fixed", "moving")
 UNITS = (
     "A_per_m", "MS_per_m", "V_per_T", "N_per_mm", "V_per_mm", "N_s_per_m", "m_per_s2", "per_K", "mm", "ms", "mH", "ohm",
     "deg", "Hz", "g", "T", "C", "V", "A", "N",
@@ -133,34 +100,13 @@ def unit_of(name: str) -> str:
 
 
 def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
-    named = table_at(data, "materials")
-    for name, table in named.items():
-        yield from _in_table(CurveEntry if has_curve(table) else MaterialEntry, table, ("materials", name))
-    for name in sorted(_materials_in_use(data) - named.keys()):
+    for place, entry, table in tables_of(data):
+        if not why_no_number(place[0]):
+            yield from _in_table(entry, table, place)
+    for name in sorted(_materials_in_use(data) - table_at(data, "materials").keys()):
         if name in LIBRARY:
-            linear = isinstance(LIBRARY[name].material, LinearMaterial)
-            yield from _in_table(MaterialEntry if linear else CurveEntry, {}, ("materials", name))
-    for body in BODIES:
-        for name, table in table_at(data, body, "regions").items():
-            yield from _in_table(RegionEntry, table, (body, "regions", name))
-    for section, entry in _SECTIONS.items():
-        yield from _in_table(entry, data.get(section), (section,))
-    yield from _in_device(data)
-
-
-def _in_device(data: Mapping[str, Any]) -> Iterator[Location]:
-    """Of coils, circuits, sensors, springs and stops."""
-    for group, entry in (("coils", WindingEntry), ("circuits", CircuitEntry)):
-        for name, table in table_at(data, group).items():
-            yield from _in_table(entry, table, (group, name))
-    for name, table in table_at(data, "sensors").items():
-        kind = table.get("kind") if isinstance(table, dict) else None
-        if isinstance(kind, str) and kind in _SENSORS:
-            yield from _in_table(_SENSORS[kind], table, ("sensors", name))
-    for name, table in table_at(data, "mechanics", "springs").items():
-        yield from _in_table(SpringEntry, table, ("mechanics", "springs", name))
-    for stop in ("near_stop", "far_stop"):
-        yield from _in_table(StopEntry, table_at(data, "mechanics").get(stop), ("mechanics", stop))
+            table = library_table(name)
+            yield from _in_table(material_entry(table), {}, ("materials", name))
 
 
 def _in_table(entry: type[Entry], table: object, path: Location) -> Iterator[Location]:
@@ -196,21 +142,17 @@ def _materials_in_use(data: Mapping[str, Any]) -> set[str]:
 def library_table(name: str) -> dict[str, Any]:
     """A material of the library as an actuator file would write it."""
     material = LIBRARY[name].material
-    conduction = {
-        "conductivity_MS_per_m": scaled(material.conductivity_S_per_m, -MEGA_EXPONENT),
-        "lamination_mm": scaled(material.lamination_m, -LENGTH_EXPONENT),
-    } | _thermal(material.thermal)
     if isinstance(material, NonlinearMaterial):
-        return {"B_T": list(material.flux_density_T), "H_A_per_m": list(material.field_A_per_m), **conduction}
-    properties = ("relative_permeability", "remanence_T", "remanence_coefficient_per_K")
-    return {key: getattr(material, key) for key in properties} | conduction
+        table: dict[str, Any] = {"B_T": list(material.flux_density_T), "H_A_per_m": list(material.field_A_per_m)}
+    else:
+        table = {}
+    values = vars(material) | {_THERMAL.get(key, key): value for key, value in vars(material.thermal).items()}
+    for key in material_entry(table).model_fields:
+        si, power = si_key(key)
+        if values.get(si) is not None:
+            table[key] = scaled(values[si], -power) if power else values[si]
+    return table
 
 
-def _thermal(material: ThermalMaterial) -> dict[str, float]:
-    capacity = material.heat_capacity_J_per_m3_K
-    table = {
-        "thermal_conductivity_W_per_m_K": material.conductivity_W_per_m_K,
-        "heat_capacity_MJ_per_m3_K": capacity and scaled(capacity, -MEGA_EXPONENT),
-        "working_temperature_C": material.working_temperature_C,
-    }
-    return {key: value for key, value in table.items() if value is not None}
+_THERMAL = {"conductivity_W_per_m_K": "thermal_conductivity_W_per_m_K"}
+"""Keys of materials that their fields are not named after."""

@@ -17,9 +17,9 @@ from femfit.device.checks import (
     check_thickness,
     check_zero_heights,
 )
-from femfit.device.complaints import AnyEntry, read_table
-from femfit.device.decimals import scaled
-from femfit.device.drawing import Drawing, fixed_key, read_drawing
+from femfit.device.complaints import read_table, read_tables, table_at
+from femfit.device.decimals import in_si, scaled
+from femfit.device.drawing import Drawing, read_drawing
 from femfit.device.parameter_table import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, Region
 from femfit.device.read_device import (
@@ -28,12 +28,10 @@ from femfit.device.read_device import (
     read_circuits,
     read_coils,
     read_mechanics,
-    read_supply,
 )
 from femfit.device.read_sensors import hall_places, read_sensors
 from femfit.device.read_sweep import eddy_bias, frequencies, read_axes
-from femfit.device.schema import SCHEMA_VERSION, ElectromagnetEntry, FileEntry, MovingEntry, ReferenceEntry
-from femfit.device.schema_device import SolverEntry, ThermalEntry
+from femfit.device.schema import SCHEMA_VERSION, FileEntry, ReferenceEntry
 from femfit.device.thermal import STILL_AIR, Surroundings
 from femfit.device.tolerances import read_tolerances
 
@@ -102,22 +100,18 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         data = {**data, "sweep": design.axes(data)}
     header = read_table(FileEntry, data, "", problems)
     _check_schema(data, problems)
-    _section(ElectromagnetEntry, data, fixed_key(data), problems)
-    body = _section(MovingEntry, data, "moving", problems)
-    solver = _section(SolverEntry, data, "solver", problems)
-    frequencies_Hz = frequencies(solver, problems)
-    thermal = _section(ThermalEntry, data, "thermal", problems)
-    reference = _section(ReferenceEntry, data, "reference", problems)
-    drawing = read_drawing(data, directory or Path(), problems)
-    coils = read_coils(data, drawing, problems)
-    supply = read_supply(data, problems)
-    circuits, coils = read_circuits(data, coils, supply, problems)
-    check_circuit_names([circuit.name for circuit in circuits], problems)
-    eddy_bias_A = eddy_bias(solver, len(circuits), problems)
-    mechanics = read_mechanics(data, body, problems)
-    sensors = read_sensors(data, circuits, problems)
-    axes = read_axes(data, [circuit.name for circuit in circuits], problems)
+    entries = read_tables(_with_mass(data), problems)
+    solver, thermal, reference = (entries.get(key) for key in ("solver", "thermal", "reference"))
+    drawing = read_drawing(data, entries, directory or Path(), problems)
+    coils = read_coils(entries, drawing, problems)
+    circuits, coils = read_circuits(data, entries, coils, problems)
+    names = [circuit.name for circuit in circuits]
+    check_circuit_names(names, problems)
+    mechanics = read_mechanics(data, entries, problems)
+    sensors = read_sensors(data, entries, circuits, problems)
+    axes = read_axes(data, names, problems)
     distances = axes.distances_mm
+    frequencies_Hz, eddy_bias_A = frequencies(solver, problems), eddy_bias(solver, len(circuits), problems)
     _check_reference(reference, distances, problems)
     read_tolerances(data, problems)
     _check_drawing(data, drawing, distances, problems)
@@ -134,13 +128,13 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         mechanics=mechanics,
         sweep=axes.in_si(),
         circuits=circuits,
-        sample_time_s=scaled(supply.sample_time_ms) if supply and supply.sample_time_ms is not None else None,
+        sample_time_s=in_si(entries["supply"])["sample_time_s"] if "supply" in entries else None,
         sensors=sensors,
-        reference_distances_m=tuple(scaled(d) for d in reference.distance_mm) if reference else (),
+        reference_distances_m=in_si(reference)["distance_m"] if reference else (),
         tolerance=solver.tolerance if solver else None,
         frequencies_Hz=frequencies_Hz,
         eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
-        thermal=_surroundings(thermal),
+        thermal=Surroundings(**in_si(thermal)) if thermal else STILL_AIR,
         eddy_bias_A=eddy_bias_A,
     )
 
@@ -150,6 +144,13 @@ SINCE_SCHEMA_2 = ("fixed", "coils", "circuits", "mechanics", "sensors")
 
 def _check_schema(data: dict[str, Any], problems: list[str]) -> None:
     """Report tables that this schema does not have, and those that it must have."""
+    if (
+        "mechanics" not in data
+        and "mass_g" not in table_at(data, "moving")
+        and ("moving" in data or not is_schema_1(data))
+    ):
+        key = "moving" if "moving" in data else "mechanics"
+        problems.append(f"{key}.mass_g is missing. Give the mass of the whole moving body in grams.")
     if is_schema_1(data):
         later = [key for key in SINCE_SCHEMA_2 if key in data]
         problems += [f"{key} needs schema = 2; this file has schema = 1. Write schema = 2." for key in later]
@@ -160,8 +161,8 @@ def _check_schema(data: dict[str, Any], problems: list[str]) -> None:
         problems.append("fixed must be left out beside electromagnet, which is the same. Rename one into the other.")
     if "coil" in data and "coils" in data:
         problems.append("coil must be left out beside [coils.NAME]. Give every winding as [coils.NAME].")
-    if "mechanics" not in data and "moving" not in data:
-        problems.append("mechanics.mass_g is missing. Give the mass of the whole moving body in grams.")
+    if "mass_g" in table_at(data, "moving") and "mass_g" in table_at(data, "mechanics"):
+        problems.append("mechanics.mass_g must be left out beside moving.mass_g. Remove one of them.")
 
 
 def is_schema_1(data: dict[str, Any]) -> bool:
@@ -169,17 +170,12 @@ def is_schema_1(data: dict[str, Any]) -> bool:
     return data.get("schema") == 1
 
 
-def _section(entry: type[AnyEntry], data: dict[str, Any], key: str, problems: list[str]) -> AnyEntry | None:
-    """A table of the top level; a missing one or one of the wrong type is reported by the top level."""
-    return read_table(entry, data[key], key, problems) if isinstance(data.get(key), dict) else None
-
-
-def _surroundings(entry: ThermalEntry | None) -> Surroundings:
-    if entry is None:
-        return STILL_AIR
-    values = entry.model_dump()
-    lengths = {f"{name}_m": scaled(values.pop(f"{name}_mm")) for name in ("joint", "winding_joint")}
-    return Surroundings(**lengths, **values)
+def _with_mass(data: dict[str, Any]) -> dict[str, Any]:
+    """A file whose mass stands in [moving], as in schema 1, with it in [mechanics] too."""
+    moving, mechanics = table_at(data, "moving"), data.get("mechanics")
+    if "mass_g" not in moving or not isinstance(mechanics, dict):
+        return data
+    return {**data, "mechanics": {"mass_g": moving["mass_g"]} | mechanics}
 
 
 def _check_reference(reference: ReferenceEntry | None, distances: Sequence[float], problems: list[str]) -> None:

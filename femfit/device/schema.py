@@ -4,6 +4,7 @@ A field's description is the remedy printed when its key is missing or wrong. Le
 :mod:`femfit.device.load` turns them into the SI data of :mod:`femfit.device.parts`.
 """
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, JsonValue, PlainValidator, Tag
@@ -11,17 +12,29 @@ from pydantic_core import PydanticCustomError
 
 SCHEMA_VERSION = 2
 NAME_PATTERN = r"^[A-Za-z][A-Za-z0-9_-]*$"
+MAX_NAME = 64
 MAX_AXIS_POINTS = 10_000
 
 # The bounds are far beyond any actuator, and keep products of values far from overflow and underflow.
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
 Electrical = Annotated[float, Field(ge=-1e6, le=1e6)]
 Interval = Annotated[list[Length], Field(min_length=2, max_length=2)]
-Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=64)]
+Lengths = Annotated[list[Length], Field(min_length=2, max_length=1000)]
+Noise = Annotated[float, Field(ge=0, le=1e6)]
+Time = Annotated[float, Field(ge=0, le=1e6)]
+Period = Annotated[float, Field(ge=1e-6, le=1e6)]
+Drop = Annotated[float, Field(ge=0, le=100)]
+Turns = Annotated[float, Field(ge=1, le=1e7)]
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=MAX_NAME)]
 
 
 OLDER: dict[str, JsonValue] = {"schema": 1}
 """Marks the forms of schema 1, which are read and no longer described."""
+
+
+def declared(what: str, default: Any = ..., **limits: Any) -> Any:
+    """A key of a table: what to give, which is also the remedy where it is missing or wrong, and its limits."""
+    return Field(default, description=f"Give {what}.", **limits)
 
 
 class Entry(BaseModel):
@@ -29,36 +42,34 @@ class Entry(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
+    def faults(self) -> Iterator[str]:
+        """What is wrong between keys that are right each by itself, to be read behind the table's key path."""
+        return iter(())
+
 
 class FileEntry(Entry):
     """The top level; each table is read by its own entry so that one mistake hides no other."""
 
-    schema_version: int = Field(alias="schema", ge=1, description="Write schema = 2.")
-    name: Name = Field(description="Give a short name of letters, digits, - and _; directories are named after it.")
-    description: str = Field("", description="Give free text in quotes.")
-    materials: dict[str, Any] = Field({}, description="Give each material as a table [materials.NAME].")
-    fixed: dict[str, Any] = Field({}, description="Give fixed parts as [fixed.regions.NAME].")
-    electromagnet: dict[str, Any] = Field(
-        {}, description="Give fixed parts as [fixed.regions.NAME].", json_schema_extra=OLDER
-    )
-    coils: dict[str, Any] = Field({}, description="Give each winding as a table [coils.NAME].")
-    coil: dict[str, Any] | None = Field(
-        None, description="Give the winding as a table [coils.NAME].", json_schema_extra=OLDER
-    )
-    circuits: dict[str, Any] = Field({}, description="Give each circuit as [circuits.NAME]; without, one a coil.")
-    moving: dict[str, Any] = Field({}, description="Give each magnetic part of the body as [moving.regions.NAME].")
-    mechanics: dict[str, Any] | None = Field(None, description="Give mass, springs, friction and stops as [mechanics].")
-    sensors: dict[str, Any] = Field({}, description="Give each sensor as a table [sensors.NAME] with its kind.")
-    hall: dict[str, Any] | None = Field(
-        None, description="Give the Hall element as a table [sensors.NAME].", json_schema_extra=OLDER
-    )
-    supply: dict[str, Any] | None = Field(None, description="Give the driver as a table [supply].")
-    sweep: dict[str, Any] = Field(description="Give the grid as a table [sweep] with current_A and distance_mm.")
-    solver: dict[str, Any] | None = Field(None, description="Give [solver] tolerance, or leave it out.")
-    thermal: dict[str, Any] | None = Field(None, description="Give what temperatures depend on as a table [thermal].")
-    reference: dict[str, Any] | None = Field(None, description="Give [reference] distance_mm, or leave it out.")
-    tolerances: dict[str, Any] = Field(
-        {}, description="Give standard deviations of numbers of this file by their key paths as [tolerances]."
+    schema_version: int = declared("schema = 2", alias="schema", ge=1)
+    name: Name = declared("a short name of letters, digits, - and _; directories are named after it")
+    description: str = declared("free text in quotes", "")
+    materials: dict[str, Any] = declared("each material as a table [materials.NAME]", {})
+    fixed: dict[str, Any] = declared("fixed parts as [fixed.regions.NAME]", {})
+    electromagnet: dict[str, Any] = declared("fixed parts as [fixed.regions.NAME]", {}, json_schema_extra=OLDER)
+    coils: dict[str, Any] = declared("each winding as a table [coils.NAME]", {})
+    coil: dict[str, Any] | None = declared("the winding as a table [coils.NAME]", None, json_schema_extra=OLDER)
+    circuits: dict[str, Any] = declared("each circuit as [circuits.NAME]; without, one a coil", {})
+    moving: dict[str, Any] = declared("each magnetic part of the body as [moving.regions.NAME]", {})
+    mechanics: dict[str, Any] | None = declared("mass, springs, friction and stops as [mechanics]", None)
+    sensors: dict[str, Any] = declared("each sensor as a table [sensors.NAME] with its kind", {})
+    hall: dict[str, Any] | None = declared("the Hall element as a table [sensors.NAME]", None, json_schema_extra=OLDER)
+    supply: dict[str, Any] | None = declared("the driver as a table [supply]", None)
+    sweep: dict[str, Any] = declared("the grid as a table [sweep] with current_A and distance_mm")
+    solver: dict[str, Any] | None = declared("[solver] tolerance, or leave it out", None)
+    thermal: dict[str, Any] | None = declared("what temperatures depend on as a table [thermal]", None)
+    reference: dict[str, Any] | None = declared("[reference] distance_mm, or leave it out", None)
+    tolerances: dict[str, Any] = declared(
+        "standard deviations of numbers of this file by their key paths as [tolerances]", {}
     )
 
 
@@ -68,15 +79,15 @@ Corner = Annotated[list[Length], Field(min_length=2, max_length=3)]
 class OutlineEntry(Entry):
     """An outline: a box (r_mm and z_mm), a polygon with arcs (polygon_mm) or a circle (circle_mm)."""
 
-    r_mm: Interval | None = Field(None, description="Give [inner, outer] radius in mm.")
-    z_mm: Interval | None = Field(None, description="Give [lower, upper] height in mm.")
-    polygon_mm: Annotated[list[Corner], Field(min_length=2, max_length=1000)] | None = Field(
+    r_mm: Interval | None = declared("[inner, outer] radius in mm", None)
+    z_mm: Interval | None = declared("[lower, upper] height in mm", None)
+    polygon_mm: Annotated[list[Corner], Field(min_length=2, max_length=1000)] | None = declared(
+        "at least three corners [[r, z], ...] in mm; a third number is the angle in degrees of an arc to the next "
+        "corner, positive counter-clockwise",
         None,
-        description="Give at least three corners [[r, z], ...] in mm; a third number is the angle in degrees of an arc "
-        "to the next corner, positive counter-clockwise.",
     )
-    circle_mm: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = Field(
-        None, description="Give [r, z, radius]: a ball where r is 0, a ring with a round section elsewhere."
+    circle_mm: Annotated[list[Length], Field(min_length=3, max_length=3)] | None = declared(
+        "[r, z, radius]: a ball where r is 0, a ring with a round section elsewhere", None
     )
 
 
@@ -104,90 +115,87 @@ MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinit
 class RegionEntry(OutlineEntry):
     """``[fixed.regions.NAME]`` or ``[moving.regions.NAME]``."""
 
-    material: str = Field(description="Name a material of [materials] or of the library.")
-    magnetization: Annotated[Any, _direction("+z", "-z", "+r", "-r")] = Field(
-        None,
-        description='Give "+z", "-z", "+r" (radially outwards), "-r" or a direction [r, z] for a magnet; leave it out '
-        "otherwise.",
+    material: str = declared("the name of a material of [materials] or of the library")
+    magnetization: Annotated[Any, _direction("+z", "-z", "+r", "-r")] = declared(
+        '"+z", "-z", "+r" (radially outwards), "-r" or a direction [r, z] for a magnet; leave it out otherwise', None
     )
-    temperature_C: float | None = Field(
-        None, ge=-273, le=500, description="Give a magnet's temperature in degC; values are those of 20 degC otherwise."
+    temperature_C: float | None = declared(
+        "a magnet's temperature in degC; values are those of 20 degC otherwise", None, ge=-273, le=500
     )
 
 
 class ElectromagnetEntry(Entry):
     """``[fixed]``, or ``[electromagnet]`` of schema 1."""
 
-    regions: dict[str, Any] = Field({}, description="Give each fixed part as a table [fixed.regions.NAME].")
+    regions: dict[str, Any] = declared("each fixed part as a table [fixed.regions.NAME]", {})
 
 
 class CoilEntry(OutlineEntry):
     """``[coils.NAME]``, or ``[coil]`` of schema 1."""
 
-    turns: float = Field(ge=1, le=1e7, description="Give the number of turns of the whole winding.")
-    wire_diameter_mm: float | None = Field(None, ge=1e-3, le=1e3, description="Give the bare copper diameter in mm.")
-    resistance_ohm: float | None = Field(
-        None, ge=1e-9, le=1e9, description="Give the resistance in ohm, or leave it out to have it from the wire."
+    turns: Turns = declared("the number of turns of the whole winding")
+    wire_diameter_mm: float | None = declared("the bare copper diameter in mm", None, ge=1e-3, le=1e3)
+    resistance_ohm: float | None = declared(
+        "the resistance in ohm, or leave it out to have it from the wire", None, ge=1e-9, le=1e9
     )
-    temperature_C: float = Field(
-        20.0, ge=-200, le=500, description="Give the winding's temperature for the resistance from the wire."
-    )
+    temperature_C: float = declared("the winding's temperature for the resistance from the wire", 20.0, ge=-200, le=500)
 
 
 class MovingEntry(Entry):
     """``[moving]``."""
 
-    mass_g: float | None = Field(
-        None,
-        ge=1e-6,
-        le=1e9,
-        description="Give the mass of the whole moving body as mechanics.mass_g.",
-        json_schema_extra=OLDER,
+    mass_g: float | None = declared(
+        "the mass of the whole moving body as mechanics.mass_g", None, ge=1e-6, le=1e9, json_schema_extra=OLDER
     )
-    regions: dict[str, Any] = Field({}, description="Give each magnetic part of the body as [moving.regions.NAME].")
+    regions: dict[str, Any] = declared("each magnetic part of the body as [moving.regions.NAME]", {})
 
 
 class HallPlace(Entry):
     """Where the Hall element sits."""
 
-    r_mm: float = Field(ge=0, le=1e5, description="Give the radius of the element in mm, 0 on the axis.")
-    z_mm: Length = Field(description="Give the height of the element in mm, 0 at the fixed part's reference face.")
+    r_mm: float = declared("the radius of the element in mm, 0 on the axis", ge=0, le=1e5)
+    z_mm: Length = declared("the height of the element in mm, 0 at the fixed part's reference face")
 
 
 class HallEntry(HallPlace):
     """``[sensors.NAME]`` of kind hall, or ``[hall]`` of schema 1; defaults as in :mod:`femfit.device.electrics`."""
 
-    kind: Literal["hall"] = Field("hall", description='Give "hall" in a table of [sensors].')
-    direction: Annotated[Any, _direction("z", "r")] = Field(
-        "z", description='Give the component that it measures, "z", "r" or [r, z].'
+    kind: Literal["hall"] = declared('"hall" in a table of [sensors]', "hall")
+    direction: Annotated[Any, _direction("z", "r")] = declared(
+        'the component that it measures, "z", "r" or [r, z]', "z"
     )
-    delay_ms: float = Field(0.0, ge=0, le=1e6, description="Give how late a reading is in ms.")
-    sample_time_ms: float | None = Field(
-        None,
-        ge=1e-6,
-        le=1e6,
-        description="Give the time from one reading to the next, or leave it to the controller's.",
+    delay_ms: Time = declared("how late a reading is in ms", 0.0)
+    sample_time_ms: Period | None = declared(
+        "the time from one reading to the next, or leave it to the controller's", None
     )
+    sensitivity_V_per_T: Electrical = declared("the slope in V/T (5 mV/G is 50 V/T)", 50.0)
+    quiescent_V: Electrical = declared("the output without field in volts", 2.5)
+    output_min_V: Electrical = declared("the lowest output in volts", 0.0)
+    output_max_V: Electrical = declared("the highest output in volts", 5.0)
+    adc_bits: int = declared("the converter's bits, 0 for none", 12, ge=0, le=32)
+    noise_V: Noise = declared("the standard deviation of one sample in volts", 0.0)
 
-    sensitivity_V_per_T: Electrical = Field(50.0, description="Give the slope in V/T (5 mV/G is 50 V/T).")
-    quiescent_V: Electrical = Field(2.5, description="Give the output without field in volts.")
-    output_min_V: Electrical = Field(0.0, description="Give the lowest output in volts.")
-    output_max_V: Electrical = Field(5.0, description="Give the highest output in volts.")
-    adc_bits: int = Field(12, ge=0, le=32, description="Give the converter's bits, 0 for none.")
-    noise_V: float = Field(0.0, ge=0, le=1e6, description="Give the standard deviation of one sample in volts.")
+    def faults(self) -> Iterator[str]:
+        """As of :meth:`Entry.faults`."""
+        low, high, quiescent = self.output_min_V, self.output_max_V, self.quiescent_V
+        if low >= high:
+            yield f".output_min_V must be below output_max_V; they are {low:g} and {high:g}. Exchange or change them."
+        elif not low <= quiescent <= high:
+            yield (
+                f".quiescent_V must lie between output_min_V and output_max_V; it is {quiescent:g} with {low:g} and "
+                f"{high:g}. Change one of the three."
+            )
+        if not self.sensitivity_V_per_T:
+            yield ".sensitivity_V_per_T must not be 0; nothing would be seen. Give it, or remove the table."
 
 
 class SupplyEntry(Entry):
     """``[supply]``."""
 
-    voltage_min_V: Electrical = Field(description="Give the lowest voltage of the driver; negative for a bridge.")
-    voltage_max_V: Electrical = Field(description="Give the highest voltage of the driver.")
-    sample_time_ms: float | None = Field(
-        None, ge=1e-6, le=1e6, description="Give the controller's period in ms, or leave it out to have it from L/R."
-    )
-    diode_V: float | None = Field(
-        None, ge=0, le=100, description="Give the forward voltage of the freewheel diode of a one-sided driver."
-    )
+    voltage_min_V: Electrical = declared("the lowest voltage of the driver; negative for a bridge")
+    voltage_max_V: Electrical = declared("the highest voltage of the driver")
+    sample_time_ms: Period | None = declared("the controller's period in ms, or leave it out to have it from L/R", None)
+    diode_V: Drop | None = declared("the forward voltage of the freewheel diode of a one-sided driver", None)
 
 
 AxisValue = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -196,9 +204,9 @@ AxisValue = Annotated[float, Field(ge=-1e5, le=1e5)]
 class RangeEntry(Entry):
     """``{ start = ..., stop = ..., step = ... }``, both ends included."""
 
-    start: AxisValue = Field(description="Give the first value.")
-    stop: AxisValue = Field(description="Give the last value; it belongs to the grid.")
-    step: float = Field(gt=0, description="Give a positive step that divides stop - start.")
+    start: AxisValue = declared("the first value")
+    stop: AxisValue = declared("the last value; it belongs to the grid")
+    step: float = declared("a positive step that divides stop - start", gt=0)
 
 
 AXIS_KINDS = ("<range>", "<list>")
@@ -225,28 +233,24 @@ Axis = Annotated[
 class CurrentAxis(Entry):
     """The currents of the sweep."""
 
-    current_A: Axis = Field(description="Give ascending currents as a list or as { start, stop, step }.")
+    current_A: Axis = declared("ascending currents as a list or as { start, stop, step }")
 
 
 class DistanceAxis(Entry):
     """The distances of the sweep."""
 
-    distance_mm: Axis = Field(description="Give ascending distances as a list or as { start, stop, step }.")
+    distance_mm: Axis = declared("ascending distances as a list or as { start, stop, step }")
 
 
 class DesignEntry(Entry):
     """How a sweep's parameters are combined."""
 
-    parameters: dict[str, Any] = Field(
-        {}, description="Give what else is swept as a table [sweep.parameters], or leave it out."
+    parameters: dict[str, Any] = declared("what else is swept as a table [sweep.parameters], or leave it out", {})
+    design: Literal["grid", "list", "latin_hypercube"] = declared(
+        "how parameters are combined: every combination, line by line, or drawn at random", "grid"
     )
-    design: Literal["grid", "list", "latin_hypercube"] = Field(
-        "grid", description="Give how parameters are combined: every combination, line by line, or drawn at random."
-    )
-    samples: int | None = Field(
-        None, ge=2, le=MAX_AXIS_POINTS, description="Give the number of samples of a latin_hypercube."
-    )
-    seed: int = Field(1, ge=0, le=2**63 - 1, description="Give the seed of a latin_hypercube.")
+    samples: int | None = declared("the number of samples of a latin_hypercube", None, ge=2, le=MAX_AXIS_POINTS)
+    seed: int = declared("the seed of a latin_hypercube", 1, ge=0, le=2**63 - 1)
 
 
 class SweepEntry(CurrentAxis, DistanceAxis, DesignEntry):
@@ -259,55 +263,55 @@ ParameterValue = Annotated[float, Field(ge=-1e9, le=1e9)]
 class KeyEntry(Entry):
     """``{ key = ..., factor = ..., offset = ... }``: a number of the file that follows a parameter, or a material."""
 
-    key: str = Field(description="Give a key path of this file in quotes.")
-    factor: ParameterValue = Field(1.0, description="Give what the parameter is multiplied by, -1 to mirror it.")
-    offset: ParameterValue = Field(0.0, description="Give what is added then, in the file's unit.")
+    key: str = declared("a key path of this file in quotes")
+    factor: ParameterValue = declared("what the parameter is multiplied by, -1 to mirror it", 1.0)
+    offset: ParameterValue = declared("what is added then, in the file's unit", 0.0)
 
 
 class NamedParameterEntry(Entry):
     """``[sweep.parameters.NAME]``: a name of one's own for one or more keys of the file."""
 
-    keys: Annotated[list[Any], Field(min_length=1, max_length=100)] = Field(
-        description="Give the key paths that follow the parameter as a list."
+    keys: Annotated[list[Any], Field(min_length=1, max_length=100)] = declared(
+        "the key paths that follow the parameter as a list"
     )
-    values: Any = Field(description="Give a list, { start, stop, step }, or { min, max } for a latin_hypercube.")
+    values: Any = declared("a list, { start, stop, step }, or { min, max } for a latin_hypercube")
 
 
 class ValuesEntry(Entry):
     """A list of values."""
 
-    values: Annotated[list[ParameterValue], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = Field(
-        description="Give at least one number."
+    values: Annotated[list[ParameterValue], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = declared(
+        "at least one number"
     )
 
 
 class NamesEntry(Entry):
     """A list of names."""
 
-    values: Annotated[list[str], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = Field(
-        description="Give at least one name of a material in quotes."
+    values: Annotated[list[str], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = declared(
+        "at least one name of a material in quotes"
     )
 
 
 class SampledEntry(Entry):
     """``{ min = ..., max = ..., step = ... }``: a range that a latin_hypercube draws from."""
 
-    min: ParameterValue = Field(description="Give the lowest value.")
-    max: ParameterValue = Field(description="Give the highest value, above min.")
-    step: float | None = Field(None, gt=0, description="Give a step for values like whole turns, or leave it out.")
+    min: ParameterValue = declared("the lowest value")
+    max: ParameterValue = declared("the highest value, above min")
+    step: float | None = declared("a step for values like whole turns, or leave it out", None, gt=0)
 
 
 class ToleranceEntry(Entry):
     """``[tolerances]``: how far numbers of the file may be off, beside those that are named by their key paths."""
 
-    length_mm: float | None = Field(
-        None, gt=0, le=1e3, description="Give the standard deviation of all lengths in mm, or leave it to ISO 2768 m."
+    length_mm: float | None = declared(
+        "the standard deviation of all lengths in mm, or leave it to ISO 2768 m", None, gt=0, le=1e3
     )
 
 
 class ReferenceEntry(Entry):
     """``[reference]``: the closed loop's steps."""
 
-    distance_mm: Annotated[list[Length], Field(min_length=1, max_length=1000)] = Field(
-        description="Give the reference distances in mm, in their order, within the sweep."
+    distance_mm: Annotated[list[Length], Field(min_length=1, max_length=1000)] = declared(
+        "the reference distances in mm, in their order, within the sweep"
     )

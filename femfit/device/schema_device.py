@@ -4,205 +4,288 @@ They are read as those of :mod:`femfit.device.schema`; defaults of ``[thermal]``
 :mod:`femfit.device.thermal`.
 """
 
-from typing import Annotated, Any, Literal
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
-from femfit.device.schema import AXIS_KINDS, CoilEntry, Electrical, Entry, Interval, Length, OutlineEntry, axis_kind
+from femfit.device.schema import (
+    AXIS_KINDS,
+    CoilEntry,
+    Drop,
+    Electrical,
+    ElectromagnetEntry,
+    Entry,
+    HallEntry,
+    Interval,
+    Length,
+    Lengths,
+    MovingEntry,
+    Noise,
+    OutlineEntry,
+    Period,
+    ReferenceEntry,
+    RegionEntry,
+    SupplyEntry,
+    Time,
+    Turns,
+    axis_kind,
+    declared,
+)
 from femfit.device.thermal import STILL_AIR as USUAL
 
 Force = Annotated[float, Field(ge=-1e6, le=1e6)]
-Time = Annotated[float, Field(ge=0, le=1e6)]
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Points = Annotated[list[float], Field(min_length=2, max_length=1000)]
+
+
+def ascends(values: Sequence[float] | None) -> bool:
+    """Whether each value is above the one before it; so are none."""
+    return all(before < after for before, after in pairwise(values or ()))
 
 
 class WindingEntry(CoilEntry):
     """``[coils.NAME]``."""
 
-    moves: bool = Field(False, description="Give true for a coil that belongs to the moving part.")
+    moves: bool = declared("true for a coil that belongs to the moving part", False)
 
 
 class CircuitEntry(Entry):
     """``[circuits.NAME]``."""
 
-    coils: Annotated[list[str], Field(min_length=1, max_length=100)] = Field(
-        description='Give the coils in series as a list of names, "-NAME" for one that is connected the other way.'
+    coils: Annotated[list[str], Field(min_length=1, max_length=100)] = declared(
+        'the coils in series as a list of names, "-NAME" for one that is connected the other way'
     )
-    external_resistance_ohm: float = Field(0.0, ge=0, le=1e9, description="Give the resistance in series in ohm.")
-    external_inductance_mH: float = Field(0.0, ge=0, le=1e9, description="Give the inductance in series in mH.")
-    drive: Literal["voltage", "current"] = Field(
-        "voltage", description='Give "voltage" for a bridge or a switch, "current" for a current amplifier.'
+    external_resistance_ohm: float = declared("the resistance in series in ohm", 0.0, ge=0, le=1e9)
+    external_inductance_mH: float = declared("the inductance in series in mH", 0.0, ge=0, le=1e9)
+    drive: Literal["voltage", "current"] = declared(
+        '"voltage" for a bridge or a switch, "current" for a current amplifier', "voltage"
     )
-    voltage_min_V: Electrical | None = Field(None, description="Give the lowest voltage, or have it from [supply].")
-    voltage_max_V: Electrical | None = Field(None, description="Give the highest voltage, or have it from [supply].")
-    diode_V: float | None = Field(
-        None, ge=0, le=100, description="Give the forward voltage of the freewheel diode of a one-sided driver."
-    )
-    current_min_A: Electrical | None = Field(None, description="Give the lowest current of a current amplifier.")
-    current_max_A: Electrical | None = Field(None, description="Give the highest current of a current amplifier.")
-    bandwidth_Hz: float | None = Field(None, gt=0, le=1e9, description="Give the bandwidth of a current amplifier.")
+    voltage_min_V: Electrical | None = declared("the lowest voltage, or have it from [supply]", None)
+    voltage_max_V: Electrical | None = declared("the highest voltage, or have it from [supply]", None)
+    diode_V: Drop | None = declared("the forward voltage of the freewheel diode of a one-sided driver", None)
+    current_min_A: Electrical | None = declared("the lowest current of a current amplifier", None)
+    current_max_A: Electrical | None = declared("the highest current of a current amplifier", None)
+    bandwidth_Hz: float | None = declared("the bandwidth of a current amplifier", None, gt=0, le=1e9)
 
 
 class SpringEntry(Entry):
     """``[mechanics.springs.NAME]``: a stiffness with a preload, or a measured table of forces."""
 
-    stiffness_N_per_mm: Force | None = Field(None, description="Give the stiffness in N/mm.")
-    preload_N: Force = Field(0.0, description="Give the force at preload_at_mm; positive pushes the parts apart.")
-    preload_at_mm: Length | None = Field(None, description="Give the distance at which the spring has its preload.")
-    distance_mm: Annotated[list[Length], Field(min_length=2, max_length=1000)] | None = Field(
-        None, description="Give ascending distances of a measured force, instead of stiffness_N_per_mm."
+    stiffness_N_per_mm: Force | None = declared("the stiffness in N/mm", None)
+    preload_N: Force = declared("the force at preload_at_mm; positive pushes the parts apart", 0.0)
+    preload_at_mm: Length | None = declared("the distance at which the spring has its preload", None)
+    distance_mm: Lengths | None = declared(
+        "ascending distances of a measured force, instead of stiffness_N_per_mm", None
     )
-    force_N: Points | None = Field(None, description="Give the forces at distance_mm; positive pushes the parts apart.")
+    force_N: Points | None = declared("the forces at distance_mm; positive pushes the parts apart", None)
+
+    def faults(self) -> Iterator[str]:
+        """As of :meth:`Entry.faults`."""
+        distances, forces = self.distance_mm, self.force_N
+        if (distances is None) != (forces is None) or (distances is None) == (self.stiffness_N_per_mm is None):
+            yield " must have either stiffness_N_per_mm or a table of distance_mm and force_N. Give one of the two."
+        elif distances is None and self.preload_N and self.preload_at_mm is None:
+            yield ".preload_at_mm is missing. Give the distance at which the spring has its preload_N."
+        elif len(distances or ()) != len(forces or ()):
+            yield f".force_N must have as many values as distance_mm; they are {forces} and {distances}. Complete it."
+        elif not ascends(distances):
+            yield ".distance_mm must ascend without repeats. Sort it, with its forces."
 
 
 class StopEntry(Entry):
     """``[mechanics.near_stop]`` and ``[mechanics.far_stop]``."""
 
-    distance_mm: Length = Field(description="Give the distance at which the body meets the stop.")
-    restitution: float = Field(
-        0.0,
-        ge=0,
-        lt=1,
-        description="Give the velocity after an impact over that before, 0 for one that does not bounce.",
+    distance_mm: Length = declared("the distance at which the body meets the stop")
+    restitution: float = declared(
+        "the velocity after an impact over that before, 0 for one that does not bounce", 0.0, ge=0, lt=1
     )
-    stiffness_N_per_mm: float | None = Field(
-        None, gt=0, le=1e9, description="Give the stop's stiffness, or leave it out for a rigid one."
+    stiffness_N_per_mm: float | None = declared(
+        "the stop's stiffness, or leave it out for a rigid one", None, gt=0, le=1e9
     )
 
 
 class MechanicsEntry(Entry):
     """``[mechanics]``."""
 
-    mass_g: float = Field(ge=1e-6, le=1e9, description="Give the mass of the whole moving body in grams.")
-    gravity: Literal["hanging", "standing", "horizontal", "off"] | None = Field(
+    mass_g: float = declared("the mass of the whole moving body in grams", ge=1e-6, le=1e9)
+    gravity: Literal["hanging", "standing", "horizontal", "off"] | None = declared(
+        '"hanging" where weight pulls the parts apart, "standing" where it pulls them together, "horizontal" or "off"',
         None,
-        description='Give "hanging" where weight pulls the parts apart, "standing" where it pulls them together, '
-        '"horizontal" or "off".',
     )
-    gravity_deg: float | None = Field(
-        None, ge=-360, le=360, description="Give the angle between the downward vertical and growing distance instead."
+    gravity_deg: float | None = declared(
+        "the angle between the downward vertical and growing distance instead", None, ge=-360, le=360
     )
-    viscous_N_s_per_m: float = Field(0.0, ge=0, le=1e9, description="Give the viscous friction in N s/m.")
-    coulomb_N: float = Field(0.0, ge=0, le=1e6, description="Give the dry friction in N.")
-    load_N: Force = Field(0.0, description="Give a constant force; positive pulls the parts apart.")
-    travel_mm: Interval | None = Field(
-        None, description="Give [least, largest] distance between two rigid stops, or near_stop and far_stop."
+    viscous_N_s_per_m: float = declared("the viscous friction in N s/m", 0.0, ge=0, le=1e9)
+    coulomb_N: float = declared("the dry friction in N", 0.0, ge=0, le=1e6)
+    load_N: Force = declared("a constant force; positive pulls the parts apart", 0.0)
+    travel_mm: Interval | None = declared(
+        "[least, largest] distance between two rigid stops, or near_stop and far_stop", None
     )
-    springs: dict[str, Any] = Field({}, description="Give each spring as a table [mechanics.springs.NAME].")
-    near_stop: dict[str, Any] | None = Field(None, description="Give the stop at the least distance as a table.")
-    far_stop: dict[str, Any] | None = Field(None, description="Give the stop at the largest distance as a table.")
+    springs: dict[str, Any] = declared("each spring as a table [mechanics.springs.NAME]", {})
+    near_stop: dict[str, Any] | None = declared("the stop at the least distance as a table", None)
+    far_stop: dict[str, Any] | None = declared("the stop at the largest distance as a table", None)
+
+    def faults(self) -> Iterator[str]:
+        """As of :meth:`Entry.faults`."""
+        if None not in (self.gravity, self.gravity_deg):
+            yield " must have either gravity or gravity_deg; it has both. Remove one."
+        if self.travel_mm and (self.near_stop or self.far_stop):
+            yield ".travel_mm must be left out beside near_stop and far_stop. Remove one of them."
 
 
 class SensorTiming(Entry):
     """What every sensor of schema 2 may have."""
 
-    bits: int = Field(0, ge=0, le=32, description="Give the converter's bits over the range, 0 for none.")
-    delay_ms: Time = Field(0.0, description="Give how late a reading is in ms.")
-    sample_time_ms: float | None = Field(
-        None,
-        ge=1e-6,
-        le=1e6,
-        description="Give the time from one reading to the next, or leave it to the controller's.",
+    bits: int = declared("the converter's bits over the range, 0 for none", 0, ge=0, le=32)
+    delay_ms: Time = declared("how late a reading is in ms", 0.0)
+    sample_time_ms: Period | None = declared(
+        "the time from one reading to the next, or leave it to the controller's", None
     )
+
+    @property
+    def range_key(self) -> str:
+        """The key of its range, which ends in the unit of its reading."""
+        return next(name for name in type(self).model_fields if name.startswith("range_"))
+
+    def faults(self) -> Iterator[str]:
+        """As of :meth:`Entry.faults`."""
+        key, limits = self.range_key, getattr(self, self.range_key)
+        if not ascends(limits):
+            yield f".{key} must ascend; it is {limits}. Exchange or change the values."
+        if self.bits and limits is None:
+            yield f".{key} is missing; {self.bits} bits are divided over it. Give [lowest, highest]."
 
 
 class CurrentSensorEntry(SensorTiming):
     """``[sensors.NAME]`` with ``kind = "current"``."""
 
-    kind: Literal["current"] = Field(description='Give "current" for a sensor of a circuit\'s current.')
-    circuit: str | None = Field(None, description="Name the circuit; it may be left out where there is one alone.")
-    noise_A: float = Field(0.0, ge=0, le=1e6, description="Give the standard deviation of one sample in A.")
-    range_A: Pair | None = Field(None, description="Give [lowest, highest] reading in A.")
+    kind: Literal["current"] = declared('"current" for a sensor of a circuit\'s current')
+    circuit: str | None = declared("the name of the circuit; it may be left out where there is one alone", None)
+    noise_A: Noise = declared("the standard deviation of one sample in A", 0.0)
+    range_A: Pair | None = declared("[lowest, highest] reading in A", None)
 
 
 class PositionSensorEntry(SensorTiming):
     """``[sensors.NAME]`` with ``kind = "position"``."""
 
-    kind: Literal["position"] = Field(description='Give "position" for a laser, an optical gate, an LVDT.')
-    gain_V_per_mm: Electrical | None = Field(None, description="Give the slope of a linear sensor in V/mm.")
-    offset_V: Electrical = Field(0.0, description="Give the output of a linear sensor at distance zero.")
-    distance_mm: Annotated[list[Length], Field(min_length=2, max_length=1000)] | None = Field(
-        None, description="Give ascending distances of the characteristic, instead of gain_V_per_mm."
-    )
-    output_V: Points | None = Field(None, description="Give the outputs at distance_mm, rising or falling throughout.")
-    noise_V: float = Field(0.0, ge=0, le=1e6, description="Give the standard deviation of one sample in V.")
-    range_V: Pair | None = Field(None, description="Give [lowest, highest] output in V.")
-    noise_mm: float = Field(0.0, ge=0, le=1e6, description="Give the noise of a sensor that reads the distance itself.")
-    range_mm: Pair | None = Field(None, description="Give the range of a sensor that reads the distance itself.")
+    kind: Literal["position"] = declared('"position" for a laser, an optical gate, an LVDT')
+    gain_V_per_mm: Electrical | None = declared("the slope of a linear sensor in V/mm", None)
+    offset_V: Electrical = declared("the output of a linear sensor at distance zero", 0.0)
+    distance_mm: Lengths | None = declared("ascending distances of the characteristic, instead of gain_V_per_mm", None)
+    output_V: Points | None = declared("the outputs at distance_mm, rising or falling throughout", None)
+    noise_V: Noise = declared("the standard deviation of one sample in V", 0.0)
+    range_V: Pair | None = declared("[lowest, highest] output in V", None)
+    noise_mm: Noise = declared("the noise of a sensor that reads the distance itself", 0.0)
+    range_mm: Pair | None = declared("the range of a sensor that reads the distance itself", None)
+
+    @property
+    def reads_distance(self) -> bool:
+        """Whether the reading is the distance itself, in mm."""
+        return self.gain_V_per_mm is None and self.distance_mm is None and self.output_V is None
+
+    @property
+    def range_key(self) -> str:
+        """The key of its range."""
+        return "range_mm" if self.reads_distance else "range_V"
+
+    def faults(self) -> Iterator[str]:
+        """As of :meth:`Entry.faults`."""
+        yield from super().faults()
+        points, outputs, reads_distance = self.distance_mm, self.output_V, self.reads_distance
+        wrong = {"noise_V", "range_V", "offset_V"} if reads_distance else {"noise_mm", "range_mm"}
+        if wrong := wrong & self.model_fields_set:
+            remedy = (
+                "gain_V_per_mm, or a characteristic, for an output in V" if reads_distance else "noise_V and range_V"
+            )
+            yield f" must not have {' and '.join(sorted(wrong))} with these keys. Give {remedy}."
+        if self.gain_V_per_mm is not None and (points is not None or outputs is not None):
+            yield " must have either gain_V_per_mm or distance_mm and output_V. Remove one."
+        elif self.gain_V_per_mm == 0.0:
+            yield ".gain_V_per_mm must not be 0; nothing would be seen. Give the sensor's slope."
+        elif len(points or ()) != len(outputs or ()):
+            yield " must have distance_mm and output_V of one length. Give both lists."
+        elif not ascends(points) or not (ascends(outputs) or ascends((outputs or [])[::-1])):
+            yield (
+                ".distance_mm must ascend and output_V rise or fall throughout, so that an output means one distance. "
+                "Leave the part out where it turns."
+            )
 
 
 class PickupCoilEntry(OutlineEntry, SensorTiming):
     """``[sensors.NAME]`` with ``kind = "pickup_coil"``."""
 
-    kind: Literal["pickup_coil"] = Field(description='Give "pickup_coil" for a winding without current.')
-    turns: float = Field(ge=1, le=1e7, description="Give the number of turns.")
-    moves: bool = Field(False, description="Give true for a coil that belongs to the moving part.")
-    noise_V: float = Field(0.0, ge=0, le=1e6, description="Give the standard deviation of one sample in V.")
-    range_V: Pair | None = Field(None, description="Give [lowest, highest] output in V.")
+    kind: Literal["pickup_coil"] = declared('"pickup_coil" for a winding without current')
+    turns: Turns = declared("the number of turns")
+    moves: bool = declared("true for a coil that belongs to the moving part", False)
+    noise_V: Noise = declared("the standard deviation of one sample in V", 0.0)
+    range_V: Pair | None = declared("[lowest, highest] output in V", None)
 
 
 class AccelerationSensorEntry(SensorTiming):
     """``[sensors.NAME]`` with ``kind = "acceleration"``."""
 
-    kind: Literal["acceleration"] = Field(description='Give "acceleration" for an accelerometer on the body.')
-    reads_gravity: bool = Field(
-        False, description="Give true for one that reads gravity too at rest, as MEMS accelerometers do."
-    )
-    noise_m_per_s2: float = Field(0.0, ge=0, le=1e9, description="Give the standard deviation of one sample in m/s^2.")
-    range_m_per_s2: Pair | None = Field(None, description="Give [lowest, highest] reading in m/s^2.")
+    kind: Literal["acceleration"] = declared('"acceleration" for an accelerometer on the body')
+    reads_gravity: bool = declared("true for one that reads gravity too at rest, as MEMS accelerometers do", False)
+    noise_m_per_s2: float = declared("the standard deviation of one sample in m/s^2", 0.0, ge=0, le=1e9)
+    range_m_per_s2: Pair | None = declared("[lowest, highest] reading in m/s^2", None)
 
 
 class ForceSensorEntry(SensorTiming):
     """``[sensors.NAME]`` with ``kind = "force"``."""
 
-    kind: Literal["force"] = Field(description='Give "force" for a load cell that holds the body.')
-    noise_N: float = Field(0.0, ge=0, le=1e6, description="Give the standard deviation of one sample in N.")
-    range_N: Pair | None = Field(None, description="Give [lowest, highest] reading in N.")
+    kind: Literal["force"] = declared('"force" for a load cell that holds the body')
+    noise_N: Noise = declared("the standard deviation of one sample in N", 0.0)
+    range_N: Pair | None = declared("[lowest, highest] reading in N", None)
 
 
 class ConductorEntry(Entry):
     """How a material of either kind conducts."""
 
-    conductivity_MS_per_m: float = Field(
+    conductivity_MS_per_m: float = declared(
+        "the electrical conductivity in MS/m (10^6 S/m): copper 58, mild steel 5 to 9, 0 for what does not conduct",
         0.0,
         ge=0,
         le=1e4,
-        description="Give the electrical conductivity in MS/m (10^6 S/m): copper 58, mild steel 5 to 9, 0 for what "
-        "does not conduct.",
     )
-    lamination_mm: float = Field(
+    lamination_mm: float = declared(
+        "the thickness in mm of insulated sheets that stand radially around the axis, so that no current flows around "
+        "it; 0 for a solid part and for discs",
         0.0,
         ge=0,
         le=100,
-        description="Give the thickness in mm of insulated sheets that stand radially around the axis, so that no "
-        "current flows around it; 0 for a solid part and for discs.",
     )
-    thermal_conductivity_W_per_m_K: float | None = Field(
-        None, gt=0, le=5e3, description="Give the thermal conductivity, or leave it to what is usual for its kind."
+    thermal_conductivity_W_per_m_K: float | None = declared(
+        "the thermal conductivity, or leave it to what is usual for its kind", None, gt=0, le=5e3
     )
-    heat_capacity_MJ_per_m3_K: float | None = Field(
-        None,
-        gt=0,
-        le=100,
-        description="Give density times specific heat (steel 3.4, aluminium 2.4), or leave it to what is usual.",
+    heat_capacity_MJ_per_m3_K: float | None = declared(
+        "density times specific heat (steel 3.4, aluminium 2.4), or leave it to what is usual", None, gt=0, le=100
     )
+
+    def faults(self) -> Iterator[str]:
+        """As of :meth:`Entry.faults`."""
+        if self.lamination_mm and not self.conductivity_MS_per_m:
+            yield (
+                ".lamination_mm must stand beside a conductivity_MS_per_m > 0; sheets that do not conduct are a solid "
+                "part. Give the conductivity of the sheets (electrical steel 2 to 5), or leave lamination_mm out."
+            )
 
 
 class MaterialEntry(ConductorEntry):
     """``[materials.NAME]``: a linear material."""
 
-    relative_permeability: float = Field(
-        ge=1e-6, le=1e7, description="Give mu_r, 1 for everything non-magnetic; the recoil permeability of a magnet."
+    relative_permeability: float = declared(
+        "mu_r, 1 for everything non-magnetic; the recoil permeability of a magnet", ge=1e-6, le=1e7
     )
-    remanence_T: float = Field(
-        0.0, ge=0, le=3, description="Give B_r in tesla (1 T = 10 kG); the direction is the region's magnetization."
+    remanence_T: float = declared(
+        "B_r in tesla (1 T = 10 kG); the direction is the region's magnetization", 0.0, ge=0, le=3
     )
-    remanence_coefficient_per_K: float = Field(
-        0.0, ge=-0.02, le=0.02, description="Give the relative change of B_r per kelvin: -0.0012 for -0.12 %/K."
+    remanence_coefficient_per_K: float = declared(
+        "the relative change of B_r per kelvin: -0.0012 for -0.12 %/K", 0.0, ge=-0.02, le=0.02
     )
-    working_temperature_C: float | None = Field(
-        None, ge=-273, le=1000, description="Give a magnet's largest working temperature in degC, where it is known."
+    working_temperature_C: float | None = declared(
+        "a magnet's largest working temperature in degC, where it is known", None, ge=-273, le=1000
     )
 
 
@@ -212,11 +295,21 @@ CurveValues = Annotated[list[float], Field(max_length=1000)]
 class CurveEntry(ConductorEntry):
     """``[materials.NAME]``: a soft material with a magnetisation curve, from a file or from two lists."""
 
-    bh_curve: str | None = Field(
-        None, min_length=1, description="Give a steel of the library, or a CSV file with the columns B_T,H_A_per_m."
+    bh_curve: str | None = declared(
+        "a steel of the library, or a CSV file with the columns B_T,H_A_per_m", None, min_length=1
     )
-    B_T: CurveValues | None = Field(None, description="Give ascending flux densities in tesla as a list, from 0.")
-    H_A_per_m: CurveValues | None = Field(None, description="Give ascending fields in A/m as a list, from 0.")
+    B_T: CurveValues | None = declared("ascending flux densities in tesla as a list, from 0", None)
+    H_A_per_m: CurveValues | None = declared("ascending fields in A/m as a list, from 0", None)
+
+    def faults(self) -> Iterator[str]:
+        """As of :meth:`Entry.faults`."""
+        yield from super().faults()
+        lists = {"B_T": self.B_T, "H_A_per_m": self.H_A_per_m}
+        if self.bh_curve is None:
+            for key in (key for key, values in lists.items() if values is None):
+                yield f".{key} is missing; the curve needs B_T and H_A_per_m. Give both lists, or bh_curve."
+        elif any(values is not None for values in lists.values()):
+            yield " must have one curve; it has bh_curve and a list. Give bh_curve, or B_T and H_A_per_m."
 
 
 CURVE_KEYS = CurveEntry.model_fields.keys() - ConductorEntry.model_fields.keys()
@@ -235,9 +328,9 @@ Frequency = Annotated[float, Field(gt=0, le=1e9)]
 class FrequencyRangeEntry(Entry):
     """``{ start = ..., stop = ..., per_decade = ... }``, both ends included."""
 
-    start: Frequency = Field(description="Give the lowest frequency in Hz.")
-    stop: Frequency = Field(description="Give the highest frequency in Hz; it belongs to the list.")
-    per_decade: int = Field(ge=1, le=100, description="Give how many frequencies there are in each decade.")
+    start: Frequency = declared("the lowest frequency in Hz")
+    stop: Frequency = declared("the highest frequency in Hz; it belongs to the list")
+    per_decade: int = declared("how many frequencies there are in each decade", ge=1, le=100)
 
 
 FrequencyAxis = Annotated[
@@ -254,59 +347,103 @@ FrequencyAxis = Annotated[
 class SolverEntry(Entry):
     """``[solver]``: how accurate the field solver has to be, and at which frequencies."""
 
-    tolerance: float | None = Field(
-        None, ge=1e-5, le=0.1, description="Give the relative accuracy of force and flux linkage, as 1e-3 for 0.1 %."
+    tolerance: float | None = declared(
+        "the relative accuracy of force and flux linkage, as 1e-3 for 0.1 %", None, ge=1e-5, le=0.1
     )
-    frequency_Hz: FrequencyAxis | None = Field(
-        None,
-        description="Give the frequencies of the impedance as an ascending list or as { start, stop, per_decade }.",
+    frequency_Hz: FrequencyAxis | None = declared(
+        "the frequencies of the impedance as an ascending list or as { start, stop, per_decade }", None
     )
-    eddy_error: float = Field(
+    eddy_error: float = declared(
+        "the relative error of impedance, force and Hall field that the reduced model of the eddy currents has to meet",
         0.01,
         ge=1e-4,
         le=0.2,
-        description="Give the relative error of impedance, force and Hall field that the reduced model of the eddy "
-        "currents has to meet.",
     )
-    eddy_bias_A: float | list[float] | None = Field(
+    eddy_bias_A: float | list[float] | None = declared(
+        "the current in A about which the eddy currents of saturating parts are linearised, or a list with one for "
+        "each circuit",
         None,
-        description="Give the current in A about which the eddy currents of saturating parts are linearised, or a list "
-        "with one for each circuit.",
     )
 
 
 class ThermalEntry(Entry):
     """``[thermal]``: what temperatures depend on beside the drawing."""
 
-    ambient_C: float = Field(USUAL.ambient_C, ge=-200, le=500, description="Give the temperature around the actuator.")
-    film_W_per_m2_K: float = Field(
+    ambient_C: float = declared("the temperature around the actuator", USUAL.ambient_C, ge=-200, le=500)
+    film_W_per_m2_K: float = declared(
+        "what a free face gives off for each kelvin: 5 to 15 in still air with radiation, 20 to 100 with a fan",
         USUAL.film_W_per_m2_K,
         gt=0,
         le=1e5,
-        description="Give what a free face gives off for each kelvin: 5 to 15 in still air with radiation, 20 to 100 "
-        "with a fan.",
     )
-    joint_mm: float = Field(
-        0.01, ge=1e-4, le=10, description="Give the air that is left where two parts touch; a press fit 0.005."
-    )
-    winding_joint_mm: float = Field(
-        0.1, ge=1e-4, le=10, description="Give the same between a winding and what it is drawn to touch."
-    )
-    insulation_W_per_m_K: float = Field(
+    joint_mm: float = declared("the air that is left where two parts touch; a press fit 0.005", 0.01, ge=1e-4, le=10)
+    winding_joint_mm: float = declared("the same between a winding and what it is drawn to touch", 0.1, ge=1e-4, le=10)
+    insulation_W_per_m_K: float = declared(
+        "the thermal conductivity between a winding's strands: 0.1 dry, 0.25 in resin",
         USUAL.insulation_W_per_m_K,
         gt=0,
         le=100,
-        description="Give the thermal conductivity between a winding's strands: 0.1 dry, 0.25 in resin.",
     )
-    mounting_W_per_K: float = Field(
+    mounting_W_per_K: float = declared(
+        "what the heaviest fixed part conducts into what it is fastened to, for each kelvin",
         USUAL.mounting_W_per_K,
         ge=0,
         le=1e6,
-        description="Give what the heaviest fixed part conducts into what it is fastened to, for each kelvin.",
     )
-    winding_limit_C: float = Field(
+    winding_limit_C: float = declared(
+        "the largest temperature of a winding: 105, 120, 130, 155, 180 for the classes A, E, B, F, H",
         USUAL.winding_limit_C,
         ge=-200,
         le=1000,
-        description="Give the largest temperature of a winding: 105, 120, 130, 155, 180 for the classes A, E, B, F, H.",
     )
+
+
+class SensorEntry(Entry):
+    """A sensor whose kind decides which keys it has."""
+
+    model_config = ConfigDict(extra="ignore")
+    kind: Literal["hall", "current", "position", "pickup_coil", "acceleration", "force"] = declared("one of them")
+
+
+_OF_SENSORS: tuple[type[Entry], ...] = (HallEntry, *SensorTiming.__subclasses__())
+
+SENSORS = {get_args(entry.model_fields["kind"].annotation)[0]: entry for entry in _OF_SENSORS}
+"""Classes of sensors by their kind."""
+
+
+def sensor_entry(table: object) -> type[Entry]:
+    """The keys of a sensor's table, by its kind."""
+    kind = table.get("kind") if isinstance(table, dict) else None
+    return SENSORS.get(str(kind), SensorEntry)
+
+
+def material_entry(table: object) -> type[Entry]:
+    """The keys of a material's table, by what it gives."""
+    return CurveEntry if has_curve(table) else MaterialEntry
+
+
+BODIES = ("electromagnet", "fixed", "moving")
+NAMED = "*"
+"""Stands for any name in :data:`TABLES`."""
+
+TABLES: dict[tuple[str, ...], type[Entry] | Callable[[object], type[Entry]]] = {
+    ("materials", NAMED): material_entry,
+    ("electromagnet",): ElectromagnetEntry,
+    ("fixed",): ElectromagnetEntry,
+    ("moving",): MovingEntry,
+    **{(body, "regions", NAMED): RegionEntry for body in BODIES},
+    ("coil",): CoilEntry,
+    ("hall",): HallEntry,
+    ("supply",): SupplyEntry,
+    ("mechanics",): MechanicsEntry,
+    ("coils", NAMED): WindingEntry,
+    ("circuits", NAMED): CircuitEntry,
+    ("sensors", NAMED): sensor_entry,
+    ("mechanics", "springs", NAMED): SpringEntry,
+    ("mechanics", "near_stop"): StopEntry,
+    ("mechanics", "far_stop"): StopEntry,
+    ("solver",): SolverEntry,
+    ("thermal",): ThermalEntry,
+    ("reference",): ReferenceEntry,
+}
+"""What each table of the file is read as, by its place; one of a name by what it holds."""

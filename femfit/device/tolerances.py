@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.device.complaints import joined, read_table
-from femfit.device.drawing import fixed_key, table_at
+from femfit.device.complaints import joined, read_table, table_at
+from femfit.device.drawing import fixed_key
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import nearest_numbers, numbers_of, why_no_number
 from femfit.device.schema import ToleranceEntry

@@ -10,11 +10,11 @@ import pytest
 
 from femfit.device.checks import swept
 from femfit.device.decimals import scaled
+from femfit.device.drawing import unit_vector
 from femfit.device.electrics import HallElement
 from femfit.device.load import actuator_from_toml, read_actuator, starter_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import smallest_winding_area, wire_resistance
-from femfit.device.read_sensors import DIRECTIONS
 from femfit.device.schema import HallEntry
 from femfit.device.summary import remarks, sweep_manifest_entry
 
@@ -116,7 +116,7 @@ def test_better_neodymium_grades_have_more_remanence():
 
 def test_the_defaults_of_the_file_are_those_of_the_element():
     defaults = {f.name: f.default for f in fields(HallElement) if f.name in HallEntry.model_fields}
-    assert DIRECTIONS[HallEntry.model_fields["direction"].default] == defaults.pop("direction")
+    assert unit_vector(HallEntry.model_fields["direction"].default, "", []) == defaults.pop("direction")
     for name, value in defaults.items():
         assert HallEntry.model_fields[name].default == value
 

@@ -1,41 +1,19 @@
 """Every number that the file may hold can be swept and be off, or the reason why not is said."""
 
 from femfit.device import schema, schema_device
-from femfit.device import schema_device as schema_materials
-from femfit.device import schema_device as schema_solver
-from femfit.device import schema_device as schema_thermal
+from femfit.device.schema_device import SENSORS, TABLES, CurveEntry, MaterialEntry
 from femfit.device.tolerances import read_tolerances
 
+KINDS = {"materials": {"linear": MaterialEntry, "curve": CurveEntry}, "sensors": SENSORS}
 PLACES = {
-    "materials.linear": schema_materials.MaterialEntry,
-    "materials.curve": schema_materials.CurveEntry,
-    "fixed.regions.box": schema.RegionEntry,
-    "moving.regions.ball": schema.RegionEntry,
-    "moving": schema.MovingEntry,
-    "coils.winding": schema_device.WindingEntry,
-    "circuits.mains": schema_device.CircuitEntry,
-    "mechanics": schema_device.MechanicsEntry,
-    "mechanics.springs.spiral": schema_device.SpringEntry,
-    "mechanics.springs.measured": schema_device.SpringEntry,
-    "mechanics.near_stop": schema_device.StopEntry,
-    "mechanics.far_stop": schema_device.StopEntry,
-    "sensors.hall": schema.HallEntry,
-    "sensors.current": schema_device.CurrentSensorEntry,
-    "sensors.position": schema_device.PositionSensorEntry,
-    "sensors.pickup_coil": schema_device.PickupCoilEntry,
-    "sensors.acceleration": schema_device.AccelerationSensorEntry,
-    "sensors.force": schema_device.ForceSensorEntry,
-    "supply": schema.SupplyEntry,
-    "coil": schema.CoilEntry,
-    "hall": schema.HallEntry,
-    "thermal": schema_thermal.ThermalEntry,
-    "solver": schema_solver.SolverEntry,
-    "reference": schema.ReferenceEntry,
+    ".".join((*above, last.replace("*", name))): entry
+    for (*above, last), only in TABLES.items()
+    for name, entry in KINDS.get(above[0] if above else "", {"named": only}).items()
 }
 
 OF_THE_GRID = {"RangeEntry", "SweepEntry", "CurrentAxis", "DistanceAxis", "DesignEntry", "KeyEntry", "ValuesEntry",
                "NamedParameterEntry", "SampledEntry", "FrequencyRangeEntry", "ToleranceEntry"}  # fmt: skip
-BASES = {"Entry", "OutlineEntry", "HallPlace", "SensorTiming", "ConductorEntry", "FileEntry"}
+BASES = {"Entry", "OutlineEntry", "HallPlace", "SensorTiming", "ConductorEntry", "FileEntry", "ElectromagnetEntry"}
 
 
 def _number_keys(entry):
@@ -78,7 +56,7 @@ def _data_and_paths():
 
 
 def test_the_walk_knows_every_table_of_the_file():
-    modules = (schema, schema_device, schema_materials, schema_solver, schema_thermal)
+    modules = (schema, schema_device)
     entries = {
         name
         for module in modules

@@ -14,13 +14,12 @@ from typing import Any
 from femfit.core.errors import UsageError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
-from femfit.device.complaints import joined
-from femfit.device.drawing import table_at
+from femfit.device.complaints import joined, table_at
 from femfit.device.drawn_numbers import DrawnNumber, NumberFacts, numbers_from_toml
-from femfit.device.file_numbers import BODIES, numbers_of
+from femfit.device.file_numbers import numbers_of
 from femfit.device.load import parse
 from femfit.device.rewrite import rewritten
-from femfit.device.schema_device import ConductorEntry
+from femfit.device.schema_device import BODIES, ConductorEntry
 from femfit.device.tolerances import KINDS, read_tolerances
 from femfit.effects.catalogue import effect_by_name, known_effect
 from femfit.effects.tolerances import RESISTANCE
