@@ -5,10 +5,10 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar, get_args
 
-from pydantic import ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from femfit.device.schema import AXIS_KINDS, MAX_NAME, NAME_PATTERN, Entry
+from femfit.device.schema import MAX_NAME, NAME_PATTERN, Entry
 from femfit.device.schema_device import NAMED, TABLES
 
 AnyEntry = TypeVar("AnyEntry", bound=Entry)
@@ -106,25 +106,39 @@ def _errors(entry: type[Entry], table: object) -> Sequence[ErrorDetails]:
 
 
 def _sentence(entry: type[Entry], error: ErrorDetails, path: str) -> str:
-    # The second place of a location may be the tag of a union, which is no key of the file.
-    keys = [key for n, key in enumerate(error["loc"]) if n != 1 or key not in AXIS_KINDS]
+    keys = error["loc"]
     where = joined(path, *keys)
     fields: dict[str, Any] = {info.alias or name: info for name, info in entry.model_fields.items()}
-    remedy = fields[str(keys[0])].description if keys and keys[0] in fields else ""
+    info = fields.get(str(keys[0])) if keys else None
+    remedy = info.description if info is not None else ""
     if error["type"] == "extra_forbidden":
-        if len(keys) > 1:
-            return f"{where} is no known key. {remedy}"
         return f"{where} is no known key.{did_you_mean(str(keys[0]), fields)} Known here: {', '.join(fields)}."
     if error["type"] == "missing":
         return f"{where} is missing. {remedy}"
-    if error["type"] in _TABLE_TYPES:
-        return f"{where} must be a table; it is {_shortened(error['input'])}. {remedy}".rstrip()
+    words = get_args(info.annotation) if info is not None and error["type"] == "literal_error" else ()
+    near = did_you_mean(str(error["input"]), map(str, words))
+    return f"{_need(error, where)}{near} {remedy}".rstrip()
+
+
+def _need(error: ErrorDetails, where: str) -> str:
+    """What was needed at a place, and what is there."""
     need = re.sub(r"^(Input|String|List) should", "must", error["msg"])
     need = need.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
-    need = need.replace(" after validation", "")
-    words = get_args(fields[str(keys[0])].annotation) if error["type"] == "literal_error" else ()
-    near = did_you_mean(str(error["input"]), map(str, words))
-    return f"{where} {need}; it is {_shortened(error['input'])}.{near} {remedy}"
+    need = "must be a table" if error["type"] in _TABLE_TYPES else need.replace(" after validation", "")
+    return f"{where} {need}; it is {_shortened(error['input'])}."
+
+
+_STRICT = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+def read_list(kind: Any, value: object, path: str, remedy: str, problems: list[str]) -> tuple[Any, ...]:
+    """The members of a list of a kind, as :data:`femfit.device.schema.Names`; none where one of them is wrong."""
+    try:
+        return tuple(TypeAdapter(kind, config=_STRICT).validate_python(value))
+    except ValidationError as error:
+        every = error.errors(include_url=False, include_context=False)
+        problems += [f"{_need(each, joined(path, *each['loc']))} {remedy}" for each in every]
+        return ()
 
 
 def _shortened(value: object) -> str:

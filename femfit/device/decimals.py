@@ -3,6 +3,7 @@
 A grid is a key of the sweep table; it must come out the same on every machine and in every language.
 """
 
+from collections.abc import Sequence
 from decimal import Decimal
 from itertools import pairwise
 from typing import Any
@@ -49,9 +50,11 @@ def _in_si(value: Any, power: int) -> Any:
     return scaled(value, power) if power and value is not None else value
 
 
-def axis_values(axis: RangeEntry | list[float], path: str, problems: list[str]) -> tuple[float, ...]:
-    """The ascending values of an axis, in the file's unit."""
-    values = _stepped(axis, path, problems) if isinstance(axis, RangeEntry) else tuple(float(v) for v in axis)
+def axis_values(axis: RangeEntry | Sequence[float], path: str, problems: list[str]) -> tuple[float, ...]:
+    """The ascending values of an axis, in the file's unit; none where they are unusable."""
+    if isinstance(axis, RangeEntry):
+        return _stepped(axis, path, problems)
+    values = tuple(map(float, axis))
     for before, after in pairwise(values):
         if after <= before:
             what = "repeats" if after == before else "follows"
@@ -61,27 +64,30 @@ def axis_values(axis: RangeEntry | list[float], path: str, problems: list[str]) 
 
 
 def _stepped(axis: RangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
-    if axis.stop <= axis.start:
-        problems.append(
-            f"{path} must have stop > start; it has start = {axis.start:g} and stop = {axis.stop:g}. "
-            "Exchange them, or give a list for a single value."
-        )
-        return ()
-    if (axis.stop - axis.start) / axis.step > MAX_AXIS_POINTS - 1:
+    start, stop, step = (Decimal(repr(float(v))) for v in (axis.start, axis.stop, axis.step))
+    if stop <= start:
+        problems.append(not_above(path, axis.start, axis.stop))
+    elif (stop - start) / step > MAX_AXIS_POINTS - 1:
         problems.append(
             f"{path} must have at most {MAX_AXIS_POINTS} values; {axis.start:g} to {axis.stop:g} by {axis.step:g} "
             "has more. Take a larger step."
         )
-        return ()
-    start, stop, step = (Decimal(repr(float(v))) for v in (axis.start, axis.stop, axis.step))
-    count = round((stop - start) / step)
-    if start + count * step != stop:
+    elif start + (count := round((stop - start) / step)) * step != stop:
         problems.append(
             f"{path} must have a step that divides its range; {axis.step:g} does not divide "
             f"{axis.start:g} to {axis.stop:g}. End it at {float(start + count * step):g}, or change the step."
         )
-        return ()
-    return tuple(float(start + k * step) for k in range(count + 1))
+    else:
+        return tuple(float(start + k * step) for k in range(count + 1))
+    return ()
+
+
+def not_above(path: str, start: float, stop: float) -> str:
+    """The sentence on a range whose end is not above its start."""
+    return (
+        f"{path} must have stop > start; it has start = {start:g} and stop = {stop:g}. Exchange them, or give a list "
+        "for a single value."
+    )
 
 
 def decimal_sum(offset: float, factor: float, value: float) -> float:

@@ -16,11 +16,11 @@ from typing import Any, NamedTuple
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import joined, table_at
-from femfit.device.decimals import LENGTH_EXPONENT, MEGA_EXPONENT, decimal_sum, scaled
+from femfit.device.decimals import decimal_sum, scaled, si_key
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import Location, with_value
 from femfit.device.load import actuator_from_tables, parse, read_text
-from femfit.device.parts import Actuator, LinearMaterial, Material, NonlinearMaterial, Region
+from femfit.device.parts import Actuator, Region
 from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances
 
 STEP = {"mm": 1e-3}
@@ -94,9 +94,13 @@ class NumberFacts:
         return bool({*self.paths} & {*number.paths})
 
 
-class Words(NamedTuple):
-    """What a length is called, and where it stands, as :class:`NumberFacts` has it."""
+class _Length(NamedTuple):
+    """A length of the drawing: what :class:`NumberFacts` has of it, and where it stands in the file."""
 
+    kind: str
+    value: float
+    locations: tuple[Location, ...]
+    key: str
     label: str
     stands_for: str
     at: tuple[float, float]
@@ -147,12 +151,8 @@ def numbers_from_toml(
             source, ["sweep.parameters must be absent where signatures are asked for. Take one variant's drawing."]
         )
     tolerances, general = read_tolerances(data, [])
-    numbers = [
-        *_lengths(data, source, directory),
-        *_materials(actuator),
-        *_hall_places(data, source, directory),
-        *_turns(data, actuator),
-    ]
+    faces, hall = (list(_moved(data, source, directory, lengths)) for lengths in (_faces(data), _hall_place(data)))
+    numbers = [*faces, *_materials(actuator), *hall, *_turns(data, actuator)]
     return tuple(
         replace(number, facts=_with_tolerance(number.facts, tolerances, general))
         for number in numbers
@@ -179,72 +179,76 @@ def _changed(data: dict[str, Any], locations: Iterable[Location], change: float)
     return tables
 
 
-def _lengths(data: dict[str, Any], source: str, directory: Path | None) -> Iterator[DrawnNumber]:
-    """The faces of the parts; without those that the drawing counts from, which cannot be elsewhere."""
+def _faces(data: Mapping[str, Any]) -> Iterator[_Length]:
     for face in drawn_faces(data):
         flat = joined("", *face.flat) if face.flat else ""
-        words = Words(face.label, flat, at=face.at)
-        yield from _place(data, face.locations, "length", face.value, source, directory, words, face.key)
+        yield _Length("length", face.value, face.locations, face.key, face.label, flat, face.at)
 
 
-def _place(
-    data: dict[str, Any],
-    locations: tuple[Location, ...],
-    kind: str,
-    value: float,
-    source: str,
-    directory: Path | None,
-    words: Words,
-    key: str = "",
-) -> Iterator[DrawnNumber]:
-    """The number that these places are, if it can be built with a little more and a little less of it."""
-    step = STEP["mm"]
-    try:
-        larger, smaller = (
-            actuator_from_tables(_changed(data, locations, sign * step), source, directory) for sign in (1.0, -1.0)
-        )
-    except ActuatorFileError:
-        return
-    paths = [joined("", *location) for location in locations]
-    name, *also = dict.fromkeys([key, *paths] if key else paths)
-    facts = NumberFacts(name, tuple(also), kind, value, "mm", length_tolerance(value), **words._asdict())
-    yield DrawnNumber(facts, step, larger, smaller)
-
-
-def _hall_places(data: dict[str, Any], source: str, directory: Path | None) -> Iterator[DrawnNumber]:
+def _hall_place(data: Mapping[str, Any]) -> Iterator[_Length]:
     """Of the first Hall element, whose field the sweep solves."""
-    tables: list[tuple[tuple[str, ...], Any]] = [(("hall",), data.get("hall"))]
-    tables += [(("sensors", name), sensor) for name, sensor in table_at(data, "sensors").items()]
-    for path, table in tables:
-        if isinstance(table, dict) and table.get("kind", path[0]) == "hall":
-            for key in ("r_mm", "z_mm"):
-                if key == "z_mm" or table[key] > 0.0:
-                    value, label = float(table[key]), f"Hall element at {key[0]} = {table[key]:g} mm"
-                    words = Words(label, "", at=(float(table["r_mm"]), float(table["z_mm"])))
-                    yield from _place(data, ((*path, key),), "hall_place", value, source, directory, words)
-            return
+    sensors = {("sensors", name): table for name, table in table_at(data, "sensors").items()}
+    tables: dict[tuple[str, ...], Any] = {("hall",): data.get("hall"), **sensors}
+    elements = [(path, table) for path, table in tables.items() if table and table.get("kind", path[0]) == "hall"]
+    for path, table in elements[:1]:
+        at = float(table["r_mm"]), float(table["z_mm"])
+        for key, value in zip(("r_mm", "z_mm"), at, strict=True):
+            if key == "z_mm" or value > 0.0:
+                label = f"Hall element at {key[0]} = {value:g} mm"
+                yield _Length("hall_place", value, ((*path, key),), "", label, "", at)
 
 
-def _turns(data: dict[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]:
-    for place, coil in enumerate(actuator.coils):
-        ends = [
-            replace(actuator, coils=_with(actuator.coils, place, replace(coil, turns=coil.turns * (1.0 + change))))
-            for change in (SHARE_STEP, -SHARE_STEP)
+def _moved(
+    data: dict[str, Any], source: str, directory: Path | None, lengths: Iterable[_Length]
+) -> Iterator[DrawnNumber]:
+    """Lengths with which the drawing can be built a little larger and a little smaller; it counts from all others."""
+    step = STEP["mm"]
+    for length in lengths:
+        try:
+            larger, smaller = (
+                actuator_from_tables(_changed(data, length.locations, sign * step), source, directory)
+                for sign in (1.0, -1.0)
+            )
+        except ActuatorFileError:
+            continue
+        paths = [joined("", *location) for location in length.locations]
+        key, *also = dict.fromkeys([length.key, *paths] if length.key else paths)
+        words: dict[str, Any] = {"label": length.label, "stands_for": length.stands_for, "at": length.at}
+        tolerance = length_tolerance(length.value)
+        facts = NumberFacts(key, tuple(also), length.kind, length.value, "mm", tolerance, **words)
+        yield DrawnNumber(facts, step, larger, smaller)
+
+
+def _turns(data: Mapping[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]:
+    for coil in actuator.coils:
+        wound = [
+            tuple(replace(each, turns=each.turns * factor) if each is coil else each for each in actuator.coils)
+            for factor in _FACTORS
         ]
+        ends = [replace(actuator, coils=coils) for coils in wound]
         alone = sum(winding.circuit == coil.circuit for winding in actuator.coils) == 1
         key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
         effect = "turns" if len(actuator.circuits) == 1 else f"turns:{coil.circuit}"
-        yield _share(key, "turns", coil.turns, *ends, effect=effect if alone else "")
+        yield _share(key, "turns", coil.turns, *ends, effect=effect * alone)
 
 
-def _with(parts: tuple[Any, ...], place: int, replacement: Any) -> tuple[Any, ...]:
-    return (*parts[:place], replacement, *parts[place + 1 :])
+_FACTORS = 1.0 + SHARE_STEP, 1.0 - SHARE_STEP
 
 
-def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator, *, effect: str = "") -> DrawnNumber:
-    return DrawnNumber(
-        NumberFacts(key, (), kind, value, "", KINDS[kind].tolerance, effect), SHARE_STEP, larger, smaller
-    )
+def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator, *, effect: str) -> DrawnNumber:
+    facts = NumberFacts(key, (), kind, value, "", KINDS[kind].tolerance, effect)
+    return DrawnNumber(facts, SHARE_STEP, larger, smaller)
+
+
+_OF_MATERIALS = {
+    "B_T": ("flux_density_T", "curve_flux_density"),
+    "H_A_per_m": ("field_A_per_m", "curve_field"),
+    "relative_permeability": ("relative_permeability", "permeability"),
+    "remanence_T": ("remanence_T", "remanence"),
+    "conductivity_MS_per_m": ("conductivity_S_per_m", "conductivity"),
+    "lamination_mm": ("lamination_m", "lamination"),
+}
+"""Field of a material, and kind of number, of each key that is one."""
 
 
 def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
@@ -252,49 +256,27 @@ def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
     used = {region.material.name: region.material for region in actuator.regions}
     magnets = [name for name, material in used.items() if material.remanence_T]
     for name, material in used.items():
-        if isinstance(material, NonlinearMaterial):
-            yield _of_material(actuator, name, "B_T", "curve_flux_density", 1.0)
-            yield _of_material(actuator, name, "H_A_per_m", "curve_field", 1.0)
-        elif material.relative_permeability != 1.0:
-            kind = "recoil_permeability" if material.remanence_T else "permeability"
-            yield _of_material(actuator, name, "relative_permeability", kind, material.relative_permeability)
-        if material.remanence_T:
-            number = _of_material(actuator, name, "remanence_T", "remanence", abs(material.remanence_T))
-            alone = len(magnets) == 1
-            yield replace(number, facts=replace(number.facts, effect="remanence")) if alone else number
-        conduction = (
-            ("conductivity_MS_per_m", "conductivity", scaled(material.conductivity_S_per_m, -MEGA_EXPONENT)),
-            ("lamination_mm", "lamination", scaled(material.lamination_m, -LENGTH_EXPONENT)),
-        )
-        for key, kind, value in conduction:
-            if value:
-                yield _of_material(actuator, name, key, kind, value)
+        for key, (field, usual_kind) in _OF_MATERIALS.items():
+            drawn = vars(material).get(field, 0.0)
+            value = 1.0 if isinstance(drawn, tuple) else scaled(abs(drawn), -si_key(key)[1])
+            if value == (1.0 if key == "relative_permeability" else 0.0) or not value:
+                continue
+            recoil = key == "relative_permeability" and material.remanence_T
+            kind = "recoil_permeability" if recoil else usual_kind
+            effect = "remanence" if kind == "remanence" and len(magnets) == 1 else ""
+            ends = [_with_material(actuator, name, field, factor) for factor in _FACTORS]
+            yield _share(joined("materials", name, key), kind, value, *ends, effect=effect)
 
 
-def _of_material(actuator: Actuator, name: str, key: str, kind: str, value: float) -> DrawnNumber:
-    def changed(region: Region, factor: float) -> Region:
+def _with_material(actuator: Actuator, name: str, field: str, factor: float) -> Actuator:
+    """The actuator with a number, or with all numbers of a list, of a material times a factor."""
+
+    def changed(region: Region) -> Region:
         if region.material.name != name:
             return region
-        return replace(region, material=_scaled(region.material, key, factor))
+        drawn = getattr(region.material, field)
+        value = tuple(factor * each for each in drawn) if isinstance(drawn, tuple) else factor * drawn
+        return replace(region, material=replace(region.material, **{field: value}))
 
-    ends = []
-    for change in (SHARE_STEP, -SHARE_STEP):
-        fixed, moving = (
-            tuple(changed(region, 1.0 + change) for region in regions)
-            for regions in (actuator.fixed, actuator.moving.regions)
-        )
-        ends.append(replace(actuator, fixed=fixed, moving=replace(actuator.moving, regions=moving)))
-    return _share(joined("materials", name, key), kind, value, *ends)
-
-
-_IN_SI = {"conductivity_MS_per_m": "conductivity_S_per_m", "lamination_mm": "lamination_m"}
-
-
-def _scaled(material: Material, key: str, factor: float) -> Material:
-    if key in _IN_SI:
-        return replace(material, **{_IN_SI[key]: factor * getattr(material, _IN_SI[key])})
-    if isinstance(material, LinearMaterial):
-        return replace(material, **{key: factor * getattr(material, key)})
-    if key == "B_T":
-        return replace(material, flux_density_T=tuple(factor * b for b in material.flux_density_T))
-    return replace(material, field_A_per_m=tuple(factor * h for h in material.field_A_per_m))
+    moving = replace(actuator.moving, regions=tuple(map(changed, actuator.moving.regions)))
+    return replace(actuator, fixed=tuple(map(changed, actuator.fixed)), moving=moving)

@@ -47,7 +47,7 @@ class Circuit:
     drive: Drive = Drive()  # A bridge: voltages of both signs, as far as the limits go
     name: str = "coil"
     # L_s, in series, outside of the field
-    inductance_H: float = limited(default=0.0, metadata={"lower": 0.0, "absent": 0.0})
+    inductance_H: float = limited(default=0.0, metadata={"lower": 0.0})
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,12 @@ class Sensor:
     """What all other sensors share; noise, range and resolution are in the unit of the reading."""
 
     name: str
-    noise: float = 0.0  # Standard deviation of white noise on one sample
+    noise: float = limited(default=0.0, metadata={"lower": 0.0})  # Standard deviation of white noise on one sample
     minimum: float | None = None  # None: no limit
-    maximum: float | None = None
-    bits: int = 0  # Resolution of the converter over that range; 0 for none
-    delay_s: float = 0.0
-    sample_time_s: float | None = None  # None: the controller's
+    maximum: float | None = limited(default=None, metadata={"above": "minimum"})
+    bits: int = limited(default=0, metadata={"within": (0, 64)})  # Of the converter over that range; 0 for none
+    delay_s: float = limited(default=0.0, metadata={"lower": 0.0})
+    sample_time_s: float | None = limited(default=None, metadata={"positive": True})  # None: the controller's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,8 +98,8 @@ class CurrentSensor(Sensor):
 class PositionSensor(Sensor):
     """The distance as a laser, an optical gate or an LVDT reads it: interpolated between points of a characteristic."""
 
-    distances_m: tuple[float, ...]  # Ascending
-    readings: tuple[float, ...]  # Rising or falling throughout
+    distances_m: tuple[float, ...] = limited(metadata={"ascending": True})
+    readings: tuple[float, ...] = limited(metadata={"like": "distances_m", "monotone": True})
     unit: str = "V"  # V, or m where the reading is the distance itself
     kind: Literal["position"] = "position"
 

@@ -2,6 +2,7 @@
 
 import difflib
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
@@ -9,7 +10,6 @@ from femfit.device.complaints import joined, table_at, tables_of
 from femfit.device.decimals import scaled, si_key
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import NonlinearMaterial
-from femfit.device.schema import Entry
 from femfit.device.schema_device import BODIES, has_curve, material_entry
 
 Location = tuple[str | int, ...]
@@ -100,23 +100,18 @@ def unit_of(name: str) -> str:
 
 
 def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
-    for place, entry, table in tables_of(data):
-        if not why_no_number(place[0]):
-            yield from _in_table(entry, table, place)
-    for name in sorted(_materials_in_use(data) - table_at(data, "materials").keys()):
-        if name in LIBRARY:
-            table = library_table(name)
-            yield from _in_table(material_entry(table), {}, ("materials", name))
-
-
-def _in_table(entry: type[Entry], table: object, path: Location) -> Iterator[Location]:
-    if not isinstance(table, dict):
-        return
-    for key, info in entry.model_fields.items():
-        if _is_number(info.annotation):
-            yield (*path, key)
-        elif isinstance(table.get(key), list):
-            yield from _in_list(table[key], (*path, key))
+    regions = [table for body in BODIES for table in table_at(data, body, "regions").values()]
+    used = {str(table.get("material")) for table in regions if isinstance(table, dict)}
+    library = sorted((used - table_at(data, "materials").keys()) & LIBRARY.keys())
+    tables = [(("materials", name), material_entry(library_table(name)), {}) for name in library]
+    for place, entry, table in chain(tables_of(data), tables):
+        if why_no_number(place[0]) or not isinstance(table, dict):
+            continue
+        for key, info in entry.model_fields.items():
+            if _is_number(info.annotation):
+                yield (*place, key)
+            elif isinstance(table.get(key), list):
+                yield from _in_list(table[key], (*place, key))
 
 
 def _is_number(annotation: object) -> bool:
@@ -132,11 +127,6 @@ def _in_list(values: list[Any], path: Location) -> Iterator[Location]:
             yield from _in_list(value, (*path, place))
         elif isinstance(value, int | float):
             yield (*path, place)
-
-
-def _materials_in_use(data: Mapping[str, Any]) -> set[str]:
-    regions = [table for body in BODIES for table in table_at(data, body, "regions").values()]
-    return {str(table.get("material")) for table in regions if isinstance(table, dict)}
 
 
 def library_table(name: str) -> dict[str, Any]:

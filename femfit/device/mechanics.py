@@ -1,9 +1,10 @@
 """What acts on the moving part beside the magnetic force, in SI units; numpy alone.
 
-Forces here are positive along growing distance, as gravity is on a body that hangs: m d'' = sum of them - F(d, i).
+Limits in a field's metadata are what a model file is held to: see :mod:`femfit.model.json_section`. Forces here are
+positive along growing distance, as gravity is on a body that hangs: m d'' = sum of them - F(d, i).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,8 +24,8 @@ class Spring:
 class ForceTable:
     """A measured force along growing distance, interpolated linearly and continued by its last value."""
 
-    distances_m: tuple[float, ...]  # Ascending
-    forces_N: tuple[float, ...]
+    distances_m: tuple[float, ...] = field(metadata={"ascending": True})
+    forces_N: tuple[float, ...] = field(metadata={"like": "distances_m"})
 
 
 @dataclass(frozen=True)
@@ -32,19 +33,20 @@ class Stop:
     """An end of the travel."""
 
     distance_m: float
-    restitution: float = 0.0  # Velocity after an impact over that before it, 0 to 1
-    stiffness_N_per_m: float | None = None  # None: rigid
+    # Velocity after an impact over that before it
+    restitution: float = field(default=0.0, metadata={"lower": 0.0, "upper": 1.0})
+    stiffness_N_per_m: float | None = field(default=None, metadata={"positive": True})  # None: rigid
 
 
 @dataclass(frozen=True)
 class Mechanics:
     """The moving mass and everything mechanical that acts on it."""
 
-    mass_kg: float
+    mass_kg: float = field(metadata={"positive": True})
     gravity_m_s2: float = GRAVITY  # Along growing distance: negative where the body stands on the fixed part's side
     springs: tuple[Spring | ForceTable, ...] = ()
-    viscous_N_s_per_m: float = 0.0
-    coulomb_N: float = 0.0  # Dry friction, the same sliding and sticking
+    viscous_N_s_per_m: float = field(default=0.0, metadata={"lower": 0.0})
+    coulomb_N: float = field(default=0.0, metadata={"lower": 0.0})  # Dry friction, the same sliding and sticking
     load_N: float = 0.0  # A constant force along growing distance
     near_stop: Stop | None = None  # At the least distance
     far_stop: Stop | None = None

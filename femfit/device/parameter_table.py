@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any, TypeGuard
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
-from femfit.device.complaints import did_you_mean, joined, read_part, read_table
+from femfit.device.complaints import did_you_mean, joined, read_list, read_part, read_table
 from femfit.device.decimals import axis_values, decimal_sum
 from femfit.device.file_numbers import (
     Location,
@@ -34,10 +34,10 @@ from femfit.device.schema import (
     DesignEntry,
     KeyEntry,
     NamedParameterEntry,
-    NamesEntry,
+    Names,
+    ParameterValues,
     RangeEntry,
     SampledEntry,
-    ValuesEntry,
 )
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
@@ -162,11 +162,12 @@ def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]
 
 def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
     if isinstance(value, list):
-        values = read_table(ValuesEntry, {"values": value}, path, problems)
-        return None if values is None else tuple(values.values)
+        return read_list(ParameterValues, value, path, "Give at least one number.", problems) or None
     if isinstance(value, dict) and value.keys() & {"min", "max"}:
         entry = read_table(SampledEntry, value, path, problems)
-        return None if entry is None else _checked_range(entry, path, problems)
+        problem = "" if entry is None else _fault(entry)
+        problems += [f"{path} {problem}"] * bool(problem)
+        return None if problem else entry
     if isinstance(value, dict):
         stepped = read_table(RangeEntry, value, path, problems)
         return None if stepped is None else axis_values(stepped, path, problems) or None
@@ -185,27 +186,23 @@ def _names(value: object, path: str, data: Mapping[str, Any], problems: list[str
             f'example ["{materials[0]}", "{materials[-1]}"].'
         )
         return None
-    entry = read_table(NamesEntry, {"values": value}, path, problems)
-    wrong = [] if entry is None else [name for name in entry.values if name not in materials]
+    names = read_list(Names, value, path, "Give at least one name of a material in quotes.", problems)
+    wrong = [name for name in names if name not in materials]
     if wrong:
         problems.append(
             f"{path} must name materials of [materials] or of the library; {wrong[0][:60]!r} is none."
             f"{did_you_mean(wrong[0], materials)} Known: {', '.join(materials)}."
         )
-    return None if entry is None or wrong else tuple(entry.values)
+    return None if wrong else names or None
 
 
-def _checked_range(entry: SampledEntry, path: str, problems: list[str]) -> SampledEntry | None:
+def _fault(entry: SampledEntry) -> str:
     if entry.min >= entry.max:
-        problems.append(f"{path} must have max > min; they are {entry.max:g} and {entry.min:g}. Exchange them.")
-        return None
-    if entry.step is None:
-        return entry
-    steps = min(round((entry.max - entry.min) / entry.step), 10**9)
-    if decimal_sum(entry.min, steps, entry.step) != entry.max:
-        problems.append(f"{path} must have a step that divides max - min; {entry.step:g} does not. Change one of them.")
-        return None
-    return entry
+        return f"must have max > min; they are {entry.max:g} and {entry.min:g}. Exchange them."
+    steps = 0 if entry.step is None else min(round((entry.max - entry.min) / entry.step), 10**9)
+    if entry.step is not None and decimal_sum(entry.min, steps, entry.step) != entry.max:
+        return f"must have a step that divides max - min; {entry.step:g} does not. Change one of them."
+    return ""
 
 
 def _check_names(parameters: tuple[SweptParameter, ...], data: Mapping[str, Any], problems: list[str]) -> None:

@@ -16,7 +16,7 @@ from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.outlines import flattened
 from femfit.device.parts import REFERENCE_TEMPERATURE, Coil, smallest_winding_area, wire_resistance
 from femfit.device.schema import CoilEntry, SupplyEntry
-from femfit.device.schema_device import CircuitEntry, MechanicsEntry, SpringEntry, StopEntry
+from femfit.device.schema_device import CircuitEntry, MechanicsEntry, SpringEntry
 
 
 def read_coils(entries: Mapping[str, Any], drawing: Drawing, problems: list[str]) -> tuple[Coil, ...]:
@@ -146,13 +146,13 @@ def _drive(entry: CircuitEntry, path: str, diode_V: float | None, problems: list
             f'{path}.current_min_A and current_max_A must be given for drive = "current". Give the amplifier\'s limits.'
         )
     elif low >= high:
-        problems.append(_exchanged(path, "current", "A", low, high))
+        problems.append(_EXCHANGED.format(path, "current", "A", low, high))
     return Drive("current", None, low, high, entry.bandwidth_Hz)
 
 
 def _check_driver(path: str, low: float, high: float, diode: float | None, problems: list[str]) -> None:
     if low >= high:
-        problems.append(_exchanged(path, "voltage", "V", low, high))
+        problems.append(_EXCHANGED.format(path, "voltage", "V", low, high))
     if diode is not None and low < 0.0:
         problems.append(
             f"{path}.diode_V must be left out where voltage_min_V is negative ({low:g}): a bridge takes the current "
@@ -160,12 +160,7 @@ def _check_driver(path: str, low: float, high: float, diode: float | None, probl
         )
 
 
-def _exchanged(path: str, quantity: str, unit: str, low: float, high: float) -> str:
-    return (
-        f"{path}.{quantity}_min_{unit} must be below {quantity}_max_{unit}; they are {low:g} and {high:g}. "
-        "Exchange or change them."
-    )
-
+_EXCHANGED = "{0}.{1}_min_{2} must be below {1}_max_{2}; they are {3:g} and {4:g}. Exchange or change them."
 
 DOWNWARD = {"hanging": 1.0, "standing": -1.0, "horizontal": 0.0, "off": 0.0}
 """Share of gravity along growing distance."""
@@ -178,7 +173,8 @@ def read_mechanics(data: Mapping[str, Any], entries: Mapping[str, Any], problems
         mass = entries["moving"].mass_g if "moving" in entries and "mechanics" not in data else None
         return None if mass is None else Mechanics(scaled(mass))
     places = [joined("mechanics.springs", name) for name in entry.springs]
-    near, far = (_stop(entries.get(f"mechanics.{key}")) for key in ("near_stop", "far_stop"))
+    stops = [entries.get(f"mechanics.{key}") for key in ("near_stop", "far_stop")]
+    near, far = (None if stop is None else Stop(**in_si(stop)) for stop in stops)
     if entry.travel_mm is not None:
         near, far = (Stop(scaled(distance)) for distance in entry.travel_mm)
     if near is not None and far is not None and near.distance_m >= far.distance_m:
@@ -214,7 +210,3 @@ def _spring(entry: SpringEntry) -> Spring | ForceTable:
     if entry.distance_mm is not None:
         return ForceTable(tuple(map(scaled, entry.distance_mm)), tuple(entry.force_N or ()))
     return Spring(1e3 * (entry.stiffness_N_per_mm or 0.0), entry.preload_N, scaled(entry.preload_at_mm or 0.0))
-
-
-def _stop(entry: StopEntry | None) -> Stop | None:
-    return None if entry is None else Stop(**in_si(entry))

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.device.complaints import did_you_mean, joined, read_part, read_table
-from femfit.device.decimals import axis_values, scaled
+from femfit.device.complaints import did_you_mean, joined, read_list, read_table
+from femfit.device.decimals import axis_values, not_above, scaled
 from femfit.device.drawing import coil_tables
 from femfit.device.parts import SweepAxes
-from femfit.device.schema import CurrentAxis, DistanceAxis, RangeEntry, SweepEntry
-from femfit.device.schema_device import MAX_FREQUENCIES, FrequencyRangeEntry, SolverEntry
+from femfit.device.schema import AxisValues, RangeEntry, SweepEntry
+from femfit.device.schema_device import MAX_FREQUENCIES, Frequencies, FrequencyRangeEntry, SolverEntry
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
@@ -29,60 +29,59 @@ class FileAxes:
         return SweepAxes(first, tuple(scaled(d) for d in self.distances_mm), tuple(others_A))
 
 
+def read_axis(value: object, path: str, key: str, problems: list[str]) -> tuple[float, ...]:
+    """The ascending values of an axis given as a list or as { start, stop, step }; none if unusable."""
+    remedy = SweepEntry.model_fields[key].description or ""
+    if isinstance(value, dict):
+        entry = read_table(RangeEntry, value, path, problems)
+        return () if entry is None else axis_values(entry, path, problems)
+    if isinstance(value, list):
+        return axis_values(read_list(AxisValues, value, path, remedy, problems), path, problems)
+    problems.append(
+        f"{path} must be a list of numbers or a table {{ start, stop, step }}; it is {str(value)[:60]!r}. {remedy}"
+    )
+    return ()
+
+
 def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> FileAxes:
     """The axes of a file with these circuits."""
     sweep = data.get("sweep")
     if not isinstance(sweep, dict):
         return FileAxes((), ())
-    entries = sweep.get("current_A")
-    several = isinstance(entries, dict) and not entries.keys() <= RangeEntry.model_fields.keys()
-    without = not any(coil_tables(data))
-    if several or without:  # what stands in its place passes the check of the other keys
-        read_table(SweepEntry, sweep | {"current_A": [0.0]}, "sweep", problems)
-    else:
-        read_table(SweepEntry, sweep, "sweep", problems)
-    distances = read_part(DistanceAxis, sweep)
-    distances_mm = axis_values(distances.distance_mm, "sweep.distance_mm", problems) if distances else ()
+    currents, without = sweep.get("current_A"), not any(coil_tables(data))
+    read_table(SweepEntry, ({"current_A": []} if without else {}) | sweep, "sweep", problems)
+    axes, each = [], isinstance(currents, dict) and not currents.keys() <= RangeEntry.model_fields.keys()
+    if isinstance(currents, dict) and each:
+        axes = _by_circuit(currents, circuits, problems)
+    elif "current_A" in sweep and not without:
+        if len(circuits) > 1:
+            problems.append(
+                f"sweep.current_A must give the currents of each circuit; there are {', '.join(circuits)}. Write "
+                f"current_A = {{ {circuits[0]} = [0, 1], {circuits[1]} = [0, 1] }}."
+            )
+        axes = [read_axis(currents, "sweep.current_A", "current_A", problems)]
+    distances_mm: tuple[float, ...] = ()
+    if "distance_mm" in sweep:
+        distances_mm = read_axis(sweep["distance_mm"], "sweep.distance_mm", "distance_mm", problems)
     if distances_mm and distances_mm[0] < MIN_DISTANCE and data.get("schema") == 1:
         problems.append(
             f"sweep.distance_mm must be > 0, the gap from face to face; it starts at {distances_mm[0]:g}. "
             f"Start at {MIN_DISTANCE:g} mm or more, or write schema = 2 for a body that passes the face."
         )
-    if several and isinstance(entries, dict):
-        return FileAxes(_by_circuit(entries, circuits, problems), distances_mm)
-    if without:
-        return FileAxes((), distances_mm)
-    if len(circuits) > 1:
-        problems.append(
-            f"sweep.current_A must give the currents of each circuit; there are {', '.join(circuits)}. Write "
-            f"current_A = {{ {circuits[0]} = [0, 1], {circuits[1]} = [0, 1] }}."
-        )
-    currents = read_part(CurrentAxis, sweep)
-    return FileAxes((axis_values(currents.current_A, "sweep.current_A", problems),) if currents else (), distances_mm)
+    return FileAxes(tuple(axes), distances_mm)
 
 
-def _by_circuit(
-    currents: Mapping[str, Any], circuits: Sequence[str], problems: list[str]
-) -> tuple[tuple[float, ...], ...]:
-    unknown = [name for name in currents if name not in circuits]
+def _by_circuit(currents: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> list[tuple[float, ...]]:
     problems += [
         f"{joined('sweep.current_A', name)} must name a circuit.{did_you_mean(name, circuits)} "
         f"Known: {', '.join(circuits) or 'none'}."
-        for name in unknown
+        for name in currents
+        if name not in circuits
     ]
     missing = [name for name in circuits if name not in currents]
     problems += [f"{joined('sweep.current_A', name)} is missing. Give the circuit's currents." for name in missing]
-    axes = []
-    for name in circuits:
-        if name not in currents:
-            continue
-        path = joined("sweep.current_A", name)
-        count = len(problems)
-        entry = read_table(CurrentAxis, {"current_A": currents[name]}, "", problems)
-        problems[count:] = [problem.replace("current_A", path, 1) for problem in problems[count:]]
-        if entry is not None:
-            axes.append(axis_values(entry.current_A, path, problems))
-    return tuple(axes)
+    paths = {name: joined("sweep.current_A", name) for name in circuits if name in currents}
+    return [read_axis(currents[name], path, "current_A", problems) for name, path in paths.items()]
 
 
 _DIGITS = 9
@@ -92,16 +91,17 @@ _DIGITS = 9
 def frequencies(entry: SolverEntry | None, problems: list[str]) -> tuple[float, ...]:
     """The ascending frequencies in Hz; those of a range are equally spaced in their logarithm, both ends included."""
     path = "solver.frequency_Hz"
-    frequencies = entry.frequency_Hz if entry is not None else None
+    axis = entry.frequency_Hz if entry is not None else None
+    if axis is None:
+        return ()
+    if not isinstance(axis, dict):
+        remedy = SolverEntry.model_fields["frequency_Hz"].description or ""
+        return axis_values(read_list(Frequencies, axis, path, remedy, problems), path, problems)
+    frequencies = read_table(FrequencyRangeEntry, axis, path, problems)
     if frequencies is None:
         return ()
-    if not isinstance(frequencies, FrequencyRangeEntry):
-        return axis_values(frequencies, path, problems)
     if frequencies.stop <= frequencies.start:
-        problems.append(
-            f"{path} must have stop > start; it has start = {frequencies.start:g} and stop = {frequencies.stop:g}. "
-            "Exchange them, or give a list for a single value."
-        )
+        problems.append(not_above(path, frequencies.start, frequencies.stop))
         return ()
     # A range of no whole number of steps gets a step more, not wider ones
     steps = math.ceil(round(frequencies.per_decade * math.log10(frequencies.stop / frequencies.start), _DIGITS))

@@ -7,7 +7,7 @@ A field's description is the remedy printed when its key is missing or wrong. Le
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, JsonValue, PlainValidator, Tag
+from pydantic import BaseModel, ConfigDict, Field, JsonValue, PlainValidator, TypeAdapter, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 SCHEMA_VERSION = 2
@@ -94,19 +94,16 @@ class OutlineEntry(Entry):
 def _direction(*names: str) -> PlainValidator:
     """A direction by one of these names or as [r, z]."""
 
-    def checked(value: object) -> str | list[float] | None:
+    def checked(value: Any) -> str | list[float] | None:
         if value is None or (isinstance(value, str) and value in names):
             return value
-        if isinstance(value, list) and len(value) == 2 and all(_is_number(number) for number in value):
-            return [float(number) for number in value]
+        numbers = [number for number in value if type(number) in {int, float}] if isinstance(value, list) else []
+        if len(numbers) == 2 == len(value) and all(abs(number) < MAX_DIRECTION for number in numbers):
+            return [float(number) for number in numbers]
         choices = " or ".join(repr(name) for name in names)
         raise PydanticCustomError("direction", "Input should be {known} or a direction [r, z]", {"known": choices})
 
     return PlainValidator(checked, json_schema_input_type=Literal[*names] | list[float])
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < MAX_DIRECTION
 
 
 MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinite
@@ -198,48 +195,20 @@ class SupplyEntry(Entry):
     diode_V: Drop | None = declared("the forward voltage of the freewheel diode of a one-sided driver", None)
 
 
-AxisValue = Annotated[float, Field(ge=-1e5, le=1e5)]
-
-
 class RangeEntry(Entry):
     """``{ start = ..., stop = ..., step = ... }``, both ends included."""
 
-    start: AxisValue = declared("the first value")
-    stop: AxisValue = declared("the last value; it belongs to the grid")
+    start: Length = declared("the first value")
+    stop: Length = declared("the last value; it belongs to the grid")
     step: float = declared("a positive step that divides stop - start", gt=0)
 
 
-AXIS_KINDS = ("<range>", "<list>")
-
-
-def axis_kind(value: object) -> str | None:
-    """Which of :data:`AXIS_KINDS` a value is written as."""
-    if isinstance(value, Entry | dict):
-        return AXIS_KINDS[0]
-    return AXIS_KINDS[1] if isinstance(value, list) else None
-
-
-Axis = Annotated[
-    Annotated[RangeEntry, Tag(AXIS_KINDS[0])]
-    | Annotated[list[AxisValue], Field(min_length=1, max_length=MAX_AXIS_POINTS), Tag(AXIS_KINDS[1])],
-    Discriminator(
-        axis_kind,
-        custom_error_type="axis",
-        custom_error_message="Input should be a list of numbers or a table { start, stop, step }",
-    ),
-]
-
-
-class CurrentAxis(Entry):
-    """The currents of the sweep."""
-
-    current_A: Axis = declared("ascending currents as a list or as { start, stop, step }")
-
-
-class DistanceAxis(Entry):
-    """The distances of the sweep."""
-
-    distance_mm: Axis = declared("ascending distances as a list or as { start, stop, step }")
+ParameterValue = Annotated[float, Field(ge=-1e9, le=1e9)]
+AxisValues = Annotated[list[Length], Field(min_length=1, max_length=MAX_AXIS_POINTS)]
+ParameterValues = Annotated[list[ParameterValue], Field(min_length=1, max_length=MAX_AXIS_POINTS)]
+Names = Annotated[list[str], Field(min_length=1, max_length=MAX_AXIS_POINTS)]
+Axis = Annotated[Any, WithJsonSchema(TypeAdapter(AxisValues).json_schema())]
+"""A list of :data:`AxisValues` or a table of :class:`RangeEntry`, which :mod:`femfit.device.read_sweep` reads."""
 
 
 class DesignEntry(Entry):
@@ -253,11 +222,11 @@ class DesignEntry(Entry):
     seed: int = declared("the seed of a latin_hypercube", 1, ge=0, le=2**63 - 1)
 
 
-class SweepEntry(CurrentAxis, DistanceAxis, DesignEntry):
+class SweepEntry(DesignEntry):
     """``[sweep]``."""
 
-
-ParameterValue = Annotated[float, Field(ge=-1e9, le=1e9)]
+    current_A: Axis = declared("ascending currents as a list or as { start, stop, step }")
+    distance_mm: Axis = declared("ascending distances as a list or as { start, stop, step }")
 
 
 class KeyEntry(Entry):
@@ -275,22 +244,6 @@ class NamedParameterEntry(Entry):
         "the key paths that follow the parameter as a list"
     )
     values: Any = declared("a list, { start, stop, step }, or { min, max } for a latin_hypercube")
-
-
-class ValuesEntry(Entry):
-    """A list of values."""
-
-    values: Annotated[list[ParameterValue], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = declared(
-        "at least one number"
-    )
-
-
-class NamesEntry(Entry):
-    """A list of names."""
-
-    values: Annotated[list[str], Field(min_length=1, max_length=MAX_AXIS_POINTS)] = declared(
-        "at least one name of a material in quotes"
-    )
 
 
 class SampledEntry(Entry):

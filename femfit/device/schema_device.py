@@ -8,10 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import ConfigDict, Discriminator, Field, Tag
+from pydantic import ConfigDict, Field, TypeAdapter, WithJsonSchema
 
 from femfit.device.schema import (
-    AXIS_KINDS,
     CoilEntry,
     Drop,
     Electrical,
@@ -30,7 +29,6 @@ from femfit.device.schema import (
     SupplyEntry,
     Time,
     Turns,
-    axis_kind,
     declared,
 )
 from femfit.device.thermal import STILL_AIR as USUAL
@@ -333,15 +331,9 @@ class FrequencyRangeEntry(Entry):
     per_decade: int = declared("how many frequencies there are in each decade", ge=1, le=100)
 
 
-FrequencyAxis = Annotated[
-    Annotated[FrequencyRangeEntry, Tag(AXIS_KINDS[0])]
-    | Annotated[list[Frequency], Field(min_length=1, max_length=MAX_FREQUENCIES), Tag(AXIS_KINDS[1])],
-    Discriminator(
-        axis_kind,
-        custom_error_type="axis",
-        custom_error_message="Input should be a list of frequencies or a table { start, stop, per_decade }",
-    ),
-]
+Frequencies = Annotated[list[Frequency], Field(min_length=1, max_length=MAX_FREQUENCIES)]
+FrequencyAxis = Annotated[Any, WithJsonSchema(TypeAdapter(Frequencies).json_schema())]
+"""A list of :data:`Frequencies` or a table of :class:`FrequencyRangeEntry`."""
 
 
 class SolverEntry(Entry):

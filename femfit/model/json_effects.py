@@ -69,7 +69,7 @@ def carried_from(name: str, section: Section) -> Effect:
     """The effect of a name with what it carries."""
     parts = _MAGNETICS, *_CURVES, _BRAKE, _RESISTANCE, _IMPEDANCE, _CONDUCTIVITY
     section.refuse_others((*_TEXTS, "parameters", *parts, "notes"))
-    parameters = tuple(_parameter_from(one) for one in section.sections("parameters"))
+    parameters = tuple(one.record(EffectParameter) for one in section.sections("parameters"))
     known = {p.name for p in parameters}
     terms = section.sections(_MAGNETICS) if section.data.get(_MAGNETICS) else ()
     curves = {key: _curves_from(section.optional_section(key), known) for key in _CURVES}
@@ -95,15 +95,6 @@ def carried_from(name: str, section: Section) -> Effect:
 
 def _parameter_to(p: EffectParameter) -> dict[str, Any]:
     return {key: list(value) if isinstance(value, tuple) else value for key, value in vars(p).items()}
-
-
-def _parameter_from(section: Section) -> EffectParameter:
-    pairs = {key: section.array(key, 1) for key in ("bounds", "plausible")}
-    for key, pair in pairs.items():
-        if len(pair) != 2:
-            raise section.refusal(key, "a pair of numbers")
-    given = {key: (float(pair[0]), float(pair[1])) for key, pair in pairs.items()}
-    return section.record(EffectParameter, **given)
 
 
 def term_to(term: FieldTerm) -> dict[str, Any]:

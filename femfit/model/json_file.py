@@ -32,7 +32,6 @@ from femfit.model.json_magnetics import (
     tensor_to,
 )
 from femfit.model.json_parts import (
-    drive_from,
     eddy_from,
     eddy_to,
     hall_field_from,
@@ -225,11 +224,11 @@ def _build(top: Section) -> ActuatorModel:
     top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in _WORKED_OUT)))
     motion, sensor, misfit = (top.optional_section(name) for name in ("motion", "sensor", "misfit"))
     kind, noise, eddy = (top.optional_section(name) for name in ("kind", "process_noise", "eddy"))
-    circuits = tuple(_circuit_from(one) for one in top.sections("circuits")) if top.data.get("circuits") else ()
+    circuits = tuple(one.record(Circuit) for one in top.sections("circuits")) if top.data.get("circuits") else ()
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=magnetics_from(top.section("magnetics")),
-        validity=_validity_from(top.section("validity")),
+        validity=top.section("validity").record(ValidityBox),
         circuits=circuits,
         motion=mechanics_from(motion) if motion else None,
         sensor=sensor.record(HallSensor, field=hall_field_from(sensor.section("field"))) if sensor else None,
@@ -249,26 +248,6 @@ def _build(top: Section) -> ActuatorModel:
     added = top.sections("effects") if top.data.get("effects") else ()
     drawn = {one.key: one.effect for one in base.drawn}
     return with_effects(base, [_effect_from(section, drawn) for section in added])
-
-
-def _circuit_from(section: Section) -> Circuit:
-    drive = section.optional_section("drive")
-    return section.record(
-        Circuit,
-        drive=drive_from(drive) if drive else Drive(),
-        name=section.text("name") if "name" in section.data else "coil",
-    )
-
-
-def _validity_from(section: Section) -> ValidityBox:
-    further = section.array("further_A", 2) if section.data.get("further_A") else np.zeros((0, 2))
-    if further.shape[1] != 2:
-        raise section.refusal("further_A", "pairs of a lowest and a highest current")
-    return section.record(
-        ValidityBox,
-        further_A=tuple((float(low), float(high)) for low, high in further),
-        mirrored="mirrored" in section.data and section.truth("mirrored"),
-    )
 
 
 def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any
 
 from femfit.core.numerics import FloatArray
@@ -50,21 +49,8 @@ def magnetics_from(section: Section) -> Magnetics:
 
 
 def _network_from(section: Section) -> NetworkMagnetics:
-    section.refuse_others(("kind", *(f.name for f in fields(NetworkMagnetics))))
-    arrays = {"log_reluctance": 4, "saturation_Wb": 2, "leakage_H": 2}
-    powers = {key: section.array(key, 1) for key in arrays}
-    for key, count in arrays.items():
-        if len(powers[key]) != count:
-            raise section.refusal(key, f"{count} numbers")
-    r0, r1, r2, r3 = powers["log_reluctance"].tolist()
-    return NetworkMagnetics(
-        section.number("reference_distance_m", positive=True),
-        section.number("distance_shift_m"),
-        (r0, r1, r2, r3),
-        (float(powers["saturation_Wb"][0]), float(powers["saturation_Wb"][1])),
-        section.number("knee_A", positive=True),
-        (float(powers["leakage_H"][0]), float(powers["leakage_H"][1])),
-    )
+    positive = {key: section.number(key, positive=True) for key in ("reference_distance_m", "knee_A")}
+    return section.record(NetworkMagnetics, others=("kind",), **positive)
 
 
 def _coefficient_from(section: Section, basis: tuple[str, ...]) -> Coefficient:

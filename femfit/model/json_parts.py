@@ -7,14 +7,13 @@ Eddy currents in a model file.
 Fields at sensors in a model file: of one current as before there were several, else of any currents.
 """
 
-import math
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from femfit.device.electrics import AccelerationSensor, CurrentSensor, Drive, ForceSensor, PositionSensor
-from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.device.mechanics import Mechanics
 from femfit.model.bspline import LINE
 from femfit.model.eddy_currents import EddyBias, EddyCurrents, EddyError
 from femfit.model.hall import HallField, HallSpline, OtherSensor, PickupSensor, SensedField
@@ -48,59 +47,10 @@ def unusual(value: "DataclassInstance") -> dict[str, object]:
 
 def mechanics_from(section: Section) -> Mechanics:
     """Mass and gravity, and what a file may say beside them."""
-    section.refuse_others(tuple(f.name for f in fields(Mechanics)))
-    springs = section.sections("springs") if section.data.get("springs") else ()
-    near, far = section.optional_section("near_stop"), section.optional_section("far_stop")
-    mechanics = Mechanics(
-        mass_kg=section.number("mass_kg", positive=True),
-        gravity_m_s2=section.number("gravity_m_s2"),
-        springs=tuple(_spring_from(spring) for spring in springs),
-        viscous_N_s_per_m=section.number("viscous_N_s_per_m", lower=0.0, absent=0.0),
-        coulomb_N=section.number("coulomb_N", lower=0.0, absent=0.0),
-        load_N=section.number("load_N", absent=0.0),
-        near_stop=None if near is None else _stop_from(near),
-        far_stop=None if far is None else _stop_from(far),
-    )
-    both = mechanics.near_stop is not None and mechanics.far_stop is not None
-    if both and not mechanics.near_stop.distance_m < mechanics.far_stop.distance_m:  # type: ignore[union-attr]
+    mechanics = section.record(Mechanics)
+    if not mechanics.ends[0] < mechanics.ends[1]:
         raise section.refusal("far_stop", "at a larger distance than near_stop")
     return mechanics
-
-
-def _spring_from(section: Section) -> Spring | ForceTable:
-    if "stiffness_N_per_m" in section.data:
-        section.refuse_others(tuple(f.name for f in fields(Spring)))
-        return Spring(
-            section.number("stiffness_N_per_m"),
-            section.number("preload_N", absent=0.0),
-            section.number("distance_m", absent=0.0),
-        )
-    section.refuse_others(tuple(f.name for f in fields(ForceTable)))
-    distances, forces = section.array("distances_m", 1), section.array("forces_N", 1)
-    if len(distances) < 2 or not (distances[1:] > distances[:-1]).all():
-        raise section.refusal("distances_m", "two or more distances in ascending order")
-    if len(forces) != len(distances):
-        raise section.refusal("forces_N", f"{len(distances)} forces, one for each distance")
-    return ForceTable(tuple(distances.tolist()), tuple(forces.tolist()))
-
-
-def _stop_from(section: Section) -> Stop:
-    section.refuse_others(tuple(f.name for f in fields(Stop)))
-    restitution = section.number("restitution", lower=0.0, absent=0.0)
-    if restitution > 1.0:
-        raise section.refusal("restitution", "0 to 1")
-    stiffness = None
-    if section.data.get("stiffness_N_per_m") is not None:
-        stiffness = section.number("stiffness_N_per_m", positive=True)
-    return Stop(section.number("distance_m"), restitution, stiffness)
-
-
-def drive_from(section: Section) -> Drive:
-    """What feeds the winding."""
-    kind = section.text("kind")
-    if kind not in {"voltage", "current"}:
-        raise section.refusal("kind", "voltage or current")
-    return section.record(Drive, kind=kind)
 
 
 def sensed_to(field: SensedField) -> dict[str, Any]:
@@ -144,37 +94,8 @@ def _sensor_from(section: Section) -> OtherSensor:
     kind = section.text("kind")
     if kind not in KINDS:
         raise section.refusal("kind", f"one of {', '.join(KINDS)}")
-    section.refuse_others(tuple(f.name for f in fields(KINDS[kind])))
-    timing = None if section.data.get("sample_time_s") is None else section.number("sample_time_s", positive=True)
-    low, high = section.optional_number("minimum"), section.optional_number("maximum")
-    if not (-math.inf if low is None else low) < (math.inf if high is None else high):
-        raise section.refusal("maximum", "above minimum")
-    common: dict[str, Any] = {
-        "name": section.text("name"),
-        "noise": section.number("noise", lower=0.0, absent=0.0),
-        "minimum": low,
-        "maximum": high,
-        "bits": section.integer("bits", 0, 64) if "bits" in section.data else 0,
-        "delay_s": section.number("delay_s", lower=0.0, absent=0.0),
-        "sample_time_s": timing,
-    }
-    if kind == "current":
-        gain, offset = section.number("gain", absent=1.0), section.number("offset", absent=0.0)
-        return CurrentSensor(**common, circuit=section.text("circuit"), gain=gain, offset=offset)
-    if kind == "position":
-        at, read = section.array("distances_m", 1), section.array("readings", 1)
-        rises = read[1:] - read[:-1]
-        if len(at) < 2 or len(at) != len(read) or not (at[1:] > at[:-1]).all() or not (rises * rises[0] > 0.0).all():
-            raise section.refusal("readings", "as many as distances_m, rising or falling throughout as those ascend")
-        unit = section.text("unit")
-        return PositionSensor(**common, distances_m=tuple(at.tolist()), readings=tuple(read.tolist()), unit=unit)
-    if kind == "pickup_coil":
-        return PickupSensor(**common, flux=sensed_from(section.section("flux")))
-    if kind == "acceleration":
-        return AccelerationSensor(
-            **common, reads_gravity="reads_gravity" in section.data and section.truth("reads_gravity")
-        )
-    return ForceSensor(**common)
+    flux = {"flux": sensed_from(section.section("flux"))} if kind == "pickup_coil" else {}
+    return section.record(KINDS[kind], **flux)
 
 
 _ARRAYS = ("resistances_ohm", "u_knots", "couplings", "flux_linkages_Wb", "inductances_H", "hall_T_per_A")

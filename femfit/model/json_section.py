@@ -1,8 +1,9 @@
 """Values of a JSON object, each checked where it is read and named by its key path in every message."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, TypeVar, get_type_hints
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from types import UnionType
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Record = TypeVar("Record", bound="DataclassInstance")
+
+_PLAIN = (float, int, bool, str)
 
 _LARGEST = 1e60
 """Derived: products of five such numbers are finite. No quantity of an actuator comes near it."""
@@ -51,17 +54,27 @@ class Section:
                     "spelling, or update femfit."
                 )
 
-    def number(self, key: str, *, lower: float = -np.inf, positive: bool = False, absent: float | None = None) -> float:
-        """A finite number of at least ``lower``, or > 0 where ``positive``; ``absent`` in files of older versions."""
+    def number(
+        self,
+        key: str,
+        *,
+        lower: float = -np.inf,
+        upper: float = np.inf,
+        positive: bool = False,
+        absent: float | None = None,
+    ) -> float:
+        """A finite number within limits, or > 0 where ``positive``; ``absent`` in files of older versions."""
         value = self.data.get(key) if key in self.data else absent
         needed = "a finite number" + (" > 0" if positive else f" >= {lower:g}" if np.isfinite(lower) else "")
+        if np.isfinite(upper):
+            needed = f"a finite number of {lower:g} to {upper:g}"
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise self.refusal(key, needed)
         if abs(value) >= _LARGEST:
             needed += f", of less than {_LARGEST:g}"
         if positive and 0 < value < _SMALLEST:
             raise self.refusal(key, f"{needed}, of at least {_SMALLEST:g}")
-        if not abs(value) < _LARGEST or value < lower or (positive and value <= 0):
+        if not (abs(value) < _LARGEST and lower <= value <= upper) or (positive and value <= 0):
             raise self.refusal(key, needed)
         return float(value)
 
@@ -97,31 +110,71 @@ class Section:
             raise self.refusal(key, "a text")
         return value
 
-    def record(self, kind: type[Record], /, **given: object) -> Record:
+    def record(self, kind: type[Record], /, *, others: tuple[str, ...] = (), **given: object) -> Record:
         """The members as a dataclass, by the types of its fields and the limits in their metadata.
 
-        ``positive``, ``lower`` and ``within`` limit a number, ``absent`` stands for one that is not there, and
-        ``not_below`` names the field that it must reach; members that are not plain numbers, texts or truths are
-        ``given``.
+        ``positive``, ``lower``, ``upper`` and ``within`` limit a number; ``not_below`` and ``above`` name the field
+        that it must reach or exceed; numbers in a list may be ``ascending`` or ``monotone``, and as many as those of
+        the field in ``like``. What is absent is as usual, where that is finite. Members of other types are ``given``,
+        and ``others`` are no fields.
         """
-        self.refuse_others(tuple(f.name for f in fields(kind)))
-        hints = get_type_hints(kind)
-        values = dict(given)
+        self.refuse_others((*others, *(f.name for f in fields(kind))))
+        hints, values = get_type_hints(kind), dict(given)
         for f in fields(kind):
+            hint, value, usual = hints[f.name], self.data.get(f.name), f.default
+            if usual is MISSING and type(None) in get_args(hint):
+                usual = None
+            empty = f.name not in self.data or (hint not in _PLAIN and not value and value != 0)
             if f.name not in given:
-                limits = dict(f.metadata)
-                if "not_below" in limits:
-                    limits["lower"] = values[limits.pop("not_below")]
-                values[f.name] = self._member(f.name, hints[f.name], limits)
+                taken = empty and (usual is None or usual not in {MISSING, np.inf, -np.inf})
+                values[f.name] = usual if taken else self._member(f.name, hint, dict(f.metadata), values)
         return kind(**values)
 
-    def _member(self, key: str, hint: object, limits: Mapping[str, Any]) -> object:
-        if hint is int:
+    def _member(self, key: str, hint: Any, limits: dict[str, Any], values: Mapping[str, Any]) -> object:
+        kinds = [one for one in get_args(hint) if one is not type(None)] if isinstance(hint, UnionType) else [hint]
+        if get_origin(hint) is Literal:
+            if self.text(key) not in get_args(hint):
+                raise self.refusal(key, " or ".join(get_args(hint)))
+            return self.text(key)
+        if is_dataclass(kinds[0]):
+            return self.section(key).record(cast("Any", kinds[0]))
+        if get_origin(kinds[0]) is tuple:
+            return self._members(key, get_args(kinds[0]), limits, values)
+        if kinds[0] is int:
             return self.integer(key, *limits.get("within", (0, 2**53)))
-        plain = {str: self.text, bool: self.truth}.get(hint)  # type: ignore[call-overload]
-        if plain is not None:
-            return plain(key)
-        return self.number(key, **limits) if hint is float else self.optional_number(key, **limits)
+        if kinds[0] is float:
+            if "not_below" in limits:
+                limits["lower"] = values[limits.pop("not_below")]
+            least = values.get(limits.pop("above", ""))
+            if least is not None and self.number(key) <= least:
+                raise self.refusal(key, f"a finite number above {least:g}")
+            return self.number(key, **limits)
+        return self.truth(key) if kinds[0] is bool else self.text(key)
+
+    def _members(self, key: str, hints: tuple[Any, ...], limits: dict[str, Any], values: Mapping[str, Any]) -> object:
+        """A tuple: of numbers, pairs of numbers, texts, or records of which each has the first field of its class."""
+        of = get_args(hints[0]) if isinstance(hints[0], UnionType) else hints[:1]
+        if is_dataclass(of[0]):
+            kinds = {fields(kind)[0].name: kind for kind in of}
+            found = [
+                next((kind for name, kind in kinds.items() if name in one.data), of[-1]) for one in self.sections(key)
+            ]
+            return tuple(one.record(kind) for one, kind in zip(self.sections(key), found, strict=True))
+        if hints[0] is str:
+            return self.names(key)
+        pairs = hints[0] is not float
+        array, count = self.array(key, 2 if pairs else 1), 2 if pairs else len(hints) if ... not in hints else None
+        if count is not None and array.shape[-1] != count:
+            raise self.refusal(key, "pairs of numbers" if pairs else f"{count} numbers")
+        like = limits.get("like")
+        if like is not None and len(array) != len(values[like]):
+            raise self.refusal(key, f"{len(values[like])} numbers, one for each of {like}")
+        rises = array[1:] - array[:-1]
+        if limits.get("ascending") and (len(array) < 2 or not (rises > 0.0).all()):
+            raise self.refusal(key, "two or more numbers in ascending order")
+        if limits.get("monotone") and not (rises * rises[0] > 0.0).all():
+            raise self.refusal(key, "rising or falling throughout")
+        return tuple(map(tuple, array.tolist())) if pairs else tuple(array.tolist())
 
     def section(self, key: str) -> "Section":
         """A nested object."""

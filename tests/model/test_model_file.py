@@ -235,7 +235,7 @@ DAMAGES = [
     ("law", (*COEFFICIENT, "ci95"), ["a", "b"], r"coefficients\[0\]\.ci95 must be an array"),
     ("springs", ("motion", "springs"), [{"stiffness": 3.0}], r"unknown key motion.springs\[0\].stiffness"),
     ("springs", ("motion", "springs"), [{"distances_m": [0.0, 0.0], "forces_N": [1.0, 2.0]}], "ascending"),
-    ("springs", ("motion", "springs"), [{"distances_m": [0.0, 1.0], "forces_N": [1.0]}], "2 forces"),
+    ("springs", ("motion", "springs"), [{"distances_m": [0.0, 1.0], "forces_N": [1.0]}], "2 numbers"),
     ("springs", ("motion", "coulomb_N"), -1.0, "motion.coulomb_N must be a finite number >= 0"),
     ("every spring", ("motion", "near_stop"), {"distance_m": 0.05}, "at a larger distance than near_stop"),
     ("springs", ("motion", "far_stop"), {"distance_m": 0.05, "restitution": 1.5}, "0 to 1"),
