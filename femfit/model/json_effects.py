@@ -30,7 +30,7 @@ from femfit.model.json_magnetics import (
     spline_from,
     spline_to,
 )
-from femfit.model.json_section import Section
+from femfit.model.json_section import Section, plain
 
 _TEXTS = ("symptom", "experiment", "reference")
 _MAGNETICS, _BRAKE, _RESISTANCE, _IMPEDANCE = "magnetics", "brake", "resistance", "impedance"
@@ -44,45 +44,39 @@ def carried_to(effect: Effect) -> dict[str, Any]:
     """What an effect carries, as JSON-ready data."""
     carried = effect.carried
     assert isinstance(carried, Carried)  # noqa: S101  the model file asks for such effects alone
-    data: dict[str, Any] = {key: getattr(effect, key) for key in _TEXTS}
-    data["parameters"] = [_parameter_to(p) for p in effect.parameters]
-    if carried.magnetics is not None:
-        data[_MAGNETICS] = [term_to(term) for term in carried.magnetics.terms]
-    if carried.setting is not None:
-        own = {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
-        data["setting"] = {name: _curve_to(curve) for name, curve in own.items() if curve is not None}
-    if carried.readings is not None:
-        both = {"readings": carried.readings.channels, "branches": carried.readings.branches}
-        data |= {key: {name: _curve_to(one) for name, one in each.items()} for key, each in both.items() if each}
-    if carried.brake is not None:
-        data[_BRAKE] = {"rounded_m_s": carried.brake.rounded_m_s, "against": _curve_to(carried.brake.against)}
-    if carried.resistance is not None:
-        data[_RESISTANCE] = _curve_to(carried.resistance.over)
-    if carried.impedance is not None:
-        data[_IMPEDANCE] = impedance_to(carried.impedance)
-    if carried.conductivity is not None:
-        data[_CONDUCTIVITY] = vars(carried.conductivity)
-    return data | ({"notes": dict(carried.notes)} if carried.notes else {})
+    setting, readings, brake, resistance = carried.setting, carried.readings, carried.brake, carried.resistance
+    stages = {
+        _MAGNETICS: carried.magnetics and [term_to(term) for term in carried.magnetics.terms],
+        "setting": setting and {key: curve for key, curve in vars(setting).items() if curve is not None},
+        "readings": readings and (readings.channels or None),
+        "branches": readings and (readings.branches or None),
+        _BRAKE: brake and {"rounded_m_s": brake.rounded_m_s, "against": brake.against},
+        _RESISTANCE: resistance and resistance.over,
+        _IMPEDANCE: carried.impedance and impedance_to(carried.impedance),
+        _CONDUCTIVITY: carried.conductivity,
+        "notes": carried.notes or None,
+    }
+    texts = {key: getattr(effect, key) for key in _TEXTS}
+    given = {key: plain(stage) for key, stage in stages.items() if stage is not None}
+    return {**texts, "parameters": plain(effect.parameters), **given}
 
 
 def carried_from(name: str, section: Section) -> Effect:
     """The effect of a name with what it carries."""
-    parts = _MAGNETICS, *_CURVES, _BRAKE, _RESISTANCE, _IMPEDANCE, _CONDUCTIVITY
-    section.refuse_others((*_TEXTS, "parameters", *parts, "notes"))
+    stages = _BRAKE, _RESISTANCE, _IMPEDANCE, _CONDUCTIVITY, "notes"
+    section.refuse_others((*_TEXTS, "parameters", _MAGNETICS, *_CURVES, *stages))
     parameters = tuple(one.record(EffectParameter) for one in section.sections("parameters"))
     known = {p.name for p in parameters}
     terms = section.sections(_MAGNETICS) if section.data.get(_MAGNETICS) else ()
     curves = {key: _curves_from(section.optional_section(key), known) for key in _CURVES}
-    brake, resistance, notes = (section.optional_section(key) for key in (_BRAKE, _RESISTANCE, "notes"))
-    impedance, conductivity = (section.optional_section(key) for key in (_IMPEDANCE, _CONDUCTIVITY))
+    brake, resistance, impedance, conductivity, notes = (section.optional_section(key) for key in stages)
     if (setting := section.optional_section("setting")) is not None:
         setting.refuse_others(("distance_m", "current_A"))
+    read = curves["readings"], curves["branches"]
     carried = Carried(
         magnetics=FieldChange(tuple(term_from(one, known) for one in terms)) if terms else None,
         setting=SettingChange(**curves["setting"]) if curves["setting"] else None,
-        readings=ReadingChange(curves["readings"], curves["branches"])
-        if curves["readings"] or curves["branches"]
-        else None,
+        readings=ReadingChange(*read) if any(read) else None,
         brake=_brake_from(brake, known) if brake else None,
         resistance=FurtherResistance(_curve_from(resistance, known)) if resistance else None,
         impedance=impedance_from(impedance, known) if impedance else None,
@@ -91,10 +85,6 @@ def carried_from(name: str, section: Section) -> Effect:
     )
     texts = {key: section.text(key) for key in _TEXTS}
     return carried_effect(name, texts.pop("symptom"), parameters, carried, **texts)
-
-
-def _parameter_to(p: EffectParameter) -> dict[str, Any]:
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in vars(p).items()}
 
 
 def term_to(term: FieldTerm) -> dict[str, Any]:
@@ -166,15 +156,6 @@ def impedance_from(section: Section, parameters: set[str]) -> ImpedanceChange:
         share=section.truth("share"),
         bend=None if bend is None else bend[0] + 1j * bend[1],
     )
-
-
-def _curve_to(curve: Curve) -> dict[str, Any]:
-    return {
-        "parameter": curve.parameter,
-        "knots": curve.knots.tolist(),
-        "degree": curve.degree,
-        "coefficients": curve.coefficients.tolist(),
-    }
 
 
 def _curves_from(section: Section | None, parameters: set[str]) -> dict[str, Curve]:

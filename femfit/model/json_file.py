@@ -2,10 +2,10 @@
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from femfit.model.json_parts import (
     sensors_from,
     unusual,
 )
-from femfit.model.json_section import Section
+from femfit.model.json_section import Section, plain
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.model.sensed_effects import pickups_as_fitted
@@ -120,9 +120,6 @@ def model_of(model: ActuatorModel | str | Path) -> ActuatorModel:
     return model if isinstance(model, ActuatorModel) else read_model(model)
 
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
 SCHEMA_VERSION = 3
 
 FIRST_AND_FURTHER = 2
@@ -143,37 +140,27 @@ def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
             )
     base, changed = model.without_effects, ("magnetics", "circuits", "motion", "sensor", "eddy")
     names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
-    data = {name: _plain(getattr(base if name in changed else model, name)) for name in names}
-    data["other_sensors"] = _plain(pickups_as_fitted(model.other_sensors, base.other_sensors))
+    data = {name: plain(getattr(base if name in changed else model, name), _record) for name in names}
+    data["other_sensors"] = plain(pickups_as_fitted(model.other_sensors, base.other_sensors), _record)
     for key in ("other_sensors", "process_noise", "drawn", "eddy"):  # as files were before there were any
         if not data[key]:
             del data[key]
     return {"schema": SCHEMA_VERSION, **data}
 
 
-def _plain(value: object) -> Any:
-    """Dataclasses as mappings of their fields, arrays and tuples as lists; what JSON has as it is."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, Mapping):
-        return {key: _plain(one) for key, one in value.items()}
-    if isinstance(value, tuple | list):
-        return [_plain(one) for one in value]
-    return _record(value) if is_dataclass(value) and not isinstance(value, type) else value
-
-
-def _record(value: "DataclassInstance") -> dict[str, Any]:
+def _record(value: Any) -> dict[str, Any]:
+    """The members of a record as the file has them, before what they hold is written."""
     if isinstance(value, AddedEffect):
-        data = {"name": value.effect.name, "parameters": dict(value.parameters), "ci95": _plain(value.ci95)}
-        return data | ({"carried": carried_to(value.effect)} if isinstance(value.effect.carried, Carried) else {})
+        carried = {"carried": carried_to(value.effect)} if isinstance(value.effect.carried, Carried) else {}
+        return {"name": value.effect.name, "parameters": value.parameters, "ci95": value.ci95, **carried}
     if isinstance(value, CoenergySpline | HallSpline):
         kind = {} if isinstance(value, HallSpline) else {"kind": "coenergy_spline"}
         return kind | spline_to(value.coordinate, value.spline)
     if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
-        return {name: _plain(one) for name, one in unusual(value).items()}
-    if isinstance(value, CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect | EddyCurrents):
-        return _spline_record(value)
-    data = {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+        return unusual(value)
+    if type(value) in _WRITERS:
+        return _WRITERS[type(value)](value)
+    data = {f.name: getattr(value, f.name) for f in fields(value)}
     if isinstance(value, HallSensor):  # as files were before it could be late or slow
         data = {key: one for key, one in data.items() if one or key not in {"delay_s", "sample_time_s"}}
     if isinstance(value, NetworkMagnetics):
@@ -185,16 +172,13 @@ def _record(value: "DataclassInstance") -> dict[str, Any]:
     return data
 
 
-def _spline_record(
-    value: CoenergyMatrix | CoenergyTensor | SensedField | DrawnEffect | EddyCurrents,
-) -> dict[str, Any]:
-    if isinstance(value, EddyCurrents):
-        return eddy_to(value)
-    if isinstance(value, DrawnEffect):
-        return drawn_to(value)
-    if isinstance(value, SensedField):
-        return sensed_to(value)
-    return matrix_to(value) if isinstance(value, CoenergyMatrix) else tensor_to(value)
+_WRITERS: dict[type, Callable[[Any], dict[str, Any]]] = {
+    EddyCurrents: eddy_to,
+    DrawnEffect: drawn_to,
+    SensedField: sensed_to,
+    CoenergyMatrix: matrix_to,
+    CoenergyTensor: tensor_to,
+}
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:

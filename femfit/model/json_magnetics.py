@@ -77,11 +77,11 @@ def matrix_to(matrix: CoenergyMatrix) -> dict[str, Any]:
     """Several circuits' co-energy as JSON-ready data."""
     return {
         "kind": MATRIX_KIND,
-        "circuits": list(matrix.names),
+        "circuits": matrix.names,
         **coordinate_to(matrix.coordinate),
-        "u_knots": matrix.u_knots.tolist(),
+        "u_knots": matrix.u_knots,
         "u_degree": matrix.u_degree,
-        "coefficients": matrix.coefficients.tolist(),
+        "coefficients": matrix.coefficients,
     }
 
 

@@ -105,19 +105,14 @@ def eddy_to(eddy: EddyCurrents) -> dict[str, Any]:
     """The patterns as JSON-ready data."""
     arrays = {name: getattr(eddy, name) for name in _ARRAYS}
     return {
-        "names": list(eddy.names),
-        "circuits": list(eddy.circuits),
+        "names": eddy.names,
+        "circuits": eddy.circuits,
         **coordinate_to(eddy.coordinate),
         "u_degree": eddy.u_degree,
-        **{name: one.tolist() for name, one in arrays.items() if one is not None},
-        "error": eddy.error and dict(vars(eddy.error)),
-        **({} if eddy.bias is None else {"bias": _bias_to(eddy.bias)}),
+        **{name: one for name, one in arrays.items() if one is not None},
+        "error": eddy.error,
+        **({} if eddy.bias is None else {"bias": eddy.bias}),
     }
-
-
-def _bias_to(bias: EddyBias) -> dict[str, Any]:
-    arrays = {name: getattr(bias, name).tolist() for name in ("distances_m", "current_A")}
-    return {**arrays, "materials": list(bias.materials)}
 
 
 def _bias_from(section: Section, circuits: int) -> EddyBias:

@@ -228,6 +228,17 @@ class Section:
         return result
 
 
+def plain(value: object, record: Callable[[Any], Any] = vars) -> Any:
+    """What JSON has as it is: dataclasses as mappings of their fields or as ``record`` has them, arrays as lists."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(one, record) for key, one in value.items()}
+    if isinstance(value, tuple | list):
+        return [plain(one, record) for one in value]
+    return plain(record(value), record) if is_dataclass(value) and not isinstance(value, type) else value
+
+
 def _short(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

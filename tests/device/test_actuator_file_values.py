@@ -13,7 +13,6 @@ from femfit.device.decimals import scaled
 from femfit.device.drawing import unit_vector
 from femfit.device.electrics import HallElement
 from femfit.device.load import actuator_from_toml, read_actuator, starter_text
-from femfit.device.materials import LIBRARY
 from femfit.device.parts import smallest_winding_area, wire_resistance
 from femfit.device.schema import HallEntry
 from femfit.device.summary import remarks, sweep_manifest_entry
@@ -59,15 +58,14 @@ def test_the_plunger_has_the_mass_of_its_steel_and_its_winding_the_resistance_of
     assert actuator.coil.resistance_ohm == pytest.approx(33.427 * 0.017241 / 0.15904, rel=1e-4)
 
 
-def test_308_turns_of_049_mm_have_265_ohm():
+def test_copper_has_the_resistance_of_its_turns_and_gains_393_per_mille_per_kelvin():
     # By hand: 308 turns of 2 pi 15 mm are 29.028 m; 0.18857 mm^2 of copper at 0.017241 ohm mm^2/m.
-    assert wire_resistance(308, 0.015, 0.49e-3) == pytest.approx(29.028 * 0.017241 / 0.18857, rel=1e-4)
-    assert wire_resistance(308, 0.015, 0.49e-3) == pytest.approx(2.65, rel=0.01)
-
-
-def test_copper_gains_393_per_mille_per_kelvin():
-    ratio = wire_resistance(308, 0.015, 0.49e-3, 120.0) / wire_resistance(308, 0.015, 0.49e-3)
-    assert ratio == pytest.approx(1.393, rel=1e-12)
+    cold = wire_resistance(308, 0.015, 0.49e-3)
+    assert cold == pytest.approx(29.028 * 0.017241 / 0.18857, rel=1e-4)
+    assert wire_resistance(308, 0.015, 0.49e-3, 120.0) / cold == pytest.approx(1.393, rel=1e-12)
+    # n x n wires of diameter d fill (n d)^2 in a square grid, so the bound must not exceed it.
+    assert smallest_winding_area(100, 0.5) <= (10 * 0.5) ** 2
+    assert smallest_winding_area(100, 0.5) == pytest.approx(100 * math.pi / 4 * 0.25 / 0.9069, rel=1e-4)
 
 
 def test_the_mean_turn_of_a_polygon_is_that_of_its_centroid():
@@ -75,12 +73,6 @@ def test_the_mean_turn_of_a_polygon_is_that_of_its_centroid():
     polygon = "polygon_mm = [[6.5, -14], [12.5, -14], [12.5, 14], [6.5, 14]]"
     same = actuator_from_toml(PLUNGER.replace("r_mm = [6.5, 12.5]", polygon).replace("z_mm = [-14, 14]\n", ""))
     assert same.coil == box
-
-
-def test_square_packing_is_no_tighter_than_the_area_asked_for():
-    # n x n wires of diameter d fill (n d)^2 in a square grid, so the bound must not exceed it.
-    assert smallest_winding_area(100, 0.5) <= (10 * 0.5) ** 2
-    assert smallest_winding_area(100, 0.5) == pytest.approx(100 * math.pi / 4 * 0.25 / 0.9069, rel=1e-4)
 
 
 def test_millimetres_become_the_nearest_double_of_the_metres():
@@ -93,25 +85,6 @@ def test_a_magnet_pointing_down_has_negative_remanence():
     down = actuator_from_toml(text.replace('"+z"', '"-z"')).moving.regions[0].material
     assert (up.remanence_T, down.remanence_T) == (1.45, -1.45)
     assert down.relative_permeability == up.relative_permeability == 1.05
-
-
-def test_a_material_of_the_file_goes_before_one_of_the_library():
-    assert LIBRARY["n52"].material.remanence_T != 1.45
-    assert read_actuator(GEOMETRY / "emaws.toml").moving.regions[0].material.remanence_T == 1.45
-
-
-def test_every_library_material_has_a_source_and_a_physical_value():
-    for name, entry in LIBRARY.items():
-        assert name == entry.material.name
-        assert len(entry.reference) > 20
-        assert entry.material.relative_permeability >= 1
-        assert 0 <= entry.material.remanence_T < 1.6  # the highest NdFeB grade reaches about 1.5 T
-
-
-def test_better_neodymium_grades_have_more_remanence():
-    grades = [entry.material.remanence_T for name, entry in LIBRARY.items() if name.startswith("n")]
-    assert len(grades) == 8
-    assert grades == sorted(grades)
 
 
 def test_the_defaults_of_the_file_are_those_of_the_element():
