@@ -47,6 +47,7 @@ class DrawnPart:
     name: str
     outline: DrawnOutline
     material: Material | None = None  # None for a winding and where the file's material is wrong
+    moves: bool = False  # Of a winding
 
     @property
     def polygon(self) -> Polygon:

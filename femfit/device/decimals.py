@@ -10,15 +10,9 @@ from typing import Any
 
 from femfit.device.schema import MAX_AXIS_POINTS, Entry, RangeEntry
 
-LENGTH_EXPONENT = -3
-"""Power of ten from mm to m, g to kg and ms to s."""
 
-MEGA_EXPONENT = 6
-"""Power of ten from MS/m to S/m."""
-
-
-def scaled(value: float, exponent: int = LENGTH_EXPONENT) -> float:
-    """The double nearest to value * 10^exponent, the value taken with the digits that print it."""
+def scaled(value: float, exponent: int = -3) -> float:
+    """The double nearest to value * 10^exponent, as from mm to m, the value taken with the digits that print it."""
     return float(Decimal(repr(float(value))).scaleb(exponent))
 
 

@@ -22,32 +22,24 @@ RESERVED = ("air", "coil")
 
 
 @dataclass(frozen=True)
-class DrawnWinding:
-    """A coil as drawn."""
-
-    part: DrawnPart
-    moves: bool
-
-
-@dataclass(frozen=True)
 class Drawing:
     """What could be drawn of a file."""
 
     # Regions of the fixed and of the moving part, without windings
     fixed: tuple[DrawnPart, ...]
     moving: tuple[DrawnPart, ...]
-    windings: tuple[DrawnWinding, ...]
+    windings: tuple[DrawnPart, ...]
     complete: bool  # Whether every region and winding could be drawn
 
     @property
     def standing(self) -> tuple[DrawnPart, ...]:
         """All that stands still: regions and windings."""
-        return (*self.fixed, *(winding.part for winding in self.windings if not winding.moves))
+        return (*self.fixed, *(winding for winding in self.windings if not winding.moves))
 
     @property
     def mover(self) -> tuple[DrawnPart, ...]:
         """All that moves: regions and windings."""
-        return (*self.moving, *(winding.part for winding in self.windings if winding.moves))
+        return (*self.moving, *(winding for winding in self.windings if winding.moves))
 
 
 def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory: Path, problems: list[str]) -> Drawing:
@@ -199,13 +191,13 @@ def unit_vector(values: list[float] | str, path: str, problems: list[str]) -> tu
     return values[0] / length, values[1] / length
 
 
-def _winding(path: str, table: Any, problems: list[str]) -> DrawnWinding | None:
+def _winding(path: str, table: Any, problems: list[str]) -> DrawnPart | None:
     part = _part(table, path, path.removeprefix("coils."), None, problems)
     if part is None or not isinstance(table, dict):
         return None
     if part.polygon.bounds[0] <= 0:
         problems.append(f"{path} must lie off the axis; its winding touches r = 0. Give an inner radius > 0.")
-    return DrawnWinding(part, table.get("moves") is True)
+    return replace(part, moves=table.get("moves") is True)
 
 
 def _part(table: object, path: str, name: str, material: Material | None, problems: list[str]) -> DrawnPart | None:

@@ -204,7 +204,7 @@ def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[f
                 "fixed.regions must hold a part; nothing stands still. Give [fixed.regions.NAME] or a coil."
             )
         check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
-        check_moving_body(drawing.moving, [winding.part for winding in drawing.windings if winding.moves], problems)
+        check_moving_body(drawing.moving, [winding for winding in drawing.windings if winding.moves], problems)
     check_collisions(standing, moving, distances, problems)
     for path, place in hall_places(data):
         check_hall_place(path, place, standing, moving, distances, problems)

@@ -91,34 +91,26 @@ def _specifies(table: Mapping[str, Any]) -> bool:
 def _parameter(
     name: str, table: object, data: Mapping[str, Any], problems: list[str]
 ) -> tuple[SweptParameter, Values] | None:
+    """A key path of the file, or a name of one's own for several, with its values; None where something is wrong."""
     path = joined(PATH, name)
-    if name in AXES:
-        values = _values(table, path, name, problems)
-        return None if values is None else (SweptParameter(name, ()), values)
-    if isinstance(table, dict) and table.keys() & NamedParameterEntry.model_fields.keys():
-        return _named(name, table, path, data, problems)
-    material = material_keys(data).get(name)
-    values = _values(table, path, name, problems) if material is None else _names(table, path, data, problems)
-    location = material or _location(name, path, data, problems)
-    return None if values is None or location is None else (SweptParameter(name, (FollowingKey(location),)), values)
-
-
-def _named(
-    name: str, table: Mapping[str, Any], path: str, data: Mapping[str, Any], problems: list[str]
-) -> tuple[SweptParameter, Values] | None:
-    entry = read_table(NamedParameterEntry, table, path, problems)
+    named = isinstance(table, dict) and bool(table.keys() & NamedParameterEntry.model_fields.keys())
+    if name in AXES and not named:
+        axis = _values(table, path, name, problems)
+        return None if axis is None else (SweptParameter(name, ()), axis)
+    entry = NamedParameterEntry(keys=[name], values=table) if not named else None
+    entry = entry or read_table(NamedParameterEntry, table, path, problems)
     if entry is None:
         return None
-    keys = [_following(text, f"{path}.keys[{n}]", data, problems) for n, text in enumerate(entry.keys)]
+    place = f"{path}.values" if named else path
+    paths = [f"{path}.keys[{n}]" if named else path for n in range(len(entry.keys))]
+    keys = [_following(text, each, data, problems) for text, each in zip(entry.keys, paths, strict=True)]
     readable = tuple(key for key in keys if key is not None)
     materials = [key.location in material_keys(data).values() for key in readable]
     if any(materials) and not all(materials):
         problems.append(f"{path}.keys must all be materials or all be numbers; they are both. Make two parameters.")
         return None
     values: Values | None = (
-        _names(entry.values, f"{path}.values", data, problems)
-        if any(materials)
-        else _values(entry.values, f"{path}.values", name, problems)
+        _names(entry.values, place, data, problems) if any(materials) else _values(entry.values, place, name, problems)
     )
     if values is None or len(readable) < len(keys):
         return None
@@ -128,7 +120,7 @@ def _named(
             f"{path}.keys must all be in one unit; they are in {' and '.join(unit or 'none' for unit in units)}. "
             "Make one parameter of each unit."
         )
-    elif unit_of(name) != units[0] or not NAME.fullmatch(name):
+    elif named and (unit_of(name) != units[0] or not NAME.fullmatch(name)):
         needed = f"end in _{units[0]}, the unit of its keys" if units[0] else "not end in a unit, as its keys have none"
         problems.append(
             f"{path} must be named with letters, digits and _, beginning with a letter, and {needed}. Rename it."
@@ -140,10 +132,10 @@ def _following(value: object, path: str, data: Mapping[str, Any], problems: list
     entry = read_table(KeyEntry, {"key": value} if isinstance(value, str) else value, path, problems)
     if entry is None:
         return None
-    material = material_keys(data).get(entry.key)
-    if material is not None and entry.model_fields_set != {"key"}:
+    material = material_keys(data).get(entry.path)
+    if material is not None and entry.model_fields_set != {"path"}:
         problems.append(f"{path} must have neither factor nor offset, as it names a material. Remove them.")
-    location = material or _location(entry.key, path, data, problems)
+    location = material or _location(entry.path, path, data, problems)
     return None if location is None else FollowingKey(location, entry.factor, entry.offset)
 
 

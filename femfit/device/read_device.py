@@ -8,9 +8,10 @@ from math import inf
 from typing import Any
 
 from femfit.core.numerics import GRAVITY
+from femfit.device.checks import DrawnPart
 from femfit.device.complaints import did_you_mean, joined, table_at
 from femfit.device.decimals import in_si, scaled
-from femfit.device.drawing import Drawing, DrawnWinding
+from femfit.device.drawing import Drawing
 from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.device.outlines import flattened
@@ -21,13 +22,13 @@ from femfit.device.schema_device import CircuitEntry, MechanicsEntry, SpringEntr
 
 def read_coils(entries: Mapping[str, Any], drawing: Drawing, problems: list[str]) -> tuple[Coil, ...]:
     """The windings whose tables are right, in the file's order."""
-    drawn = [winding for winding in drawing.windings if winding.part.path in entries]
-    coils = [_coil(entries[winding.part.path], winding, problems) for winding in drawn]
+    drawn = [winding for winding in drawing.windings if winding.path in entries]
+    coils = [_coil(entries[winding.path], winding, problems) for winding in drawn]
     return tuple(coil for coil in coils if coil is not None)
 
 
-def _coil(entry: CoilEntry, winding: DrawnWinding, problems: list[str]) -> Coil | None:
-    path, name, polygon = winding.part.path, winding.part.name, winding.part.polygon
+def _coil(entry: CoilEntry, winding: DrawnPart, problems: list[str]) -> Coil | None:
+    path, name, polygon = winding.path, winding.name, winding.polygon
     diameter = entry.wire_diameter_mm
     needed = 0.0 if diameter is None else smallest_winding_area(entry.turns, diameter)
     if needed > polygon.area:
@@ -45,7 +46,7 @@ def _coil(entry: CoilEntry, winding: DrawnWinding, problems: list[str]) -> Coil 
             return None
         temperature = entry.temperature_C
         resistance = wire_resistance(entry.turns, polygon.centroid.x * 1e-3, diameter * 1e-3, temperature)
-    outline = winding.part.outline  # its arcs become chords: nothing of a winding is singular at a corner
+    outline = winding.outline  # its arcs become chords: nothing of a winding is singular at a corner
     corners = tuple((scaled(r), scaled(z)) for r, z in flattened(outline.corners, outline.bulges))
     wire = None if diameter is None else scaled(diameter)
     return Coil(corners, entry.turns, resistance, wire, name, winding.moves, circuit=name, temperature_C=temperature)

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -192,7 +192,9 @@ def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorM
             "Update femfit, or write the model again with this version."
         )
     model = _build(Section(source, "", data if version > FIRST_AND_FURTHER else _with_one_list(data)))
-    _check_values(model, source)
+    fault = next(_faults(model), None)
+    if fault is not None:
+        raise ModelFileError(f"{source} is damaged: {fault}. Write it again with femfit fit.")
     return model
 
 
@@ -255,41 +257,35 @@ def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:
     )
 
 
-def _check_values(model: ActuatorModel, source: str) -> None:
-    """Refuse a domain that is none, and fields that are not finite in it (in 25 points)."""
-    domain = model.validity
+def _faults(model: ActuatorModel) -> Iterator[str]:
+    """What no model can have: a domain that is none, and fields that are not finite in it (in 25 points)."""
+    domain, circuits = model.validity, model.circuits
     if not (domain.distance_min_m < domain.distance_max_m and domain.current_min_A <= domain.current_max_A):
-        raise ModelFileError(
-            f"{source} is damaged: validity must span distances and currents in ascending order; instead received "
-            f"{domain}. Write it again with femfit fit."
-        )
+        yield f"validity must span distances and currents in ascending order; instead received {domain}"
     sensed: list[tuple[str, HallField]] = [(s.name, s.flux) for s in model.other_sensors if isinstance(s, PickupSensor)]
     sensed += [("field", model.sensor.field)] if model.sensor is not None else []
     for name, held in (("magnetics", model.without_effects.magnetics), *sensed):
         coordinate = getattr(held, "coordinate", None)
         if coordinate is not None and not coordinate.finite_between(domain.distance_min_m, domain.distance_max_m):
-            raise ModelFileError(
-                f"{source} is damaged: d_0 / (d + s) of its {name} must be finite in the validity domain; with a "
-                f"distance_shift_m of {coordinate.distance_shift_m:g} it is not. Write it again with femfit fit."
+            yield (
+                f"d_0 / (d + s) of its {name} must be finite in the validity domain; with a distance_shift_m of "
+                f"{coordinate.distance_shift_m:g} it is not"
             )
     limits = np.array([(domain.current_min_A, domain.current_max_A), *domain.further_A])
     names = getattr(model.magnetics, "names", ("coil",))
-    if not (len(names) == len(limits) and len(model.circuits) in {0, len(limits)}):
-        raise ModelFileError(
-            f"{source} is damaged: magnetics, circuits and validity must be of as many circuits; instead received "
-            f"{len(names)}, {len(model.circuits)} and {len(limits)}. Write it again with femfit fit."
+    if not (len(names) == len(limits) and len(circuits) in {0, len(limits)}):
+        yield (
+            f"magnetics, circuits and validity must be of as many circuits; instead received {len(names)}, "
+            f"{len(circuits)} and {len(limits)}"
         )
-    own = [circuit.name for circuit in model.circuits]
-    if len(set(names)) < len(names) or (own and len(names) > 1 and own != list(names)):
-        raise ModelFileError(
-            f"{source} is damaged: the circuits of its magnetics ({listing(names)}) must have a name each, and be "
-            f"those of its circuits ({listing(own)}), in their order. Write it again with femfit fit."
+    declared = [circuit.name for circuit in circuits]
+    if len(set(names)) < len(names) or (declared and len(names) > 1 and declared != list(names)):
+        yield (
+            f"the circuits of its magnetics ({listing(names)}) must have a name each, and be those of its circuits "
+            f"({listing(declared)}), in their order"
         )
     if len(names) > 1 and not np.all(limits[:, 0] < limits[:, 1]):
-        raise ModelFileError(
-            f"{source} is damaged: validity must span a range of each circuit's current; instead received "
-            f"{limits.tolist()} A. Write it again with femfit fit."
-        )
+        yield f"validity must span a range of each circuit's current; instead received {limits.tolist()} A"
     d, along = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 5), np.linspace(0.0, 1.0, 5))
     i = limits[:, 0] + along[..., None] * (limits[:, 1] - limits[:, 0])
     i = i if domain.further_A else i[..., 0]
@@ -300,7 +296,4 @@ def _check_values(model: ActuatorModel, source: str) -> None:
         if model.sensor is not None:
             values.append(model.sensor.voltage(d, i))
     if not all(np.all(np.isfinite(value)) for value in values):
-        raise ModelFileError(
-            f"{source} is damaged: force, inductance or Hall voltage is not finite everywhere in the validity domain. "
-            "Write it again with femfit fit."
-        )
+        yield "force, inductance or Hall voltage is not finite everywhere in the validity domain"
