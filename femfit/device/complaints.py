@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar, get_args
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from femfit.device.schema import MAX_NAME, NAME_PATTERN, Entry
@@ -128,13 +128,12 @@ def _need(error: ErrorDetails, where: str) -> str:
     return f"{where} {need}; it is {_shortened(error['input'])}."
 
 
-_STRICT = ConfigDict(strict=True, allow_inf_nan=False)
-
-
-def read_list(kind: Any, value: object, path: str, remedy: str, problems: list[str]) -> tuple[Any, ...]:
-    """The members of a list of a kind, as :data:`femfit.device.schema.Names`; none where one of them is wrong."""
+def read_list(
+    kind: TypeAdapter[list[Any]], value: object, path: str, remedy: str, problems: list[str]
+) -> tuple[Any, ...]:
+    """The members of a list of a kind, as :data:`femfit.device.schema.NAMES`; none where one of them is wrong."""
     try:
-        return tuple(TypeAdapter(kind, config=_STRICT).validate_python(value))
+        return tuple(kind.validate_python(value))
     except ValidationError as error:
         every = error.errors(include_url=False, include_context=False)
         problems += [f"{_need(each, joined(path, *each['loc']))} {remedy}" for each in every]

@@ -31,11 +31,11 @@ from femfit.device.parameters import (
     list_points,
 )
 from femfit.device.schema import (
+    NAMES,
+    PARAMETER_VALUES,
     DesignEntry,
     KeyEntry,
     NamedParameterEntry,
-    Names,
-    ParameterValues,
     RangeEntry,
     SampledEntry,
 )
@@ -154,7 +154,7 @@ def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]
 
 def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
     if isinstance(value, list):
-        return read_list(ParameterValues, value, path, "Give at least one number.", problems) or None
+        return read_list(PARAMETER_VALUES, value, path, "Give at least one number.", problems) or None
     if isinstance(value, dict) and value.keys() & {"min", "max"}:
         entry = read_table(SampledEntry, value, path, problems)
         problem = "" if entry is None else _fault(entry)
@@ -178,7 +178,7 @@ def _names(value: object, path: str, data: Mapping[str, Any], problems: list[str
             f'example ["{materials[0]}", "{materials[-1]}"].'
         )
         return None
-    names = read_list(Names, value, path, "Give at least one name of a material in quotes.", problems)
+    names = read_list(NAMES, value, path, "Give at least one name of a material in quotes.", problems)
     wrong = [name for name in names if name not in materials]
     if wrong:
         problems.append(

@@ -9,8 +9,8 @@ from femfit.device.complaints import did_you_mean, joined, read_list, read_table
 from femfit.device.decimals import axis_values, not_above, scaled
 from femfit.device.drawing import coil_tables
 from femfit.device.parts import SweepAxes
-from femfit.device.schema import AxisValues, RangeEntry, SweepEntry
-from femfit.device.schema_device import MAX_FREQUENCIES, Frequencies, FrequencyRangeEntry, SolverEntry
+from femfit.device.schema import AXIS_VALUES, RangeEntry, SweepEntry
+from femfit.device.schema_device import FREQUENCIES, MAX_FREQUENCIES, FrequencyRangeEntry, SolverEntry
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
@@ -36,7 +36,7 @@ def read_axis(value: object, path: str, key: str, problems: list[str]) -> tuple[
         entry = read_table(RangeEntry, value, path, problems)
         return () if entry is None else axis_values(entry, path, problems)
     if isinstance(value, list):
-        return axis_values(read_list(AxisValues, value, path, remedy, problems), path, problems)
+        return axis_values(read_list(AXIS_VALUES, value, path, remedy, problems), path, problems)
     problems.append(
         f"{path} must be a list of numbers or a table {{ start, stop, step }}; it is {str(value)[:60]!r}. {remedy}"
     )
@@ -96,7 +96,7 @@ def frequencies(entry: SolverEntry | None, problems: list[str]) -> tuple[float, 
         return ()
     if not isinstance(axis, dict):
         remedy = SolverEntry.model_fields["frequency_Hz"].description or ""
-        return axis_values(read_list(Frequencies, axis, path, remedy, problems), path, problems)
+        return axis_values(read_list(FREQUENCIES, axis, path, remedy, problems), path, problems)
     frequencies = read_table(FrequencyRangeEntry, axis, path, problems)
     if frequencies is None:
         return ()

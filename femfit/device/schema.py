@@ -32,6 +32,14 @@ OLDER: dict[str, JsonValue] = {"schema": 1}
 """Marks the forms of schema 1, which are read and no longer described."""
 
 
+STRICT = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+def list_of(kind: Any, most: int = MAX_AXIS_POINTS) -> TypeAdapter[list[Any]]:
+    """What reads a list of one or more of a kind."""
+    return TypeAdapter(Annotated[list[kind], Field(min_length=1, max_length=most)], config=STRICT)
+
+
 def key(what: str, default: Any = ..., **limits: Any) -> Any:
     """A key of a table: what to give, which is also the remedy where it is missing or wrong, and its limits."""
     return Field(default, description=f"Give {what}.", **limits)
@@ -40,7 +48,7 @@ def key(what: str, default: Any = ..., **limits: Any) -> Any:
 class Entry(BaseModel):
     """A table of the file: unknown keys, coerced types, NaN and infinity are refused."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, **STRICT)
 
     def faults(self) -> Iterator[str]:
         """What is wrong between keys that are right each by itself, to be read behind the table's key path."""
@@ -196,11 +204,11 @@ class RangeEntry(Entry):
 
 
 ParameterValue = Annotated[float, Field(ge=-1e9, le=1e9)]
-AxisValues = Annotated[list[Length], Field(min_length=1, max_length=MAX_AXIS_POINTS)]
-ParameterValues = Annotated[list[ParameterValue], Field(min_length=1, max_length=MAX_AXIS_POINTS)]
-Names = Annotated[list[str], Field(min_length=1, max_length=MAX_AXIS_POINTS)]
-Axis = Annotated[Any, WithJsonSchema(TypeAdapter(AxisValues).json_schema())]
-"""A list of :data:`AxisValues` or a table of :class:`RangeEntry`, which :mod:`femfit.device.read_sweep` reads."""
+AXIS_VALUES = list_of(Length)
+PARAMETER_VALUES = list_of(ParameterValue)
+NAMES = list_of(str)
+Axis = Annotated[Any, WithJsonSchema(AXIS_VALUES.json_schema())]
+"""A list of :data:`AXIS_VALUES` or a table of :class:`RangeEntry`, which :mod:`femfit.device.read_sweep` reads."""
 
 
 class DesignEntry(Entry):

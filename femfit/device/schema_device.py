@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import ConfigDict, Field, TypeAdapter, WithJsonSchema
+from pydantic import ConfigDict, Field, WithJsonSchema
 
 from femfit.device.schema import (
     CoilEntry,
@@ -30,6 +30,7 @@ from femfit.device.schema import (
     Time,
     Turns,
     key,
+    list_of,
 )
 from femfit.device.thermal import STILL_AIR as USUAL
 
@@ -315,9 +316,9 @@ class FrequencyRangeEntry(Entry):
     per_decade: int = key("how many frequencies there are in each decade", ge=1, le=100)
 
 
-Frequencies = Annotated[list[Frequency], Field(min_length=1, max_length=MAX_FREQUENCIES)]
-FrequencyAxis = Annotated[Any, WithJsonSchema(TypeAdapter(Frequencies).json_schema())]
-"""A list of :data:`Frequencies` or a table of :class:`FrequencyRangeEntry`."""
+FREQUENCIES = list_of(Frequency, MAX_FREQUENCIES)
+FrequencyAxis = Annotated[Any, WithJsonSchema(FREQUENCIES.json_schema())]
+"""A list of :data:`FREQUENCIES` or a table of :class:`FrequencyRangeEntry`."""
 
 
 class SolverEntry(Entry):

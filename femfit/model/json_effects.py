@@ -203,26 +203,15 @@ def drawn_to(drawn: DrawnEffect) -> dict[str, Any]:
 
 def drawn_from(section: Section) -> DrawnEffect:
     """The number of :func:`drawn_to`."""
-    section.refuse_others(
-        (*_JSON_DRAWN_TEXTS, *_TRUTHS, "also", "value", "tolerance", "magnetics", "impedance", "stands_for", "gap_m")
-    )
-    also = section.data.get("also", [])
-    if not isinstance(also, list) or not all(isinstance(one, str) for one in also):
-        raise section.refusal("also", "a list of key paths")
-    texts = {key: section.text(key) for key in _JSON_DRAWN_TEXTS}
-    known, impedance = {parameter_name(texts["unit"])}, section.optional_section("impedance")
-    truths = {key: key in section.data and section.truth(key) for key in _TRUTHS}
-    beside = (impedance or truths["conducts"]) and section.data.get("magnetics") == []
+    known, impedance = {parameter_name(section.text("unit"))}, section.optional_section("impedance")
+    beside = (impedance or section.data.get("conducts")) and section.data.get("magnetics") == []
     terms = () if beside else section.sections("magnetics")
-    return DrawnEffect(
-        **texts,
-        also=tuple(also),
-        value=section.number("value"),
+    return section.record(
+        DrawnEffect,
+        others=("magnetics",),
+        also=section.names("also") if "also" in section.data else (),
         tolerance=section.number("tolerance", positive=True),
         terms=tuple(term_from(one, known) for one in terms),
         impedance=impedance_from(impedance, known) if impedance else None,
-        conducts=truths["conducts"],
-        at_rest=truths["at_rest"],
-        stands_for=section.text("stands_for") if "stands_for" in section.data else "",
-        gap_m=section.number("gap_m", absent=0.0) if terms else 0.0,
+        **({} if terms else {"gap_m": 0.0}),
     )

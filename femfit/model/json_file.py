@@ -246,14 +246,10 @@ def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:
     parameters, intervals = section.section("parameters"), section.section("ci95")
     parameters.refuse_others(names)
     intervals.refuse_others(names)
-    pairs = {name: intervals.array(name, 1) for name in names if name in intervals.data}
-    for name, pair in pairs.items():
-        if len(pair) != 2:
-            raise intervals.refusal(name, "a pair of numbers")
     return AddedEffect(
         effect=effect,
         parameters={name: parameters.number(name) for name in names},
-        ci95={name: (float(pair[0]), float(pair[1])) for name, pair in pairs.items()},
+        ci95={name: intervals.pair(name) for name in names if name in intervals.data},
     )
 
 

@@ -56,20 +56,15 @@ def _network_from(section: Section) -> NetworkMagnetics:
 def _coefficient_from(section: Section, basis: tuple[str, ...]) -> Coefficient:
     if section.text("basis") not in basis:
         raise section.refusal("basis", f"a column of the law ({', '.join(basis)})")
-    interval = None if section.data.get("ci95") is None else section.array("ci95", 1)
     bounds = section.data.get("bounds")
-    if not isinstance(bounds, list) or len(bounds) != 2 or (interval is not None and len(interval) != 2):
-        raise section.refusal("bounds", "a pair, as ci95, with null for a bound that is none")
+    if not isinstance(bounds, list) or len(bounds) != 2:
+        raise section.refusal("bounds", "a pair, with null for a bound that is none")
     ends = Section(section.source, section.where("bounds"), dict(zip(("lower", "upper"), bounds, strict=True)))
     lower, upper = ends.optional_number("lower"), ends.optional_number("upper")
-    return Coefficient(
-        basis=section.text("basis"),
+    return section.record(
+        Coefficient,
         current_power=section.integer("current_power", 0, 16),
-        value=section.number("value"),
-        unit=section.text("unit"),
-        ci95=None if interval is None else (float(interval[0]), float(interval[1])),
         bounds=(-math.inf if lower is None else lower, math.inf if upper is None else upper),
-        active=section.text("active"),
     )
 
 

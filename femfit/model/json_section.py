@@ -201,6 +201,11 @@ class Section:
             raise self.refusal(key, f"a list of {f'{least} or more ' * (least > 0)}names")
         return tuple(names)
 
+    def pair(self, key: str) -> tuple[float, float]:
+        """Two finite numbers."""
+        low, high = self.shaped(key, (2,)).tolist()
+        return low, high
+
     def shaped(self, key: str, shape: tuple[int, ...]) -> FloatArray:
         """An array of a shape that other entries ask for."""
         found = self.array(key, len(shape))

@@ -1,50 +1,49 @@
-"""Which numbers of a file are one face."""
+"""Which numbers of a file are one face, and what a machinist calls it: a face with the cone beside it is one number."""
 
 import tomllib
+from functools import cache
 
 import pytest
 
+from femfit.core.errors import UsageError
 from femfit.device.drawn_faces import drawn_faces
-from femfit.device.drawn_numbers import numbers_from_toml, read_numbers
+from femfit.device.drawn_numbers import in_picture, numbers_from_toml, read_numbers
 from femfit.device.load import parse, read_text
+from femfit.identify.calibration.numbers import Drawing
 from support.actuators import GEOMETRY
+from support.conical import CONICAL
 from support.eddy_pot import TWO_WINDINGS
 
 
-def _keys(name):
-    return {number.facts.key: number.facts.also for number in read_numbers(GEOMETRY / f"{name}.toml")}
+@cache
+def facts(name):
+    return [number.facts for number in read_numbers(GEOMETRY / f"{name}.toml")]
 
 
-def test_parts_that_touch_share_the_face_between_them():
-    keys = _keys("emaws-rig")
-    flange, sleeve = (f"fixed.regions.{name}" for name in ("upper_flange", "sleeve"))
-    assert keys[f"{flange}.z_mm[1]"] == (f"{sleeve}.z_mm[0]", "coils.coil.z_mm[0]")
-    assert keys[f"{flange}.r_mm[1]"] == ()  # in line with the coil's outside, which it meets in a point
+def also(name):
+    return {number.key: number.also for number in facts(name)}
 
 
-def test_a_face_of_a_polygon_is_all_corners_along_it():
-    assert _keys("solenoid")["fixed.regions.frame.polygon_mm[3][0]"] == ("fixed.regions.frame.polygon_mm[4][0]",)
-
-
-def test_what_the_drawing_counts_from_is_no_number():
-    keys = _keys("emaws-rig")
-    assert "moving.regions.magnet.z_mm[0]" not in keys
-    assert "moving.regions.magnet.r_mm[0]" not in keys  # the axis
-
-
-def test_a_ball_stays_on_its_zero_as_its_radius_changes():
-    assert _keys("ball")["moving.regions.ball.circle_mm[2]"] == ("moving.regions.ball.circle_mm[1]",)
+@pytest.mark.parametrize(
+    ("name", "key", "moves"),
+    [
+        ("emaws-rig", "fixed.regions.upper_flange.z_mm[1]", ("fixed.regions.sleeve.z_mm[0]", "coils.coil.z_mm[0]")),
+        ("emaws-rig", "fixed.regions.upper_flange.r_mm[1]", ()),  # in line with the coil, which it meets in a point
+        ("solenoid", "fixed.regions.frame.polygon_mm[3][0]", ("fixed.regions.frame.polygon_mm[4][0]",)),
+        ("ball", "moving.regions.ball.circle_mm[2]", ("moving.regions.ball.circle_mm[1]",)),  # it stands on its zero
+        ("emaws-rig", "moving.regions.magnet.z_mm[0]", None),  # from which the drawing counts
+        ("emaws-rig", "moving.regions.magnet.r_mm[0]", None),  # the axis
+    ],
+)
+def test_a_face_moves_all_that_touches_it_and_what_the_drawing_counts_from_is_none(name, key, moves):
+    assert also(name).get(key) == moves
 
 
 def test_what_the_catalogue_has_exactly_is_left_to_it():
-    numbers = read_numbers(GEOMETRY / "voice-coil.toml")
-    left = {number.facts.key: number.facts.effect for number in numbers if number.facts.effect}
-    assert left == {"coils.voice.turns": "turns", "materials.n42.remanence_T": "remanence"}
-
-
-def test_turns_of_several_circuits_are_effects_of_each():
-    left = {one.facts.key: one.facts.effect for one in numbers_from_toml(TWO_WINDINGS) if one.facts.kind == "turns"}
-    assert left == {"coils.inner.turns": "turns:inner", "coils.outer.turns": "turns:outer"}
+    one = {number.key: number.effect for number in facts("voice-coil") if number.effect}
+    two = {each.facts.key: each.facts.effect for each in numbers_from_toml(TWO_WINDINGS) if each.facts.kind == "turns"}
+    assert one == {"coils.voice.turns": "turns", "materials.n42.remanence_T": "remanence"}
+    assert two == {"coils.inner.turns": "turns:inner", "coils.outer.turns": "turns:outer"}
 
 
 @pytest.mark.parametrize("name", ["solenoid", "bearing", "voice-coil"])
@@ -85,3 +84,90 @@ def test_a_coil_and_a_part_of_one_name_are_told_apart():
 def test_an_arc_is_a_rounded_edge_and_no_slanted_face(corners, label):
     data = tomllib.loads(f'[fixed.regions.bottom]\nmaterial = "air"\npolygon_mm = {corners}')
     assert label in {face.label for face in drawn_faces(data)}
+
+
+FRAME = "fixed.regions.frame.polygon_mm"
+POLE = f"{FRAME}[8..10][1]"
+
+
+@pytest.fixture(scope="module")
+def numbers():
+    return {one.facts.key: one for one in numbers_from_toml(CONICAL)}
+
+
+def test_a_pole_face_moves_with_its_cone(numbers):
+    pole = numbers[POLE]
+    assert pole.facts.also == tuple(f"{FRAME}[{corner}][1]" for corner in (8, 9, 10))
+    assert (pole.facts.value, pole.facts.unit, pole.facts.stands_for) == (5.0, "mm", f"{FRAME}[8][1]")
+    before, after = (one.fixed[0].vertices_m for one in (pole.smaller, pole.larger))
+    moved = {k: 1e3 * (b[1] - a[1]) for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b}
+    assert moved == pytest.approx(dict.fromkeys((8, 9, 10), 2.0 * pole.step))
+
+
+def test_names_are_those_of_a_machinist(numbers):
+    titles = {key: one.facts.title for key, one in numbers.items()}
+    assert titles[POLE] == "frame: pole face at z = 5 mm with its cone"
+    assert titles[f"{FRAME}[8][1]"] == "frame: face at z = 5 mm without its cone"
+    assert titles[f"{FRAME}[3][0]"] == "frame: bore at r = 6.3 mm"
+    assert titles[f"{FRAME}[1][0]"] == "frame: outer surface at r = 16 mm"
+    assert titles[f"{FRAME}[10][1]"] == "frame: corner at r = 1.6 and z = 0.1111 mm along z"
+    assert titles["coils.winding.z_mm[1]"] == "winding: face at z = 29 mm"
+
+
+@pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "bearing", "voice-coil"])
+def test_no_two_numbers_of_a_drawing_have_one_name(name):
+    titles = [number.title for number in facts(name)]
+    assert len(set(titles)) == len(titles)
+
+
+def test_a_pole_is_a_face_of_iron_that_looks_at_the_moving_part():
+    def poles(name):
+        data = parse(read_text(GEOMETRY / f"{name}.toml"), name)
+        return {face.label for face in drawn_faces(data) if "pole face" in face.label}
+
+    assert poles("plunger-solenoid") == {"pole_and_bottom: pole face at z = 0 mm"}
+    assert poles("voice-coil") == set()
+    assert poles("magnet-pair") == set()
+
+
+def test_a_picture_marks_a_face_with_its_cone_for_the_one_without(numbers):
+    marked = {one.key: one for one in in_picture(one.facts for one in numbers.values())}
+    assert POLE in marked
+    assert f"{FRAME}[8][1]" not in marked
+    assert f"{FRAME}[10][1]" in marked
+    assert marked[POLE].at == (7.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    "name", ["frame: pole face at z = 5 mm with its cone", "frame: pole face at z = 5 mm", "pole face", POLE]
+)
+def test_a_face_is_asked_for_by_its_name(name, tmp_path):
+    drawing = Drawing(CONICAL, "conical.toml", tmp_path)
+    (wanted,) = drawing.wanted(tuple(piece.strip() for piece in name.split(",")))  # as the command takes lists apart
+    assert wanted.key == POLE
+    written = tomllib.loads(drawing.with_values([wanted], [4.8]).text)["fixed"]["regions"]["frame"]["polygon_mm"]
+    assert [corner[1] for corner in written[8:]] == [4.8, 4.8, -0.0889]
+    assert written[:8] == tomllib.loads(CONICAL)["fixed"]["regions"]["frame"]["polygon_mm"][:8]
+    assert "# turned" in drawing.with_values([wanted], [4.8]).text
+
+
+def test_a_face_and_a_corner_of_it_are_not_calibrated_together(tmp_path):
+    drawing = Drawing(CONICAL, "conical.toml", tmp_path)
+    with pytest.raises(UsageError, match="corner"):
+        drawing.wanted((POLE, f"{FRAME}[10][1]"))
+    both = drawing.wanted(("frame.polygon_mm[9][1]", "frame.polygon_mm[10][1]"))
+    assert [one.key for one in both] == [f"{FRAME}[8][1]", f"{FRAME}[10][1]"]
+    assert not any(one.is_contour for one in drawing.wanted("all"))
+
+
+def test_a_tolerance_of_its_flat_part_or_of_its_own_is_a_faces_tolerance():
+    def tolerance(line):
+        (pole,) = (
+            one.facts for one in numbers_from_toml(f"{CONICAL}\n[tolerances]\n{line}\n") if one.facts.key == POLE
+        )
+        return pole.tolerance, pole.declared
+
+    assert tolerance(f'"{FRAME}[8][1]" = 0.02') == (0.02, True)
+    assert tolerance(f'"{POLE}" = 0.03') == (0.03, True)
+    assert tolerance("length_mm = 0.04") == (0.04, True)
+    assert tolerance('"coils.winding.turns" = 2') == (0.05, False)
