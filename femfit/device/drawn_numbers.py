@@ -187,8 +187,8 @@ def _faces(data: Mapping[str, Any]) -> Iterator[_Length]:
 
 def _hall_place(data: Mapping[str, Any]) -> Iterator[_Length]:
     """Of the first Hall element, whose field the sweep solves."""
-    sensors = {("sensors", name): table for name, table in table_at(data, "sensors").items()}
-    tables: dict[tuple[str, ...], Any] = {("hall",): data.get("hall"), **sensors}
+    tables: dict[tuple[str, ...], Any] = {("hall",): data.get("hall")}
+    tables |= {("sensors", name): table for name, table in table_at(data, "sensors").items()}
     elements = [(path, table) for path, table in tables.items() if table and table.get("kind", path[0]) == "hall"]
     for path, table in elements[:1]:
         at = float(table["r_mm"]), float(table["z_mm"])
@@ -275,7 +275,7 @@ def _with_material(actuator: Actuator, name: str, field: str, factor: float) -> 
         if region.material.name != name:
             return region
         drawn = getattr(region.material, field)
-        value = tuple(factor * each for each in drawn) if isinstance(drawn, tuple) else factor * drawn
+        value: Any = tuple(factor * each for each in drawn) if isinstance(drawn, tuple) else factor * drawn
         return replace(region, material=replace(region.material, **{field: value}))
 
     moving = replace(actuator.moving, regions=tuple(map(changed, actuator.moving.regions)))

@@ -103,7 +103,7 @@ def _locations(data: Mapping[str, Any]) -> Iterator[Location]:
     regions = [table for body in BODIES for table in table_at(data, body, "regions").values()]
     used = {str(table.get("material")) for table in regions if isinstance(table, dict)}
     library = sorted((used - table_at(data, "materials").keys()) & LIBRARY.keys())
-    tables = [(("materials", name), material_entry(library_table(name)), {}) for name in library]
+    tables = ((("materials", name), material_entry(library_table(name)), dict[str, Any]()) for name in library)
     for place, entry, table in chain(tables_of(data), tables):
         if why_no_number(place[0]) or not isinstance(table, dict):
             continue

@@ -213,5 +213,5 @@ def drawn_from(section: Section) -> DrawnEffect:
         tolerance=section.number("tolerance", positive=True),
         terms=tuple(term_from(one, known) for one in terms),
         impedance=impedance_from(impedance, known) if impedance else None,
-        **({} if terms else {"gap_m": 0.0}),
+        gap_m=section.number("gap_m", absent=0.0) if terms else 0.0,
     )

@@ -94,7 +94,7 @@ def _sensor_from(section: Section) -> OtherSensor:
     kind = section.text("kind")
     if kind not in KINDS:
         raise section.refusal("kind", f"one of {', '.join(KINDS)}")
-    flux = {"flux": sensed_from(section.section("flux"))} if kind == "pickup_coil" else {}
+    flux: dict[str, Any] = {"flux": sensed_from(section.section("flux"))} if kind == "pickup_coil" else {}
     return section.record(KINDS[kind], **flux)
 
 
