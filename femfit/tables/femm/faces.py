@@ -17,7 +17,6 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon, STRtree, box
 
-from femfit.core.text import counted
 from femfit.tables.femm.model import FemLabel, FemLine, FemMaterial, FemModel
 from femfit.tables.femm.options import Notes
 from femfit.tables.femm.parse import DIGITS
@@ -91,24 +90,20 @@ def find_faces(model: FemModel, arc_degrees: float, notes: Notes) -> tuple[FemFa
         LineString(corners) for corners in (chords(line, arc_degrees) for line in model.lines) if _spans(corners)
     ]
     if sum(len(string.coords) for string in strings) > MAX_LINES:
-        notes.problem(f"the drawing has more than {MAX_LINES} lines. Take coarser arcs with --arc-degrees.")
+        notes.say("drawing lines", most=MAX_LINES)
         return ()
     noded = shapely.unary_union(MultiLineString(strings), grid_size=GRID)
     rings, cuts, dangles, _ = shapely.polygonize_full([noded])
     polygons = [shapely.transform(polygon, _rounded) for polygon in rings.geoms]
     polygons = [polygon for polygon in polygons if polygon.area >= MIN_AREA and polygon.is_valid]
     if not polygons:
-        notes.problem("its lines enclose no face. Draw closed outlines, along the axis r = 0 too.")
+        notes.say("drawing open")
         return ()
-    if any(polygon.bounds[0] < 0 for polygon in polygons):
-        inner = min(polygon.bounds[0] for polygon in polygons)
-        notes.problem(f"the drawing must lie at r >= 0; it goes down to {inner:g} mm. Draw one half only.")
+    if (inner := min(polygon.bounds[0] for polygon in polygons)) < 0:
+        notes.say("drawing mirrored", radius=inner)
     loose = len(getattr(cuts, "geoms", ())) + len(getattr(dangles, "geoms", ()))
     if loose:
-        notes.info(
-            "loose-lines",
-            f"{counted(loose, 'line that encloses nothing is', 'lines that enclose nothing are')} left out.",
-        )
+        notes.say("loose-lines", lines=loose)
     return _labelled(polygons, model.labels, notes)
 
 
@@ -120,16 +115,15 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: No
         if len(inside) == 1:
             owners.setdefault(inside[0], []).append(label)
         elif label.material is not None:
-            notes.problem(f"{label.place} lies in no closed face, or on a line. Move the label, or close its outline.")
+            notes.say("label outside", place=label.place)
     default = next((label for label in labels if label.default), None)
     faces = []
     for n, polygon in enumerate(polygons):
         owner = owners.get(n, [default] if default else [])
         if not owner:
-            notes.problem(f"the face {_where(polygon)} has no block label. Add one, air if it is that.")
+            notes.say("label missing", place=_where(polygon))
         elif len(owner) > 1:
-            names = " and ".join(label.place for label in owner)
-            notes.problem(f"{names} lie in one face; their border is not closed. Close it, or delete one of them.")
+            notes.say("label twice", places=" and ".join(label.place for label in owner))
         else:
             faces.append(FemFace(polygon, owner[0]))
     return tuple(faces)

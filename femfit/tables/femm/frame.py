@@ -90,11 +90,7 @@ def _side(bodies: FemBodies, options: FemOptions, notes: Notes) -> float:
             return sides[0]
     middle = [0.5 * (shape.bounds[1] + shape.bounds[3]) for shape in (moving, fixed)]
     if abs(middle[0] - middle[1]) <= GRID:
-        notes.info(
-            "level",
-            "The moving part stands level with the fixed parts; distances grow with the file's z.",
-            "Let them grow the other way with --mover-side below.",
-        )
+        notes.say("level")
         return 1.0
     return 1.0 if middle[0] > middle[1] else -1.0
 
@@ -113,12 +109,7 @@ def _face(fixed: shapely.Geometry, moving: shapely.Geometry, notes: Notes) -> fl
     passed = corners[corners <= moving.bounds[1] + GRID]
     if not len(passed):  # its front has passed all of them, as a long plunger's: distances are negative
         return float(fixed.bounds[3])
-    notes.warn(
-        "open-bore",
-        "No fixed part lies straight before the moving part, as in an open bore; the distance is counted from the "
-        "corner of the fixed parts that its front has passed last.",
-        "Name another with --face-mm.",
-    )
+    notes.say("open-bore")
     return float(passed.max())
 
 
@@ -153,22 +144,13 @@ def _polarity(bodies: FemBodies) -> float:
 
 def _say(frame: FemFrame, windings: Sequence[FemWinding], heights: Sequence[float], notes: Notes) -> None:
     turned = "which is mirrored, for the moving part lies below" if frame.up < 0 else "as it stands"
-    notes.info(
-        "frame",
-        f"Distances are counted from the fixed parts' face at the file's z = {frame.face_mm:.9g} mm to the "
-        f"nearest point of the moving part; in the file it is {frame.distance_mm:.9g} mm. That face is z = 0 of "
-        f"the drawing, {turned}.",
-        f"Count from another height with --face-mm: {_listed(heights)}." if heights else "",
-    )
-    turned_round = [winding.circuit.name for winding in windings if frame.current_sign(winding) < 0]
+    remedy = f"Count from another height with --face-mm: {_listed(heights)}." if heights else ""
+    notes.say("frame", face=frame.face_mm, distance=frame.distance_mm, turned=turned, heights=remedy)
+    turned_round = [repr(winding.circuit.name) for winding in windings if frame.current_sign(winding) < 0]
     if turned_round:
-        notes.info(
-            "current-sign",
-            f"Current and flux linkage have the opposite sign of circuit {', '.join(map(repr, turned_round))}, so that "
-            "a positive current attracts the magnet and makes a field along +z.",
-        )
+        notes.say("current-sign", circuits=", ".join(turned_round))
     if frame.field_sign < 0:
-        notes.info("field-sign", "Every field has the opposite sign of the file's: the magnets are reversed.")
+        notes.say("field-sign")
 
 
 CLEARANCE = 0.02
@@ -202,14 +184,9 @@ def _trimmed(coil: FemCoil, obstacles: Body, notes: Notes) -> FemCoil:
     clearance = round(CLEARANCE * min(r1 - r0, z1 - z0), DIGITS)
     section = coil.polygon.difference(_around(touching, coil.polygon, clearance), grid_size=GRID)
     if not isinstance(section, Polygon) or section.interiors or section.is_empty:
-        notes.problem(f"{coil.labels[0].place} touches what moves against it on all sides. Draw a gap around it.")
+        notes.say("circuit contact", place=coil.labels[0].place)
         return coil
-    notes.warn(
-        "trimmed-winding",
-        f"{coil.labels[0].place} touches what moves against it; its section keeps {clearance:g} mm clear, with all "
-        "its turns.",
-        "Draw the clearance that the winding has.",
-    )
+    notes.say("trimmed-winding", place=coil.labels[0].place, clearance=clearance)
     return replace(coil, polygon=section)
 
 

@@ -4,7 +4,7 @@ What of a FEMM model is taken in another form: lamination, magnets with a curve,
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -22,16 +22,23 @@ SIGNIFICANT_SHARE = 1e-6
 
 def check_limits(model: FemModel, notes: Notes) -> None:
     """Report everything in the file's properties that cannot be taken."""
-    notes.problems.extend(_problem_kind(model))
+    _check_kind(model, notes)
     used = [label for label in model.labels if label.material is not None and not label.external]
     materials = list(dict.fromkeys(label.material for label in used if label.material is not None))
     for n, material in enumerate(materials):
-        notes.problems.extend(_material_limits(material))
+        _check_material(material, notes)
         if material.name in {earlier.name for earlier in materials[:n]}:
-            notes.problem(f"two different materials are named {material.name!r}. Rename one of them.")
+            notes.say("material twice", name=material.name)
     for label in used:
-        notes.problems.extend(_label_limits(label))
-    notes.problems.extend(_point_limits(model))
+        if label.material is not None and label.material.coercivity and label.direction_formula:
+            notes.say("label formula", place=label.place, formula=label.direction_formula)
+    for point in model.points:
+        held = point.property
+        place = f"point property {held.name!r} at (r, z) = ({point.r:g}, {point.z:g}) mm" if held else ""
+        if held and held.current_A:
+            notes.say("point filament", place=place, current=held.current_A)
+        elif held and point.r > 0:
+            notes.say("point held", place=place, potential=held.potential)
 
 
 Direction = tuple[float, float]
@@ -50,68 +57,29 @@ def magnet_direction(label: FemLabel) -> Direction | None:
     return round(r, 12) + 0.0, round(z, 12) + 0.0
 
 
-def _problem_kind(model: FemModel) -> list[str]:
-    problems = []
+def _check_kind(model: FemModel, notes: Notes) -> None:
     if model.problem_type != "axisymmetric":
-        problems.append(
-            f"[ProblemType] is {model.problem_type[:40]!r}; femfit solves axisymmetric problems. "
-            "Draw the actuator as a body of revolution, r to the right."
-        )
+        notes.say("kind planar", kind=model.problem_type[:40])
     if model.version != 4.0:
-        problems.append(f"[Format] is {model.version:g}; only 4.0 is read. Open it with FEMM 4.2 and save it again.")
+        notes.say("kind version", version=model.version)
     if model.previous_solution and model.previous_type:
-        problems.append(
-            f"[PrevType] {model.previous_type} starts from the solution {model.previous_solution[:60]!r} (incremental "
-            "or frozen permeability). Clear the previous solution in the problem definition."
-        )
-    return problems
+        notes.say("kind incremental", kind=model.previous_type, solution=model.previous_solution[:60])
 
 
-def _material_limits(material: FemMaterial) -> Iterable[str]:
-    name = f"material {material.name!r}"
-    if min(material.mu_x, material.mu_y) <= 0:
-        yield f"{name} has a permeability of {min(material.mu_x, material.mu_y):g}; it must be > 0. Correct Mu_x, Mu_y."
-    elif abs(material.mu_x - material.mu_y) > SIGNIFICANT_SHARE * material.mu_x and not material.curve:
-        yield (
-            f"{name} is anisotropic, Mu_x = {material.mu_x:g} and Mu_y = {material.mu_y:g}; femfit's materials are "
-            "isotropic. Give both the value along the flux."
-        )
+def _check_material(material: FemMaterial, notes: Notes) -> None:
+    name, mu_x, mu_y = material.name, material.mu_x, material.mu_y
+    if min(mu_x, mu_y) <= 0:
+        notes.say("material permeability", name=name, mu=min(mu_x, mu_y))
+    elif abs(mu_x - mu_y) > SIGNIFICANT_SHARE * mu_x and not material.curve:
+        notes.say("material anisotropic", name=name, mu_x=mu_x, mu_y=mu_y)
     if material.lamination_type in {0, 1, 2} and material.lamination_fill != 1.0 and material.magnetic:
-        yield (
-            f"{name} is laminated with a fill of {material.lamination_fill:g}; femfit's materials are solid. Set "
-            "LamFill = 1 and give an effective permeability."
-        )
-
-
-def _label_limits(label: FemLabel) -> Iterable[str]:
-    if label.material is not None and label.material.coercivity and label.direction_formula:
-        yield (
-            f"{label.place} has the magnetization formula {label.direction_formula!r}; femfit's magnets have one "
-            "direction a block. Give an angle, and divide the block where the direction changes."
-        )
-
-
-def _point_limits(model: FemModel) -> Iterable[str]:
-    for point in model.points:
-        held = point.property
-        if held is None:
-            continue
-        place = f"point property {held.name!r} at (r, z) = ({point.r:g}, {point.z:g}) mm"
-        if held.current_A:
-            yield f"{place} is a filament with {held.current_A:g} A. Draw it as a block in a circuit."
-        elif point.r > 0:
-            yield f"{place} holds A at {held.potential:g}; femfit's field is free there. Remove the property."
+        notes.say("material laminated", name=name, fill=material.lamination_fill)
 
 
 def in_terms_of_femfit(model: FemModel, notes: Notes) -> FemModel:
     """The model with materials that an actuator file can hold, as far as there are such; it is said what changed."""
     if model.frequency:
-        notes.warn(
-            "frequency",
-            f"The file is a problem of {model.frequency:g} Hz; its drawing and materials are taken for the static "
-            "field, without eddy currents.",
-            "Compare forces with those of FEMM at [Frequency] = 0.",
-        )
+        notes.say("frequency", frequency=model.frequency)
     used = dict.fromkeys(label.material for label in model.labels if label.material is not None and not label.external)
     taken = {material: _straightened(_solid(material, notes), notes) for material in used}
     return replace(model, labels=tuple(_with(label, taken) for label in model.labels))
@@ -131,11 +99,7 @@ def _solid(material: FemMaterial, notes: Notes) -> FemMaterial:
     fill = material.lamination_fill
     if material.lamination_type != 0 or not 0.0 < fill < 1.0 or not material.magnetic:
         return material
-    notes.info(
-        "lamination",
-        f"Material {material.name!r} is laminated with a fill of {fill:g}; it is taken as solid with the mean of "
-        "steel and air, as FEMM does.",
-    )
+    notes.say("lamination", name=material.name, fill=fill)
     return replace(
         material,
         mu_x=fill * material.mu_x + 1.0 - fill,
@@ -156,13 +120,7 @@ def _straightened(material: FemMaterial, notes: Notes) -> FemMaterial:
     inside = field <= coercivity
     line = np.maximum(remanence - MU_0 * mu * (coercivity - field[inside]), 0.0)
     off = float(np.max(np.abs(line - flux[inside]), initial=0.0) / remanence) if remanence > 0 else 0.0
-    notes.warn(
-        "magnet-curve",
-        f"Magnet {material.name!r} has a demagnetisation curve; it is taken as its straight recoil line, B_r = "
-        f"{remanence:.4g} T and mu_r = {mu:.4g}, which is up to {100 * off:.2g} % of B_r off the curve.",
-        "Check that the magnet works above the knee of its curve.",
-        off,
-    )
+    notes.say("magnet-curve", size=off, name=material.name, remanence=remanence, mu=mu, percent=100 * off)
     return replace(
         material,
         mu_x=mu,

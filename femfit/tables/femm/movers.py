@@ -48,40 +48,25 @@ def divide(
     """Divide parts and windings into fixed and moving ones; None if nothing moves, or it is not clear what."""
     pieces: Body = [*parts, *coils]
     if not pieces:
-        notes.problem("no block is magnetic and none carries current; there is no force. Give blocks their materials.")
+        notes.say("mover nothing")
         return None
     if not coils and not any(part.direction for part in parts):
-        notes.problem(
-            "no block is a magnet and none carries current; there is no field. Put the winding's block in a circuit "
-            "with its turns."
-        )
+        notes.say("mover field")
         return None
     if len(pieces) == 1:
-        notes.problem(
-            f"{pieces[0].place} is all that is magnetic or carries current; no force acts on it alone. Draw what it "
-            "attracts."
-        )
+        notes.say("mover alone", place=pieces[0].place)
         return None
     bodies = _connected(pieces)
     named = options.moving_groups or options.moving_blocks or options.moving_labels
     if len(bodies) == 1:
         bodies = [*_connected(parts), *_connected(coils)]  # a winding may give way to what moves beside it
         if len(bodies) == 1 or not named:
-            _say_touching(bodies, notes)
+            key = "mover single" if len(bodies) == 1 else "mover touching"
+            places = " and ".join(piece.place for body in bodies for piece in body)
+            notes.say(key, places=places, candidates=_candidates(bodies))
             return None
     moving = _named(bodies, options, notes) if named else _inferred(bodies, notes)
     return _divided(parts, coils, moving, air, notes) if moving else None
-
-
-def _say_touching(bodies: Sequence[Body], notes: Notes) -> None:
-    touching = f"everything touches: {_listed([piece for body in bodies for piece in body])} are one body"
-    if len(bodies) == 1:
-        notes.problem(f"{touching}, of which nothing can move. Draw what moves with a gap of air all around it.")
-        return
-    notes.problem(
-        f"{touching}. Draw what moves with a gap of air all around it, or name it, and windings give way to it:"
-        f"{_candidates(bodies)}"
-    )
 
 
 def _divided(
@@ -96,10 +81,7 @@ def _divided(
     ]
     if touched:
         mover, neighbour = touched[0]
-        notes.problem(
-            f"the moving {mover.place} touches {neighbour.place}; femfit needs a gap around what moves. Move them "
-            "apart in the drawing, or let both move."
-        )
+        notes.say("mover gap", place=mover.place, neighbour=neighbour.place)
         return None
     moving_parts = [part for part in parts if part in moving]
     spacers = _spacers(moving, air) if len(_connected(moving)) > 1 else ()
@@ -119,7 +101,7 @@ def _named(bodies: Sequence[Body], options: FemOptions, notes: Notes) -> Body:
     unknown += [f"block {name!r}" for name in blocks if all(piece.material.name != name for piece in pieces)]
     unknown += [f"label {number}" for number in labels - numbers]
     if unknown:
-        notes.problem(f"no part has {' or '.join(sorted(unknown))}; there are:{_candidates(bodies)}")
+        notes.say("mover unknown", names=" or ".join(sorted(unknown)), candidates=_candidates(bodies))
         return []
     of_labels = [body for body in bodies if any(label.number in labels for piece in body for label in piece.labels)]
     moving = [
@@ -128,9 +110,7 @@ def _named(bodies: Sequence[Body], options: FemOptions, notes: Notes) -> Body:
         if piece.group in groups or piece.material.name in blocks or any(piece in body for body in of_labels)
     ]
     if len(moving) == len(pieces):
-        notes.problem(
-            f"everything moves, and nothing is left that stands still. Name fewer blocks:{_candidates(bodies)}"
-        )
+        notes.say("mover everything", candidates=_candidates(bodies))
         return []
     return moving
 
@@ -153,7 +133,7 @@ def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
         if len(matching := [body for body in candidates if rule(body)]) == 1:
             _say(matching[0], reason, [body for body in bodies if body is not matching[0]], notes)
             return matching[0]
-    notes.problem(f"it is not clear which body moves. Say it with one of these options:{_candidates(bodies)}")
+    notes.say("mover unclear", candidates=_candidates(bodies))
     return []
 
 
@@ -173,9 +153,9 @@ def _of_two(bodies: Sequence[Body]) -> tuple[Body, str]:
 def _say(moving: Body, reason: str, alternatives: Sequence[Body], notes: Notes) -> None:
     """Say what moves; a warning where another body could move as well."""
     names = " and ".join(piece.place for piece in moving)
-    say = notes.warn if any(not _wound(body) or _wound(moving) for body in alternatives) else notes.info
+    key = "mover chosen" if any(not _wound(body) or _wound(moving) for body in alternatives) else "mover"
     options = " or ".join(option_for(body, [moving, *alternatives]) for body in alternatives)
-    say("mover", f"The moving part is {names}: {reason}.", f"Let another move with {options}.")
+    notes.say(key, names=names, reason=reason, options=options)
 
 
 def option_for(body: Body, bodies: Sequence[Body]) -> str:
@@ -234,10 +214,6 @@ def _clear(body: Body, bodies: Sequence[Body]) -> bool:
         return False
     _, bottom, _, top = outline_of(body).bounds
     return bool(bottom >= high or top <= low)
-
-
-def _listed(pieces: Sequence[FemPart | FemCoil]) -> str:
-    return " and ".join(piece.place for piece in pieces)
 
 
 def _connected(pieces: Sequence[FemPart | FemCoil]) -> list[Body]:

@@ -5,12 +5,13 @@ What is said while a FEMM model is imported: problems, which refuse it, and find
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from femfit.core.errors import FemFileError
 from femfit.core.results import Finding
 from femfit.device.decimals import axis_values
 from femfit.device.schema import MAX_AXIS_POINTS, RangeEntry
+from femfit.tables.findings import finding
 
 MIN_ARC_DEGREES, MAX_ARC_DEGREES = 0.1, 30.0
 LARGEST_VALUE = 1e5
@@ -96,14 +97,10 @@ class Notes:
     problems: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
-    def problem(self, text: str) -> None:
-        """Refuse the model, when everything was looked at."""
-        self.problems.append(text)
-
-    def info(self, code: str, text: str, remedy: str = "") -> None:
-        """Say what was done."""
-        self.findings.append(Finding(code, "info", text, remedy))
-
-    def warn(self, code: str, text: str, remedy: str = "", size: float | None = None) -> None:
-        """Say what the user should look at."""
-        self.findings.append(Finding(code, "warning", text, remedy, size))
+    def say(self, key: str, /, *, size: float | None = None, **facts: Any) -> None:
+        """Remark on the model by a key of ``findings.toml``; an error refuses it, when everything was looked at."""
+        remark = finding(key, size=size, **facts)
+        if remark.severity == "error":
+            self.problems.append(str(remark))
+        else:
+            self.findings.append(remark)

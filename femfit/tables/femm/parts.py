@@ -62,22 +62,16 @@ def drop_surroundings(model: FemModel, faces: Sequence[FemFace], notes: Notes) -
     if not meshed:
         return None
     domain = shapely.unary_union([face.polygon for face in meshed], grid_size=GRID)
-    notes.problems.extend(
-        f"{face.label.place} is an empty region within the field, which would end at it as at a wall. "
-        "Give it the material that it is, air otherwise."
-        for face in faces
-        if face.label.material is None and Polygon(domain.exterior).contains(face.polygon.representative_point())
-    )
+    for face in faces:
+        if face.label.material is None and Polygon(domain.exterior).contains(face.polygon.representative_point()):
+            notes.say("surroundings wall", place=face.label.place)
     shells = _shells(meshed, domain)
     inside = [face for face in meshed if face not in shells]
     parts = tuple(face for face in inside if _is_part(face))
     rim = _off_axis(shapely.unary_union([face.polygon for face in inside], grid_size=GRID))
-    notes.problems.extend(
-        f"{face.label.place} touches the drawing's outer boundary, which acts there as a mirror or a wall. Draw the "
-        "whole actuator with air around it."
-        for face in parts
-        if face.polygon.distance(rim) <= GRID
-    )
+    for face in parts:
+        if face.polygon.distance(rim) <= GRID:
+            notes.say("surroundings rim", place=face.label.place)
     boundaries = _check_boundaries(model, domain, kelvin, notes)
     _say(boundaries, domain, shells, parts, kelvin, notes)
     return parts
@@ -89,13 +83,10 @@ def _interior(meshed: Sequence[FemFace], notes: Notes) -> tuple[list[FemFace], l
     holding = [piece for piece in pieces if any(_is_part(face) for face in piece)]
     if len(holding) > 1:
         places = "; ".join(next(face for face in piece if _is_part(face)).label.place for piece in holding)
-        notes.problem(
-            f"the drawing falls into {len(holding)} separate pieces with parts: {places}. Delete all but one, or draw "
-            "the air between them."
-        )
+        notes.say("surroundings pieces", pieces=len(holding), places=places)
         return [], []
     if not holding:
-        notes.problem("no block is magnetic and none carries current; there is no force. Give blocks their materials.")
+        notes.say("mover nothing")
         return [], []
     return holding[0], [face for face in meshed if face not in holding[0]]
 
@@ -148,19 +139,16 @@ def _check_boundaries(
             outer = all(end.distance(rim) <= GRID for end in ends)
             places[line.boundary] = places.get(line.boundary, True) and outer
     for boundary, outer in places.items():
-        name = f"boundary {boundary.name!r}"
         if boundary.kind in _PERIODIC and kelvin and outer:
             continue
-        if boundary.kind in _PERIODIC:
-            notes.problem(f"{name} is periodic; femfit has an open boundary. Delete it and what it joins.")
-        elif boundary.kind not in {0, 2, _DUAL_IMAGE}:
-            notes.problem(
-                f"{name} is of type {boundary.kind}; femfit takes prescribed A, mixed and dual image. Remove it."
-            )
-        elif boundary.drives:
-            notes.problem(f"{name} drives the field from outside; femfit's boundary is open. Set its values to 0.")
-        elif not outer:
-            notes.problem(f"{name} lies on lines inside of the drawing, where no field may be prescribed. Remove it.")
+        faults = {
+            "periodic": boundary.kind in _PERIODIC,
+            "kind": boundary.kind not in {0, 2, _DUAL_IMAGE},
+            "drives": boundary.drives,
+            "inside": not outer,
+        }
+        for fault in [name for name, wrong in faults.items() if wrong][:1]:
+            notes.say(f"boundary {fault}", name=boundary.name, kind=boundary.kind)
     return places
 
 
@@ -172,35 +160,18 @@ def _say(
     kelvin: Sequence[FemFace],
     notes: Notes,
 ) -> None:
+    kinds = {boundary.kind for boundary in boundaries}
     if kelvin:
-        notes.info(
-            "kelvin",
-            f"What lies outside of the field's domain, as for a Kelvin transformation (blocks: {len(kelvin)}), is left "
-            "out: femfit's domain is open by itself.",
-        )
-        if any(boundary.kind in _PERIODIC for boundary in boundaries):
-            return
+        notes.say("kelvin", blocks=len(kelvin))
+    if kelvin and kinds & _PERIODIC:
+        return
     if shells:
         names = sorted({face.label.material.name for face in shells if face.label.material})
-        notes.info(
-            "open-boundary",
-            f"{len(shells)} shells of the open boundary ({', '.join(names)}) are left out: "
-            "femfit's domain is open by itself.",
-        )
-        return
-    if any(boundary.kind == _DUAL_IMAGE for boundary in boundaries):
-        notes.info("dual-image", "The strategic dual image boundary is left out: femfit's domain is open.")
-        return
-    if any(boundary.kind == 2 and boundary.c0 for boundary in boundaries):
-        notes.info("mixed-boundary", "The mixed (asymptotic) boundary is left out: femfit's domain is open.")
-        return
-    wall = "A = 0" if any(boundary.kind == 0 for boundary in boundaries) else "natural (no condition)"
-    nearest = min((face.polygon.distance(_off_axis(domain)) for face in parts), default=0.0)
-    notes.warn(
-        "near-boundary",
-        f"The drawing ends at a plain {wall} boundary, {nearest:.4g} mm from the nearest part; it is left out, "
-        "for femfit's domain is open.",
-        "FEMM's own numbers for this file contain the error of that boundary, which was 0.2 to 3.3 % of the flux "
-        "linkage in seven published files; compare with an open one.",
-        nearest,
-    )
+        notes.say("open-boundary", shells=len(shells), names=", ".join(names))
+    elif _DUAL_IMAGE in kinds:
+        notes.say("dual-image")
+    elif any(boundary.kind == 2 and boundary.c0 for boundary in boundaries):
+        notes.say("mixed-boundary")
+    else:
+        nearest = min((face.polygon.distance(_off_axis(domain)) for face in parts), default=0.0)
+        notes.say("near-boundary", size=nearest, wall="A = 0" if 0 in kinds else "natural (no condition)")

@@ -12,7 +12,6 @@ from shapely import unary_union
 
 from femfit.core.errors import ActuatorFileError, FemFileError
 from femfit.core.results import Finding
-from femfit.core.text import counted
 from femfit.device.checks import CONTACT, swept
 from femfit.device.decimals import scaled
 from femfit.device.load import actuator_from_toml
@@ -158,7 +157,7 @@ def _found(model: FemModel, options: FemOptions, notes: Notes) -> tuple[tuple[Fe
     windings = find_windings(inside, options.circuits, notes)
     coils = [coil for winding in windings for coil in winding.coils]
     if len(coils) > 1 and options.resistance_ohm is not None:
-        notes.problem(f"--resistance-ohm is of one winding; there are {len(coils)}. Give --wire-diameter-mm instead.")
+        notes.say("circuit resistance", coils=len(coils))
     if len(notes.problems) > before:
         return None
     parts = merge_parts([face for face in inside if face.label.material is not None and face.label.material.magnetic])
@@ -176,37 +175,20 @@ def _say_changes(model: FemModel, bodies: FemBodies, notes: Notes) -> None:
         and label.material.coercivity_angle not in {0.0, label.magnetization}
     ]
     if angled:
-        notes.warn(
-            "material-angle",
-            f"H_cAngle of {angled[0].material.name if angled[0].material else ''!r} is ignored, as format 4.0 "
-            "solvers do: the block label's direction counts.",
-            "Check the direction of magnetization in the actuator file.",
-        )
+        notes.say("material-angle", name=angled[0].material.name if angled[0].material else "")
     for material in dict.fromkeys(part.material for part in (*bodies.fixed, *bodies.moving)):
         dropped = len(material.curve) - len(material.rising_curve)
         if dropped:
-            notes.info(
-                "curve-end",
-                f"The B-H curve of {material.name!r} ends with a slope below mu_0; its last {dropped} of "
-                f"{counted(len(material.curve), 'point is', 'points are')} left out, and the curve goes on with mu_0.",
-            )
+            notes.say("curve-end", name=material.name, dropped=dropped, points=len(material.curve))
 
 
 def _say_missing(device: FemDevice, notes: Notes) -> None:
     """What the file does not hold and nobody gave."""
     options = device.options
     if not (options.distances_mm or options.currents_A):
-        notes.info(
-            "one-point",
-            "The sweep holds the file's own point alone.",
-            f"For a table to fit give axes, such as {offered_axes(device)}.",
-        )
+        notes.say("one-point", axes=offered_axes(device))
     if options.mass_g is None and options.density_g_per_cm3 is None:
-        notes.warn(
-            "assumed-mass",
-            "The file has no mass; it is the volume of the moving part times an assumed density.",
-            "Give --mass-g, or --density-g-per-cm3; force and flux do not depend on it.",
-        )
+        notes.say("assumed-mass")
 
 
 def _actuator_name(source: str, options: FemOptions) -> str:

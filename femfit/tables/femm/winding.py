@@ -7,6 +7,7 @@ import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from femfit.device.parts import smallest_winding_area, wire_resistance
 from femfit.tables.femm.faces import FemFace, FemPiece, connected_faces, without_holes
@@ -58,25 +59,16 @@ def find_windings(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) 
 
 def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None:
     if circuit.kind != 1 and len(blocks) > 1:
-        notes.problem(
-            f"circuit {circuit.name!r} is parallel and has {len(blocks)} blocks, among which FEMM divides the current "
-            "by their resistance. Make it series and give its blocks their numbers of turns."
-        )
+        notes.say("circuit parallel", name=circuit.name, blocks=len(blocks))
     for block in blocks:
         material = block.label.material
+        facts: dict[str, Any] = {"place": block.label.place, "name": circuit.name}
         if material is not None and material.magnetic:
-            notes.problem(f"{block.label.place} is magnetic and in circuit {circuit.name!r}. Wind it with copper.")
-        if material is not None and material.current_density:
-            ampere = material.current_density * block.polygon.area
-            notes.warn(
-                "circuit-and-density",
-                f"{block.label.place} is in circuit {circuit.name!r} and has a current density J = "
-                f"{material.current_density:g} MA/m^2 too, which FEMM adds; its {ampere:.4g} A are left out.",
-                "Compare with FEMM at J = 0.",
-                ampere,
-            )
+            notes.say("circuit magnetic", **facts)
+        if material is not None and (density := material.current_density):
+            notes.say("circuit-and-density", size=density * block.polygon.area, density=density, **facts)
         if block.label.turns == 0:
-            notes.problem(f"{block.label.place} has no turns in circuit {circuit.name!r}. Give their number.")
+            notes.say("circuit turns", **facts)
 
 
 def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> list[FemCircuit]:
@@ -93,23 +85,15 @@ def _chosen(faces: Sequence[FemFace], names: Sequence[str], notes: Notes) -> lis
         unknown = [repr(name) for name in names if name not in {circuit.name for circuit in circuits}]
         if unknown:
             listed = ", ".join(f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in circuits) or "none"
-            notes.problem(f"no circuit is named {' or '.join(unknown)}: {listed}. Name one of these with --circuit.")
+            notes.say("circuit unknown", names=" or ".join(unknown), circuits=listed)
     omitted = [circuit for circuit in circuits if circuit not in taken]
     idle = [circuit.name for circuit in omitted if not circuit.current_A]
     if idle and taken:
         every = " ".join(f"--circuit {shlex.quote(circuit.name)}" for circuit in circuits)
-        notes.info(
-            "idle-circuits",
-            f"Circuits without current are left out: {', '.join(map(repr, idle))}.",
-            f"Take them too with {every}.",
-        )
+        notes.say("idle-circuits", circuits=", ".join(map(repr, idle)), options=every)
     lost = [f"{circuit.name!r} ({circuit.current_A:g} A)" for circuit in omitted if circuit.current_A]
     if lost and taken:
-        notes.warn(
-            "left-circuits",
-            f"Circuits that carry current in the file are left out: {', '.join(lost)}.",
-            "Import without --circuit to have them all.",
-        )
+        notes.say("left-circuits", circuits=", ".join(lost))
     return taken
 
 
@@ -120,11 +104,9 @@ def _by_density(faces: Sequence[FemFace], notes: Notes) -> list[FemWinding]:
         for face in faces
         if face.label.circuit is None and face.label.material is not None and face.label.material.current_density
     ]
-    notes.problems.extend(
-        f"{face.label.place} is magnetic and has a current density J. Draw the winding beside it."
-        for face, _ in blocks
-        if face.label.material is not None and face.label.material.magnetic
-    )
+    for face, _ in blocks:
+        if face.label.material is not None and face.label.material.magnetic:
+            notes.say("circuit density", place=face.label.place)
     windings = []
     for size in dict.fromkeys(abs(density) for _, density in blocks):
         alike = [(face, density) for face, density in blocks if abs(density) == size]
@@ -133,12 +115,8 @@ def _by_density(faces: Sequence[FemFace], notes: Notes) -> list[FemWinding]:
         material = coils[0].material
         turns = tuple(replace(coil, turns=coil.turns / current) for coil in coils)
         windings.append(FemWinding(FemCircuit(material.name, current), turns))
-        notes.warn(
-            "current-density",
-            f"{coils[0].place} carries J = {material.current_density:g} MA/m^2 and is taken as "
-            f"{abs(turns[0].turns):.4g} turn of {current:.5g} A; the file has no number of turns.",
-            "Change turns in the actuator file to N, and divide currents by N.",
-        )
+        facts = {"density": material.current_density, "turns": abs(turns[0].turns), "current": current}
+        notes.say("current-density", place=coils[0].place, **facts)
     return windings
 
 
@@ -172,12 +150,7 @@ def _say_solid(winding: FemWinding, notes: Notes) -> None:
         material = coil.material
         solid = material.conductivity and material.lamination_type < PLAIN_WIRE
         if winding.circuit.kind != 1 or (abs(coil.turns) == 1 and solid):
-            notes.warn(
-                "solid-turn",
-                f"{coil.labels[0].place} is one solid turn: FEMM lets its current density fall as 1/r, femfit takes "
-                "it uniform.",
-                "Expect a difference that grows with the winding's outer over its inner radius.",
-            )
+            notes.say("solid-turn", place=coil.labels[0].place)
 
 
 COPPER_FILL = 0.5
@@ -210,12 +183,7 @@ def find_wire(coil: FemCoil, options: FemOptions, notes: Notes) -> FemWire:
         section = COPPER_FILL * coil.polygon.area / abs(coil.turns)
         diameter = float(f"{2.0 * math.sqrt(section / math.pi):.3g}")
         origin = f"ASSUMED: the file has no wire that fits; {100 * COPPER_FILL:g} % of the winding is copper"
-        notes.warn(
-            "assumed-wire",
-            f"The file says nothing of the wire of {coil.labels[0].place}; {diameter:g} mm is assumed "
-            f"({100 * COPPER_FILL:g} % copper).",
-            "Give --wire-diameter-mm or --resistance-ohm; force and flux do not depend on it.",
-        )
+        notes.say("assumed-wire", place=coil.labels[0].place, diameter=diameter, copper=100 * COPPER_FILL)
     resistance = wire_resistance(abs(coil.turns), coil.polygon.centroid.x * 1e-3, diameter * 1e-3)
     return FemWire(resistance, "", diameter, origin)
 

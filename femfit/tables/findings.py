@@ -1,0 +1,53 @@
+"""What is remarked on a table or a drawing: codes and numbers in Python, severity and sentences in ``findings.toml``.
+
+A key of that file is a code, and where a code has several sentences a word behind it: ``clock pauses``. A text has the
+fields of :meth:`str.format`; a count also takes its noun and verb, ``{rows:row was|rows were}``, or after ``~`` the
+word alone, ``{rows:~is|are}``.
+"""
+
+import tomllib
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from femfit.core.results import Finding
+from femfit.core.text import counted
+
+CATALOGUES = ("findings.toml", "femm/findings.toml")
+
+
+class _Count(int):
+    """A number of things, which a template writes with its noun."""
+
+    def __format__(self, spec: str) -> str:
+        singular, several, plural = spec.partition("|")
+        if not several:
+            return super().__format__(spec)
+        if singular.startswith("~"):
+            return singular[1:] if self == 1 else plural
+        return counted(self, singular, plural)
+
+
+@cache
+def catalogue() -> dict[str, dict[str, str]]:
+    """The entries by their keys, each with ``text``, and where they are not empty ``severity`` and ``remedy``."""
+    entries: dict[str, dict[str, str]] = {}
+    for name in CATALOGUES:
+        entries |= tomllib.loads((files("femfit.tables") / name).read_text(encoding="utf-8"))
+    return entries
+
+
+def finding(key: str, /, *, size: float | None = None, column: str = "", **facts: Any) -> Finding:
+    """Remark on a column by the key of a sentence and the facts that fill it; ``size`` and ``column`` are facts too.
+
+    Examples
+    --------
+    >>> print(finding("loose-lines", lines=2))
+    2 lines that enclose nothing are left out.
+    """
+    entry = catalogue()[key]
+    fields = {"size": size, "column": column, **facts}
+    fields = {name: _Count(fact) if isinstance(fact, int) else fact for name, fact in fields.items()}
+    text, remedy = (entry.get(sentence, "").format(**fields) for sentence in ("text", "remedy"))
+    severity: Any = entry.get("severity", "info")
+    return Finding(key.partition(" ")[0], severity, text, remedy, size, column)
