@@ -14,8 +14,9 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import ABSOLUTE_ZERO_C, GRAVITY, FloatArray
 from femfit.core.results import Finding, listing
-from femfit.core.text import counted, quoted
+from femfit.core.text import quoted
 from femfit.tables.column_option import column_option, likely_columns
+from femfit.tables.findings import finding
 from femfit.tables.header import SURELY, find_header, match_score, parse_header, same_header
 from femfit.tables.measurement import CHANNELS, SETTINGS
 from femfit.tables.number_text import EMPTY, LARGEST, clock_seconds, looks_numeric
@@ -108,8 +109,8 @@ def match_columns(
         rivals[name] = [k for k in free if k != chosen.get(name)]
         if rivals[name] and name not in header_columns.values():
             taken = f"{quoted(headers[chosen[name]])} was taken" if name in chosen else "none was taken"
-            text = f"{listing(headers[k] for k in rivals[name])} might be {name}; {taken}."
-            findings.append(Finding("choice", "info", text, f"Choose with --column HEADER={name}.", column=name))
+            listed = listing(headers[k] for k in rivals[name])
+            findings.append(finding("choice", column=name, headers=listed, taken=taken))
             undecided |= set(rivals[name])
     used = {}
     for name, k in sorted(chosen.items(), key=lambda choice: choice[1]):
@@ -138,13 +139,10 @@ def recognise(
         if column.header.strip() != column.name:
             how = f"converted to {column.name}, times {column.factor:g}"
             how = f"read as {column.name}" if column.factor == 1.0 else how
-            how += f" ({column.unit} as a weight, gram-force)" if _is_gram(column) else ""
-            conversions.append(_said("column", f"Column {quoted(column.header)!r} was {how}.", column.name))
+            in_grams = column.name == "force_N" and column.factor == GRAVITY * 1e-3
+            how += f" ({column.unit} as a weight, gram-force)" if in_grams else ""
+            conversions.append(finding("column", column=column.name, header=quoted(column.header), how=how))
     return list(used.values()), findings + conversions
-
-
-def _is_gram(column: UsedColumn) -> bool:
-    return column.name == "force_N" and column.factor == GRAVITY * 1e-3
 
 
 def match_column(header: str, names: Sequence[str] = BENCH_COLUMNS) -> UsedColumn | None:
@@ -218,10 +216,6 @@ def _score(header: str, name: str, override: str | None, guess: bool) -> int:
     return match_score(parsed, name, guess=guess)
 
 
-def _said(code: str, text: str, column: str) -> Finding:
-    return Finding(code, "info", text, column=column)
-
-
 def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
     """What each of the other headers may be among the columns that are still free."""
     findings, unknown = [], []
@@ -233,17 +227,16 @@ def _unused(headers: Sequence[str], free: Sequence[str]) -> list[Finding]:
         bare = replace(parsed, unit=None)
         meant = next((name for name in free if parsed.unit and match_score(bare, name, guess=False)), None)
         if meant:
-            text = f"Column {quoted(header)!r} is in {quoted(parsed.unit)}, where {meant} is needed; it was not used."
-            findings.append(_said("unused-column", text, meant))
+            unit = quoted(parsed.unit)
+            findings.append(finding("unused-column unit", column=meant, header=quoted(header), unit=unit))
         elif near := get_close_matches(header.strip()[:100], free, n=1, cutoff=0.75):
-            text = f"Column {quoted(header)!r} was not used; did you mean {near[0]}?"
-            findings.append(Finding("unused-column", "info", text, column=near[0]))
+            findings.append(finding("unused-column near", column=near[0], header=quoted(header)))
         else:
             unknown.append(header)
     if unknown:
         options = [column_option(header, name) for header, name in likely_columns(unknown, free).items()]
         remedy = f"Where one is meant, say {' '.join(options)}." if options else ""
-        findings.append(Finding("unused-column", "info", f"Not used: {listing(unknown, 20)}.", remedy))
+        findings.append(finding("unused-column", headers=listing(unknown, 20), options=remedy))
     return findings
 
 
@@ -257,9 +250,8 @@ def column_values(raw: RawTable, used: Sequence[UsedColumn]) -> tuple[pd.DataFra
         if column.name.endswith("_temperature_C"):
             _require_possible(raw, column, values[column.name])
     if raw.ragged:
-        lines = listing(raw.ragged)
-        text = f"Line{'s' * (len(raw.ragged) > 1)} {lines} of {raw.source} had more or fewer cells than column names."
-        findings.append(Finding("cells", "warning", f"{text} Nothing was read there."))
+        lines = {"lines": len(raw.ragged), "numbers": listing(raw.ragged)}
+        findings.append(finding("cells ragged", source=raw.source, **lines))
     return pd.DataFrame(values), findings
 
 
@@ -289,14 +281,12 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     if column.name in _LABELS and np.isnan(values[~empty]).any():
         labels = list(dict.fromkeys(cell for cell, missing in zip(cells, empty, strict=True) if not missing))
         number = {label: k + 1.0 for k, label in enumerate(labels)}
-        text = f"{column.name} was numbered: {listing(f'{k + 1} = {label}' for k, label in enumerate(labels))}."
+        listed = listing(f"{k + 1} = {label}" for k, label in enumerate(labels))
         numbers = [np.nan if missing else number[cell] for cell, missing in zip(cells, empty, strict=True)]
-        return np.array(numbers), [_said("labels", text, column.name)]
+        return np.array(numbers), [finding("labels", column=column.name, labels=listed)]
     bad = np.flatnonzero(np.isnan(values) & ~empty)
     if not len(bad):
         return values * column.factor, []
-    count = counted(len(bad), "cell holds", "cells hold")
     below = f" below {LARGEST:g}" if looks_numeric(cells[bad[0]]) else ""
-    text = f"In {quoted(column.header)} {count} no number{below} ({quoted(cells[bad[0]])!r}); these readings "
-    text += "count as missing."
-    return values * column.factor, [Finding("cells", "info", text, size=float(len(bad)), column=column.name)]
+    facts = {"header": quoted(column.header), "cells": len(bad), "below": below, "cell": quoted(cells[bad[0]])}
+    return values * column.factor, [finding("cells words", size=float(len(bad)), column=column.name, **facts)]

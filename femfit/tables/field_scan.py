@@ -9,7 +9,7 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
-from femfit.core.text import counted
+from femfit.tables.findings import finding
 from femfit.tables.header import parse_header
 from femfit.tables.measured_columns import read_columns, read_raw_table
 
@@ -61,7 +61,7 @@ def read_field_scan(
     if not usable.any():
         raise TableError(f"{path} has no row with distance, place and field in it.")
     if not usable.all():
-        text = f"{counted(int((~usable).sum()), 'row')} without distance, place and field left out."
-        findings.append(Finding("cells", "info", text, size=float((~usable).sum())))
+        lost = int((~usable).sum())
+        findings.append(finding("cells without", size=float(lost), rows=lost, columns="distance, place and field"))
     distance, current, radius, height, field = (column[usable] for column in values)
     return FieldScan(distance, current, radius, height, field, tuple(findings), path.name)

@@ -19,6 +19,7 @@ from femfit.core.text import counted, quoted
 from femfit.device.load import read_actuator
 from femfit.device.summary import sweep_manifest_entry
 from femfit.tables.columns import UsedColumn
+from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import (
     QUANTITIES,
     REQUIRED,
@@ -164,17 +165,16 @@ def _gather(
         dialect = {"encoding": options.encoding, "delimiter": options.delimiter, "decimal": options.decimal}
         raw = parse_table(content, file.name, table=options.table, wanted=_is_wanted(options, constants), **dialect)
         dialects[file.name] = raw.dialect
-        findings += [Finding("reading", "info", f"{file.name}: {note}.") for note in raw.notes]
+        findings += [finding("reading", note=f"{file.name}: {note}") for note in raw.notes]
         matrix = is_matrix(raw, options)
         frame, uses, remarks = matrix_points(raw, options) if matrix else long_points(raw, constants, options)
         frames.append(frame)
-        findings += [finding for finding in remarks if finding not in findings]
+        findings += [remark for remark in remarks if remark not in findings]
         for quantity, use in uses.items():
             mapping.setdefault(quantity, use)
     assumed = [f"{quoted(use.header)} in {use.unit}" for use in mapping.values() if use.assumed]
     if assumed:
-        text = f"No unit given, SI assumed: {', '.join(assumed)}."
-        findings.append(Finding("assumed-units", "info", text, "Name it with --unit COLUMN=UNIT, as in force=mN."))
+        findings.append(finding("assumed-units", columns=", ".join(assumed)))
     return pd.concat(frames, ignore_index=True), mapping, findings, dialects
 
 
@@ -261,21 +261,12 @@ def _stop_at_errors(findings: list[Finding], options: ImportOptions) -> list[Fin
     """Accepted errors as warnings; the others stop the import, all at once."""
     accepted = set(options.accept) - _FINAL
     settled = [
-        finding.accepted() if finding.severity == "error" and finding.code in accepted else finding
-        for finding in findings
+        remark.accepted() if remark.severity == "error" and remark.code in accepted else remark for remark in findings
     ]
-    errors = [finding for finding in settled if finding.severity == "error"]
+    errors = [f"  - {remark} [{remark.code}]" for remark in settled if remark.severity == "error"]
     if errors:
-        lines = [f"  - {finding} [{finding.code}]" for finding in errors]
-        raise TableError(
-            "\n".join(
-                [
-                    f"The table has {len(errors)} error{'s' * (len(errors) > 1)}:",
-                    *lines,
-                    "To go on in spite of one: --accept CODE.",
-                ]
-            )
-        )
+        head, remedy = f"The table has {counted(len(errors), 'error')}:", "To go on in spite of one: --accept CODE."
+        raise TableError("\n".join([head, *errors, remedy]))
     return settled
 
 

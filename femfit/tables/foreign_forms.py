@@ -18,6 +18,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, match_columns, used_column
+from femfit.tables.findings import finding
 from femfit.tables.header import COLUMN_NAMES, STEP_NAMES, parse_header
 from femfit.tables.number_text import looks_numeric, parse_number
 from femfit.tables.raw_table import RawTable
@@ -114,7 +115,7 @@ def long_points(
     matched, rivals, findings = match_columns(
         headers, raw.source, tuple(quantities), options.columns, options.units, guess=True, optional=optional
     )
-    findings = [finding for finding in findings if quantities.get(finding.column) not in options.without]
+    findings = [remark for remark in findings if quantities.get(remark.column) not in options.without]
     uses: dict[str, UsedColumn] = {}
     data: dict[str, FloatArray] = {}
     for k, column in sorted(matched.items(), key=lambda match: list(quantities).index(match[1].name)):
@@ -244,27 +245,16 @@ def matrix_points(raw: RawTable, options: ImportOptions) -> tuple[pd.DataFrame, 
             "line": np.repeat(lines, len(across)),
         }
     )
-    text = f"{raw.source} was read as a matrix: {rows} down, {columns} across ({why})."
-    findings = [Finding("matrix", "info", text)]
+    findings = [finding("matrix", source=raw.source, down=rows, across=columns, why=why)]
     if not named and (not _is_axis(across) or (raw.numbers[0, 0] != 0 and _goes_on(raw.numbers[:, 0]))):
-        findings.append(_no_axis(across, columns))
+        shown = ", ".join(f"{value:g}" for value in across[:3])
+        findings.append(finding("matrix-axis", shown=shown, axis=columns))
     return points, uses, findings
 
 
 def _goes_on(column: FloatArray) -> bool:
     """Whether the corner is one more number of the first column, so that the first row is a row like the others."""
     return _monotone(column) and bool(np.ptp(np.diff(column)) <= _EVEN * abs(np.diff(column).mean()))
-
-
-def _no_axis(across: FloatArray, columns: str) -> Finding:
-    shown = ", ".join(f"{value:g}" for value in across[:3])
-    return Finding(
-        "matrix-axis",
-        "error",
-        f"The first row ({shown}, ...), which was taken for the {columns}s, looks like a row of forces: its numbers "
-        "are neither even nor round, or its first cell goes on as the first column does.",
-        "If it is, name the axis: --columns 'd [mm],0 A,0.5 A,1 A'; if it is not, give --accept matrix-axis.",
-    )
 
 
 def _parts(raw: RawTable, options: ImportOptions) -> tuple[FloatArray, str | None, str, FloatArray, list[int], bool]:

@@ -8,7 +8,7 @@ import pandas as pd
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, listing
-from femfit.core.text import counted
+from femfit.tables.findings import finding
 from femfit.tables.foreign_forms import QUANTITIES, REQUIRED
 from femfit.tables.units import LEAST_TRAVEL_M, suspected_by_size, suspicion
 
@@ -25,12 +25,8 @@ def check_cells(points: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame, list[
     good = points[finite].reset_index(drop=True)
     findings = []
     if len(bad):
-        text = (
-            f"{len(bad)} of {counted(len(points), 'row')} {'has' if len(bad) == 1 else 'have'} no number "
-            f"for current, distance or force: {rows_of(bad)}."
-        )
-        remedy = "Correct these rows, or give --accept cells to keep them as points without a result."
-        findings.append(Finding("cells", "error", text, remedy, float(len(bad))))
+        facts = {"bad": len(bad), "rows": len(points), "places": rows_of(bad)}
+        findings.append(finding("cells foreign", size=float(len(bad)), **facts))
     return good, bad, findings
 
 
@@ -41,10 +37,8 @@ def drop_incomplete(points: pd.DataFrame, quantities: list[str]) -> tuple[pd.Dat
         gaps = points[~np.isfinite(points[quantity].to_numpy(dtype=float))]
         if len(gaps):
             points = points.drop(columns=quantity)
-            text = f"The column of {quantity.replace('_', ' ')} has {counted(len(gaps), 'cell')} without a number "
-            text += f"({rows_of(gaps)}) and is left out."
-            remedy = "Complete it and import again if you need it."
-            findings.append(Finding("gaps", "warning", text, remedy, float(len(gaps))))
+            facts = {"quantity": quantity.replace("_", " "), "cells": len(gaps), "places": rows_of(gaps)}
+            findings.append(finding("gaps", size=float(len(gaps)), **facts))
     return points, findings
 
 
@@ -60,26 +54,15 @@ def check_units(points: pd.DataFrame) -> list[Finding]:
     """Suspect units by sizes that no actuator has; current and distance, on which all else depends, are errors."""
     rows = pd.DataFrame({column: points[name] for name, column in QUANTITIES.items() if name in points})
     findings = [
-        replace(finding, severity="error") if finding.column in _SETTINGS else finding
-        for finding in suspected_by_size(rows, solved=True)
+        replace(remark, severity="error") if remark.column in _SETTINGS else remark
+        for remark in suspected_by_size(rows, solved=True)
     ]
     distance = points["distance"].to_numpy(dtype=float)
     if 0 < float(np.max(distance)) < LEAST_TRAVEL_M:
         largest = suspicion("distance_m", "m", f"the largest is {np.max(distance) * 1e6:g} micrometres")
         findings.append(replace(largest, severity="error"))
     if (distance <= 0).any():
-        where = points[distance <= 0]
-        findings.append(
-            Finding(
-                "distance",
-                "error",
-                f"Distances must be > 0 (from the electromagnet's face); they go down to {np.min(distance):g} m: "
-                f"{rows_of(where)}.",
-                "If the positions count towards the electromagnet give --flip-distance; if they start elsewhere give "
-                "--distance-start-mm (distance of position zero).",
-                float(np.min(distance)),
-            )
-        )
+        findings.append(finding("distance", size=float(np.min(distance)), places=rows_of(points[distance <= 0])))
     return findings
 
 
@@ -107,21 +90,12 @@ def tidy_grid(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     points, findings = _merge_duplicates(points)
     ordered = points.sort_values(["current", "distance"], kind="stable")
     if not (_is_sorted(points, "current", "distance") or _is_sorted(points, "distance", "current")):
-        findings.append(Finding("order", "info", "The rows were in no order; sorted by current, then distance."))
+        findings.append(finding("order foreign"))
     points = ordered.reset_index(drop=True)
     currents, distances = np.unique(points["current"]), np.unique(points["distance"])
-    for name, axis, unit in (("current", currents, "A"), ("distance", distances, "m")):
+    for key, axis in (("one-current", currents), ("one-distance", distances)):
         if len(axis) == 1:
-            findings.append(
-                Finding(
-                    f"one-{name}",
-                    "error",
-                    f"All rows have the same {name}, {axis[0]:g} {unit}.",
-                    f"Import the files of all {name}s together, or give --accept one-{name}; a model cannot be fitted "
-                    f"along the {name} then.",
-                    1.0,
-                )
-            )
+            findings.append(finding(key, size=1.0, level=axis[0]))
     return points, findings + _holes(points, currents, distances)
 
 
@@ -144,22 +118,11 @@ def _merge_duplicates(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]
     identical = int((points.duplicated(["current", "distance"]) & (differs <= _SAME_VALUE)).sum())
     findings = []
     if identical:
-        text = f"{identical} repeated rows were dropped; they are identical."
-        findings.append(Finding("duplicates", "info", text, size=float(identical)))
+        findings.append(finding("duplicates", size=float(identical), rows=identical))
     if len(contradictory):
         count, worst = len(contradictory.drop_duplicates(["current", "distance"])), float(differs.max())
-        findings.append(
-            Finding(
-                "contradictions",
-                "error",
-                f"{counted(count, 'point stands', 'points stand')} in the table more than once with "
-                "different results (by up to "
-                f"{100 * worst:.3g} % of the column's largest): {rows_of(contradictory)}.",
-                "Keep one row of each, or give --accept contradictions to take their mean; a further axis of the sweep "
-                "(temperature, mesh) must be imported one value at a time.",
-                worst,
-            )
-        )
+        places = rows_of(contradictory)
+        findings.append(finding("contradictions", size=worst, points=count, percent=100 * worst, places=places))
         means = groups.transform("mean")
         points = points.assign(**{name: means[name] for name in numeric})
     return points.drop_duplicates(["current", "distance"]).reset_index(drop=True), findings
@@ -171,19 +134,11 @@ def _holes(points: pd.DataFrame, currents: FloatArray, distances: FloatArray) ->
     if not missing:
         return []
     if missing > count / 2:
-        text = (
-            f"The {len(points)} points are scattered: {counted(len(currents), 'current')} and "
-            f"{counted(len(distances), 'distance')}."
-        )
-        remedy = "Checks that need a grid look at its complete part only."
-        return [Finding("scattered", "warning", text, remedy, float(missing))]
+        counts = {"points": len(points), "currents": len(currents), "distances": len(distances)}
+        return [finding("scattered", size=float(missing), **counts)]
     present = set(zip(points["current"], points["distance"], strict=True))
     holes = [f"({i:g} A, {d * 1e3:g} mm)" for i in currents for d in distances if (i, d) not in present]
-    text = (
-        f"{missing} of {counted(count, 'point')} of the grid {'is' if missing == 1 else 'are'} missing: "
-        f"{listing(holes)}."
-    )
-    return [Finding("holes", "warning", text, "Solve them and import again; the fit does without them.", missing)]
+    return [finding("holes", size=missing, holes=missing, points=count, places=listing(holes))]
 
 
 def complete_grid(points: pd.DataFrame, quantities: list[str]) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
@@ -218,32 +173,16 @@ def settle_force_sign(
     findings: list[Finding] = []
     if wish == "flip":
         points = points.assign(force=-points["force"])
-        findings.append(Finding("force-sign", "info", "The force was negated, as asked."))
+        findings.append(finding("force-sign asked"))
     distances, currents, (force,) = complete_grid(points, ["force"])
     change, share = _growth(currents, force)
     negative = float(-np.minimum(force, 0).sum() / (np.abs(force).sum() or 1.0))
     if wish == "auto" and negative > _AGREEMENT and (change < 0 or share == 0) and len(distances):
         points, force, change = points.assign(force=-points["force"]), -force, -change
         reason = "its magnitude grows with the current" if share else "there is one current only"
-        findings.append(
-            Finding(
-                "force-sign",
-                "info",
-                f"All forces are negative and {reason}: taken as counted away from the electromagnet and negated.",
-                "Give --keep-force if the force really repels.",
-            )
-        )
+        findings.append(finding("force-sign", why=reason))
     elif share > _AGREEMENT and change < 0:
-        findings.append(
-            Finding(
-                "force-sign",
-                "warning",
-                "The attraction falls with growing current; femfit counts the current so that it attracts.",
-                "Give --flip-current if the coil was wound or fed the other way, --flip-force if the force counts away "
-                "from the electromagnet, or both.",
-                share,
-            )
-        )
+        findings.append(finding("force-sign falling", size=share))
     return points, findings + _direction(force)
 
 
@@ -265,13 +204,4 @@ def _direction(force: FloatArray) -> list[Finding]:
     rising = float(np.mean(np.diff(size) > 0))
     if rising < _AGREEMENT or size[-1] < 2 * size[0]:
         return []
-    return [
-        Finding(
-            "distance-direction",
-            "warning",
-            f"The force grows with the distance, {size[-1] / (size[0] or np.inf):.3g} times over the table.",
-            "If the column is a position that counts towards the electromagnet, give --flip-distance with "
-            "--distance-start-mm.",
-            rising,
-        )
-    ]
+    return [finding("distance-direction", size=rising, times=size[-1] / (size[0] or np.inf))]

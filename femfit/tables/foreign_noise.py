@@ -23,6 +23,7 @@ from scipy.stats import norm
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.tables.column_option import column_option
+from femfit.tables.findings import finding
 from femfit.tables.foreign_grid import complete_grid
 
 NOISY = 0.005
@@ -66,8 +67,7 @@ def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
         if curve is not None:
             curves[float(current)] = curve
     if not curves:
-        text = f"The force's noise was not judged: that needs {MIN_DISTANCES} distances at one current."
-        return points, [Finding("noise", "info", text)]
+        return points, [finding("noise few", fewest=MIN_DISTANCES)]
     judged = {current: curve for current, curve in curves.items() if curve.resolved or curve.relative <= NOISY}
     if "force_error" not in points and judged:
         points = points.assign(force_error=_error_of_rows(points, judged))
@@ -75,10 +75,8 @@ def check_noise(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
         return points, [_warning(points, curves)]
     bound = max(curve.relative for curve in curves.values())
     if bound > NOISY:
-        text = "The distances are too coarse to tell the force's noise from its curvature."
-        return points, [Finding("noise", "info", text, "Add distances where the force changes fastest.")]
-    text = f"The force is smooth: its noise is at most {100 * bound:.2g} % of F."
-    return points, [Finding("noise", "info", text, size=bound)]
+        return points, [finding("noise coarse")]
+    return points, [finding("noise smooth", size=bound, percent=100 * bound)]
 
 
 def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
@@ -108,13 +106,9 @@ def compare_forces(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
         away = points["force"].to_numpy(dtype=float) - _oriented(points, name)
         points = points.assign(force_error=np.hypot(points["force_error"].to_numpy(dtype=float), away))
     header = name.removeprefix("other:")
-    text = (
-        f"Column {header} is smoother (noise {100 * size:.2g} % of F against {100 * roughness.relative:.2g} %) and "
-        f"differs by {100 * difference:.2g} % (median at the smallest current): so much of the chosen force is "
-        "probably error. The error of each row was raised by it."
-    )
-    remedy = f"Take it with {column_option(header, 'force')} if it is the same force."
-    return points, [Finding("rival-force", "warning", text, remedy, difference)]
+    percent = {"rival": 100 * size, "noise": 100 * roughness.relative, "differs": 100 * difference}
+    option = column_option(header, "force")
+    return points, [finding("rival-force", size=difference, header=header, option=option, **percent)]
 
 
 def _oriented(points: pd.DataFrame, name: str) -> FloatArray:
@@ -143,23 +137,8 @@ def _warning(points: pd.DataFrame, curves: dict[float, Roughness]) -> Finding:
         sizes += f", {100 * curves[high].relative:.2g} % at {high:g} A"
     sizes += f" (standard deviation; median over the table {float(points['force_error'].median()):.2g} N)"
     common, growth = _common_pattern(points)
-    if common <= _COMMON:
-        why = ", and differs from current to current: remeshing at each point or a loose solver tolerance."
-    elif growth < _GROWS:
-        why = (
-            ", the same at every current. That is how the self-force of a first-order mesh looks: the stress of a "
-            "body's own field, which should integrate to zero, does not."
-        )
-    else:
-        why = ", one pattern that grows with the current: the mesh's error in the field of the coil."
-    return Finding(
-        "self-force" if common > _COMMON and growth < _GROWS else "noise",
-        "warning",
-        f"The force is rough over the distance: {sizes}{why}",
-        "Such a table looks smooth enough to fit, and the error that varies slowly comes on top. Solve the moving part "
-        "alone on the same mesh and subtract its force, or sweep with femfit.",
-        curves[low].relative,
-    )
+    key = "noise" if common <= _COMMON else "self-force" if growth < _GROWS else "noise grows"
+    return finding(key, size=curves[low].relative, sizes=sizes)
 
 
 def _common_pattern(points: pd.DataFrame) -> tuple[float, float]:

@@ -22,6 +22,7 @@ from scipy.interpolate import CubicSpline
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
+from femfit.tables.findings import finding
 from femfit.tables.foreign_grid import complete_grid
 
 _AGREES = 0.02
@@ -74,12 +75,10 @@ def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
         return []
     distances, currents, (force, flux) = complete_grid(points, ["force", "flux_linkage"])
     if len(distances) < 3 or len(currents) < 2:
-        text = "Reciprocity was not checked: it needs a complete grid of at least 2 currents and 3 distances."
-        return [Finding("reciprocity", "info", text)]
+        return [finding("reciprocity unchecked")]
     plain = _compare_loops(distances, currents, force, flux)
     if plain.loops == 0:
-        text = "Reciprocity cannot be judged: flux linkage or force does not change with distance and current."
-        return [Finding("reciprocity", "warning", text, "Check that the right columns were taken.")]
+        return [finding("reciprocity still")]
     if plain.spread < _SAME_SHAPE:
         return [_judge_factor(plain)]
     for name, reading in (
@@ -89,36 +88,18 @@ def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
         loops = _compare_reading(distances, currents, force, flux, reading)
         if loops.spread < min(_SAME_SHAPE, plain.spread / 3):
             scale = "" if abs(loops.factor - 1) < _WRONG else f", up to a factor {loops.factor:.4g}"
-            text = (
-                f"The column taken as flux linkage is {name}{scale}: only so it agrees with the force ({loops.within})."
-            )
-            remedy = "Give it as --column HEADER=inductance, or export the flux linkage itself."
-            return [Finding("reciprocity", "error", text, remedy, loops.factor)]
-    text = (
-        "Flux linkage and force do not belong together: the ratio of -d(flux linkage)/dd to dF/di is "
-        f"{plain.factor:.3g} with a spread of {100 * plain.spread:.3g} % over {plain.loops} closed loops."
-    )
-    remedy = (
-        "Check that both columns come from the same model, coil and rows; leave the flux linkage out with "
-        "--without flux_linkage."
-    )
-    return [Finding("reciprocity", "error", text, remedy, plain.spread)]
+            facts = {"quantity": name, "scale": scale, "within": loops.within}
+            return [finding("reciprocity inductance", size=loops.factor, **facts)]
+    facts = {"factor": plain.factor, "percent": 100 * plain.spread, "loops": plain.loops}
+    return [finding("reciprocity shape", size=plain.spread, **facts)]
 
 
 def _judge_factor(loops: _Loops) -> Finding:
     error = abs(loops.factor - 1)
     if error < _WRONG:
-        size = f"dF/di and -d(flux linkage)/dd agree within {100 * error:.2g} % over {loops.loops} closed loops"
-        if error < max(_AGREES, loops.spread):
-            return Finding("reciprocity", "info", f"Reciprocity holds: {size}.", size=error)
-        remedy = "Refine the mesh, or leave the flux linkage out if it comes from another model."
-        return Finding("reciprocity", "warning", f"Reciprocity holds roughly: {size}.", remedy, error)
-    text = (
-        f"Flux linkage and force do not belong together: -d(flux linkage)/dd is {loops.factor:.4g} times dF/di (the "
-        f"same {loops.within})."
-    )
-    remedy = "Correct the unit, sign or column, or leave the flux linkage out with --without flux_linkage."
-    return Finding("reciprocity", "error", text, remedy, loops.factor)
+        key = "reciprocity holds" if error < max(_AGREES, loops.spread) else "reciprocity rough"
+        return finding(key, size=error, percent=100 * error, loops=loops.loops)
+    return finding("reciprocity factor", size=loops.factor, within=loops.within)
 
 
 def _compare_reading(
@@ -138,28 +119,19 @@ def flux_from_inductance(points: pd.DataFrame) -> tuple[pd.DataFrame, list[Findi
     if "inductance" not in points or "flux_linkage" in points:
         return points, []
     distances, currents, (force, inductance) = complete_grid(points, ["force", "inductance"])
-    head = "The inductance is kept as inductance, without flux linkage: "
     if len(distances) < 3 or (currents != 0).sum() < 2:
-        text = f"{head}a grid of 3 distances and 2 currents besides zero would be needed to tell."
-        return points, [Finding("inductance", "info", text)]
+        return points, [finding("inductance few")]
     loops = _compare_reading(distances, currents, force, inductance, _apparent)
     zero = (points["current"] == 0).to_numpy()
     passive = float(points.loc[zero, "force"].abs().max()) if zero.any() else 0.0
-    why = ""
     if loops.spread > _SAME_SHAPE or abs(loops.factor - 1) > _AGREES + loops.spread:
-        why = f"L i does not agree with the force (factor {loops.factor:.3g}, spread {100 * loops.spread:.2g} %)."
-    elif passive > _NO_MAGNET * float(points["force"].abs().max()):
-        why = "it is flux linkage / current, without a value at zero current beside a magnet."
-    if why:
-        remedy = "Export the flux linkage itself."
-        return points, [Finding("inductance", "warning", head + why, remedy, loops.factor)]
+        return points, [finding("inductance disagrees", size=loops.factor, percent=100 * loops.spread)]
+    if passive > _NO_MAGNET * float(points["force"].abs().max()):
+        return points, [finding("inductance magnet", size=loops.factor)]
     flux = np.where(zero, 0.0, points["inductance"].fillna(0.0) * points["current"])
     error = abs(loops.factor - 1)
-    text = (
-        f"Flux linkage taken as inductance times current: it agrees with the force within {100 * error:.2g} % over "
-        f"{loops.loops} closed loops."
-    )
-    return points.assign(flux_linkage=flux), [Finding("inductance", "info", text, size=error)]
+    taken = finding("inductance", size=error, percent=100 * error, loops=loops.loops)
+    return points.assign(flux_linkage=flux), [taken]
 
 
 def _compare_loops(distances: FloatArray, currents: FloatArray, force: FloatArray, flux_linkage: FloatArray) -> _Loops:

@@ -15,9 +15,10 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import is_current
-from femfit.core.text import amount, counted, quoted
+from femfit.core.text import amount, quoted
 from femfit.tables.circuit_columns import circuit_columns, column_of, parts_of
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_columns
+from femfit.tables.findings import finding
 from femfit.tables.header import parse_header
 from femfit.tables.raw_table import RawTable
 from femfit.tables.units import suspicion
@@ -78,11 +79,7 @@ def in_series(
     carried = {parts_of(str(name))[1] for name in rows if parts_of(str(name))[0] not in _ALL}
     if not any(is_current(str(name)) for name in rows):
         rows = rows.assign(current_A=0.0)
-        text, remedy = (
-            "There is no column of a bias current; it was taken for 0 A.",
-            "Else say --setting current_A=0.5, of several circuits current_NAME_A=0.5.",
-        )
-        findings.append(Finding("no-bias", "info", text, remedy, column="current_A"))
+        findings.append(finding("no-bias", column="current_A"))
     rows, direct = _without_direct_current(rows, used)
     findings += direct
     f = rows["frequency_Hz"].to_numpy()
@@ -140,9 +137,7 @@ def _one_in_series(readings: _One, *, mutual: bool) -> tuple[dict[str, FloatArra
         if pair is not None:
             z = _impedance(*pair, {name: readings.values(name) for name in forms}, w)
             series = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
-            both = " and ".join(readings.given[name] for name in pair)
-            text = f"{both} were converted to resistance and inductance in series."
-            findings.append(Finding("impedance", "info", text))
+            findings.append(finding("impedance", columns=" and ".join(readings.given[name] for name in pair)))
         elif not series:
             circuit = parts_of(readings.given[forms[0]])[1]
             second = [column_of(name, circuit) for name in _PAIRS.get(forms[0], ("parallel_inductance_H",))]
@@ -193,9 +188,7 @@ def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> t
     header = next((column.header for column in used if column.name == "resistance_ohm"), "")
     if parse_header(header).name not in _DIRECT:
         return rows, []
-    text = f"Column {quoted(header)!r} was not used: a resistance at direct current is no part of an impedance."
-    remedy = "If it is one, say --column HEADER=resistance_ohm under another name."
-    return rows.drop(columns="resistance_ohm"), [Finding("unused-column", "info", text, remedy)]
+    return rows.drop(columns="resistance_ohm"), [finding("unused-column direct", header=quoted(header))]
 
 
 def _phase_in_radians(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> Iterator[Finding]:
@@ -217,11 +210,6 @@ def without_capacitive(
             f"An impedance of a coil must have an inductance > 0; {source} has none in {column}. If its imaginary "
             "part or its phase counts the other way round, multiply the column by -1: --unit HEADER=-1."
         )
-    lowest = float(np.min(frequency[wrong]))
-    text = (
-        f"{counted(int(wrong.sum()), 'reading was', 'readings were')} set aside whose inductance is not positive, from "
-        f"{amount(lowest, 'frequency_Hz')} on: above the winding's own resonance, or too little to be measured."
-    )
-    remedy = "Read at frequencies well below: a tenth of the resonance raises the inductance by a hundredth."
-    finding = Finding("resonance", "warning", text, remedy, size=float(wrong.sum()), column=column)
-    return {name: np.where(wrong, np.nan, values) for name, values in series.items()}, [finding]
+    lowest, count = amount(float(np.min(frequency[wrong])), "frequency_Hz"), int(wrong.sum())
+    remark = finding("resonance", size=float(count), column=column, readings=count, frequency=lowest)
+    return {name: np.where(wrong, np.nan, values) for name, values in series.items()}, [remark]

@@ -24,11 +24,11 @@ from femfit.core.files import replacing
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.sweep_columns import current_columns, inductance_columns, resistance_column
-from femfit.core.text import counted
 from femfit.device.drawn_numbers import NumberFacts
 from femfit.tables.columns import match_column
 from femfit.tables.eddy_table import EddyTable, Transfers
 from femfit.tables.files import read_arrays, write_arrays
+from femfit.tables.findings import finding
 from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table
 from femfit.tables.table_file import SUFFIXES
 
@@ -196,6 +196,6 @@ def read_inductance_table(
     if not usable.any():
         raise TableError(f"{path} has no row with distance >= 0, a current and an inductance > 0.")
     if not usable.all():
-        text = f"{counted(int((~usable).sum()), 'row')} without distance >= 0, current and inductance > 0 left out."
-        findings.append(Finding("cells", "info", text, size=float((~usable).sum())))
+        lost, lacking = int((~usable).sum()), "distance >= 0, current and inductance > 0"
+        findings.append(finding("cells without", size=float(lost), rows=lost, columns=lacking))
     return InductanceTable(d[usable], i[usable], inductance[usable], tuple(findings), path.name)

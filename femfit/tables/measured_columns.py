@@ -15,6 +15,7 @@ from femfit.core.text import amount, counted, quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
 from femfit.tables.columns import UsedColumn, column_values, match_column, match_columns, recognise
 from femfit.tables.files import finite_number
+from femfit.tables.findings import finding
 from femfit.tables.measurement import SETTINGS
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.table_file import Wanted, parse_table
@@ -71,7 +72,7 @@ def read_columns(
     if not len(raw.lines):
         raise TableError(f"{raw.source} has column names and no row below them; it needs one row a reading.")
     values, remarks = column_values(raw, used)
-    notes = [Finding("reading", "info", f"{note[0].upper()}{note[1:]}.") for note in raw.notes]
+    notes = [finding("reading", note=note[0].upper() + note[1:]) for note in raw.notes]
     return values, used, notes + findings + remarks
 
 
@@ -104,6 +105,5 @@ def with_settings(rows: pd.DataFrame, settings: Mapping[str, float], source: str
                 f"{amount(value, name, 4)}."
             )
         rows = rows.assign(**{name: value})
-        text = f"{name} was set to {amount(value, name, 4)} in every row, as declared."
-        findings.append(Finding("constant-setting", "info", text, column=name))
+        findings.append(finding("constant-setting", column=name, value=amount(value, name, 4)))
     return rows, findings

@@ -12,6 +12,7 @@ from femfit.core.results import Finding
 from femfit.core.sweep_columns import is_current
 from femfit.core.text import counted
 from femfit.tables.circuit_columns import parts_of
+from femfit.tables.findings import finding
 from femfit.tables.measurement import CHANNELS, BenchTable
 from femfit.tables.outliers import isolated_outliers
 from femfit.tables.units import suspected_by_size
@@ -86,9 +87,7 @@ def without_outliers(table: BenchTable, predicted: Mapping[str, FloatArray]) -> 
         if not len(lone):
             continue
         shown = "; ".join(_row(rows, int(k), name) for k in lone[:3]) + ("; and so on" if len(lone) > 3 else "")
-        count = counted(len(lone), "reading contradicts", "readings contradict")
-        text = f"{count} all neighbours in {name} and {'was' if len(lone) == 1 else 'were'} set aside: {shown}."
-        findings.append(Finding("outliers", "info", text, size=float(len(lone)), column=name))
+        findings.append(finding("outliers", size=float(len(lone)), column=name, readings=len(lone), shown=shown))
         values[lone] = np.nan
         rows = rows.assign(**{name: values})
     return replace(table, rows=rows, findings=(*table.findings, *findings))
@@ -113,9 +112,7 @@ def without_copies(rows: pd.DataFrame, columns: tuple[str, ...]) -> tuple[pd.Dat
     for which, but in ((copies, ""), (renumbered, f" but {numbers}")):
         count = int(which.sum())
         if count:
-            text = f"{count} row{'s' * (count > 1)} repeat{'s' * (count == 1)} an earlier one in every column{but} and "
-            text += f"{'was' if count == 1 else 'were'} left out: a copy says nothing of the noise."
-            findings.append(Finding("copies", "info", text, size=float(count)))
+            findings.append(finding("copies", size=float(count), rows=count, but=but))
     return rows[~(copies | renumbered)].reset_index(drop=True), findings
 
 
@@ -169,14 +166,7 @@ def _without_stuck(rows: pd.DataFrame, name: str) -> tuple[FloatArray, list[Find
         values[readable[members]] = np.nan
         lengths_of.setdefault(float(read[members[0]]), []).append(len(members))
     return values, [
-        Finding(
-            "stuck",
-            "warning",
-            f"{name} reads {value:.6g} in {' and '.join(map(str, counts))} rows on end while the settings change: "
-            "stuck or clipped; these readings were set aside.",
-            size=float(sum(counts)),
-            column=name,
-        )
+        finding("stuck bench", size=float(sum(counts)), column=name, value=value, rows=" and ".join(map(str, counts)))
         for value, counts in lengths_of.items()
     ]
 
@@ -247,8 +237,7 @@ def in_measuring_order(rows: pd.DataFrame, has_run: bool) -> tuple[pd.DataFrame,
     if not has_run and np.isfinite(order).all() and len(np.unique(order)) < len(order):
         rows["run"] = 1.0 + np.cumsum(np.diff(order, prepend=order[0]) < 0.0)
         if rows["run"].iloc[-1] > 1.0:
-            times = f"{rows['run'].iloc[-1] - 1:.0f} times"
-            findings.append(_said(f"order starts anew {times}; without a run column each stretch was taken as a run."))
+            findings.append(finding("order anew", column="order", times=int(rows["run"].iloc[-1] - 1)))
     pieces = []
     for run in pd.unique(rows["run"]):
         piece = rows[rows["run"] == run]
@@ -268,25 +257,20 @@ def _clock(order: FloatArray, run: float) -> tuple[list[Finding], bool]:
         return [], False
     steps = np.diff(order)
     if np.isnan(order).any():
-        return [_said(f"order has gaps in run {run:g}; its rows were taken in the order of the file.")], False
+        return [finding("order gaps", column="order", run=run)], False
     back = np.flatnonzero(steps < 0.0)
     twice = len(order) - len(np.unique(order))
     numbered = bool(np.all(order == np.round(order)))
     if twice or (not numbered and 0 < len(back) <= max(1.0, _FEW * len(order))):
         what = f"goes back {counted(len(back), 'time')}" if len(back) else f"holds {counted(twice, 'number')} twice"
-        text = f"order {what} in run {run:g}: the clock was reset; its rows were taken in the order of the file."
-        return [_said(text)], False
+        return [finding("order reset", column="order", run=run, fault=what)], False
     steps = np.diff(np.sort(order))
     usual = float(np.median(steps)) if len(steps) else 0.0
     jumps = np.flatnonzero(steps > _JUMP * usual)
     if usual == 0.0 or not len(jumps):
         return [], True
     after, size = float(np.sort(order)[jumps[0]]), float(steps[jumps].max())
-    return [_said(f"order jumps by {size:g} after {after:g} in run {run:g}, where {usual:g} is usual.")], True
-
-
-def _said(text: str) -> Finding:
-    return Finding("order", "info", text, column="order")
+    return [finding("order jumps", column="order", step=size, after=after, run=run, usual=usual)], True
 
 
 def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Finding]]:
@@ -312,9 +296,7 @@ def branch_from_order(rows: pd.DataFrame) -> tuple[FloatArray | None, list[Findi
     # Rows in random order seldom make two steps on end at one distance, and then show no turns either
     if min(rising, falling, could_turn) < _BOTH * len(rows) or turns > _TURNS * (rising + falling):
         return None, []
-    text = "There is no column branch; whether the current rose or fell was read from the order of the rows."
-    remedy = "Give a column branch (+1 rising, -1 falling) if that is not the order of measuring."
-    return branch, [Finding("branch-assumed", "info", text, remedy, column="branch")]
+    return branch, [finding("branch-assumed", column="branch")]
 
 
 def _stretches(rows: pd.DataFrame) -> list[IntArray]:

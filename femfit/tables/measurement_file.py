@@ -10,10 +10,11 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.results import Finding
-from femfit.core.text import counted, quoted
+from femfit.core.text import quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
 from femfit.tables.column_option import column_option, remedy_for_columns
 from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_column
+from femfit.tables.findings import finding
 from femfit.tables.header import parse_header
 from femfit.tables.impedance import impedance_columns, in_series, is_impedance
 from femfit.tables.measured_columns import has_columns, read_columns, read_raw_table, with_settings
@@ -107,12 +108,8 @@ def read_measurement(
     if step < _PROTOCOL_STEP_S:
         return _time_series(raw, path, reading)
     bench = _bench_table(raw, path, replace(reading, columns={clock: "order", **reading.columns}))
-    text = (
-        f"The moments in {quoted(clock)!r} are {step:.3g} s apart, where a record over time has samples less than "
-        f"{_PROTOCOL_STEP_S:g} s apart: the rows were taken for readings at rest, and the moments for their order. For "
-        f"a record, say {column_option(clock, 'time_s')}."
-    )
-    return replace(bench, findings=(Finding("protocol", "info", text, size=step, column="order"), *bench.findings))
+    facts = {"header": quoted(clock), "least": _PROTOCOL_STEP_S, "option": column_option(clock, "time_s")}
+    return replace(bench, findings=(finding("protocol", size=step, column="order", **facts), *bench.findings))
 
 
 def _step_of_moments(raw: RawTable, header: str) -> float:
@@ -207,7 +204,7 @@ def _unused(raw: RawTable, used: Sequence[UsedColumn]) -> list[str]:
 
 
 def _about(findings: Sequence[Finding], columns: Sequence[str]) -> list[str]:
-    return [finding.text for finding in findings if finding.column and finding.column not in columns]
+    return [remark.text for remark in findings if remark.column and remark.column not in columns]
 
 
 def _require(kind: str, columns: Sequence[str], path: Path, unused: Sequence[str], reasons: Sequence[str] = ()) -> None:
@@ -248,8 +245,7 @@ def _time_series(raw: RawTable, path: Path, reading: Reading) -> TimeSeries:
     sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, reading.noise)
     rows, lost = _complete_series(values, names)
     if lost:
-        text = f"{counted(lost, 'row without a time was', 'rows without a time were')} left out."
-        findings.append(Finding("cells", "info", text, size=float(lost)))
+        findings.append(finding("cells untimed", size=float(lost), rows=lost))
     rows, coarse = spread_stamps(rows, path.name)
     rows["segment"], clock = check_clock(rows, str(path))
     rows, readings, clipped = check_readings(rows)

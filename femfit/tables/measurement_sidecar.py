@@ -11,6 +11,7 @@ from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.tables.columns import UsedColumn, match_column
 from femfit.tables.files import finite_number, read_settings
+from femfit.tables.findings import finding
 from femfit.tables.header import same_header
 from femfit.tables.measured_columns import constant_settings
 from femfit.tables.measurement import OF_RUNS
@@ -132,8 +133,8 @@ def _parsed(file: Path, settings: dict[str, Any], channels: Sequence[str], used:
             near = get_close_matches(key[:100], channels, n=1)
             if key in declared or (near and not isinstance(value, dict)):
                 raise TableError(_no_channel(key, str(file), channels))
-            text = f"{quoted(key)!r} in {file.name} is no channel of this kind of file ({', '.join(channels)})"
-            findings.append(Finding("unused-setting", "info", f"{text} and was not used."))
+            facts = {"key": quoted(key), "file": file.name, "channels": ", ".join(channels)}
+            findings.append(finding("unused-setting", **facts))
             continue
         noise[column.name] = _deviation(key, value, str(file)) * column.factor
     return Sidecar(noise, texts.get("test_object", ""), texts.get("notes", ""), tuple(findings))

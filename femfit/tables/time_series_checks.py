@@ -11,9 +11,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.core.results import Finding, Severity
+from femfit.core.results import Finding
 from femfit.core.text import amount, counted
 from femfit.tables.circuit_columns import parts_of
+from femfit.tables.findings import finding
 from femfit.tables.units import LIMITS
 
 _PAUSE = 5.0
@@ -56,11 +57,8 @@ def check_clock(rows: pd.DataFrame, source: str = "the record") -> tuple[IntArra
     for where, fault in ((back, "does not run on"), (pause, "pauses")):
         if where.any():
             first = int(np.flatnonzero(where)[0])
-            text = (
-                f"The clock {fault} at {counted(int(where.sum()), 'place')}, first from "
-                f"{time[first]:.6g} s to {time[first + 1]:.6g} s in run {run[first]:g}; no stretch across it is used."
-            )
-            findings.append(Finding("clock", "info", text, size=float(where.sum()), column="time_s"))
+            facts = {"places": int(where.sum()), "begin": time[first], "end": time[first + 1], "run": run[first]}
+            findings.append(finding("clock", size=float(where.sum()), column="time_s", fault=fault, **facts))
     breaks = np.concatenate([[False], back | pause | ~same])
     return np.cumsum(breaks), findings
 
@@ -77,36 +75,19 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
             continue
         if not readable.all():
             count = int((~readable).sum())
-            findings.append(
-                Finding(
-                    "cells",
-                    "info",
-                    f"{counted(count, 'sample')} of {name} {'is' if count == 1 else 'are'} missing.",
-                    size=count,
-                    column=name,
-                )
-            )
+            findings.append(finding("cells missing", size=count, column=name, cells=count))
         ended, stuck = _clipped(values), _stuck(values)
         if (ended | stuck).any() and _is_noiseless(values):
-            text = f"{name} has no noise, as in a simulation: no stretch of one reading counts as stuck or clipped."
-            findings.append(Finding("noiseless", "info", text, column=name))
+            findings.append(finding("noiseless", column=name))
             continue
-        for faulty, word in ((stuck & ~ended, "stuck at"), (ended, "clipped at")):
+        if ended.any():
+            levels_of[name] = np.where(ended, values, np.nan)
+        for faulty, fault in ((stuck & ~ended, "stuck"), (ended, "clipped")):
             if faulty.any():
-                levels = np.unique(values[faulty])
-                places = " and ".join(f"{level:.4g}" for level in levels[:2]) + (
-                    " and others" if len(levels) > 2 else ""
-                )
-                text = (
-                    f"{counted(int(faulty.sum()), 'sample')} of {name} "
-                    f"{'looks' if faulty.sum() == 1 else 'look'} {word} {places}, first at "
-                    f"{time[np.flatnonzero(faulty)[0]]:.6g} s; they count as missing."
-                )
-                clipped = word.startswith("clipped")
-                severity: Severity = "warning" if clipped else "info"
-                findings.append(Finding(word.split()[0], severity, text, size=float(faulty.sum()), column=name))
-                if clipped:
-                    levels_of[name] = np.where(faulty, values, np.nan)
+                levels = [f"{level:.4g}" for level in np.unique(values[faulty])]
+                shown = " and ".join([*levels[:2], *(["others"] if len(levels) > 2 else [])])
+                facts = {"samples": int(faulty.sum()), "levels": shown, "time": time[np.flatnonzero(faulty)[0]]}
+                findings.append(finding(fault, size=float(faulty.sum()), column=name, **facts))
                 values[faulty] = np.nan
         rows[name] = values
     return rows, findings, levels_of
@@ -121,12 +102,8 @@ def _without_impossible(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]
         if not beyond.any() or beyond.mean() > _MOST_IMPOSSIBLE:
             continue
         first = int(np.flatnonzero(beyond)[0])
-        count = counted(int(beyond.sum()), "reading is", "readings are")
-        text = (
-            f"{count} beyond the possible {limit:g} in {name}, first {values[first]:.3g} at {time[first]:.6g} s; "
-            "set aside."
-        )
-        findings.append(Finding("outliers", "warning", text, size=float(beyond.sum()), column=name))
+        facts = {"readings": int(beyond.sum()), "limit": limit, "first": values[first], "time": time[first]}
+        findings.append(finding("outliers impossible", size=float(beyond.sum()), column=name, **facts))
         rows[name] = np.where(beyond, np.nan, values)
     return rows, findings
 
@@ -217,8 +194,8 @@ def spread_stamps(rows: pd.DataFrame, source: str) -> tuple[pd.DataFrame, list[F
             f"{head}, and no equal steps lead to these stamps, so that the rows' times cannot be told: record finer "
             "stamps, or put times at the fixed rate of the recorder into time_s."
         )
-    text = f"{head}; the rows were spread evenly, {amount(float(np.median(slopes)), 's')} from one to the next."
-    return rows.assign(time_s=time), [Finding("coarse-clock", "warning", text, column="time_s")]
+    step = amount(float(np.median(slopes)), "s")
+    return rows.assign(time_s=time), [finding("coarse-clock", column="time_s", head=head, step=step)]
 
 
 def _even(stamps: FloatArray, stamp: float) -> FloatArray | None:

@@ -21,6 +21,7 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import GRAVITY, BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
+from femfit.tables.findings import finding
 
 _POUND_KG = 0.45359237
 """Conventional: the pound of 1959, in kg."""
@@ -194,17 +195,14 @@ def common_factors(column: str) -> dict[str, float]:
     return {unit: UNITS[column_unit(column)[1]][unit] for unit in LIMITS[column].units} if column in LIMITS else {}
 
 
-def suspicion(column: str, unit: str, why: str, remedy: str = "") -> Finding:
+def suspicion(column: str, unit: str, why: str) -> Finding:
     """Say that a column seems to be in another unit than its name says: what a reader must know before any number."""
-    remedy = remedy or f"Name the unit in the header, or give --unit {column}={unit}."
-    return Finding("suspected-unit", "warning", f"{column} seems to be in {unit}: {why}.", remedy, column=column)
+    return finding("suspected-unit", column=column, unit=unit, why=why)
 
 
 def suspicion_of_rows(column: str, unit: str, rows: BoolArray, why: str) -> Finding:
     """Say that some rows of a column seem to be in another unit than the others."""
-    text = f"{int(rows.sum())} of {len(rows)} rows of {column} seem to be in {unit}: {why}."
-    remedy = "Convert these rows alone, or leave them out."
-    return Finding("suspected-unit", "warning", text, remedy, size=float(rows.sum()), column=column)
+    return finding("suspected-unit rows", size=float(rows.sum()), column=column, rows=len(rows), unit=unit, why=why)
 
 
 def _apart(size: FloatArray, beyond: BoolArray, factor: float) -> bool:
@@ -239,7 +237,7 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
         temperature = rows[name].dropna()
         if len(temperature) and _KELVIN[0] < temperature.min() and temperature.max() < _KELVIN[1]:
             why = f"it lies between {temperature.min():.4g} and {temperature.max():.4g}"
-            findings.append(suspicion(name, "K", why, "Subtract 273.15."))
+            findings.append(finding("suspected-unit kelvin", column=name, why=why))
     if "time_s" in rows:
         steps = np.abs(np.diff(rows["time_s"].to_numpy(dtype=np.float64)))
         steps = steps[np.isfinite(steps)]
@@ -267,5 +265,4 @@ def suspected_by_range(name: str, values: FloatArray, low: float, high: float) -
 def other_sign(why: str, name: str = "current_A") -> Finding:
     """Say that a column, the current where none is named, seems to count the other way round."""
     convention = "" if name == "distance_m" else " (positive current attracts)"
-    text = f"{name} seems to be {OTHER_SIGN}{convention}: {why}."
-    return Finding("suspected-sign", "warning", text, "Convert the column.", column=name)
+    return finding("suspected-sign", column=name, convention=convention, why=why)
