@@ -8,7 +8,8 @@ alone, or carry the names of two: ``inductance_bias_control_H``.
 import re
 from collections.abc import Iterable
 
-from femfit.tables.header import COLUMN_NAMES, parse_header
+from femfit.tables.channels import CHANNELS
+from femfit.tables.header import parse_header
 from femfit.tables.units import unit_factor
 
 _OF_IMPEDANCE = {
@@ -28,7 +29,7 @@ _BRACKETS = re.compile(r"\s*[\[(]([^\[\]()]+)[\])]$")
 FEWEST = 2
 """Derived: circuits that are several."""
 
-_OTHER_NAMES = frozenset(name for names in COLUMN_NAMES.values() for name in names)
+_OTHER_NAMES = frozenset(name for channel in CHANNELS.values() for name in channel.names)
 """A header ``phase_angle_deg`` is the phase of no circuit named angle."""
 
 

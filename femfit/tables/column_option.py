@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from femfit.core.results import listing
 from femfit.core.text import quoted
-from femfit.tables.header import COLUMN_NAMES, match_score, parse_header
+from femfit.tables.header import match_score, names_of, parse_header
 from femfit.tables.units import column_unit, unit_factor
 
 _READ_BY_SHELLS = frozenset('"$`\\!%')
@@ -60,5 +60,5 @@ def likely_columns(headers: Sequence[str], names: Sequence[str], *, by_words: bo
 def _may_be(header: str, name: str, *, by_words: bool) -> bool:
     parsed, (stem, si_unit) = parse_header(header), column_unit(name)
     fits = bool(si_unit) and parsed.unit is not None and unit_factor(parsed.unit, si_unit) is not None
-    words = fits and bool({stem, *COLUMN_NAMES.get(name, ())}.intersection(parsed.words))
+    words = fits and bool({stem, *names_of(name)}.intersection(parsed.words))
     return (match_score(parsed, name, guess=True) > 0 or words) if by_words else fits

@@ -37,8 +37,10 @@ def catalogue() -> dict[str, dict[str, str]]:
     return entries
 
 
-def finding(key: str, /, *, size: float | None = None, column: str = "", **facts: Any) -> Finding:
-    """Remark on a column by the key of a sentence and the facts that fill it; ``size`` and ``column`` are facts too.
+def finding(key: str, /, **facts: Any) -> Finding:
+    """Remark on something by the key of a sentence and the facts that fill it.
+
+    The facts ``size`` and ``column`` become those of the remark.
 
     Examples
     --------
@@ -46,8 +48,7 @@ def finding(key: str, /, *, size: float | None = None, column: str = "", **facts
     2 lines that enclose nothing are left out.
     """
     entry = catalogue()[key]
-    fields = {"size": size, "column": column, **facts}
-    fields = {name: _Count(fact) if isinstance(fact, int) else fact for name, fact in fields.items()}
+    fields = {name: _Count(fact) if isinstance(fact, int) else fact for name, fact in facts.items()}
     text, remedy = (entry.get(sentence, "").format(**fields) for sentence in ("text", "remedy"))
     severity: Any = entry.get("severity", "info")
-    return Finding(key.partition(" ")[0], severity, text, remedy, size, column)
+    return Finding(key.partition(" ")[0], severity, text, remedy, facts.get("size"), facts.get("column", ""))

@@ -32,7 +32,7 @@ from femfit.tables.foreign_forms import (
 from femfit.tables.foreign_grid import check_cells, check_units, drop_incomplete, settle_force_sign, tidy_grid
 from femfit.tables.foreign_noise import check_noise, compare_forces
 from femfit.tables.foreign_reciprocity import check_reciprocity, flux_from_inductance
-from femfit.tables.header import COLUMN_NAMES, STEP_NAMES
+from femfit.tables.header import STEP_NAMES, names_of
 from femfit.tables.raw_table import RawTable, file_content
 from femfit.tables.sweep_table import SweepTable
 from femfit.tables.table_file import SUFFIXES, Wanted, parse_table
@@ -211,7 +211,7 @@ def _value_in_name(path: Path, quantity: str) -> float | None:
     A hyphen is a minus only where no letter or digit precedes it. None unless the name holds exactly one such number,
     with its unit or after the quantity's name.
     """
-    words = (*COLUMN_NAMES[QUANTITIES[quantity]], *(STEP_NAMES if quantity == "distance" else ()))
+    words = (*names_of(QUANTITIES[quantity]), *(STEP_NAMES if quantity == "distance" else ()))
     with_unit = [
         (match.group("number"), match.group("unit"))
         for match in re.finditer(rf"(?<![\d.,]){_NUMBER}[ _]?{_UNITS[quantity]}(?![A-Za-z0-9])", path.stem)

@@ -19,7 +19,7 @@ from femfit.core.results import Finding, listing
 from femfit.core.text import counted, quoted
 from femfit.tables.columns import UsedColumn, match_columns, used_column
 from femfit.tables.findings import finding
-from femfit.tables.header import COLUMN_NAMES, STEP_NAMES, parse_header
+from femfit.tables.header import STEP_NAMES, names_of, parse_header
 from femfit.tables.number_text import looks_numeric, parse_number
 from femfit.tables.raw_table import RawTable
 from femfit.tables.units import column_unit, unit_factor
@@ -157,7 +157,7 @@ _LABEL = re.compile(
     r"\[?\(?(?P<unit>[^\d\W]*)\]?\)?$"
 )
 _LONGEST_CORNER = 200
-_LABEL_WORDS = frozenset(name for axis in ("current", "distance", "force") for name in COLUMN_NAMES[QUANTITIES[axis]])
+_LABEL_WORDS = frozenset(name for axis in ("current", "distance", "force") for name in names_of(QUANTITIES[axis]))
 _EVEN = 0.02
 """Spread of the steps of positions over their mean up to which the corner is one of them."""
 
@@ -285,7 +285,7 @@ def _first_column(
     if first is not None and first.unit and _axis_of(first.unit):
         return str(_axis_of(first.unit)), reason
     for axis in ("distance", "current"):
-        if first is not None and first.name in COLUMN_NAMES[QUANTITIES[axis]]:
+        if first is not None and first.name in names_of(QUANTITIES[axis]):
             return axis, reason
     if (down == 0).any() and not (across == 0).any() and options.distance_start_m is None:
         return "current", "a distance cannot be zero, the first column is; --matrix-rows distance if not"

@@ -90,8 +90,8 @@ def check_reciprocity(points: pd.DataFrame) -> list[Finding]:
             scale = "" if abs(loops.factor - 1) < _WRONG else f", up to a factor {loops.factor:.4g}"
             facts = {"quantity": name, "scale": scale, "within": loops.within}
             return [finding("reciprocity inductance", size=loops.factor, **facts)]
-    facts = {"factor": plain.factor, "percent": 100 * plain.spread, "loops": plain.loops}
-    return [finding("reciprocity shape", size=plain.spread, **facts)]
+    percent = 100 * plain.spread
+    return [finding("reciprocity shape", size=plain.spread, factor=plain.factor, percent=percent, loops=plain.loops)]
 
 
 def _judge_factor(loops: _Loops) -> Finding:

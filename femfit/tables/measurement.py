@@ -13,9 +13,10 @@ import pandas as pd
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed, listing
+from femfit.tables.channels import CHANNELS as REGISTRY
 from femfit.tables.circuit_columns import parts_of
 
-CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V", "inductance_H", "resistance_ohm")
+CHANNELS = tuple(name for name, channel in REGISTRY.items() if channel.bench == "reading")
 """Columns that a bench reads."""
 
 
@@ -35,58 +36,20 @@ OF_RUNS = "run."
 IMPEDANCE_SHARE = "impedance_share"
 """Key of the declared standard deviation of an impedance's readings as a share of its magnitude."""
 
-CHANNEL_WORDS = _ChannelWords(
-    {
-        "force_N": "force",
-        "flux_linkage_Wb": "flux linkage",
-        "hall_V": "Hall output",
-        "position_V": "position sensor's output",
-        "pickup_V": "pickup coil's voltage",
-        "acceleration_m_s2": "acceleration",
-        "voltage_V": "coil voltage",
-        "inductance_H": "inductance",
-        "resistance_ohm": "resistance",
-        "force_balance_N": "force that the motion shows",
-        "voltage_balance_V": "commanded voltage",
-        "rest_distance_m": "distance at rest",
-    }
-)
+CHANNEL_WORDS = _ChannelWords({name: channel.noun for name, channel in REGISTRY.items() if channel.noun})
 """Channels, and the balances that a time series is turned into, as they are called in sentences."""
 
-SETTINGS: dict[str, float] = {
-    "run": 1.0,
-    "mount": np.nan,
-    "order": np.nan,
-    "current_A": np.nan,
-    "distance_m": np.nan,
-    "frequency_Hz": np.nan,
-    "branch": 0.0,
-    "coil_temperature_C": np.nan,
-    "magnet_temperature_C": np.nan,
-}
+SETTINGS: dict[str, float] = {name: channel.absent for name, channel in REGISTRY.items() if channel.bench == "setting"}
 """Columns that say where and when a reading was taken, with the value that stands for a missing column.
 
-A missing ``mount`` is the run's number, a missing ``order`` the row's place in its run; a missing ``branch`` is
-read from the order of the rows where the currents go up and down. ``frequency_Hz`` is that of the small current of an
-impedance; without it inductance and resistance are those at low frequency.
+``frequency_Hz`` is that of the small current of an impedance; without it inductance and resistance are those at low
+frequency.
 """
 
-SERIES_CHANNELS = (
-    "voltage_V",
-    "current_A",
-    "distance_m",
-    "hall_V",
-    "force_N",
-    "position_V",
-    "pickup_V",
-    "acceleration_m_s2",
-    "coil_temperature_C",
-    "magnet_temperature_C",
+SERIES_CHANNELS = tuple(
+    sorted((name for name in REGISTRY if REGISTRY[name].record), key=lambda name: REGISTRY[name].record)
 )
-"""Columns that a time series may record; ``voltage_V`` is the commanded voltage, held until the next sample.
-
-``position_V`` is the output of a position sensor, ``pickup_V`` the voltage of a winding without current.
-"""
+"""Columns that a time series may record."""
 
 SERIES_COLUMNS = ("run", "time_s", *SERIES_CHANNELS)
 """All columns of a time series."""

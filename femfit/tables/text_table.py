@@ -13,7 +13,8 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.results import listing
 from femfit.core.text import quoted
-from femfit.tables.header import COLUMN_NAMES, match_score, parse_header
+from femfit.tables.channels import CHANNELS
+from femfit.tables.header import match_score, parse_header
 from femfit.tables.number_text import find_decimal, looks_measured, looks_numeric, numbers_of
 from femfit.tables.raw_table import RawTable, check_width, decode
 from femfit.tables.units import is_unit
@@ -334,7 +335,7 @@ def _header_cells(text: str, delimiter: str, width: int) -> tuple[str, ...] | No
 
 def _known(text: str) -> int:
     header = parse_header(text)
-    return max(match_score(header, column) for column in COLUMN_NAMES)
+    return max(match_score(header, column) for column in CHANNELS)
 
 
 def _is_known(cell: str) -> bool:

@@ -13,15 +13,12 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
 from femfit.core.text import amount, counted
+from femfit.tables.channels import CHANNELS, Channel
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.findings import finding
-from femfit.tables.units import LIMITS
 
 _PAUSE = 5.0
 """Assumed: a step of the clock longer than this many times the usual longest (95 %) one is a gap."""
-
-_SENSORS = ("current_A", "distance_m", "hall_V", "force_N", "position_V", "pickup_V", "acceleration_m_s2")
-"""Channels that noise moves: voltages may be held and temperatures rest."""
 
 _LEAST_STUCK, _MUCH_LONGER = 50, 20
 """Assumed: samples of one and the same reading, and how much longer than the channel's usual ones that must be."""
@@ -68,7 +65,7 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
     rows, findings = _without_impossible(rows)
     time = rows["time_s"].to_numpy()
     levels_of: dict[str, FloatArray] = {}
-    for name in (name for name in rows.columns if parts_of(name)[0] in _SENSORS):
+    for name in (name for name in rows.columns if _channel(name).sensor):
         values = rows[name].to_numpy(copy=True)
         readable = np.isfinite(values)
         if not readable.any():
@@ -96,8 +93,8 @@ def check_readings(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding], dic
 def _without_impossible(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]]:
     """Set aside single numbers that no actuator has, such as 1e30 A; many of them are a wrong unit, and stay."""
     findings, rows, time = [], rows.copy(), rows["time_s"].to_numpy()
-    for name in (name for name in rows.columns if parts_of(name)[0] in LIMITS):
-        limit, values = LIMITS[parts_of(name)[0]].possible, rows[name].to_numpy(copy=True)
+    for name in rows.columns:
+        limit, values = _channel(name).possible, rows[name].to_numpy(copy=True)
         beyond = np.abs(values) > limit
         if not beyond.any() or beyond.mean() > _MOST_IMPOSSIBLE:
             continue
@@ -106,6 +103,11 @@ def _without_impossible(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[Finding]
         findings.append(finding("outliers impossible", size=float(beyond.sum()), column=name, **facts))
         rows[name] = np.where(beyond, np.nan, values)
     return rows, findings
+
+
+def _channel(column: str) -> Channel:
+    """The row of the registry for a column, of several circuits that of the quantity; an empty one for others."""
+    return CHANNELS.get(parts_of(column)[0], Channel())
 
 
 def _lengths(values: FloatArray) -> tuple[IntArray, IntArray]:

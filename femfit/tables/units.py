@@ -1,82 +1,39 @@
 """Units as they are written in column headers, and their factors to SI.
 
 Numbers that no actuator has: the usual sign of a unit that was not named.
-
-The largest values are conventional: 0.5 m, because no reluctance or magnet actuator works over more; 3 T, above iron's
-saturation; the others far above what benches record.
-
-References
-----------
-The international inch (0.0254 m), pound (0.45359237 kg) and standard gravity (9.80665 m/s^2) are exact.
 """
 
 import math
+import tomllib
 import unicodedata
-from typing import NamedTuple
+from importlib.resources import files
 
 import numpy as np
 import pandas as pd
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import GRAVITY, BoolArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
 from femfit.core.text import quoted
+from femfit.tables.channels import CHANNELS
 from femfit.tables.findings import finding
 
-_POUND_KG = 0.45359237
-"""Conventional: the pound of 1959, in kg."""
 _FOLDED_PREFIX = {"": 1.0, "k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 _CASED_PREFIX = {"h": 1e2, "da": 1e1, "d": 1e-1, "p": 1e-12}
-"""Prefixes that count only as they are written: ``dB/dt`` is not in decitesla. Mega and giga are left out: no actuator
-has them, and they would be a mistyped milli."""
+"""Prefixes that count only as they are written: ``dB/dt`` is not in decitesla."""
 
-_SYMBOLS = {name: name for name in ("m", "A", "N", "H", "T", "J", "V", "s")} | {"Wb": "Wb Vs Wbt Wbturn Wbturns"}
-"""SI unit to the symbols that take a prefix."""
-
-_WORDS: dict[str, dict[str, float]] = {
-    "m": {
-        "meter metre meters metres": 1.0,
-        "millimeter millimetre millimeters millimetres": 1e-3,
-        "centimeter centimetre centimeters centimetres": 1e-2,
-        "micron microns": 1e-6,
-        "in inch inches zoll \" ''": 0.0254,
-        "mil thou": 2.54e-5,
-        "ft": 0.3048,
-    },
-    "A": {"amp amps ampere amperes": 1.0, "milliamp milliampere": 1e-3},
-    "N": {
-        "newton newtons": 1.0,
-        "lbf lb lbs": _POUND_KG * GRAVITY,
-        "ozf oz": _POUND_KG * GRAVITY / 16,
-        "kgf kp kg kilogram kilograms kilogramm": GRAVITY,
-        "gf pond g gr gram grams gramme grammes gramm": GRAVITY * 1e-3,  # a kitchen scale shows force so
-        "mgf mg": GRAVITY * 1e-6,
-        "dyn dyne": 1e-5,
-    },
-    "Wb": {"weber webers": 1.0, "Mx maxwell": 1e-8},
-    "H": {"henry henries": 1.0},
-    "T": {"tesla": 1.0, "G Gs gauss": 1e-4, "kG": 0.1},
-    "J": {"joule joules": 1.0},
-    "V": {"volt volts": 1.0},
-    "m/s2": {"m/s2 m/s^2 ms2 m/s/s": 1.0, "mm/s2 mm/s^2": 1e-3, "g": GRAVITY, "mg": GRAVITY * 1e-3},
-    "degC": {"C degC °C celsius": 1.0},
-    "s": {"sec second seconds": 1.0, "min minute minutes": 60.0, "h hr hour hours": 3600.0},
-    "Hz": {"Hz hertz": 1.0, "kHz": 1e3, "MHz MHZ": 1e6, "rad/s rads": 0.5 / math.pi},
-    "deg": {"deg degs degree degrees ° grad": 1.0, "rad radian radians": 180.0 / math.pi},
-    "share": {"share": 1.0, "percent": 1e-2, "%": 1e-2},
-    "ohm": {"ohm ohms Ω": 1.0, "mohm mohms mΩ milliohm": 1e-3, "kohm kohms kΩ": 1e3},
-}
+_KINDS = tomllib.loads((files("femfit.tables") / "units.toml").read_text(encoding="utf-8"))
 
 
 def _symbols(si_unit: str, prefixes: dict[str, float]) -> dict[str, float]:
-    symbols = _SYMBOLS.get(si_unit, "").split()
+    symbols = _KINDS[si_unit].get("symbols", "").split()
     return {f"{prefix}{symbol}": factor for symbol in symbols for prefix, factor in prefixes.items()}
 
 
-_FOLDED = {
+_FOLDED: dict[str, dict[str, float]] = {
     si_unit: _symbols(si_unit, _FOLDED_PREFIX)
-    | {word: factor for words, factor in table.items() for word in words.split()}
-    for si_unit, table in _WORDS.items()
+    | {word: factor for words, factor in kind["words"].items() for word in words.split()}
+    for si_unit, kind in _KINDS.items()
 }
 UNITS = {si_unit: spellings | _symbols(si_unit, _CASED_PREFIX) for si_unit, spellings in _FOLDED.items()}
 """SI unit to its spellings and their factors."""
@@ -166,33 +123,10 @@ LEAST_READINGS = 8
 OTHER_SIGN = "of the other sign"
 
 
-class Limit(NamedTuple):
-    """Median above which a column is suspected, size above which it is impossible, and units that it is often in.
-
-    The first of these is the one that it is likelier in where it is too large.
-    """
-
-    usual: float
-    possible: float
-    units: tuple[str, ...]
-
-
-LIMITS: dict[str, Limit] = {
-    "distance_m": Limit(0.5, 0.5, ("mm", "cm", "um", "inch")),
-    "current_A": Limit(1e2, 2e3, ("mA",)),
-    "force_N": Limit(1e4, 1e5, ("mN", "uN", "kgf", "gf", "lbf", "ozf")),
-    "flux_linkage_Wb": Limit(1e2, 1e2, ("mWb", "uWb", "Mx")),
-    "inductance_H": Limit(1e2, 1e2, ("mH", "uH")),
-    "hall_T": Limit(3.0, 3.0, ("mT",)),
-    "hall_V": Limit(1e2, 1e3, ("mV",)),
-    "voltage_V": Limit(1e3, 1e4, ("mV",)),
-    "resistance_ohm": Limit(1e5, 1e6, ("mohm", "kohm")),
-}
-
-
 def common_factors(column: str) -> dict[str, float]:
     """Units that a column is often in without saying so, each with the factor to SI; nothing for one without."""
-    return {unit: UNITS[column_unit(column)[1]][unit] for unit in LIMITS[column].units} if column in LIMITS else {}
+    units = CHANNELS[column].units if column in CHANNELS else ()
+    return {unit: UNITS[column_unit(column)[1]][unit] for unit in units}
 
 
 def suspicion(column: str, unit: str, why: str) -> Finding:
@@ -222,9 +156,9 @@ def suspected_by_size(rows: pd.DataFrame, *, solved: bool = False) -> list[Findi
     In a table that was computed (``solved``) one impossible number is enough: it is no outlier.
     """
     findings = []
-    for name in (str(name) for name in rows if name in LIMITS):
+    for name in (str(name) for name in rows if common_factors(str(name))):
         size = np.abs(rows[name].to_numpy(dtype=np.float64))
-        size, limit = size[np.isfinite(size)], LIMITS[name]
+        size, limit = size[np.isfinite(size)], CHANNELS[name]
         unit, factor = next(iter(common_factors(name).items()))
         beyond = size > limit.usual
         if beyond.any() and _apart(size, beyond, factor):

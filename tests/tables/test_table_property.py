@@ -15,7 +15,7 @@ from femfit.core.errors import TableError
 from femfit.tables.coil_record import open_coil_record
 from femfit.tables.foreign import import_table, read_foreign_table
 from femfit.tables.foreign_forms import QUANTITIES, ImportOptions, si_unit
-from femfit.tables.header import COLUMN_NAMES, parse_header
+from femfit.tables.header import names_of, parse_header
 from femfit.tables.measurement_file import read_measurement
 from femfit.tables.number_text import parse_number
 from femfit.tables.sweep_table import read_sweep_table, write_sweep_table
@@ -186,7 +186,7 @@ def test_a_printed_float_is_read_back(value):
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_every_unit_of_a_quantity_is_recognised_in_a_header(quantity):
-    name = COLUMN_NAMES[QUANTITIES[quantity]][-1]
+    name = names_of(QUANTITIES[quantity])[-1]
     for unit, factor in UNITS[si_unit(quantity)].items():
         for text in (f"{name} [{unit}]", f"{name}({unit})"):
             unit_in_header = parse_header(text).unit

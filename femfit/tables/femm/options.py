@@ -97,9 +97,9 @@ class Notes:
     problems: list[str] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
-    def say(self, key: str, /, *, size: float | None = None, **facts: Any) -> None:
+    def say(self, key: str, /, **facts: Any) -> None:
         """Remark on the model by a key of ``findings.toml``; an error refuses it, when everything was looked at."""
-        remark = finding(key, size=size, **facts)
+        remark = finding(key, **facts)
         if remark.severity == "error":
             self.problems.append(str(remark))
         else:

@@ -7,7 +7,6 @@ import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from femfit.device.parts import smallest_winding_area, wire_resistance
 from femfit.tables.femm.faces import FemFace, FemPiece, connected_faces, without_holes
@@ -62,7 +61,7 @@ def _check(blocks: Sequence[FemFace], circuit: FemCircuit, notes: Notes) -> None
         notes.say("circuit parallel", name=circuit.name, blocks=len(blocks))
     for block in blocks:
         material = block.label.material
-        facts: dict[str, Any] = {"place": block.label.place, "name": circuit.name}
+        facts = {"place": block.label.place, "name": circuit.name}
         if material is not None and material.magnetic:
             notes.say("circuit magnetic", **facts)
         if material is not None and (density := material.current_density):
