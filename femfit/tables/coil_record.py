@@ -43,26 +43,18 @@ class CoilBlock:
         return len(self.time)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "CoilBlock":
-        def part(column: FloatArray | None) -> FloatArray | None:
-            return None if column is None else column[rows]
-
-        return CoilBlock(self.time[rows], self.voltage[rows], part(self.hall), part(self.current))
+        hall, current = (None if column is None else column[rows] for column in (self.hall, self.current))
+        return CoilBlock(self.time[rows], self.voltage[rows], hall, current)
 
 
 def joined_record(blocks: Iterable[CoilBlock]) -> CoilBlock:
     """Consecutive coil blocks as one."""
     stretches = list(blocks)
-
-    def column(parts: list[FloatArray | None]) -> FloatArray | None:
-        present = [values for values in parts if values is not None]
-        return np.concatenate(present) if present else None
-
-    return CoilBlock(
-        np.concatenate([block.time for block in stretches]),
-        np.concatenate([block.voltage for block in stretches]),
-        column([block.hall for block in stretches]),
-        column([block.current for block in stretches]),
-    )
+    present = {
+        name: [values for block in stretches if (values := getattr(block, name)) is not None]
+        for name in ("time", "voltage", "hall", "current")
+    }
+    return CoilBlock(**{name: np.concatenate(values) for name, values in present.items() if values})
 
 
 BLOCK_ROWS = 2**18
@@ -272,22 +264,20 @@ def _raw_layout(path: Path) -> dict[str, Any]:
             f"{path} has two sidecars that differ, {sides[0].name} and {sides[1].name}. Delete the one that does not "
             "belong to it."
         )
-    rate, columns, start = data.get("sample_rate_Hz"), data.get("columns"), data.get("start_s", 0.0)
-    named = isinstance(columns, list) and len(columns) > 0 and all(isinstance(name, str) for name in columns)
-    rate, start = finite_number(rate), finite_number(start)
-    if not (rate is not None and 0 < rate <= _HIGHEST_RATE_HZ and isinstance(columns, list) and named):
+    columns, rate, start = data.get("columns"), finite_number(data.get("sample_rate_Hz")), data.get("start_s", 0.0)
+    named = isinstance(columns, list) and columns and all(isinstance(name, str) for name in columns)
+    if not named or rate is None or not 0 < rate <= _HIGHEST_RATE_HZ:
         raise TableError(
             f'{sides[0]} needs sample_rate_Hz > 0 and columns = ["coil_voltage_V", ...]; instead received '
             f"sample_rate_Hz = {quoted(data.get('sample_rate_Hz'))}, columns = {quoted(columns)}."
         )
     if len(set(columns)) < len(columns):
         raise TableError(f"{sides[0]} must name each column once; instead received columns = {quoted(columns)}.")
-    if start is None:
-        received = quoted(data["start_s"])
-        raise TableError(f"start_s in {sides[0]} must be a number of seconds; instead received {received}.")
+    if finite_number(start) is None:
+        raise TableError(f"start_s in {sides[0]} must be a number of seconds; instead received {quoted(start)}.")
     if path.stat().st_size % (RAW.itemsize * len(columns)):
         raise TableError(
             f"{path} must hold whole rows of {len(columns)} float32; its {path.stat().st_size} bytes do not. Check the "
             "sidecar's columns."
         )
-    return {"sample_rate_Hz": rate, "start_s": start, "columns": columns}
+    return {"sample_rate_Hz": rate, "start_s": float(start), "columns": columns}

@@ -163,20 +163,14 @@ def joined_measurements(measurements: Sequence[Measurement]) -> Measurement:
             raise TableError(
                 f"{measurement.source} holds the same readings as another one that was given. Give each once."
             )
-    rows = pd.concat(_numbered(measurements), ignore_index=True)
-    common = [
-        name
-        for name in first.given
-        if name != "order" or all("order" in measurement.given for measurement in measurements)
-    ]
-    columns = tuple(
-        dict.fromkeys(
-            [*common, *(name for measurement in measurements for name in measurement.given if name != "order")]
-        )
-    )
-    findings = tuple(dict.fromkeys(finding for measurement in measurements for finding in measurement.findings))
+    ordered = all("order" in measurement.given for measurement in measurements)
+    columns = dict.fromkeys(name for measurement in measurements for name in measurement.given)
     result = replace(
-        first, rows=rows, given=columns, findings=findings, source=" and ".join(o.source for o in measurements)
+        first,
+        rows=pd.concat(_numbered(measurements), ignore_index=True),
+        given=tuple(name for name in columns if ordered or name != "order"),
+        findings=tuple(dict.fromkeys(finding for measurement in measurements for finding in measurement.findings)),
+        source=" and ".join(measurement.source for measurement in measurements),
     )
     return replace(result, clipped=_clipped(measurements)) if isinstance(result, TimeSeries) else result
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -124,23 +125,14 @@ def _step_of_moments(raw: RawTable, header: str) -> float:
     return 0.0 if moments is None or len(moments) < 2 else float(np.nanmedian(np.diff(np.sort(moments))))
 
 
-def read_bench_table(
-    path: str | Path,
-    *,
-    planned: bool = False,
-    columns: Mapping[str, str] | None = None,
-    units: Mapping[str, str | float] | None = None,
-    table: str | None = None,
-    noise: Mapping[str, float] | None = None,
-    settings: Mapping[str, float] | None = None,
-) -> BenchTable:
-    """Read and check a bench measurement, or a plan of one.
+def read_bench_table(path: str | Path, *, planned: bool = False, **words: Any) -> BenchTable:
+    """Read and check a bench measurement, or a plan of one, with the words of :func:`read_measurement`.
 
     Rows stand in the order of measuring, with what the checks set aside as NaN and said in ``findings``. In a plan a
     channel counts as given by its column alone, its cells may be empty.
     """
     path = Path(path)
-    reading = reading_of(path, columns, units, table, noise, settings)
+    reading = reading_of(path, **words)
     wanted = has_columns(BENCH_NEEDS, reading.columns, reading.units)
     raw = read_raw_table(path, table=reading.table, wanted=lambda raw: wanted(raw) or _has_impedance(raw, reading))
     return _bench_table(raw, path, reading, planned)

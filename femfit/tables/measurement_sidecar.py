@@ -53,10 +53,10 @@ class Reading:
 
 def reading_of(
     measurement: Path,
-    columns: Mapping[str, str] | None,
-    units: Mapping[str, str | float] | None,
-    table: str | None,
-    noise: Mapping[str, float] | None,
+    columns: Mapping[str, str] | None = None,
+    units: Mapping[str, str | float] | None = None,
+    table: str | None = None,
+    noise: Mapping[str, float] | None = None,
     settings: Mapping[str, float] | None = None,
 ) -> Reading:
     """Return what the caller says of a table, before what its sidecar says."""

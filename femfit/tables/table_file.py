@@ -91,21 +91,14 @@ def is_container(path: Path) -> bool:
 
 def _reader(kind: str) -> Reader:
     """The reader of a kind of file; its libraries load when it is used."""
-    if kind == "XLSX":
-        from femfit.tables.containers import read_xlsx  # noqa: PLC0415
+    from femfit.tables import containers  # noqa: PLC0415
 
-        return read_xlsx
-    if kind == "TDMS":
-        from femfit.tables.containers import read_tdms  # noqa: PLC0415
-
-        return read_tdms
-    if kind == "WAV":
-        from femfit.tables.containers import read_wav  # noqa: PLC0415
-
-        return read_wav
-    from femfit.tables.containers import read_apart  # noqa: PLC0415
-
-    return partial(read_apart, kind)
+    readers: dict[str, Reader] = {
+        "XLSX": containers.read_xlsx,
+        "TDMS": containers.read_tdms,
+        "WAV": containers.read_wav,
+    }
+    return readers.get(kind, partial(containers.read_apart, kind))
 
 
 def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: Wanted | None) -> RawTable:
@@ -121,17 +114,11 @@ def _chosen(kind: str, content: bytes, source: str, table: str | None, wanted: W
     if len(tables) == 1:
         return _whole(tables[0], wanted)
     suitable = [candidate for candidate in tables if wanted is None or wanted(candidate.raw)]
-    suitable = suitable or [
-        candidate
-        for candidate in tables
-        if candidate.wider is not None and wanted is not None and wanted(candidate.wider)
-    ]
+    suitable = suitable or [candidate for candidate in tables if wanted and wanted(_whole(candidate, wanted))]
     if len(suitable) == 1:
-        raw, passed_over = (
-            _whole(suitable[0], wanted),
-            [candidate.name for candidate in tables if candidate is not suitable[0]],
-        )
-        note = f"of {len(tables)} tables {quoted(suitable[0].name)!r} was taken, not {listing(passed_over)}"
+        raw = _whole(suitable[0], wanted)
+        passed_over = listing(candidate.name for candidate in tables if candidate is not suitable[0])
+        note = f"of {len(tables)} tables {quoted(suitable[0].name)!r} was taken, not {passed_over}"
         return replace(raw, notes=(*raw.notes, note))
     if suitable:
         raise TableError(

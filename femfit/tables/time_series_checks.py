@@ -131,10 +131,8 @@ def _is_noiseless(values: FloatArray) -> bool:
 
 def _stuck(values: FloatArray) -> BoolArray:
     length, stretch = _lengths(values)
-    usual = float(np.quantile(length, 0.95))
+    usual = float(np.quantile(length, 0.95)) if len(length) > 1 else 0.0  # nothing moves it at all
     long = length > max(_LEAST_STUCK, _MUCH_LONGER * usual)
-    if len(length) == 1:  # nothing moves it at all
-        long[:] = len(values) > _LEAST_STUCK
     return np.asarray(long[stretch] & np.isfinite(values) & (values != 0.0))  # a current that is off rests at zero
 
 
