@@ -35,28 +35,56 @@ def finding(result, code, column=""):
     return text
 
 
+def spoilt(column, rows, value):
+    """The record with some numbers of a column replaced."""
+    table = record()
+    table.loc[rows, column] = value(table[column]) if callable(value) else value
+    return table
+
+
+def coarse(table):
+    return table.assign(
+        **{name: np.round(table[name] / step) * step for name, step in (("current_A", 0.02), ("distance_m", 5e-5))}
+    )
+
+
 def test_a_sound_record_is_one_segment_without_findings(tmp_path):
     result = series(tmp_path, record())
     assert tuple(result.rows) == (*SERIES_COLUMNS, "segment")
     assert result.given == ("time_s", "current_A", "distance_m")
     assert result.channels == ("current_A", "distance_m")
-    assert result.findings == ()
-    assert result.rows["segment"].unique().tolist() == [0]
     assert result.rows["run"].unique().tolist() == [1.0]
+    uneven = np.random.default_rng(1).random(len(record())) < 0.5
+    for sound in (result, series(tmp_path, record()[uneven]), series(tmp_path, coarse(record()))):
+        assert sound.findings == ()
+        assert sound.rows["segment"].unique().tolist() == [0]
 
 
-def test_unevenly_sampled_records_are_one_segment(tmp_path):
-    table = record()
-    kept = np.random.default_rng(1).random(len(table)) < 0.5
-    assert series(tmp_path, table[kept]).rows["segment"].unique().tolist() == [0]
+OVER = record()["current_A"] > 0.55
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "lost", "code", "fact"),
+    [
+        (spoilt("distance_m", slice(900, 1100), lambda x: x[900]), "distance_m", range(900, 1101), "stuck", "201"),
+        (spoilt("current_A", OVER, 0.55), "current_A", np.flatnonzero(OVER), "clipped", "0.55"),
+        (spoilt("current_A", 100, 1e30), "current_A", [100], "outliers", "1e+30"),
+        (spoilt("current_A", slice(10, 12), np.nan), "current_A", [10, 11, 12], "cells", "3"),
+        (spoilt("distance_m", slice(None), lambda x: 1e3 * x), "distance_m", [], "suspected-unit", "mm"),
+        (spoilt("current_A", slice(None), 0.3), "current_A", range(2000), "stuck", "0.3"),
+    ],
+)
+def test_what_no_sensor_reads_is_set_aside_and_said(tmp_path, table, column, lost, code, fact):
+    result = series(tmp_path, table)
+    assert np.flatnonzero(result.rows[column].isna()).tolist() == list(lost)
+    assert fact in finding(result, code, column)
+    assert (column in result.given) == (len(lost) < len(table))
 
 
 @pytest.mark.parametrize("step", [0.0, -1e-3], ids=["stands", "falls"])
 def test_a_clock_that_never_rises_is_refused_with_a_remedy(tmp_path, step):
-    table = record(200)
-    table["time_s"] = step * np.arange(200)
     with pytest.raises(TableError, match="time_s"):
-        series(tmp_path, table)
+        series(tmp_path, record(200).assign(time_s=step * np.arange(200)))
 
 
 def test_a_clock_that_jumps_back_and_one_that_pauses_begin_new_segments(tmp_path):
@@ -79,31 +107,6 @@ def test_runs_stand_together_each_in_its_own_segment(tmp_path):
     assert result.findings == ()
 
 
-def test_a_stuck_sensor_is_set_aside_and_said(tmp_path):
-    table = record()
-    table.loc[900:1100, "distance_m"] = table.loc[900, "distance_m"]
-    result = series(tmp_path, table)
-    assert np.flatnonzero(result.rows["distance_m"].isna()).tolist() == list(range(900, 1101))
-    assert [(one.code, one.column, one.size) for one in result.findings] == [("stuck", "distance_m", 201)]
-
-
-def test_a_coarse_converter_is_not_stuck(tmp_path):
-    table = record()
-    table["current_A"] = np.round(table["current_A"] / 0.02) * 0.02
-    table["distance_m"] = np.round(table["distance_m"] / 5e-5) * 5e-5
-    result = series(tmp_path, table)
-    assert result.findings == ()
-
-
-def test_a_clipped_sensor_is_set_aside_and_said(tmp_path):
-    table = record()
-    over = table["current_A"] > 0.55
-    table["current_A"] = np.minimum(table["current_A"], 0.55)
-    result = series(tmp_path, table)
-    assert np.array_equal(result.rows["current_A"].isna(), over)
-    assert "0.55" in finding(result, "clipped", "current_A")
-
-
 def test_a_body_that_rests_on_its_stops_in_a_simulation_is_neither_stuck_nor_clipped(tmp_path):
     """Without noise a distance stays at one number; with a sensor's noise only a fault keeps it there."""
     table = record()
@@ -117,15 +120,6 @@ def test_a_body_that_rests_on_its_stops_in_a_simulation_is_neither_stuck_nor_cli
     noise = 2e-7 * np.random.default_rng(1).normal(size=len(table))
     table["distance_m"] = 2e-3 + 1e-3 * way + np.where(moving, noise, 0.0)
     assert "clipped" in {one.code for one in series(tmp_path, table).findings}
-
-
-def test_missing_samples_and_suspicious_units_are_said(tmp_path):
-    table = record()
-    table.loc[10:12, "current_A"] = np.nan
-    table["distance_m"] *= 1e3
-    result = series(tmp_path, table)
-    assert "3" in finding(result, "cells", "current_A")
-    assert "mm" in finding(result, "suspected-unit", "distance_m")
 
 
 def test_a_sidecar_declares_the_noise_of_a_sample(tmp_path):
@@ -164,20 +158,6 @@ def test_stamps_of_changing_numbers_of_rows_are_refused(tmp_path):
     table["time_s"] = 1e-3 * np.searchsorted(bursts, np.arange(400), side="right")
     with pytest.raises(TableError, match="stamp"):
         series(tmp_path, table)
-
-
-def test_a_channel_without_a_reading_left_is_not_given(tmp_path):
-    result = series(tmp_path, record().assign(current_A=0.3))
-    assert "current_A" not in result.given
-    assert finding(result, "stuck", "current_A")
-
-
-def test_an_impossible_cell_is_set_aside_and_named(tmp_path):
-    table = record()
-    table.loc[100, "current_A"] = 1e30
-    result = series(tmp_path, table)
-    assert np.flatnonzero(result.rows["current_A"].isna()).tolist() == [100]
-    assert ("outliers", "current_A") in {(one.code, one.column) for one in result.findings}
 
 
 @pytest.mark.parametrize("name", SERIES_COLUMNS[2:])
