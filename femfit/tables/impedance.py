@@ -6,7 +6,6 @@ column carries the circuit's name, all others open, or the names of two: the vol
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -82,36 +81,37 @@ def in_series(
         findings.append(finding("no-bias", column="current_A"))
     rows, direct = _without_direct_current(rows, used)
     findings += direct
-    f = rows["frequency_Hz"].to_numpy()
-    _require(f <= 0.0, "a frequency > 0", "frequency_Hz", f, source, lines, "Leave out what was read without one.")
+
+    def require(wrong: np.ndarray, what: str, column: str, remedy: str) -> None:
+        if wrong.any():
+            k = int(np.flatnonzero(wrong)[0])
+            held = amount(rows[column].iloc[k], column, 3)
+            raise TableError(f"{column} of {source} must be {what}; line {lines[k]} holds {held}. {remedy}")
+
+    frequency = rows["frequency_Hz"].to_numpy()
+    require(frequency <= 0.0, "a frequency > 0", "frequency_Hz", "Leave out what was read without one.")
     loose = [name for name in _WITHOUT_NAME if name in rows]
     named = (parts_of(str(name)) for name in rows if name not in loose)
     circuits = dict.fromkeys(circuit for quantity, circuit in named if quantity in _ALL)
     alone = len(circuits) == 1  # a quality beside inductance_inner_H is that of inner
     for circuit in circuits if alone or not loose else {**circuits, "": None}:
         columns = {name: name if alone and name in loose else column_of(name, circuit) for name in _ALL}
-        column_of_form = {name: of for name, of in columns.items() if of in rows}
-        z, remarks = _one_in_series(_One(rows, column_of_form, source, lines), mutual=_may_be_of_two(circuit, carried))
+        held = {name: column for name, column in columns.items() if column in rows}
+        mutual = _may_be_of_two(circuit, carried)
+        readings = {name: rows[column].to_numpy(dtype=np.float64) for name, column in held.items()}
+        if "impedance_ohm" in held:
+            below = readings["impedance_ohm"] < 0.0
+            require(below, "a magnitude >= 0", held["impedance_ohm"], "Name the part of Z.")
+        if "phase_deg" in held and not mutual:
+            column = held["phase_deg"]
+            remedy = f"Check its unit (--unit {column}=rad), or change its sign (--unit {column}=-1) or the leads."
+            beyond = np.abs(readings["phase_deg"]) > 90.0 + _METER_DEG
+            require(beyond, "a phase of -90 to 90 degrees", column, remedy)
+        z, remarks = _one_in_series(readings, held, frequency, source, mutual=mutual)
         findings += remarks
-        rows = rows.drop(columns=list(column_of_form.values()))
+        rows = rows.drop(columns=list(held.values()))
         rows = rows.assign(**{column_of(name, circuit): values for name, values in z.items()})
     return rows, findings
-
-
-@dataclass(frozen=True, eq=False)
-class _One:
-    """What a table has of one impedance."""
-
-    rows: pd.DataFrame
-    given: Mapping[str, str]  # Of :data:`_ALL`, to the column that holds it
-    source: str
-    lines: Sequence[int]
-
-    def values(self, name: str) -> FloatArray:
-        return self.rows[self.given[name]].to_numpy(dtype=np.float64)
-
-    def require(self, wrong: np.ndarray, what: str, name: str, remedy: str) -> None:
-        _require(wrong, what, self.given[name], self.values(name), self.source, self.lines, remedy)
 
 
 def _may_be_of_two(name: str, carried: Collection[str]) -> bool:
@@ -119,37 +119,29 @@ def _may_be_of_two(name: str, carried: Collection[str]) -> bool:
     return "_" in name and not name.endswith("_shorted") and name not in carried
 
 
-def _one_in_series(readings: _One, *, mutual: bool) -> tuple[dict[str, FloatArray], list[Finding]]:
-    """What there is of :data:`SERIES`; that of two circuits is of either sign."""
-    forms, w, findings = list(readings.given), 2.0 * np.pi * readings.rows["frequency_Hz"].to_numpy(), list[Finding]()
-    if "impedance_ohm" in forms:
-        readings.require(
-            readings.values("impedance_ohm") < 0.0, "a magnitude >= 0", "impedance_ohm", "Name the part of Z."
-        )
-    if "phase_deg" in forms and not mutual:
-        column = readings.given["phase_deg"]
-        remedy = f"Check its unit (--unit {column}=rad), or change its sign (--unit {column}=-1) or the leads."
-        beyond = np.abs(readings.values("phase_deg")) > 90.0 + _METER_DEG
-        readings.require(beyond, "a phase of -90 to 90 degrees", "phase_deg", remedy)
-    series = {name: readings.values(name) for name in SERIES if name in forms}
+def _one_in_series(
+    readings: Mapping[str, FloatArray], held: Mapping[str, str], frequency: FloatArray, source: str, *, mutual: bool
+) -> tuple[dict[str, FloatArray], list[Finding]]:
+    """What there is of :data:`SERIES`, from readings and columns by form; that of two circuits is of either sign."""
+    findings: list[Finding] = []
+    circuit = parts_of(next(iter(held.values())))[1]
+    series = {name: readings[name] for name in SERIES if name in held}
     if len(series) < len(SERIES):
-        pair = next(_complete_pairs(forms), None)
+        pair = next(_complete_pairs(list(held)), None)
         if pair is not None:
-            z = _impedance(*pair, {name: readings.values(name) for name in forms}, w)
+            w = 2.0 * np.pi * frequency
+            z = _impedance(*pair, readings, w)
             series = {"resistance_ohm": z.real, "inductance_H": z.imag / w}
-            findings.append(finding("impedance", columns=" and ".join(readings.given[name] for name in pair)))
+            findings.append(finding("impedance", columns=" and ".join(held[name] for name in pair)))
         elif not series:
-            circuit = parts_of(readings.given[forms[0]])[1]
-            second = [column_of(name, circuit) for name in _PAIRS.get(forms[0], ("parallel_inductance_H",))]
+            second = [column_of(name, circuit) for name in _PAIRS.get(next(iter(held)), ("parallel_inductance_H",))]
             raise TableError(
-                f"An impedance must have two numbers at each frequency; {readings.source} has "
-                f"{listing(readings.given.values())}. Add {' or '.join(second)}, or say what a column is with --column "
-                f"HEADER={second[0]}."
+                f"An impedance must have two numbers at each frequency; {source} has {listing(held.values())}. Add "
+                f"{' or '.join(second)}, or say what a column is with --column HEADER={second[0]}."
             )
     if mutual or "inductance_H" not in series:
         return series, findings
-    column = column_of("inductance_H", parts_of(readings.given[forms[0]])[1])
-    inductive, resonance = without_capacitive(series, readings.rows["frequency_Hz"].to_numpy(), readings.source, column)
+    inductive, resonance = without_capacitive(series, frequency, source, column_of("inductance_H", circuit))
     return inductive, [*findings, *resonance]
 
 
@@ -171,16 +163,6 @@ def _impedance(first: str, second: str, of: Mapping[str, FloatArray], w: FloatAr
             return np.asarray(1.0 / (1.0 / of[second] - 1j / x))
         loss = of["D"] if second == "D" else 1.0 / of["Q"]
         return np.asarray(loss * x + 1j * x if first == "inductance_H" else 1.0 / (loss / x - 1j / x))
-
-
-def _require(
-    wrong: np.ndarray, what: str, column: str, values: FloatArray, source: str, lines: Sequence[int], remedy: str
-) -> None:
-    if wrong.any():
-        k = int(np.flatnonzero(wrong)[0])
-        raise TableError(
-            f"{column} of {source} must be {what}; line {lines[k]} holds {amount(values[k], column, 3)}. {remedy}"
-        )
 
 
 def _without_direct_current(rows: pd.DataFrame, used: Sequence[UsedColumn]) -> tuple[pd.DataFrame, list[Finding]]:

@@ -154,8 +154,7 @@ def _bench_table(raw: RawTable, path: Path, reading: Reading, planned: bool = Fa
     of_circuits = tuple(str(name) for name in rows if parts_of(str(name))[1])
     names, channels = (*BENCH_COLUMNS, *of_circuits), (*CHANNELS, *of_circuits)
     findings += declared
-    unused, named = _unused(raw, used), [str(name) for name in rows]
-    _require("bench table", named, path, unused, _about(findings, named))
+    _require("bench table", [str(name) for name in rows], raw, used, findings)
     with_noise = (
         *CHANNELS,
         "distance_m",
@@ -168,7 +167,7 @@ def _bench_table(raw: RawTable, path: Path, reading: Reading, planned: bool = Fa
     filled = tuple(
         name for name in names if name in rows and (bool(rows[name].notna().any()) or (planned and name in channels))
     )
-    _require("bench table", filled, path, unused, _about(findings, filled))
+    _require("bench table", filled, raw, used, findings)
     full = _complete_bench(rows, of_circuits)
     copies: list[Finding] = []
     if not planned:
@@ -190,25 +189,21 @@ def _bench_table(raw: RawTable, path: Path, reading: Reading, planned: bool = Fa
     return table if planned else checked(table)
 
 
-def _unused(raw: RawTable, used: Sequence[UsedColumn]) -> list[str]:
-    taken = {column.header for column in used}
-    return [header for header in raw.headers if header.strip() and header not in taken]
-
-
-def _about(findings: Sequence[Finding], columns: Sequence[str]) -> list[str]:
-    return [remark.text for remark in findings if remark.column and remark.column not in columns]
-
-
-def _require(kind: str, columns: Sequence[str], path: Path, unused: Sequence[str], reasons: Sequence[str] = ()) -> None:
+def _require(
+    kind: str, columns: Sequence[str], raw: RawTable, used: Sequence[UsedColumn], findings: Sequence[Finding]
+) -> None:
     """Refuse a bench table or a time series that lacks its first column, or has no channel."""
     first, channels = ("distance_m", CHANNELS) if kind == "bench table" else ("time_s", SERIES_CHANNELS)
     missing: dict[str, tuple[str, ...]] = {} if first in columns else {first: (first,)}
     if not any(parts_of(name)[0] in channels for name in columns):
         missing[f"one of {', '.join(channels)}"] = channels
     if missing:
+        taken = {column.header for column in used}
+        unused = [header for header in raw.headers if header.strip() and header not in taken]
+        reasons = [remark.text for remark in findings if remark.column and remark.column not in columns]
         constant = " Where it was the same throughout, say --setting distance_mm=2.0." * ("distance_m" in missing)
         raise TableError(
-            f"A {kind} must have {first} and at least one channel, with numbers in them; {path} lacks "
+            f"A {kind} must have {first} and at least one channel, with numbers in them; {raw.source} lacks "
             f"{' and '.join(missing)} (it has {', '.join(columns) or 'none of the known columns'}). "
             f"{' '.join([*reasons[:4], ''])}{remedy_for_columns(unused, [*chain(*missing.values())])}{constant}"
         )
@@ -233,7 +228,7 @@ def _time_series(raw: RawTable, path: Path, reading: Reading) -> TimeSeries:
     values, declared = with_settings(values, reading.settings, raw.source)
     findings += declared
     filled = tuple(name for name in names if name in values and bool(values[name].notna().any()))
-    _require("time series", filled, path, _unused(raw, used), _about(findings, filled))
+    _require("time series", filled, raw, used, findings)
     sidecar = read_sidecar(path, (*SERIES_CHANNELS, *of_circuits), used, reading.noise)
     rows, lost = _complete_series(values, names)
     if lost:
