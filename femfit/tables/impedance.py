@@ -5,7 +5,7 @@ series or in parallel, or an inductance with its quality Q = X / R or dissipatio
 column carries the circuit's name, all others open, or the names of two: the voltage of one over the other's current.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -97,7 +97,8 @@ def in_series(
     for circuit in circuits if alone or not loose else {**circuits, "": None}:
         columns = {name: name if alone and name in loose else column_of(name, circuit) for name in _ALL}
         held = {name: column for name, column in columns.items() if column in rows}
-        mutual = _may_be_of_two(circuit, carried)
+        # A name such as bias_control may be that of two circuits; it is of one whose current the table has
+        mutual = "_" in circuit and not circuit.endswith("_shorted") and circuit not in carried
         readings = {name: rows[column].to_numpy(dtype=np.float64) for name, column in held.items()}
         if "impedance_ohm" in held:
             below = readings["impedance_ohm"] < 0.0
@@ -114,11 +115,6 @@ def in_series(
     return rows, findings
 
 
-def _may_be_of_two(name: str, carried: Collection[str]) -> bool:
-    """Whether a name may be that of two circuits, as ``bias_control``; it is of one whose current the table has."""
-    return "_" in name and not name.endswith("_shorted") and name not in carried
-
-
 def _one_in_series(
     readings: Mapping[str, FloatArray], held: Mapping[str, str], frequency: FloatArray, source: str, *, mutual: bool
 ) -> tuple[dict[str, FloatArray], list[Finding]]:
@@ -127,7 +123,8 @@ def _one_in_series(
     circuit = parts_of(next(iter(held.values())))[1]
     series = {name: readings[name] for name in SERIES if name in held}
     if len(series) < len(SERIES):
-        pair = next(_complete_pairs(list(held)), None)
+        pairs = ((first, second) for first, partners in _PAIRS.items() for second in partners)
+        pair = next((pair for pair in pairs if set(pair) <= held.keys()), None)
         if pair is not None:
             w = 2.0 * np.pi * frequency
             z = _impedance(*pair, readings, w)
@@ -143,12 +140,6 @@ def _one_in_series(
         return series, findings
     inductive, resonance = without_capacitive(series, frequency, source, column_of("inductance_H", circuit))
     return inductive, [*findings, *resonance]
-
-
-def _complete_pairs(forms: Sequence[str]) -> Iterator[tuple[str, str]]:
-    return (
-        (first, second) for first, partners in _PAIRS.items() for second in partners if {first, second} <= set(forms)
-    )
 
 
 def _impedance(first: str, second: str, of: Mapping[str, FloatArray], w: FloatArray) -> ComplexArray:

@@ -122,8 +122,10 @@ def _parsed(file: Path, settings: dict[str, Any], channels: Sequence[str], used:
         raise TableError(f"[noise] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(declared)}.")
     noise: dict[str, float] = {}
     findings: list[Finding] = []
-    declared = declared | {OF_RUNS + key: value for key, value in _offsets(file, declared).items()}
-    declared.pop(OF_RUNS.rstrip("."), None)
+    offsets = declared.pop(OF_RUNS.rstrip("."), {})
+    if not isinstance(offsets, dict):
+        raise TableError(f"[noise.run] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(offsets)}.")
+    declared |= {OF_RUNS + key: value for key, value in offsets.items()}
     texts = {key: str(data.pop(key)) for key in ("test_object", "notes") if key in data}
     for key, value in (data | declared).items():
         column = _channel(key, channels, used)
@@ -148,14 +150,6 @@ def _channel(key: str, channels: Sequence[str], used: Sequence[UsedColumn]) -> U
         return replace(channel, name=OF_RUNS + channel.name) if channel else None
     headed = (column for column in used if column.name in channels and same_header(key, column.header))
     return match_column(key, channels) if key in channels else next(headed, match_column(key, channels))
-
-
-def _offsets(file: Path, declared: Mapping[str, Any]) -> dict[str, object]:
-    """What ``[noise.run]`` holds."""
-    offsets = declared.get(OF_RUNS.rstrip("."), {})
-    if not isinstance(offsets, dict):
-        raise TableError(f"[noise.run] of {file} must hold lines like {_EXAMPLE}; instead received {quoted(offsets)}.")
-    return offsets
 
 
 def _no_channel(key: str, where: str, channels: Sequence[str]) -> str:

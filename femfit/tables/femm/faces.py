@@ -87,7 +87,7 @@ def chords(line: FemLine, arc_degrees: float) -> list[tuple[float, float]]:
 def find_faces(model: FemModel, arc_degrees: float, notes: Notes) -> tuple[FemFace, ...]:
     """Split the drawing into its faces and give each its label."""
     strings = [
-        LineString(corners) for corners in (chords(line, arc_degrees) for line in model.lines) if _spans(corners)
+        LineString(points) for points in (chords(line, arc_degrees) for line in model.lines) if len(set(points)) > 1
     ]
     if sum(len(string.coords) for string in strings) > MAX_LINES:
         notes.say("drawing lines", most=MAX_LINES)
@@ -127,10 +127,6 @@ def _labelled(polygons: Sequence[Polygon], labels: Sequence[FemLabel], notes: No
         else:
             faces.append(FemFace(polygon, owner[0]))
     return tuple(faces)
-
-
-def _spans(corners: Sequence[tuple[float, float]]) -> bool:
-    return len(set(corners)) > 1
 
 
 def _rounded(points: np.ndarray) -> np.ndarray:

@@ -119,19 +119,22 @@ def _inferred(bodies: Sequence[Body], notes: Notes) -> Body:
     """The body that alone can be the moving one; of two, the one that is usually moved."""
     candidates = [body for body in bodies if not _wound(body)]
     rules: tuple[tuple[Callable[[Body], bool], str], ...] = (
-        (lambda body: _alone_in_a_group(body, bodies), "the only body with a group above 0"),
+        (
+            lambda body: all(piece.group for piece in body) and not any(piece.group for piece in _rest(body, bodies)),
+            "the only body with a group above 0",
+        ),
         (_magnet, "the only body with a magnet"),
         (lambda body: _clear(body, bodies), "the only body clear above or below the windings"),
-        (_on_axis, "the only body on the axis"),
+        (lambda body: any(piece.polygon.bounds[0] <= GRID for piece in body), "the only body on the axis"),
         (lambda _: True, "the only body that does not touch a winding"),
     )
     if len(bodies) == 2:
         moving, reason = _of_two(bodies)
-        _say(moving, reason, [body for body in bodies if body is not moving], notes)
+        _say(moving, reason, bodies, notes)
         return moving
     for rule, reason in rules:
         if len(matching := [body for body in candidates if rule(body)]) == 1:
-            _say(matching[0], reason, [body for body in bodies if body is not matching[0]], notes)
+            _say(matching[0], reason, bodies, notes)
             return matching[0]
     notes.say("mover unclear", candidates=_candidates(bodies))
     return []
@@ -143,15 +146,17 @@ def _of_two(bodies: Sequence[Body]) -> tuple[Body, str]:
     bare = [body for body in bodies if not _wound(body)]
     if len(bare) == 1 and len(wound) == 1:
         alone = all(isinstance(piece, FemCoil) for piece in wound[0])
-        if alone and _magnet(bare[0]) and any(piece.material.curve or _iron(piece) for piece in bare[0]):
+        iron = any(piece.material.curve or not _magnet([piece]) for piece in bare[0])
+        if alone and _magnet(bare[0]) and iron:
             return wound[0], "a winding before a magnet with its iron, as in a voice coil"
         return bare[0], "the only body that does not touch a winding"
     smaller = min(bodies, key=lambda body: sum(volume_mm3(piece.polygon) for piece in body))
     return smaller, "the smaller one of two bodies"
 
 
-def _say(moving: Body, reason: str, alternatives: Sequence[Body], notes: Notes) -> None:
+def _say(moving: Body, reason: str, bodies: Sequence[Body], notes: Notes) -> None:
     """Say what moves; a warning where another body could move as well."""
+    alternatives = [body for body in bodies if body is not moving]
     names = " and ".join(piece.place for piece in moving)
     key = "mover chosen" if any(not _wound(body) or _wound(moving) for body in alternatives) else "mover"
     options = " or ".join(option_for(body, [moving, *alternatives]) for body in alternatives)
@@ -160,12 +165,11 @@ def _say(moving: Body, reason: str, alternatives: Sequence[Body], notes: Notes) 
 
 def option_for(body: Body, bodies: Sequence[Body]) -> str:
     """The option that names a body and no other."""
-    group = _own_group(body, bodies)
-    if group is not None:
-        return f"--moving-group {group}"
-    names = {piece.material.name for piece in body}
-    elsewhere = {piece.material.name for rival in bodies if rival is not body for piece in rival}
-    if len(names) == 1 and not names & elsewhere:
+    rest = _rest(body, bodies)
+    groups, names = {piece.group for piece in body}, {piece.material.name for piece in body}
+    if len(groups) == 1 and 0 not in groups and not groups & {piece.group for piece in rest}:
+        return f"--moving-group {groups.pop()}"
+    if len(names) == 1 and not names & {piece.material.name for piece in rest}:
         return f"--moving-block {shlex.quote(names.pop())}"
     return f"--moving-label {min(label.number for piece in body for label in piece.labels)}"
 
@@ -176,17 +180,9 @@ def _candidates(bodies: Sequence[Body]) -> str:
     )
 
 
-def _own_group(body: Body, bodies: Sequence[Body]) -> int | None:
-    """The group above 0 that a body has throughout and no other body has."""
-    groups = {piece.group for piece in body}
-    elsewhere = {piece.group for rival in bodies if rival is not body for piece in rival}
-    return next(iter(groups)) if len(groups) == 1 and 0 not in groups and not groups & elsewhere else None
-
-
-def _alone_in_a_group(body: Body, bodies: Sequence[Body]) -> bool:
-    """Whether a body has a group above 0 and all others have none: groups are what FEMM's scripts move."""
-    elsewhere = [piece for rival in bodies if rival is not body for piece in rival]
-    return all(piece.group for piece in body) and not any(piece.group for piece in elsewhere)
+def _rest(body: Body, bodies: Sequence[Body]) -> Body:
+    """The pieces of all other bodies."""
+    return [piece for rival in bodies if rival is not body for piece in rival]
 
 
 def _wound(body: Body) -> bool:
@@ -195,14 +191,6 @@ def _wound(body: Body) -> bool:
 
 def _magnet(body: Body) -> bool:
     return any(isinstance(piece, FemPart) and piece.direction is not None for piece in body)
-
-
-def _iron(piece: FemPart | FemCoil) -> bool:
-    return isinstance(piece, FemPart) and piece.direction is None
-
-
-def _on_axis(body: Body) -> bool:
-    return any(piece.polygon.bounds[0] <= GRID for piece in body)
 
 
 def _clear(body: Body, bodies: Sequence[Body]) -> bool:
