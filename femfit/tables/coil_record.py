@@ -265,8 +265,8 @@ def _raw_layout(path: Path) -> dict[str, Any]:
             "belong to it."
         )
     columns, rate, start = data.get("columns"), finite_number(data.get("sample_rate_Hz")), data.get("start_s", 0.0)
-    named = isinstance(columns, list) and columns and all(isinstance(name, str) for name in columns)
-    if not named or rate is None or not 0 < rate <= _HIGHEST_RATE_HZ:
+    named = isinstance(columns, list) and len(columns) > 0 and all(isinstance(name, str) for name in columns)
+    if not (rate is not None and 0 < rate <= _HIGHEST_RATE_HZ and isinstance(columns, list) and named):
         raise TableError(
             f'{sides[0]} needs sample_rate_Hz > 0 and columns = ["coil_voltage_V", ...]; instead received '
             f"sample_rate_Hz = {quoted(data.get('sample_rate_Hz'))}, columns = {quoted(columns)}."
