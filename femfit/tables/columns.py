@@ -4,6 +4,7 @@ A header is the column's name (``distance_m``), or its stem or another name for 
 (``distance_mm``, ``Distance [mm]``, ``Luftspalt in mm``), or what the caller says it is.
 """
 
+import shlex
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -15,9 +16,8 @@ from femfit.core.errors import TableError
 from femfit.core.numerics import ABSOLUTE_ZERO_C, GRAVITY, FloatArray
 from femfit.core.results import Finding, listing
 from femfit.core.text import quoted
-from femfit.tables.column_option import column_option, likely_columns
 from femfit.tables.findings import finding
-from femfit.tables.header import SURELY, find_header, match_score, parse_header, same_header
+from femfit.tables.header import SURELY, find_header, match_score, names_of, parse_header, same_header
 from femfit.tables.measurement import CHANNELS, SETTINGS
 from femfit.tables.number_text import EMPTY, LARGEST, clock_seconds, looks_numeric
 from femfit.tables.raw_table import RawTable
@@ -290,3 +290,59 @@ def _values(raw: RawTable, column: UsedColumn) -> tuple[FloatArray, list[Finding
     below = f" below {LARGEST:g}" if looks_numeric(cells[bad[0]]) else ""
     facts = {"header": quoted(column.header), "cells": len(bad), "below": below, "cell": quoted(cells[bad[0]])}
     return values * column.factor, [finding("cells words", size=float(len(bad)), column=column.name, **facts)]
+
+
+_READ_BY_SHELLS = frozenset('"$`\\!%')
+"""Characters that a shell acts on within double quotes, which all shells know."""
+
+
+def column_option(header: str, name: str) -> str:
+    """The option that says what a column is, quoted for a shell where it must be.
+
+    Examples
+    --------
+    >>> print(column_option("CH1 voltage (V)", "voltage_V"), column_option("Kraft", "force_N"))
+    --column "CH1 voltage (V)=voltage_V" --column Kraft=force_N
+    """
+    fit = quoted(header.strip()) == header.strip()  # neither long nor with control characters
+    text = f"{header.strip() if fit else 'HEADER'}={name}"
+    if shlex.quote(text) == text:
+        return f"--column {text}"
+    return f"--column {shlex.quote(text)}" if _READ_BY_SHELLS.intersection(text) else f'--column "{text}"'
+
+
+def remedy_for_columns(unused: Sequence[str], needed: Sequence[str]) -> str:
+    """What to do where columns are missing: which of the unused ones each may be, by its words or its unit.
+
+    Parameters
+    ----------
+    needed : sequence of str
+        Columns that are missing, or of which one is, the most wanted first.
+    """
+    if not unused:
+        return f"Add {needed[0]}."
+    likely = likely_columns(unused, needed, by_words=False)
+    options = [column_option(header, likely[header]) for header in unused if header in likely]
+    options = options or [column_option(unused[0], needed[0])]
+    return (
+        f"Not used: {listing(unused, 20)}. Rename columns, or say what they are, for example with {' '.join(options)}."
+    )
+
+
+def likely_columns(headers: Sequence[str], names: Sequence[str], *, by_words: bool = True) -> dict[str, str]:
+    """What headers may mean, each column once; without words whatever their units allow comes after."""
+    result: dict[str, str] = {}
+    for only_words in (True, by_words):
+        for name in names:
+            free = [header for header in headers if header not in result]
+            meant = next((header for header in free if _may_be(header, name, by_words=only_words)), None)
+            if meant is not None and name not in result.values():
+                result[meant] = name
+    return result
+
+
+def _may_be(header: str, name: str, *, by_words: bool) -> bool:
+    parsed, (stem, si_unit) = parse_header(header), column_unit(name)
+    fits = bool(si_unit) and parsed.unit is not None and unit_factor(parsed.unit, si_unit) is not None
+    words = fits and bool({stem, *names_of(name)}.intersection(parsed.words))
+    return (match_score(parsed, name, guess=True) > 0 or words) if by_words else fits

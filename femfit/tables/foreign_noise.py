@@ -22,7 +22,7 @@ from scipy.stats import norm
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
-from femfit.tables.column_option import column_option
+from femfit.tables.columns import column_option
 from femfit.tables.findings import finding
 from femfit.tables.foreign_grid import complete_grid
 

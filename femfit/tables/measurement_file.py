@@ -13,8 +13,7 @@ from femfit.core.errors import TableError
 from femfit.core.results import Finding
 from femfit.core.text import quoted
 from femfit.tables.circuit_columns import circuit_columns, parts_of
-from femfit.tables.column_option import column_option, remedy_for_columns
-from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, match_column
+from femfit.tables.columns import BENCH_COLUMNS, UsedColumn, column_option, match_column, remedy_for_columns
 from femfit.tables.findings import finding
 from femfit.tables.header import parse_header
 from femfit.tables.impedance import impedance_columns, in_series, is_impedance

@@ -7,7 +7,7 @@ import pytest
 
 import femfit as ff
 from femfit.core.errors import TableError
-from femfit.tables.column_option import column_option
+from femfit.tables.columns import column_option
 from femfit.tables.measurement_file import read_measurement
 from tests.support.solenoids import solenoid
 

@@ -19,8 +19,7 @@ import shapely
 from shapely import Polygon, box
 
 from femfit.tables.femm.faces import GRID, MIN_AREA, ArcFinder, Edge, without_holes
-from femfit.tables.femm.limits import Direction
-from femfit.tables.femm.model import FemModel
+from femfit.tables.femm.model import Direction, FemModel
 from femfit.tables.femm.movers import Body, FemBodies, outline_of
 from femfit.tables.femm.options import FemOptions, Notes
 from femfit.tables.femm.parse import DIGITS

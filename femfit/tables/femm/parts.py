@@ -15,8 +15,7 @@ import shapely
 from shapely import LineString, MultiPolygon, Point, Polygon
 
 from femfit.tables.femm.faces import GRID, FemFace, FemPiece, connected_faces
-from femfit.tables.femm.limits import Direction, magnet_direction
-from femfit.tables.femm.model import FemBoundary, FemMaterial, FemModel
+from femfit.tables.femm.model import Direction, FemBoundary, FemMaterial, FemModel, magnet_direction
 from femfit.tables.femm.options import Notes
 
 

@@ -18,8 +18,7 @@ from femfit.device.load import actuator_from_toml
 from femfit.device.parts import Actuator
 from femfit.tables.femm.faces import find_faces
 from femfit.tables.femm.frame import FemDevice, FemFrame, find_frame, trim_windings
-from femfit.tables.femm.limits import check_limits, in_terms_of_femfit
-from femfit.tables.femm.model import FemModel
+from femfit.tables.femm.model import FemModel, check_limits, in_terms_of_femfit
 from femfit.tables.femm.movers import FemBodies, divide, outline_of
 from femfit.tables.femm.options import FemOptions, Notes
 from femfit.tables.femm.parse import parse_fem
