@@ -18,7 +18,7 @@ from femfit.integrate.methods import FILTERS, CoilIntegral, IntegrationOptions, 
 from femfit.integrate.record_stream import stream_record
 from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.tables.coil_record import COLUMNS, RAW_SUFFIXES, CoilRecord, open_coil_record
 
 _OPTIONS: dict[str, tuple[str, tuple[str, ...], str]] = {
@@ -138,8 +138,8 @@ def integrate_coil(
         sigma = LinearSigma(reference_offset_sigma_T or 0.0, reference_gain_sigma or 0.0)
         current_field = field_of_ratio(current_to_field_A_per_T, sigma)
     elif model is not None and distance_m is not None:
-        swept = model if isinstance(model, ActuatorModel) else read_model(Path(model))
-        current_field = field_of_swept_model(swept, distance_m, of_flux=coil_area_m2 is None, sigma=model_sigma)
+        flux = coil_area_m2 is None
+        current_field = field_of_swept_model(model_of(model), distance_m, of_flux=flux, sigma=model_sigma)
     elif chosen == "cs2-identified":
         current_field = identified_field(coil, lab, field_model)
     if written is not None and current_field.model is not None:

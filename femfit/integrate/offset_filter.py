@@ -20,36 +20,13 @@ import numpy as np
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray
 from femfit.integrate.constants import FIRST_OFFSET_SIGMA_V, MODEL_ERROR_TIME_S, OFFSET_WANDER_V
-from femfit.integrate.feed_forward import Increments, LastSample, increments
+from femfit.integrate.feed_forward import LastSample, increments
 from femfit.integrate.field_of_current import FieldModel, MagnetState
 from femfit.integrate.uncertainty import FieldBlock, Noise, Responses, SensingCoil
 from femfit.tables.coil_record import CoilBlock
 
 UPDATE_INTERVAL = 0.02
 """Seconds between two corrections: far below the filter's time constant of a fraction of a second."""
-
-
-@dataclass(frozen=True)
-class Pending:
-    """Sums since the last correction.
-
-    Parameters
-    ----------
-    elapsed, integral, variance : float
-        Time in s, coil's field increment in T and its noise variance in T^2.
-    raw, predicted, at, noise : float
-        Sums over the readings: reading (T or A), predicted field (T), elapsed time (s), variance (T^2).
-    """
-
-    samples: int = 0
-    elapsed: float = 0.0
-    integral: float = 0.0
-    variance: float = 0.0
-    readings: int = 0
-    raw: float = 0.0
-    predicted: float = 0.0
-    at: float = 0.0
-    noise: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +38,8 @@ class OffsetState:
     # reference, to a unit of it, and to a volt of unmodelled offset; shape (2, 4)
     mean: FloatArray
     covariance: FloatArray  # Covariance of field and offset at the last correction; shape (2, 2)
-    pending: Pending
+    # Samples since then: time (s), reading (T or A), time step (s), field increment (T), its variance; shape (5, n)
+    pending: FloatArray
     magnet: MagnetState | None = None
 
 
@@ -96,7 +74,7 @@ class OffsetFilter:
         mean[0, 0] = self.initial_field
         covariance = np.diag([self.noise.initial_T**2, self.offset_sigma**2])
         magnet = None if self.field_model is None else self.field_model.start()
-        return OffsetState(LastSample(), mean, covariance, Pending(), magnet)
+        return OffsetState(LastSample(), mean, covariance, np.zeros((5, 0)), magnet)
 
     def advance(
         self, state: OffsetState, block: CoilBlock, trace: list[Correction] | None = None
@@ -106,23 +84,30 @@ class OffsetFilter:
         if raw is None:
             name = "hall_T" if self.field_model is None else "current_A"
             raise TableError(f"This filter needs {name}; instead received a record without it.")
-        field, variance, offset, innovation, spread, of_gain, *answers = np.full((10, len(block)), np.nan)
-        out = FieldBlock(block.time, field, variance, offset, innovation, spread, of_gain, Responses(*answers))
-        begin = 0
+        before, begin = state.pending.shape[1], 0
+        out = np.full((10, before + len(block)), np.nan)  # as the arrays of a FieldBlock follow each other
         if np.isnan(state.mean[0, 0]):  # nothing is known before the first reading
             begin = next(iter(np.flatnonzero(np.isfinite(raw)).tolist()), len(block))
-            if begin == len(block):
-                return state, out
-            state = self._acquired(state, block.time[begin], raw[begin])
-        last, steps = increments(state.last, block[begin:], self.coil, self.noise, self.sample_time)
-        window, first = max(1, round(self.interval / self.sample_time)), begin
-        while begin < len(block):
-            end = min(len(block), begin + window - state.pending.samples)
-            state = self._predict(state, raw[begin:end], steps, slice(begin - first, end - first), out, begin)
-            if state.pending.samples == window:
-                state = self._correct(state, end - 1, out, trace)
-            begin = end
-        return replace(state, last=last), out
+            if begin < len(block):
+                state = self._acquired(state, block.time[begin], raw[begin])
+        if begin < len(block):
+            last, steps = increments(state.last, block[begin:], self.coil, self.noise, self.sample_time)
+            latest = np.stack([block.time[begin:], raw[begin:], steps.dt, steps.field, steps.variance])
+            samples = np.concatenate([state.pending, latest], axis=1)
+            window = max(1, round(self.interval / self.sample_time))
+            for first in range(0, samples.shape[1], window):
+                rows, target = samples[:, first : first + window], out[:, begin + first : begin + first + window]
+                elapsed = self._predict(state, rows, target)
+                if rows.shape[1] == window:
+                    correction, magnet = self._correct(state, rows, elapsed, target, begin + first + window - 1)
+                    state = OffsetState(state.last, correction.mean, correction.covariance, rows[:, :0], magnet)
+                    if trace is not None:
+                        trace.append(correction)
+            complete = samples.shape[1] // window * window
+            state = replace(state, last=last, pending=samples[:, complete:])
+        field, variance, offset, innovation, spread, of_gain, *answers = out[:, before:]
+        responses = Responses(*answers)
+        return state, FieldBlock(block.time, field, variance, offset, innovation, spread, of_gain, responses)
 
     def _acquired(self, state: OffsetState, time: float, reading: float) -> OffsetState:
         """With a field to start from, all of which came from the reference."""
@@ -132,87 +117,64 @@ class OffsetFilter:
         mean[0, :3] = reading, reading, 1.0
         return replace(state, mean=mean)
 
-    def _predict(
-        self, state: OffsetState, readings: FloatArray, steps: Increments, rows: slice, out: FieldBlock, begin: int
-    ) -> OffsetState:
-        """Predict every sample of a part of the block, and sum up what the next correction needs."""
-        p, mean, P, area = state.pending, state.mean, state.covariance, self.coil.area_m2
-        elapsed = p.elapsed + np.cumsum(steps.dt[rows])
-        integral = p.integral + np.cumsum(steps.field[rows])
-        variance = p.variance + np.cumsum(steps.variance[rows])
-        late, samples = elapsed / area, slice(begin, begin + len(elapsed))
-        out.field[samples] = field = mean[0, 0] + integral - mean[1, 0] * late
+    def _predict(self, state: OffsetState, samples: FloatArray, out: FloatArray) -> FloatArray:
+        """Predict every sample since the last correction; return the times in s since then."""
+        mean, P, area = state.mean, state.covariance, self.coil.area_m2
+        _, _, dt, field, variance = samples
+        elapsed = np.cumsum(dt)
+        late = elapsed / area
+        columns = mean[0, :, None] - mean[1, :, None] * late
+        columns[0], columns[3] = columns[0] + np.cumsum(field), columns[3] + late
         walk = self.offset_wander**2 * late**2 * elapsed / 3.0
-        out.variance[samples] = P[0, 0] - 2.0 * late * P[0, 1] + late**2 * P[1, 1] + variance + walk
-        out.offset[samples] = mean[1, 0]
-        _write_responses(out, samples, mean[0, 1:, None] - mean[1, 1:, None] * late, late)
-        used = np.isfinite(readings)
-        means = readings[used]
-        noise = 0.0 if self.field_model is not None else float(self.noise.reference.variance(means).sum())
-        pending = Pending(
-            p.samples + len(elapsed),
-            float(elapsed[-1]),
-            float(integral[-1]),
-            float(variance[-1]),
-            p.readings + len(means),
-            p.raw + float(means.sum()),
-            p.predicted + float(field[used].sum()),
-            p.at + float(elapsed[used].sum()),
-            p.noise + noise,
-        )
-        return replace(state, pending=pending)
+        spread = P[0, 0] - 2.0 * late * P[0, 1] + late**2 * P[1, 1] + np.cumsum(variance) + walk
+        out[0], out[1], out[2] = columns[0], spread, mean[1, 0]
+        # What the coil brought is what the reference did not
+        out[6], out[7:] = columns[0] - columns[1], columns[1:]
+        return elapsed
 
-    def _correct(self, state: OffsetState, row: int, out: FieldBlock, trace: list[Correction] | None) -> OffsetState:
+    def _correct(
+        self, state: OffsetState, samples: FloatArray, elapsed: FloatArray, out: FloatArray, row: int
+    ) -> tuple[Correction, MagnetState | None]:
         """Compare the mean reading with the mean prediction, at the window's last sample."""
-        p, area, tau = state.pending, self.coil.area_m2, state.pending.elapsed
+        (time, raw, _, steps, variances), area, tau = samples, self.coil.area_m2, float(elapsed[-1])
+        used = np.isfinite(raw)
         F = np.array([[1.0, -tau / area], [0.0, 1.0]])
         q = self.offset_wander**2
         walk = q * np.array([[tau**3 / (3.0 * area**2), -(tau**2) / (2.0 * area)], [-(tau**2) / (2.0 * area), tau]])
-        prior = F @ state.covariance @ F.T + walk + np.diag([p.variance, 0.0])
+        prior = F @ state.covariance @ F.T + walk + np.diag([float(variances.sum()), 0.0])
         mean = F @ state.mean
-        mean[0, 0] += p.integral
+        mean[0, 0] += float(steps.sum())
         mean[0, 3] += tau / area
         predicted, covariance, magnet = mean.copy(), prior, state.magnet
-        if p.readings:
-            magnet, z, R = self._reading(state, float(out.time[row]))
-            back = (tau - p.at / p.readings) / area
+        if used.any():
+            since = float(elapsed[used].mean())
+            magnet, z, R = self._reading(state.magnet, raw[used], float(time[-1]) - tau + since, tau)
+            back = (tau - since) / area
             H = np.array([1.0, back])
             spread = float(H @ prior @ H) + R
             gain = prior @ H / spread
             # What the mean prediction of the readings' samples is, column by column.
             mean_prediction = H @ mean - np.array([0.0, 0.0, 0.0, back])
-            mean_prediction[0] = p.predicted / p.readings
+            mean_prediction[0] = out[0, used].mean()
             innovation = np.array([z, z, 1.0, 0.0]) - mean_prediction
             mean += gain[:, None] * innovation
             keep = np.eye(2) - np.outer(gain, H)
             covariance = keep @ prior @ keep.T + R * np.outer(gain, gain)  # Joseph's form keeps it positive
-            out.innovation[row], out.innovation_variance[row] = innovation[0], spread
-            out.innovation_gain[row] = innovation[1]
-        out.field[row], out.offset[row], out.variance[row] = mean[0, 0], mean[1, 0], covariance[0, 0]
-        _write_responses(out, slice(row, row + 1), mean[0, 1:, None], np.zeros(1))
-        if trace is not None:
-            trace.append(Correction(row, tau, predicted, prior, mean, covariance))
-        return OffsetState(state.last, mean, covariance, Pending(), magnet)
+            out[3:6, -1] = innovation[0], spread, innovation[1]
+        out[:3, -1] = mean[0, 0], covariance[0, 0], mean[1, 0]
+        out[6:, -1] = mean[0, 0] - mean[0, 1], *mean[0, 1:]
+        return Correction(row, tau, predicted, prior, mean, covariance), magnet
 
-    def _reading(self, state: OffsetState, time: float) -> tuple[MagnetState | None, float, float]:
+    def _reading(
+        self, magnet: MagnetState | None, readings: FloatArray, time: float, elapsed: float
+    ) -> tuple[MagnetState | None, float, float]:
         """The reference's mean field since the last correction, and its variance."""
-        p = state.pending
-        mean = p.raw / p.readings
-        if self.field_model is None or state.magnet is None:
-            return None, mean, p.noise / p.readings**2
-        times = np.array([time - p.elapsed + p.at / p.readings])
-        magnet, field = self.field_model.advance(state.magnet, times, np.array([mean]))
-        lasting = max(1.0, MODEL_ERROR_TIME_S / max(p.elapsed, self.sample_time))
+        mean = float(readings.mean())
+        if self.field_model is None or magnet is None:
+            return None, mean, float(self.noise.reference.variance(readings).sum()) / len(readings) ** 2
+        magnet, field = self.field_model.advance(magnet, np.array([time]), np.array([mean]))
+        lasting = max(1.0, MODEL_ERROR_TIME_S / max(elapsed, self.sample_time))
         return magnet, float(field[0]), lasting * float(self.noise.reference.variance(field)[0])
-
-
-def _write_responses(out: FieldBlock, samples: slice, rows: FloatArray, late: FloatArray) -> None:
-    """Responses of the predictions: what the coil brought is what the reference did not."""
-    reference, unit, voltage = rows
-    out.responses.coil[samples] = out.field[samples] - reference
-    out.responses.reference[samples] = reference
-    out.responses.reference_unit[samples] = unit
-    out.responses.voltage_unit[samples] = voltage + late
 
 
 def smooth(integrator: OffsetFilter, record: CoilBlock) -> FieldBlock:

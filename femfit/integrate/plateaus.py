@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
@@ -85,8 +86,10 @@ def plateau_flux(
     variance = noise**2 * _variance(time, first, last, options.method) + _hidden(time, voltage, first, last)
     if options.method == "plateaus":
         variance += _wandered(time, voltage, first, last, noise)
-    sigma = np.sqrt(variance)
-    return PlateauFlux(first, last, mean - mean[0], sigma, _branch(level, options.still_A))
+    change = np.diff(level, prepend=level[0])
+    turn = pd.Series(np.where(np.abs(change) > options.still_A, np.sign(change), np.nan))
+    branch = np.asarray(turn.ffill().fillna(0.0), dtype=np.float64)
+    return PlateauFlux(first, last, mean - mean[0], np.sqrt(variance), branch)
 
 
 def _variance(time: FloatArray, first: IntArray, last: IntArray, method: OffsetMethod) -> FloatArray:
@@ -177,11 +180,3 @@ def _require_still(time: FloatArray, values: FloatArray, still: float, unit: str
             "step from sample to sample, or leave out samples; if it is a plateau, give a limit above the change. The "
             f"limit is --still-{'A' if unit == 'A' else 'um'}."
         )
-
-
-def _branch(level: FloatArray, still: float) -> FloatArray:
-    branch = np.zeros(len(level))
-    for k in range(1, len(level)):
-        change = level[k] - level[k - 1]
-        branch[k] = np.sign(change) if abs(change) > still else branch[k - 1]
-    return branch

@@ -78,7 +78,7 @@ def test_a_journal_cut_anywhere_gives_back_its_whole_lines(tmp_path):
         for key, result in RESULTS.items():
             journal.record(key, result)
     content = (tmp_path / JOURNAL_NAME).read_bytes()
-    for length in range(0, len(content), 5):
+    for length in range(0, len(content), 13):
         (tmp_path / JOURNAL_NAME).write_bytes(content[:length])
         with Journal(tmp_path, HEADER) as journal:
             whole = max(content[:length].count(b"\n") - 1, 0)

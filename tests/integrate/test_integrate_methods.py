@@ -10,6 +10,7 @@ from arpaia2022.sensors import PAPER_COIL, paper_noise
 
 from femfit.core.errors import TableError
 from femfit.integrate.feed_forward import FeedForwardIntegrator
+from femfit.integrate.field_of_current import FieldModel, FieldTerms
 from femfit.integrate.identified_field import LabRun, identify_field
 from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.uncertainty import LinearSigma, Noise, SensingCoil
@@ -30,6 +31,9 @@ def hall_filter(rate, model=None):
 
 
 HALL = hall_filter(1.0 / DT)
+MAGNET = FieldModel(FieldTerms(320.0, 1, (20.0,), (10.0,)), np.array([0.5, 0.5, 4e-6, 4e-6, 4e-6, 1e-6]), 1e-3)
+"""A field of the current with hysteresis and eddy currents."""
+
 QUIET = Noise(LinearSigma(1e-6), LinearSigma(1e-5), 1e-3)
 INTEGRATORS = {
     "trapezoid": FeedForwardIntegrator(PAPER_COIL, QUIET, DT),
@@ -38,6 +42,7 @@ INTEGRATORS = {
     "cs1": KalmanIntegrator(PAPER_COIL, QUIET, DT),
     "cs2": KalmanIntegrator(PAPER_COIL, QUIET, DT, current_to_field=316.0, initial_field=0.0),
     "offset": HALL,
+    "field model": hall_filter(1.0 / DT, MAGNET),
 }
 PIECES = pytest.mark.parametrize(
     "cuts", [(*range(1, 1200), 3000), (1, 130, 131, 3000)], ids=["sample by sample", "blocks"]
@@ -51,11 +56,10 @@ def stretch(experiment):
     return experiment.record[first : first + 5000]
 
 
-@pytest.mark.parametrize("name", [*INTEGRATORS, "identified"])
+@pytest.mark.parametrize("name", INTEGRATORS)
 @PIECES
-def test_online_gives_the_numbers_of_offline(name, cuts, stretch, request):
-    of_hand = name in INTEGRATORS
-    integrator = INTEGRATORS[name] if of_hand else hall_filter(1.0 / DT, request.getfixturevalue("field_model"))
+def test_online_gives_the_numbers_of_offline(name, cuts, stretch):
+    integrator = INTEGRATORS[name]
     whole, pieces = run(integrator, stretch), run(integrator, stretch, cuts)
     for column in ("field", "variance", "offset", "innovation", "innovation_variance"):
         expected = getattr(whole, column)
@@ -132,10 +136,10 @@ def test_an_area_that_is_not_positive_is_refused(area):
         SensingCoil(area)
 
 
-def test_a_record_without_the_reference_is_refused(field_model):
+def test_a_record_without_the_reference_is_refused():
     record = CoilBlock(np.arange(3) * DT, np.zeros(3))
     needed = [(INTEGRATORS["cs1"], "hall_T"), (INTEGRATORS["cs2"], "current_A"), (HALL, "hall_T")]
-    for integrator, column in (*needed, (hall_filter(SLOW, field_model), "current_A")):
+    for integrator, column in (*needed, (INTEGRATORS["field model"], "current_A")):
         with pytest.raises(TableError, match=column):
             run(integrator, record)
 
@@ -164,9 +168,8 @@ def test_plateaus_are_told_online_as_offline_where_samples_are_averaged(cuts, st
     np.testing.assert_allclose(run(integrator, fast, cuts).offset, whole.offset, rtol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def field_model():
-    """Identified from two lab runs by the Hall probe's filter; no run has an amplitude of the tests."""
+def lab_field():
+    """A field model identified from two lab runs by the Hall probe's filter; no run has an amplitude of the tests."""
     runs = []
     for seed, rate, peaks in (
         (10, 32.0, (320.0, 280.0, 240.0, 160.0, 80.0)),
@@ -203,18 +206,17 @@ def test_innovations_of_a_true_filter_are_as_large_as_it_says():
     assert np.sqrt(np.mean(error**2)) == pytest.approx(np.sqrt(block.variance[-1]), rel=0.2)
 
 
-@pytest.mark.parametrize(
-    ("rate", "peaks"),
-    [(100.0, (260.0, 140.0, 300.0)), pytest.param(32.0, (180.0, 220.0, 100.0), marks=pytest.mark.nightly)],
-)
-def test_an_identified_field_holds_on_other_amplitudes(rate, peaks, field_model):
-    inputs = ExperimentInputs(ramp_rate=rate, amplitudes=peaks, sample_rate=SLOW)
-    other = synthesise(inputs, np.random.default_rng(5)).after_zero_reading()
-    block = run(hall_filter(SLOW, field_model), other.record)
-    settled = [(block.time > begin + 30.0) & (block.time < end) for begin, end in other.flat_tops]
-    errors = [np.sqrt(np.mean((block.field - other.field)[rows] ** 2)) for rows in settled]
-    # The issue's figure; the ratio I / g alone is off by 0.2 to 5 mT there.
-    assert max(errors) < 100e-6
+@pytest.mark.nightly
+def test_an_identified_field_holds_on_other_amplitudes():
+    field_model = lab_field()
+    for rate, peaks in ((100.0, (260.0, 140.0, 300.0)), (32.0, (180.0, 220.0, 100.0))):
+        inputs = ExperimentInputs(ramp_rate=rate, amplitudes=peaks, sample_rate=SLOW)
+        other = synthesise(inputs, np.random.default_rng(5)).after_zero_reading()
+        block = run(hall_filter(SLOW, field_model), other.record)
+        settled = [(block.time > begin + 30.0) & (block.time < end) for begin, end in other.flat_tops]
+        errors = [np.sqrt(np.mean((block.field - other.field)[rows] ** 2)) for rows in settled]
+        # The issue's figure; the ratio I / g alone is off by 0.2 to 5 mT there.
+        assert max(errors) < 100e-6
 
 
 @pytest.mark.parametrize("cuts", [(), (100, 500, 900)], ids=["whole", "blocks"])
