@@ -40,12 +40,12 @@ class Loads:
         return np.asarray(self.winding_W * copper_growth(temperatures) + self.other_W)
 
 
-def settled(network: HeatNetwork, ambient: float, loads: Loads) -> FloatArray | None:
-    """Temperatures in degC at held currents, shape (n,); None where they grow until something gives way."""
+def settled(network: HeatNetwork, ambient: float, loads: Loads) -> FloatArray:
+    """Temperatures in degC at held currents, shape (n,); NaN where they grow until something gives way."""
     rising = COPPER_TEMPERATURE_COEFFICIENT * loads.winding_W
     matrix = network.laplacian - np.diag(rising)
     if not np.linalg.eigvalsh(matrix)[0] > 0.0:
-        return None
+        return np.full(len(matrix), np.nan)
     cold = loads.winding_W - rising * REFERENCE_TEMPERATURE + loads.other_W
     return np.asarray(np.linalg.solve(matrix, network.outwards * ambient + cold))
 
@@ -133,8 +133,8 @@ class Feed:
         alternating, eddy = factor * self.alternating_A, factor**2 * self.eddy_W
         return replace(self, volts=none, amperes=factor * currents, alternating_A=alternating, eddy_W=eddy)
 
-    def settled(self, network: HeatNetwork, ambient: float) -> FloatArray | None:
-        """Temperatures that last, shape (parts,); None where there are none."""
+    def settled(self, network: HeatNetwork, ambient: float) -> FloatArray:
+        """Temperatures that last, shape (parts,); NaN where there are none."""
         start = np.full(len(network.names), ambient)
         if np.isnan(self.volts).all():
             return settled(network, ambient, self.loads(self.currents(start)))
@@ -146,7 +146,7 @@ class Feed:
             now = 0.5 * (now + following)  # at a held voltage more heat comes of less warmth
             if now.max() > LOST_C:
                 break
-        return None
+        return np.full(len(network.names), np.nan)
 
 
 def feed_of(
@@ -218,7 +218,7 @@ def largest_loads(network: HeatNetwork, around: Surroundings, loads: Loads) -> t
 
     def over(factor: float) -> FloatArray:
         temperatures = settled(network, around.ambient_C, loads.scaled(factor))
-        if temperatures is None:
+        if np.isnan(temperatures).any():
             return np.where(np.isfinite(limits), np.inf, -np.inf)
         temperatures[:count] = hottest(network, around.ambient_C, temperatures)
         return np.asarray(temperatures - limits)

@@ -20,7 +20,7 @@ from femfit.heat.balance import Feed, feed_of, hottest, largest_loads, time_unti
 from femfit.heat.network import HeatNetwork, heat_network
 from femfit.heat.result import MagnetWarmth, Temperatures
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.json_file import read_model
+from femfit.model.json_file import model_of
 from femfit.model.with_effects import with_effects
 from femfit.tables.eddy_table import EddyTable, read_eddy
 
@@ -86,8 +86,14 @@ def find_temperatures(
             raise UsageError("A frequency must stand beside an alternating current; there is none. Give alternating_A.")
         table = _eddy_table(sweep, actuator, distance, frequency_Hz)
         feed = replace(feed, eddy_W=_eddy_heat(network, table, distance, frequency_Hz, feed.alternating_A))
-    bounds = [_with_film(actuator, distance, factor) for factor in (SPREAD, 1.0 / SPREAD)]
-    find = partial(_found, actuator.thermal, network, bounds, distance)
+    around = actuator.thermal
+    bounds = [
+        heat_network(
+            replace(actuator, thermal=replace(around, film_W_per_m2_K=factor * around.film_W_per_m2_K)), distance
+        )
+        for factor in (SPREAD, 1.0 / SPREAD)
+    ]
+    find = partial(_found, around, network, bounds, distance)
     result = find(feed)
     if model is not None and result.settles:
         result = replace(result, force=_forces(model, feed, result))
@@ -111,20 +117,20 @@ def _found(
     around: Surroundings, network: HeatNetwork, bounds: list[HeatNetwork], distance: float, feed: Feed
 ) -> Temperatures:
     ambient = around.ambient_C
-    start, settled = np.full(len(network.names), ambient), feed.settled(network, ambient)
-    warm = np.full(len(network.names), np.nan) if settled is None else settled
-    currents = feed.currents(start if settled is None else settled)
+    start, count = np.full(len(network.names), ambient), len(network.windings)
+    warm, *spread = (feed.settled(way_out, ambient) for way_out in (network, *bounds))
+    currents = feed.currents(start if np.isnan(warm).any() else warm)
     factor, limiting = largest_loads(network, around, feed.loads(currents))
     rise = warm[0] - ambient
     until = partial(time_until, network, ambient, feed.powers)
     return Temperatures(
         names=network.names,
-        count=len(network.windings),
+        count=count,
         distance_m=distance,
         surroundings=around,
         temperatures_C=warm,
         hottest_C=hottest(network, ambient, warm),
-        spread_C=np.array([_warmest(bound, ambient, feed) for bound in bounds]),
+        spread_C=np.array([settled[:count].max() for settled in spread]),
         volts=feed.volts,
         cold_currents_A=feed.currents(start),
         currents_A=currents,
@@ -184,18 +190,6 @@ def _eddy_heat(
     return np.concatenate([np.zeros(len(network.windings)), losses / (members @ volumes) @ members * volumes])
 
 
-def _with_film(actuator: Actuator, distance: float, factor: float) -> HeatNetwork:
-    """The network where free faces give off more or less heat."""
-    film = factor * actuator.thermal.film_W_per_m2_K
-    return heat_network(replace(actuator, thermal=replace(actuator.thermal, film_W_per_m2_K=film)), distance)
-
-
-def _warmest(network: HeatNetwork, ambient: float, feed: Feed) -> float:
-    """The warmest winding's mean in degC; NaN where it runs away."""
-    settled = feed.settled(network, ambient)
-    return np.nan if settled is None else float(settled[: len(network.windings)].max())
-
-
 def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarmth, ...]:
     magnets = []
     for region, celsius in zip(network.regions, temperatures[len(network.windings) :], strict=True):
@@ -210,8 +204,7 @@ def _magnets(network: HeatNetwork, temperatures: FloatArray) -> tuple[MagnetWarm
 
 def _forces(model: ActuatorModel | str | Path, feed: Feed, result: Temperatures) -> tuple[float, float] | None:
     """Force in N as it is switched on and once it is warm; None where the model ends below."""
-    model = model if isinstance(model, ActuatorModel) else read_model(model)
-    forces = []
+    model, forces = model_of(model), []
     for temperatures in (np.full(len(result.names), result.surroundings.ambient_C), result.temperatures_C):
         changes = [
             (1.0 + magnet.change) / (1.0 + magnet.drawn) - 1.0 for magnet in _magnets(result.network, temperatures)
