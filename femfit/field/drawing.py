@@ -77,14 +77,7 @@ def _require_whole(mesh: Mesh, shape: Any, distance: float) -> None:
 
 
 def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings) -> Any:
-    still = [
-        *_regions("fixed", actuator.fixed, 0.0, layout, settings),
-        *_coils(actuator, distance, settings, moves=False),
-    ]
-    mover = [
-        *_regions("moving", actuator.moving.regions, distance, layout, settings),
-        *_coils(actuator, distance, settings, moves=True),
-    ]
+    still, mover = (_parts(actuator, distance, layout, settings, moves=moves) for moves in (False, True))
     outlines = [
         shapely.affinity.translate(layer_outline, 0.0, distance) for layer_outline in layer_outlines(actuator, layout)
     ]
@@ -93,7 +86,8 @@ def _draw(actuator: Actuator, distance: float, layout: Layout, settings: SolverS
     halo.faces.name, layer.faces.name = "halo", "layer"
     _grade(halo, layer, outlines, THIN * layout.radius)
     pieces = [*still, *mover, halo, layer]
-    rest = _without(_half_disc(layout.outer_radius), [*still, outer])
+    half_disc = WorkPlane().MoveTo(0.0, -layout.outer_radius).Arc(layout.outer_radius, 180.0).Close().Face()
+    rest = _without(half_disc, [*still, outer])
     if actuator.hall is not None:
         size = _hall_size(actuator, actuator.hall, layout)
         disc = WorkPlane().Circle(actuator.hall.radius_m, actuator.hall.height_m, size).Face() * rest
@@ -154,10 +148,10 @@ def _grade(halo: Face, layer: Face, outlines: Sequence[shapely.Polygon], longest
     halo.faces.maxh = layer.faces.maxh = max(sizes)
 
 
-def _regions(
-    prefix: str, regions: Sequence[Region], shift: float, layout: Layout, settings: SolverSettings
-) -> list[Face]:
-    faces = []
+def _parts(actuator: Actuator, distance: float, layout: Layout, settings: SolverSettings, *, moves: bool) -> list[Face]:
+    """Faces of the regions and coils that move, or of those that stand still."""
+    prefix, regions = ("moving", actuator.moving.regions) if moves else ("fixed", actuator.fixed)
+    shift, faces = distance if moves else 0.0, []
     for region, singular in zip(regions, singular_corners(regions), strict=True):
         extent = _extent(region)
         face = _face(region.vertices_m, region.bulges, shift)
@@ -168,14 +162,9 @@ def _regions(
             if np.any(np.hypot(*(corners - np.array([vertex.p.x, vertex.p.y])).T) < COINCIDENT):
                 vertex.maxh = settings.corner_fraction * extent
         faces.append(face)
-    return faces
-
-
-def _coils(actuator: Actuator, distance: float, settings: SolverSettings, *, moves: bool) -> list[Face]:
-    faces = []
     for coil in actuator.coils:
         if coil.moves == moves:
-            face = _face(coil.vertices_m, (), distance if moves else 0.0)
+            face = _face(coil.vertices_m, (), shift)
             face.faces.name, face.faces.maxh = coil_region(coil), settings.region_fraction * _extent(coil)
             faces.append(face)
     return faces
@@ -217,7 +206,3 @@ def _tangent(start: Corner, stop: Corner, bulge: float) -> Corner:
     along, across = stop[0] - start[0], stop[1] - start[1]
     cosine, sine = math.cos(half), math.sin(half)
     return along * cosine - across * sine, along * sine + across * cosine
-
-
-def _half_disc(radius: float) -> Face:
-    return WorkPlane().MoveTo(0.0, -radius).Arc(radius, 180.0).Close().Face()

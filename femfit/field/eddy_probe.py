@@ -30,9 +30,9 @@ from femfit.device.parts import Actuator
 from femfit.field.eddy_task import Patterns, principal
 from femfit.field.force import weight
 from femfit.field.harmonic import ConductorPoints, FieldArray, HarmonicSystem
-from femfit.field.linear_system import Coefficients
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.nonlinear_system import BiasedSystem, static_system
+from femfit.field.point_rows import Coefficients
 from femfit.field.signature_rows import ImpedanceSignatures
 from femfit.field.sweep_task import MeshGroup
 from femfit.field.weak_form import function_of, hall_field

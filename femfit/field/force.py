@@ -113,7 +113,7 @@ class LayerForce:
 
 
 class OtherForces:
-    """Reaction and virtual work of a linear actuator's fields w and u, as they are when :meth:`evaluate` is called.
+    """Reaction and virtual work of the sources' fields w and u, as they are when :meth:`evaluate` is called.
 
     The two are integrated for the products of the sources alone; to assemble their matrices at each distance would take
     four times as long. Both weights vary in the air outside of the mover's layer alone.

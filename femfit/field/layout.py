@@ -56,20 +56,16 @@ def singular_corners(regions: Sequence[Region]) -> list[BoolArray]:
     neither iron nor magnet there is nothing to refine.
     """
     corners: dict[Material, FloatArray] = {}
-    for material, of_it in _by_material(regions).items():
+    parts: defaultdict[Material, list[shapely.Polygon]] = defaultdict(list)
+    for region in regions:
+        parts[region.material].append(polygon(region))
+    for material, of_it in parts.items():
         magnetic = material.relative_permeability != 1.0 or material.remanence_T != 0.0
         corners[material] = np.array(list(_corners(shapely.union_all(of_it)) if magnetic else [])).reshape(-1, 2)
     return [
         np.array([np.any(np.hypot(*(corners[region.material] - place).T) < COINCIDENT) for place in region.vertices_m])
         for region in regions
     ]
-
-
-def _by_material(regions: Iterable[Region]) -> dict[Material, list[shapely.Polygon]]:
-    parts: defaultdict[Material, list[shapely.Polygon]] = defaultdict(list)
-    for region in regions:
-        parts[region.material].append(polygon(region))
-    return parts
 
 
 def _corners(filled: Any) -> Iterable[tuple[float, float]]:

@@ -11,7 +11,7 @@ it changes nothing, so the mesh knows nothing of it, and it may share its sectio
 heights of its corners; in each strip the nodes of Gauss lie along z, and along r between edges.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -58,26 +58,15 @@ class PickupCoils:
                 )
         self._coils = [(coil, *section_nodes(coil.vertices_m)) for coil in coils]
 
-    def at(self, distance: float) -> "PlacedCoils":
-        """The coils where they are with the moving part at a distance in m."""
+    def at(self, distance: float) -> Callable[[GridFunction], dict[str, float]]:
+        """What a solution gives each coil's flux linkage in Wb, with the moving part at a distance in m."""
         placed = {}
         for coil, points, weights in self._coils:
             physical = points + np.array([0.0, distance if coil.moves else 0.0])
             fields = self._moving.unstretched(physical, distance)
             density = coil.turns / weights.sum() * 2.0 * np.pi * points[:, 0] ** 2
             placed[coil.name] = self._moving.mesh(fields[:, 0], fields[:, 1]), density * weights
-        return PlacedCoils(placed)
-
-
-class PlacedCoils:
-    """Points of the mesh and weights for each coil."""
-
-    def __init__(self, placed: Mapping[str, tuple[Any, FloatArray]]) -> None:
-        self._placed = placed
-
-    def linked(self, w: GridFunction) -> dict[str, float]:
-        """Flux linkage of each coil in Wb with a solution."""
-        return {name: float(weights @ w(places)[:, 0]) for name, (places, weights) in self._placed.items()}
+        return lambda w: {name: float(weights @ w(places)[:, 0]) for name, (places, weights) in placed.items()}
 
 
 def section_nodes(corners: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
@@ -146,19 +135,14 @@ class LinearActuator:
         with self._moving.at(distance):
             fine = self._system.evaluate()
             reaction, work = self._others.evaluate()
-            coils = self._pickups.at(distance)
-            linked = [coils.linked(total) for total in self._system.total]
+            linked = [*map(self._pickups.at(distance), self._system.total)]
             lower = None if self._lower is None else self._lower.evaluate()
         self._solved = distance
         return DistanceSolution(
-            force=fine.force,
+            **vars(fine),
             force_change=None if lower is None else fine.force - lower.force,
             reaction=reaction,
             work=work,
-            flux_linkage=fine.flux_linkage,
-            coenergy=fine.coenergy,
-            hall=fine.hall,
-            self_force=fine.self_force,
             pickup={name: np.array([links[name] for links in linked]) for name in linked[0]},
         )
 
@@ -191,8 +175,5 @@ class LinearActuator:
         field = ng.GridFunction(self._system.space)
         for factor, total in zip(factors, self._system.total, strict=True):  # as solved
             field.vec.data += factor * total.vec
-        return PointField(field, _form(solution.force, factors), _form(solution.self_force, factors))
-
-
-def _form(matrix: FloatArray, factors: FloatArray) -> float:
-    return float(factors @ matrix @ factors)
+        force, self_force = (float(factors @ form @ factors) for form in (solution.force, solution.self_force))
+        return PointField(field, force, self_force)

@@ -6,7 +6,6 @@ exactly u + v: u of M, frozen, and of the moving coils' currents in free space, 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import ngsolve as ng
@@ -18,22 +17,11 @@ from femfit.device.parts import Actuator
 from femfit.field.force import LayerForce, quadratic
 from femfit.field.layout import AIR, Layout
 from femfit.field.newton import inner
+from femfit.field.point_rows import Coefficients
 from femfit.field.weak_form import hall_field, linear_materials, reluctivity, source_loads, stiffness
 
 PatternLoads = Callable[[H1], tuple[FloatArray, FloatArray]]
 """Right-hand sides of patterns of induced currents, and of what of them moves; shape (patterns, unknowns) each."""
-
-
-@dataclass(frozen=True, eq=False)
-class Coefficients:
-    """What :meth:`LinearSystem.evaluate` gives; shapes and units as in :mod:`femfit.field.point_rows`."""
-
-    force: FloatArray
-    self_force: FloatArray
-    flux_linkage: FloatArray
-    coenergy: float
-    hall: FloatArray | None
-    rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
 
 
 class SourceFields:

@@ -21,14 +21,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from ngsolve import ConvertOperator
+from ngsolve import ConvertOperator, GridFunction
 
 from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.currents import CurrentsLike, current_points, swept_currents
-from femfit.field.force import AROUND_FIXED, LayerForce, weight
+from femfit.field.force import LayerForce, OtherForces, weight
 from femfit.field.layout import Layout
 from femfit.field.linear_point import PickupCoils
 from femfit.field.material_points import csr
@@ -77,6 +77,8 @@ class NonlinearActuator:
         g = weight(self.mesh)
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
+        self._total, self._own = GridFunction(self.fine.space), GridFunction(self.fine.space)
+        self._others = OtherForces((self._total,), (self._own,), self._moving.reaction_weight, self._moving.work_weight)
         self._signatures: SignatureRows | None = None
         self._solved: dict[float, dict[tuple[float, ...], PointSolution]] = {}  # of the distance last solved
         self._references: States = {}
@@ -118,7 +120,12 @@ class NonlinearActuator:
                     else:
                         start, statuses[key] = np.zeros_like(self.fine.circuits), NO_INDUCTANCE
         self._solved = {distance: solutions}
-        return [self._point(tuple(point), [*results, finest], statuses, solutions) for point in points]
+        solved = []
+        for key in map(tuple, points):  # from the lowest order to the one at which a point ended
+            ended = [of_order[key] for of_order in (*results, finest) if key in of_order]
+            iterations, status = sum(order.iterations for order in ended), statuses.get(key, NO_CONVERGENCE)
+            solved.append(NonlinearPoint(iterations, ended[-1].residual, status, solutions.get(key)))
+        return solved
 
     def signatures(self, distance: float, currents: CurrentsLike, numbers: Sequence[DrawnNumber]) -> FloatArray:
         """As :meth:`femfit.field.signature_rows.SignatureRows.of_states`; NaN where a point has no solution."""
@@ -151,19 +158,17 @@ class NonlinearActuator:
 
     def _evaluation(self, distance: float) -> Callable[[FloatArray, FloatArray, FloatArray, FloatArray], PointSolution]:
         """The evaluation of states at the distance that the mesh is stretched to."""
-        moving, coils = self._moving, self._pickups.at(distance)
-        reaction = work = LayerForce(self.fine.space, moving.reaction_weight, AROUND_FIXED)
-        if moving.work_weight is not moving.reaction_weight:
-            work = LayerForce(self.fine.space, moving.work_weight, AROUND_FIXED)
+        linked = self._pickups.at(distance)
 
         def evaluate(currents: FloatArray, fine: FloatArray, coarse: FloatArray, response: FloatArray) -> PointSolution:
-            total, source_field = self.fine.function(fine), self.fine.function(self.fine.own_state(fine, currents))
-            induced = self.fine.function(fine - source_field.vec.FV().NumPy())
-            self_force = self._layer.between(source_field, source_field)
+            total, own = self._total, self._own
+            total.vec.FV().NumPy()[:], own.vec.FV().NumPy()[:] = fine, self.fine.own_state(fine, currents)
+            self_force = self._layer.between(own, own)
+            reaction, work = (float(form[0, 0]) for form in self._others.evaluate())
             return PointSolution(
                 force=self._layer.between(total, total) - self_force,
-                reaction=2.0 * reaction.between(source_field, induced),
-                work=2.0 * work.between(source_field, induced),
+                reaction=reaction,
+                work=work,
                 coarse_force=self._coarse_force(coarse, currents),
                 self_force=self_force,
                 flux_linkage=self.fine.flux_linkage(fine),
@@ -172,7 +177,7 @@ class NonlinearActuator:
                 hall=None if self._hall is None else hall_field(self._hall, self.mesh, total),
                 beyond_curve=self.fine.beyond_curve(fine),
                 state=fine,
-                pickup=coils.linked(total),
+                pickup=linked(total),
             )
 
         return evaluate
@@ -185,19 +190,6 @@ class NonlinearActuator:
             self.coarse.function(vector) for vector in (state, self.coarse.own_state(state, currents))
         )
         return self._coarse_layer.between(total, total) - self._coarse_layer.between(source_field, source_field)
-
-    def _point(
-        self,
-        key: tuple[float, ...],
-        results: list[dict[tuple[float, ...], NewtonResult]],
-        statuses: Mapping[tuple[float, ...], str],
-        solutions: Mapping[tuple[float, ...], PointSolution],
-    ) -> NonlinearPoint:
-        """How a point was solved, from the lowest order to the one at which it ended."""
-        ended = [of_order[key] for of_order in results if key in of_order]
-        iterations = sum(result.iterations for result in ended)
-        status = statuses.get(key) or ("ok" if ended[-1].converged else NO_CONVERGENCE)
-        return NonlinearPoint(iterations, ended[-1].residual, status, solutions.get(key))
 
 
 def _states(results: Mapping[tuple[float, ...], NewtonResult]) -> States:

@@ -23,7 +23,6 @@ from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator
 from femfit.field.layout import AIR, Layout
 from femfit.field.linear_system import (
-    Coefficients,
     LinearSystem,
     PatternLoads,
     SourceFields,
@@ -32,6 +31,7 @@ from femfit.field.linear_system import (
 )
 from femfit.field.material_points import MaterialPoints, Tensor, csr
 from femfit.field.newton import Expansion, inner, minimise
+from femfit.field.point_rows import Coefficients
 from femfit.field.weak_form import function_of, materials, source_loads, stiffness
 
 RESPONSE_TOLERANCE = 1e-3

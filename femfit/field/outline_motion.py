@@ -16,7 +16,6 @@ Introduction to Shape Optimization, Springer 1992, section 2.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import ngsolve as ng
 import numpy as np
@@ -66,7 +65,9 @@ class OutlineMotion:
     def __init__(self, mesh: Mesh, actuator: Actuator, reference: float, numbers: Sequence[DrawnNumber]) -> None:
         self.mesh, self.actuator, self._reference, self.numbers = mesh, actuator, reference, numbers
         self._points = np.array([vertex.point for vertex in mesh.vertices])
-        self._stiffness = _laplacian(mesh)
+        space = H1(mesh, order=1)
+        u, v = space.TnT()
+        self._stiffness = csr(BilinearForm(grad(u) * grad(v) * dx).Assemble().mat, space.ndof)
         self._outer = _vertices_of(mesh.Boundaries("outer"), mesh)
         self._edges = [edge for location in _magnetic(actuator) for edge in self._on_edges(location)]
 
@@ -237,12 +238,6 @@ def _projected(points: FloatArray, start: FloatArray, stop: FloatArray, bulge: f
     middle = 0.5 * angle
     turned = middle + (turned - middle + math.pi) % (2.0 * math.pi) - math.pi
     return turned / angle, np.abs(np.hypot(*(points - np.array(centre)).T) - radius)
-
-
-def _laplacian(mesh: Mesh) -> Any:
-    space = H1(mesh, order=1)
-    u, v = space.TnT()
-    return csr(BilinearForm(grad(u) * grad(v) * dx).Assemble().mat, space.ndof)
 
 
 def _vertices_of(region: ng.Region, mesh: Mesh) -> BoolArray:

@@ -35,20 +35,27 @@ NO_INDUCTANCE = "failed: the inductance did not converge"
 """The status of points that a saturating part made fail; the table's Newton columns say how near they came."""
 
 
-@dataclass(frozen=True, eq=False)
-class DistanceSolution:
-    """One distance; in N, Wb, T, J and A, with m = 1 + circuits sources."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Coefficients:
+    """Forms in the m sources, of a linear field or of small currents about a bias; in N, Wb, T, J and A."""
 
     force: FloatArray  # Symmetric; shape (m, m)
+    self_force: FloatArray  # The stress of the moving part's own field, as subtracted from the force; shape (m, m)
+    flux_linkage: FloatArray  # Of the circuits, without current and of each source's ampere; shape (m - 1, m)
+    coenergy: float  # W_0
+    hall: FloatArray | None  # Shape (m,)
+    rest: FloatArray | None = None  # Flux linkages without any current, where the others are about a bias
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DistanceSolution(Coefficients):
+    """One distance of a linear actuator, with what tells the error of its force."""
+
     # Change of the force from one polynomial order lower, where that was solved; shape (m, m)
     force_change: FloatArray | None
     # The force by reaction and by virtual work (:class:`femfit.field.force.OtherForces`); shape (m, m)
     reaction: FloatArray
     work: FloatArray
-    flux_linkage: FloatArray  # Of the circuits, without current and of each source's ampere; shape (m - 1, m)
-    coenergy: float  # W_0
-    hall: FloatArray | None  # Shape (m,)
-    self_force: FloatArray  # The stress of the moving part's own field, as subtracted from the force; shape (m, m)
     pickup: Mapping[str, FloatArray] = field(default_factory=dict)  # Flux linkages by the coils' names; shape (m,) each
 
 

@@ -1,6 +1,5 @@
 """The tasks of a sweep, as workers solve them: the level of a group of distances, and each distance."""
 
-import math
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -8,6 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.errors import FemfitError, FieldSolverError
+from femfit.core.files import json_ready
 from femfit.core.interrupts import held_interrupts, kept_interrupts
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
@@ -80,11 +80,11 @@ class DistanceTask:
                 again = finer.rows(self.distance, currents)
                 if _failed(again) < failed:
                     problem, rows = finer, again
-        result = {"rows": {name: [_json_ready(value) for value in values] for name, values in rows.items()}}
+        result = {"rows": json_ready(rows)}  # a current without a field has null
         if not self.numbers:
             return result
         slopes = problem.signatures(self.distance, currents, self.numbers)
-        return result | {"signatures": [[[_json_ready(v) for v in row] for row in slope] for slope in slopes.tolist()]}
+        return result | {"signatures": json_ready(slopes.tolist())}
 
 
 @dataclass(frozen=True)
@@ -125,11 +125,6 @@ def _failed(rows: Mapping[str, Sequence[Any]]) -> int:
 
 SweepTask = DistanceTask | LevelTask
 """What a worker solves; picklable."""
-
-
-def _json_ready(value: Any) -> Any:
-    """JSON has no NaN: a current without a field has null."""
-    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def solve_task(task: SweepTask) -> dict[str, Any]:

@@ -112,7 +112,7 @@ class ToleranceProblem:
     """A group of distances on the level that meets the tolerance; mesh, unknowns and field are the level's."""
 
     def __init__(
-        self, problem: "LevelProblem", settings: SolverSettings, choice: LevelChoice, solved: "_Kept | None" = None
+        self, problem: "LevelProblem", settings: SolverSettings, choice: LevelChoice, solved: "_Solved | None" = None
     ) -> None:
         self.settings, self.choice, self._solved = settings, choice, solved
         self.mesh, self.unknowns, self.field = problem.mesh, problem.unknowns, problem.field
@@ -124,8 +124,8 @@ class ToleranceProblem:
         """Columns of the sweep table at a distance, one value a point."""
         points = current_points(currents, self._currents.shape[1])
         solved = self._solved
-        reusable = solved is not None and distance in solved.columns and np.array_equal(points, solved.points)
-        columns = dict(solved.columns[distance]) if solved and reusable else self._rows(distance, currents)
+        reusable = solved is not None and distance in solved.rows and np.array_equal(points, solved.points)
+        columns = dict(solved.rows[distance]) if solved and reusable else self._rows(distance, currents)
         if "force_N" in columns:
             error = self._relative(points) * scale(columns["force_N"], points)
             columns["force_error_N"] = np.maximum(error, columns[DISAGREEMENT]).tolist()
@@ -159,8 +159,7 @@ def meet_tolerance(
         problem = build(levels[number])
         points = swept if number and not shared else checked  # the level above is the one to keep
         points = points if number or first is None else first
-        rows = {distance: problem.rows(distance, points) for distance in distances}
-        return _Solved(problem, number, _Kept(points, rows), checked)
+        return _Solved(problem, number, checked, points, {d: problem.rows(d, points) for d in distances})
 
     levels = refinement_levels(settings)
     above, met = solve(0), False
@@ -170,7 +169,7 @@ def meet_tolerance(
             for name, values in column.items()
             if name == "force_N" or is_flux(name)
         }
-        for column in above.kept.columns.values()
+        for column in above.rows.values()
     ]
     for level in range(1, len(levels)):
         if met:
@@ -182,7 +181,7 @@ def meet_tolerance(
         chosen = below if shared else above
         met = max(force.max(), flux, _disagreement(chosen, small)) <= tolerance
     choice = LevelChoice(chosen.level, tuple(map(tuple, checked.tolist())), tuple(force.tolist()))
-    return ToleranceProblem(chosen.problem, levels[chosen.level], choice, None if shared else chosen.kept)
+    return ToleranceProblem(chosen.problem, levels[chosen.level], choice, None if shared else chosen)
 
 
 def at_level(
@@ -218,29 +217,21 @@ def check_currents(points: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class _Kept:
-    """The columns at points of the currents, by distance in m."""
-
-    points: FloatArray
-    columns: dict[float, dict[str, list[Any]]]
-
-
-@dataclass(frozen=True, eq=False)
 class _Solved:
-    """What a level gave; its columns, one dictionary a distance, are those at the checked points."""
+    """What a level gave: rows at points of the currents, by distance in m."""
 
     problem: "LevelProblem"
     level: int
-    kept: _Kept
     checked: FloatArray
+    points: FloatArray
+    rows: dict[float, dict[str, list[Any]]]
 
     @cached_property
     def columns(self) -> list[dict[str, FloatArray]]:
-        places = {tuple(point): k for k, point in enumerate(self.kept.points)}
+        """The rows of each distance at the checked points."""
+        places = {tuple(point): k for k, point in enumerate(self.points)}
         chosen = [places[tuple(point)] for point in self.checked]
-        return [
-            {name: np.array(values)[chosen] for name, values in column.items()} for column in self.kept.columns.values()
-        ]
+        return [{name: np.array(values)[chosen] for name, values in rows.items()} for rows in self.rows.values()]
 
 
 def _difference(name: str, first: _Solved, second: _Solved, small: Sequence[Mapping[str, float]]) -> FloatArray:

@@ -1,5 +1,7 @@
-"""The harmonic part of a sweep: patterns of induced currents held against direct solutions, files, resumption."""
+"""The harmonic part of a sweep: patterns held against direct solutions, files, resumption, slopes of impedances."""
 
+import re
+import shutil
 from contextlib import suppress
 from dataclasses import replace
 
@@ -9,27 +11,36 @@ import pytest
 
 import femfit.field.eddy_sweep as eddy_sweep_module
 from femfit.core.errors import TableError
+from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
+from femfit.effects.effect import AddedEffect
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
+from femfit.fit.build import fit_model
+from femfit.model.with_effects import with_effects
 from femfit.tables.eddy_table import NAME, read_eddy, write_eddy
 from femfit.tables.impedance_table import NAME as IMPEDANCE
+from femfit.tables.impedance_table import SLOPES_NAME
 from femfit.tables.sweep_table import read_sweep_table
 from support.eddy_pot import POT
+
+DRAWN = POT.replace("distance_mm = [1, 1.5, 2, 2.5]", "distance_mm = [1, 1.25, 1.5, 1.75, 2, 2.5]")
+"""As many distances as a co-energy needs."""
 
 
 @pytest.fixture(scope="module")
 def actuator():
-    return actuator_from_toml(POT)
+    return actuator_from_toml(DRAWN)
 
 
 @pytest.fixture(scope="module")
-def swept(actuator, tmp_path_factory):
+def swept(tmp_path_factory):
     directory = tmp_path_factory.mktemp("eddy-pot")
-    return directory, run_sweep(actuator, directory, workers=2)
+    (directory / "pot.toml").write_text(DRAWN)
+    return directory / "run", run_sweep(directory / "pot.toml", directory / "run", workers=2, signatures=True)
 
 
 def test_patterns_give_the_direct_solution_on_another_mesh_and_at_other_frequencies(actuator, swept):
@@ -62,7 +73,7 @@ def test_forms_are_symmetric_and_positive(swept):
 def test_impedance_file_has_every_distance_bias_and_frequency(swept, actuator):
     directory, table = swept
     rows = pd.read_csv(directory / IMPEDANCE)
-    assert len(rows) == 4 * 3 * len(actuator.frequencies_Hz)
+    assert len(rows) == 6 * 3 * len(actuator.frequencies_Hz)
     assert set(rows) >= {"resistance_ohm", "inductance_H", "force_real_N_per_A", "hall_imag_T_per_A", "force_error"}
     near = rows[(rows["distance_m"] == 0.001) & (rows["current_A"] == 1.0)]
     assert np.all(np.diff(near["resistance_ohm"]) > 0.0)
@@ -73,11 +84,11 @@ def test_impedance_file_has_every_distance_bias_and_frequency(swept, actuator):
     assert mean == pytest.approx(0.5 * at_rest, rel=0.02)  # 10 Hz
 
 
-def test_a_finished_sweep_solves_nothing_again(swept, actuator, monkeypatch):
+def test_a_finished_sweep_solves_nothing_again(swept, monkeypatch):
     directory, table = swept
     monkeypatch.setattr("femfit.field.eddy_task.ProbeTask.result", None)
     monkeypatch.setattr("femfit.field.eddy_task.FormsTask.result", None)
-    again = run_sweep(actuator, directory, workers=1)
+    again = run_sweep(directory.parent / "pot.toml", directory, workers=1)
     assert np.array_equal(again.eddy.force, table.eddy.force)
     assert np.array_equal(read_sweep_table(directory).eddy.flux_linkage, table.eddy.flux_linkage)
 
@@ -86,7 +97,7 @@ def test_distances_without_eddy_currents_are_named(swept):
     table = swept[1]
     assert table.still_mm == ()
     left = replace(table.eddy, distances_m=table.eddy.distances_m[[0, 2]])
-    assert replace(table, eddy=left).still_mm == (1.5, 2.5)
+    assert replace(table, eddy=left).still_mm == (1.25, 1.75, 2.0, 2.5)
 
 
 def test_a_damaged_file_says_so(tmp_path, swept):
@@ -124,3 +135,64 @@ def test_without_frequencies_nothing_is_written(actuator, tmp_path):
     plain = replace(actuator, frequencies_Hz=(), sweep=replace(actuator.sweep, distances_m=(1e-3,)))
     assert run_sweep(plain, tmp_path, workers=1).eddy is None
     assert not (tmp_path / NAME).exists()
+
+
+def test_a_sweep_with_frequencies_has_them_and_its_conductivity_is_that_of_the_patterns(swept):
+    directory, table = swept
+    slopes = read_sweep_table(directory).impedance_slopes
+    assert slopes.numbers == table.impedance_slopes.numbers
+    np.testing.assert_array_equal(slopes.slopes, table.impedance_slopes.slopes)
+    at_rest = [one.key for one in table.signatures.numbers]
+    assert [one.key for one in slopes.numbers if one.key not in at_rest] == ["materials.iron.conductivity_MS_per_m"]
+    (place,) = [k for k, one in enumerate(slopes.numbers) if one.kind == "conductivity"]
+    s = 2j * np.pi * slopes.frequencies_Hz
+    for distance, exact in zip(slopes.distances_m, slopes.slopes[place, :, :, 0, 0], strict=True):
+        (k,) = np.flatnonzero(table.eddy.distances_m == distance)
+        by_patterns = table.eddy.conductivity_slope(0, int(k), slopes.frequencies_Hz)[:, 0, 0] / s
+        assert np.abs(by_patterns - exact).max() < 0.02 * np.abs(exact).max()
+
+
+def test_at_a_low_frequency_slopes_are_those_at_rest(actuator, swept):
+    signatures, distance = swept[1].signatures, 0.0015
+    numbers = [one for one in numbers_from_toml(POT) if one.facts in signatures.numbers]
+    f, settings = np.array([0.01]), SolverSettings(order=eddy_sweep_module.ORDER, skin_frequency_Hz=0.01)
+    moving = MovingMesh(actuator, (distance,), layout_of(actuator, settings), settings)
+    probe = EddyProbe(actuator, moving, distance, settings.order)
+    transfers, fields = probe.transfers(f)
+    slopes, base = probe.slopes(numbers, f, fields)[:, 0, 0, 0], transfers.flux_linkage
+    for number, slope in zip(numbers, slopes, strict=True):
+        rows = signatures.of(number.facts)
+        here = rows[rows["distance_m"] == distance].set_index("current_A")["flux_linkage_Wb"]
+        at_rest = 0.5 * (here[1.0] - here[-1.0])
+        # The sweep's mesh has no skin layers and another order
+        off = abs(slope - at_rest) * number.facts.tolerance
+        assert off < 0.01 * abs(at_rest) * number.facts.tolerance + 1e-4 * abs(base[0, 0, 0]), number.facts.key
+
+
+def test_a_model_changes_with_a_number_as_the_field_does(swept):
+    slopes, model = swept[1].impedance_slopes, fit_model(swept[1]).model
+    compared = [one for one in slopes.numbers if not one.effect and one.kind != "hall_place"]
+    assert {one.key for one in model.drawn if one.impedance or one.conducts} == {one.key for one in compared}
+    f = slopes.frequencies_Hz
+    for number, by_number in zip(slopes.numbers, slopes.slopes[..., 0, 0], strict=True):
+        if number not in compared:
+            continue
+        (drawn,) = [one for one in model.drawn if one.key == number.key]
+        size = 1e-4 * number.tolerance
+        changed = with_effects(model, [AddedEffect(drawn.effect, {drawn.parameter: size})])
+        for distance, slope in zip(slopes.distances_m, by_number, strict=True):
+            z, expected = model.impedance(distance, 0.0, f), 2j * np.pi * f * slope
+            change = (changed.impedance(distance, 0.0, f) - z) / size
+            # The conductivity by the patterns, which are 2 % off; some numbers are seen by rounding alone
+            limit = (0.02 if number.kind == "conductivity" else 1e-3) * np.abs(expected).max()
+            assert np.all(np.abs(change - expected) < limit + 1e-6 * np.abs(z) / number.tolerance), number.key
+
+
+def test_the_slopes_file_stays_for_the_same_drawing_and_goes_with_another(swept, tmp_path):
+    shutil.copytree(swept[0].parent, tmp_path, dirs_exist_ok=True)
+    drawing, file = tmp_path / "pot.toml", tmp_path / "run" / SLOPES_NAME
+    run_sweep(drawing, tmp_path / "run", workers=1)
+    assert file.is_file()
+    drawing.write_text(re.sub("distance_mm = .*", "distance_mm = [1]", re.sub("frequency_Hz = .*", "", DRAWN)))
+    run_sweep(drawing, tmp_path / "run", workers=1)
+    assert not file.exists()

@@ -9,18 +9,12 @@ import pytest
 import femfit.device.drawn_numbers as drawn_numbers_module
 from femfit.device.drawn_numbers import numbers_from_toml
 from femfit.device.load import actuator_from_toml
-from femfit.effects.effect import AddedEffect
 from femfit.field.eddy_probe import EddyProbe
 from femfit.field.eddy_sweep import ORDER
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.signature_rows import ImpedanceSignatures
-from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
-from femfit.fit.build import fit_model
-from femfit.model.with_effects import with_effects
-from femfit.tables.impedance_table import SLOPES_NAME as NAME
-from femfit.tables.sweep_table import read_sweep_table
 from support.eddy_pot import POT
 
 POT_MAGNET = (Path(__file__).parents[2] / "geometry" / "pot-magnet.toml").read_text()
@@ -69,7 +63,6 @@ CASES = [
     pytest.param(
         RINGED, ("ring.r_mm[0]", "iron.relative_permeability", "sheets.lamination_mm"), LOW, id="ringed, three numbers"
     ),
-    pytest.param(POT_MAGNET, ("polygon_mm[5][0]", "winding.z_mm[1]"), HIGH, id="pot-magnet, two numbers"),
 ]
 
 
@@ -81,7 +74,8 @@ def test_slopes_are_those_between_drawings(monkeypatch, text, keys, frequencies)
     monkeypatch.setattr(drawn_numbers_module, "SHARE_STEP", 0.02)
     farther = {one.facts.key: one for one in numbers_from_toml(text, harmonic=True)}
     compared = 0
-    for distance in (actuator.sweep.distances_m[1], actuator.sweep.distances_m[-1]):
+    distances = actuator.sweep.distances_m[1:2] if keys else actuator.sweep.distances_m[1::2]
+    for distance in distances:
         base, fields, moving, space = solved(actuator, distance, f)
         slopes = ImpedanceSignatures(actuator, numbers, moving, space).at(distance, f, fields)
         for number, slope in zip(numbers, slopes, strict=True):
@@ -94,7 +88,7 @@ def test_slopes_are_those_between_drawings(monkeypatch, text, keys, frequencies)
             noise = np.abs(base) * (1e-8 if number.facts.key.startswith("materials.") else MESH_NOISE)
             assert np.all(np.abs(change - expected) < noise + SECOND_ORDER * np.abs(expected)), number.facts.key
             compared += bool(np.any(np.abs(expected) > 10.0 * noise))
-    assert compared >= 2 * len(keys or range(8))  # most numbers change more than the meshes do
+    assert compared >= len(distances) * len(keys or range(8))  # most numbers change more than the meshes do
 
 
 def test_mutual_slopes_are_symmetric_and_add_up_to_those_of_the_windings_in_series():
@@ -129,71 +123,3 @@ def _apart(actuator):
 def _in_series(actuator):
     coils = tuple(replace(one, circuit="all") for one in actuator.coils)
     return replace(actuator, coils=coils, circuits=(replace(actuator.circuits[0], name="all"),))
-
-
-@pytest.fixture(scope="module")
-def swept(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("slopes")
-    more = "distance_mm = [1, 1.25, 1.5, 1.75, 2, 2.5]"  # as many as a co-energy needs
-    (directory / "pot.toml").write_text(POT.replace("distance_mm = [1, 1.5, 2, 2.5]", more))
-    return directory, run_sweep(directory / "pot.toml", directory / "run", workers=1, signatures=True)
-
-
-def test_a_sweep_with_frequencies_has_them_and_its_conductivity_is_that_of_the_patterns(swept):
-    directory, table = swept
-    slopes = read_sweep_table(directory / "run").impedance_slopes
-    assert slopes.numbers == table.impedance_slopes.numbers
-    np.testing.assert_array_equal(slopes.slopes, table.impedance_slopes.slopes)
-    at_rest = [one.key for one in table.signatures.numbers]
-    assert [one.key for one in slopes.numbers if one.key not in at_rest] == ["materials.iron.conductivity_MS_per_m"]
-    (place,) = [k for k, one in enumerate(slopes.numbers) if one.kind == "conductivity"]
-    s = 2j * np.pi * slopes.frequencies_Hz
-    for distance, exact in zip(slopes.distances_m, slopes.slopes[place, :, :, 0, 0], strict=True):
-        (k,) = np.flatnonzero(table.eddy.distances_m == distance)
-        by_patterns = table.eddy.conductivity_slope(0, int(k), slopes.frequencies_Hz)[:, 0, 0] / s
-        assert np.abs(by_patterns - exact).max() < 0.02 * np.abs(exact).max()
-
-
-def test_at_a_low_frequency_they_are_those_at_rest(swept):
-    signatures, distance = swept[1].signatures, 0.0015
-    numbers = [one for one in numbers_from_toml(POT) if one.facts in signatures.numbers]
-    actuator, f = actuator_from_toml(POT), np.array([0.01])
-    base, fields, moving, space = solved(actuator, distance, f)
-    slopes = ImpedanceSignatures(actuator, numbers, moving, space).at(distance, f, fields)[:, 0, 0, 0]
-    for number, slope in zip(numbers, slopes, strict=True):
-        rows = signatures.of(number.facts)
-        here = rows[rows["distance_m"] == distance].set_index("current_A")["flux_linkage_Wb"]
-        at_rest = 0.5 * (here[1.0] - here[-1.0])
-        # The sweep's mesh has no skin layers and another order
-        off = abs(slope - at_rest) * number.facts.tolerance
-        assert off < 0.01 * abs(at_rest) * number.facts.tolerance + 1e-4 * abs(base[0, 0, 0]), number.facts.key
-
-
-def test_a_model_changes_with_a_number_as_the_field_does(swept):
-    slopes, model = swept[1].impedance_slopes, fit_model(swept[1]).model
-    compared = [one for one in slopes.numbers if not one.effect and one.kind != "hall_place"]
-    assert {one.key for one in model.drawn if one.impedance or one.conducts} == {one.key for one in compared}
-    f = slopes.frequencies_Hz
-    for number, by_number in zip(slopes.numbers, slopes.slopes[..., 0, 0], strict=True):
-        if number not in compared:
-            continue
-        (drawn,) = [one for one in model.drawn if one.key == number.key]
-        size = 1e-4 * number.tolerance
-        changed = with_effects(model, [AddedEffect(drawn.effect, {drawn.parameter: size})])
-        for distance, slope in zip(slopes.distances_m, by_number, strict=True):
-            z, expected = model.impedance(distance, 0.0, f), 2j * np.pi * f * slope
-            change = (changed.impedance(distance, 0.0, f) - z) / size
-            # The conductivity by the patterns, which are 2 % off; some numbers are seen by rounding alone
-            limit = (0.02 if number.kind == "conductivity" else 1e-3) * np.abs(expected).max()
-            assert np.all(np.abs(change - expected) < limit + 1e-6 * np.abs(z) / number.tolerance), number.key
-
-
-def test_the_file_stays_for_the_same_drawing_and_goes_with_another(swept):
-    directory, _ = swept
-    run_sweep(directory / "pot.toml", directory / "run", workers=1)
-    assert (directory / "run" / NAME).is_file()
-    drawing = (directory / "pot.toml").read_text()
-    assert "turns = " in drawing
-    (directory / "pot.toml").write_text(drawing.replace("turns = ", "turns = 1"))
-    run_sweep(directory / "pot.toml", directory / "run", workers=1)
-    assert not (directory / "run" / NAME).exists()

@@ -1,20 +1,25 @@
-"""Exhausted memory, a full disk, a mesh that fails: in linear, saturating and parameter sweeps."""
+"""Exhausted memory, a full disk, a mesh that fails, SIGKILL: in linear, saturating and parameter sweeps."""
 
+import contextlib
 import dataclasses
 import json
+import signal
 import subprocess
 import sys
+import time
 
 import pandas as pd
+import psutil
 import pytest
 
 from femfit.core.errors import FieldSolverError
-from femfit.device.rewrite import variants_from_toml
+from femfit.device.rewrite import read_variants, variants_from_toml
 from femfit.field import moving_mesh, sweep_task
 from femfit.field import sweep as sweep_module
 from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY
+from support.command import FEMFIT
 from support.dying_worker import die_at_20_mm, starve_at_20_mm
 
 QUICK = SolverSettings(order=3)
@@ -23,17 +28,22 @@ AXIS = "{ start = 15, stop = 45, step = 5 }"
 DISTANCES = (0.015, 0.02, 0.025)
 
 
+PATIENCE = 120.0
+"""Seconds for a moment to come, on a busy machine."""
+
+
+def drawing(kind, distances):
+    """The rig with its linear core, with a saturating one, in two variants."""
+    text = TEXT.replace(AXIS, distances).replace("[308, 308, 250]", "[308, 250]")
+    text = text.replace("[20, 80, 20]", "[20, 80]").replace("[10, 10, 11]", "[10, 11]")
+    if kind != "variants":
+        text = text[: text.index("\n[sweep.parameters]\n")].replace('design = "list"', "#")
+    return text.replace('material = "ferrite"', 'material = "steel_1010"') if kind == "saturating" else text
+
+
 def sweep_of(kind):
-    """Three distances of the rig, with its linear core, with a saturating one, in two variants."""
-    text = (
-        TEXT.replace(AXIS, "[15, 20, 25]").replace("[308, 308, 250]", "[308, 250]").replace("[20, 80, 20]", "[20, 80]")
-    )
-    text = text.replace("[10, 10, 11]", "[10, 11]")
-    if kind == "variants":
-        return variants_from_toml(text)
-    if kind == "saturating":
-        text = text.replace('material = "ferrite"', 'material = "steel_1010"')
-    return variants_from_toml(text).actuator
+    """Three distances of the rig."""
+    return variants_from_toml(drawing(kind, "[15, 20, 25]"))
 
 
 KINDS = ("linear", "saturating", "variants")
@@ -133,3 +143,80 @@ def test_a_full_disk_keeps_what_fits_and_the_same_command_goes_on(case, tmp_path
     assert len([json.loads(line) for line in (target / "journal.jsonl").read_bytes().splitlines()]) == 2
     resumed = run_sweep(sweep, target, workers=1, settings=QUICK)
     pd.testing.assert_frame_equal(whole.rows, resumed.rows, check_exact=True)
+
+
+def actuator_file(kind, directory):
+    """Ten solutions that share meshes, with warm starts where the core saturates."""
+    path = directory / f"{kind}.toml"
+    few, many = "[15, 16, 17, 18, 19]", "{ start = 15, stop = 19.5, step = 0.5 }"
+    path.write_text(drawing(kind, few if kind == "variants" else many), encoding="utf-8")
+    return path
+
+
+def kill_when(command, moment):
+    """Run a command and kill it, not its workers, at a moment."""
+    child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + PATIENCE
+    while child.poll() is None and not moment():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    children = []
+    with contextlib.suppress(psutil.NoSuchProcess):
+        children = psutil.Process(child.pid).children(recursive=True)
+    child.send_signal(signal.SIGKILL)
+    child.wait()
+    return child.returncode, children
+
+
+# A saturating sweep that is cut resumes bit for bit in test_nonlinear_sweep too, on a coarser mesh.
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param("linear", marks=pytest.mark.nightly),
+        pytest.param("saturating", marks=pytest.mark.nightly),
+        "variants",
+    ],
+)
+def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_path):
+    path = actuator_file(kind, tmp_path)
+    sweep, target = read_variants(path), tmp_path / "killed"
+    journal = target / "journal.jsonl"
+    command = [FEMFIT, "sweep", str(path), "-o", str(target), "--workers", "2"]
+    for lines in (2, 5):  # the header and one result, and some more: each time in the middle of others
+        code, children = kill_when(command, lambda lines=lines: _lines(journal) >= lines)
+        assert code == -signal.SIGKILL
+        _, left = psutil.wait_procs(children, timeout=PATIENCE)
+        assert left == []  # no worker outlives it
+    before = [json.loads(line) for line in journal.read_bytes().splitlines()[1:] if line.endswith(b"}")]
+    assert 4 <= len(before) < 10
+    sweep_task.MESHES.clear()  # as in a new process
+    resumed = run_sweep(sweep, target, workers=1)
+    sweep_task.MESHES.clear()
+    whole = run_sweep(sweep, tmp_path / "whole", workers=1)
+    assert len(whole.rows) == 30
+    assert (whole.rows["status"] == "ok").all()
+    pd.testing.assert_frame_equal(resumed.rows, whole.rows, check_exact=True)
+    for name in ("sweep.csv", "sweep.parquet", "manifest.json"):
+        assert (target / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+
+
+@pytest.mark.nightly
+def test_a_sweep_killed_while_it_writes_its_table_leaves_none_or_a_whole_one(tmp_path):
+    path, target = actuator_file("linear", tmp_path), tmp_path / "run"
+    run_sweep(read_variants(path), target, workers=1)
+    expected = {name: (target / name).read_bytes() for name in ("sweep.csv", "sweep.parquet", "manifest.json")}
+    for name in expected:
+        (target / name).unlink()
+    command = [FEMFIT, "sweep", str(path), "-o", str(target)]
+    for name in expected:
+        kill_when(command, lambda name=name: (target / name).exists())
+        for other, content in expected.items():
+            if (target / other).exists():
+                assert (target / other).read_bytes() == content
+    assert subprocess.run([*command], check=True, stdout=subprocess.DEVNULL).returncode == 0
+    assert {name: (target / name).read_bytes() for name in expected} == expected
+    assert {file.name for file in target.iterdir()} == {*expected, "journal.jsonl"}
+
+
+def _lines(path):
+    return path.read_bytes().count(b"\n") if path.exists() else 0

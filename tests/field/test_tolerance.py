@@ -81,6 +81,7 @@ def test_the_passive_force_is_smooth_where_a_new_mesh_begins(rig_sweep):
     assert_smooth(rig_sweep.rows[rig_sweep.rows["current_A"] == 0.0])
 
 
+@pytest.mark.nightly
 def test_with_a_tolerance_too_the_passive_force_is_smooth_where_a_new_mesh_begins(tmp_path):
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     near = tuple(d for d in rig.sweep.distances_m if d < 0.026)

@@ -81,8 +81,10 @@ def test_force_on_a_steel_plunger_the_reaction_and_virtual_work_agree_when_it_sa
 
 def solution_of(force, change, reaction, work):
     matrices = ([[a, b / 2.0], [b / 2.0, c]] for a, b, c in (force, change, reaction, work))
-    arrays = (np.array(one, dtype=float) for one in matrices)
-    return DistanceSolution(*arrays, flux_linkage=np.ones((1, 2)), coenergy=0.0, hall=None, self_force=np.zeros((2, 2)))
+    names = ("force", "force_change", "reaction", "work")
+    arrays = {name: np.array(matrix, dtype=float) for name, matrix in zip(names, matrices, strict=True)}
+    nothing = np.zeros((2, 2))
+    return DistanceSolution(**arrays, flux_linkage=np.ones((1, 2)), coenergy=0.0, hall=None, self_force=nothing)
 
 
 @pytest.mark.parametrize(("reaction", "work"), [((1.5, 1.0, 0.0), (1.0, 1.0, 0.0)), ((1.0, 1.0, 0.0), (0.5, 1.0, 0.0))])
