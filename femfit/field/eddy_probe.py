@@ -28,7 +28,6 @@ from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.eddy_task import Patterns, principal
-from femfit.field.force import weight
 from femfit.field.harmonic import ConductorPoints, FieldArray, HarmonicSystem
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.nonlinear_system import BiasedSystem, static_system
@@ -49,13 +48,12 @@ class EddyProbe:
         self, actuator: Actuator, moving: MovingMesh, distance: float, order: int, bias: Sequence[float] = ()
     ) -> None:
         self._actuator, self._hall, self._moving, self.distance = actuator, actuator.hall, moving, distance
-        self._static = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), order)
+        self._static = static_system(moving, actuator, order)
         points = None
         if isinstance(self._static, BiasedSystem):
             self._static.bias, points = np.array(bias), self._static.points
         self._real, self._harmonic = (
-            HarmonicSystem(moving.mesh, actuator, moving.layout, order, real=real, points=points)
-            for real in (True, False)
+            HarmonicSystem(moving, actuator, order, real=real, points=points) for real in (True, False)
         )
         self._beside = range(1 if points is not None else len(self._static.total))  # what small currents pull on
         self._motion = self._moved(MOTION_STEP * moving.layout.clearance)
@@ -179,7 +177,7 @@ class EddyActuator:
             rows = patterns.at(points)
             return points.loads(rows), points.loads(rows, moving=True)
 
-        self._system = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), order, loads)
+        self._system = static_system(moving, actuator, order, loads)
 
     def forms(self, distance: float, bias: Sequence[float] = ()) -> Coefficients:
         """Forms in the sources 1, i_1 .. i_n, e_1 .. e_q at a distance of the mesh's group, about a bias in A."""

@@ -28,19 +28,19 @@ J. Gyselinck, L. Vandevelde, J. Melkebeek and P. Dular, IEEE Trans. Magn. 38 (20
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ngsolve as ng
 import numpy as np
 import shapely
-from ngsolve import H1, BilinearForm, InnerProduct, Mesh, dx
+from ngsolve import H1, BilinearForm, InnerProduct, dx
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator, Material, Region, skin_depth
-from femfit.field.layout import AIR, Layout, polygon
+from femfit.field.layout import AIR, polygon
 from femfit.field.linear_system import SummedInverse
 from femfit.field.material_points import MaterialPoints, QuadraturePoints
 from femfit.field.weak_form import (
@@ -52,6 +52,9 @@ from femfit.field.weak_form import (
     reluctivity,
     stiffness,
 )
+
+if TYPE_CHECKING:
+    from femfit.field.moving_mesh import MovingMesh
 
 LAYER_DEPTHS = 2.0
 """Numerical: of the outermost layer of elements over the skin depth, at most."""
@@ -107,23 +110,22 @@ class HarmonicSystem:
 
     def __init__(
         self,
-        mesh: Mesh,
+        moving: "MovingMesh",
         actuator: Actuator,
-        layout: Layout,
         order: int,
         *,
         real: bool = False,
         points: MaterialPoints | None = None,
     ) -> None:
-        self.space = H1(mesh, order=order, complex=not real)
+        self.space = H1(moving.mesh, order=order, complex=not real)
         named, conducting = materials(actuator), conductors(actuator)
-        self._air = stiffness(self.space, ng.CF(1.0 / MU_0), layout.outer_radius, regions=AIR)
+        self._air = stiffness(self.space, ng.CF(1.0 / MU_0), moving.layout.outer_radius, regions=AIR)
         self._frequency = ng.Parameter(1.0) if real else ng.ParameterC(1.0)
         self._still: list[BilinearForm] = []
         if points is not None:
             self._renewed = [points.tangent_on(self.space)]
         else:
-            nu = reluctivity(mesh, linear_materials(actuator))
+            nu = reluctivity(moving.mesh, linear_materials(actuator))
             still = "|".join(name for name in named if name not in conducting)
             if still:
                 self._still = [stiffness(self.space, nu, None, regions=still).Assemble()]

@@ -25,7 +25,7 @@ from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.electrics import PickupCoil
 from femfit.device.parts import Actuator
 from femfit.field.currents import CurrentsLike, current_points, sources
-from femfit.field.force import OtherForces, weight
+from femfit.field.force import OtherForces
 from femfit.field.layout import Layout
 from femfit.field.linear_system import LinearSystem
 from femfit.field.moving_mesh import MovingMesh, PointField
@@ -116,9 +116,8 @@ class LinearActuator:
         self._moving = MovingMesh(actuator, group, layout, settings)
         self.mesh = self._moving.mesh
         self._pickups = PickupCoils(actuator, self._moving)
-        g = weight(self.mesh)
-        self._system = LinearSystem(self.mesh, actuator, layout, g, settings.order)
-        self._lower = LinearSystem(self.mesh, actuator, layout, g, settings.order - 1) if estimate else None
+        self._system = LinearSystem(self._moving, actuator, settings.order)
+        self._lower = LinearSystem(self._moving, actuator, settings.order - 1) if estimate else None
         self._signatures: SignatureRows | None = None
         self._solved: float | None = None  # distance that the fields are of
         self._others = OtherForces(

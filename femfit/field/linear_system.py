@@ -6,19 +6,22 @@ exactly u + v: u of M, frozen, and of the moving coils' currents in free space, 
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, BilinearForm, GridFunction, Mesh, dx
+from ngsolve import H1, BilinearForm, GridFunction, dx
 
 from femfit.core.numerics import MU_0, FloatArray, IntArray
 from femfit.device.parts import Actuator
 from femfit.field.force import LayerForce, quadratic
-from femfit.field.layout import AIR, Layout
+from femfit.field.layout import AIR
 from femfit.field.newton import inner
 from femfit.field.point_rows import Coefficients
 from femfit.field.weak_form import hall_field, linear_materials, reluctivity, source_loads, stiffness
+
+if TYPE_CHECKING:
+    from femfit.field.moving_mesh import MovingMesh
 
 PatternLoads = Callable[[H1], tuple[FloatArray, FloatArray]]
 """Right-hand sides of patterns of induced currents, and of what of them moves; shape (patterns, unknowns) each."""
@@ -58,18 +61,12 @@ class LinearSystem(SourceFields):
     """Forms, loads and force matrix; from one distance to the next only the air's form changes."""
 
     def __init__(
-        self,
-        mesh: Mesh,
-        actuator: Actuator,
-        layout: Layout,
-        g: GridFunction,
-        order: int,
-        patterns: PatternLoads | None = None,
+        self, moving: "MovingMesh", actuator: Actuator, order: int, patterns: PatternLoads | None = None
     ) -> None:
-        super().__init__(H1(mesh, order=order), actuator, g, patterns)
+        super().__init__(H1(moving.mesh, order=order), actuator, moving.mover_weight, patterns)
         named = linear_materials(actuator)
-        parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(mesh, named)
-        self._air = stiffness(self.space, nu_0, layout.outer_radius, regions=AIR)
+        parts, nu_0, nu = "|".join(named), ng.CF(1.0 / MU_0), reluctivity(self.mesh, named)
+        self._air = stiffness(self.space, nu_0, moving.layout.outer_radius, regions=AIR)
         self._solid, self._vacuum = (
             [stiffness(self.space, reluctivity, None, regions=parts).Assemble()] if named else []
             for reluctivity in (nu, nu_0)

@@ -56,7 +56,7 @@ class MovingMesh:
         self.mesh = build_mesh(actuator, self.reference, self.layout, settings)
         _, low, _, high = layer_outlines(actuator, self.layout)[1].bounds
         self._layer_heights = (low + self.reference, high + self.reference)
-        self.reaction_weight = weight(self.mesh, AROUND_FIXED)
+        self.mover_weight, self.reaction_weight = weight(self.mesh), weight(self.mesh, AROUND_FIXED)
         self.work_weight = self.reaction_weight
         if self.layout.stretchable:
             self.work_weight = stretch_share(self.mesh, self.layout, self._layer_heights)
@@ -68,7 +68,7 @@ class MovingMesh:
         The stretch's own, or all of it within the mover's layer: neither moves an element at a corner of either part,
         where the energy of each part's own field is in error.
         """
-        share = self.work_weight if self.layout.stretchable else weight(self.mesh)
+        share = self.work_weight if self.layout.stretchable else self.mover_weight
         return np.array(share.vec.FV().NumPy()[: self.mesh.nv])
 
     def move_to(self, distance: float) -> None:

@@ -28,7 +28,7 @@ from femfit.core.numerics import FloatArray
 from femfit.device.drawn_numbers import DrawnNumber
 from femfit.device.parts import Actuator
 from femfit.field.currents import CurrentsLike, current_points, swept_currents
-from femfit.field.force import LayerForce, OtherForces, weight
+from femfit.field.force import LayerForce, OtherForces
 from femfit.field.layout import Layout
 from femfit.field.linear_point import PickupCoils
 from femfit.field.material_points import csr
@@ -69,12 +69,12 @@ class NonlinearActuator:
         self._pickups = PickupCoils(actuator, self._moving)
         below = settings.order - 1
         orders = sorted({min(FIRST_ORDER, below), below} if estimate else {min(FIRST_ORDER, below)})
-        self._systems = [NonlinearSystem(self.mesh, actuator, layout, order) for order in (*orders, settings.order)]
+        self._systems = [NonlinearSystem(self._moving, actuator, order) for order in (*orders, settings.order)]
         self.coarse, self.fine = self._systems[-2:]
         self._raise_order = [
             csr(ConvertOperator(low.space, high.space), low.space.ndof) for low, high in pairwise(self._systems)
         ]
-        g = weight(self.mesh)
+        g = self._moving.mover_weight
         self._layer = LayerForce(self.fine.space, g)
         self._coarse_layer = LayerForce(self.coarse.space, g) if estimate else None
         self._total, self._own = GridFunction(self.fine.space), GridFunction(self.fine.space)

@@ -16,12 +16,12 @@ from dataclasses import replace
 
 import ngsolve as ng
 import numpy as np
-from ngsolve import H1, ConvertOperator, GridFunction, Mesh
+from ngsolve import H1, ConvertOperator, GridFunction
 
 from femfit.core.errors import FieldSolverError
 from femfit.core.numerics import MU_0, FloatArray
 from femfit.device.parts import Actuator
-from femfit.field.layout import AIR, Layout
+from femfit.field.layout import AIR
 from femfit.field.linear_system import (
     LinearSystem,
     PatternLoads,
@@ -30,6 +30,7 @@ from femfit.field.linear_system import (
     inner_products,
 )
 from femfit.field.material_points import MaterialPoints, Tensor, csr
+from femfit.field.moving_mesh import MovingMesh
 from femfit.field.newton import Expansion, inner, minimise
 from femfit.field.point_rows import Coefficients
 from femfit.field.weak_form import function_of, materials, source_loads, stiffness
@@ -43,15 +44,15 @@ RESPONSE_LIMIT = 100
 class NonlinearSystem:
     """What :func:`femfit.field.newton.minimise` minimises; states are coefficient vectors of w."""
 
-    def __init__(self, mesh: Mesh, actuator: Actuator, layout: Layout, order: int) -> None:
-        self.space = H1(mesh, order=order)
+    def __init__(self, moving: MovingMesh, actuator: Actuator, order: int) -> None:
+        self.space = H1(moving.mesh, order=order)
         self.points = MaterialPoints(self.space, materials(actuator))
         self._magnets = self.points.load(self.points.coercive_field)
         # Loads of 1 A in each circuit, and in its moving coils alone; shape (circuits, unknowns)
         self.circuits, self.own_circuits = (
-            source_loads(self.space, actuator, moving=moving)[1:] for moving in (False, True)
+            source_loads(self.space, actuator, moving=moves)[1:] for moves in (False, True)
         )
-        nu_0, radius = ng.CF(1.0 / MU_0), layout.outer_radius
+        nu_0, radius = ng.CF(1.0 / MU_0), moving.layout.outer_radius
         self._air = stiffness(self.space, nu_0, radius, regions=AIR)
         self._air_uncondensed = stiffness(self.space, nu_0, radius, regions=AIR, condense=False)
         self._vacuum = stiffness(self.space, nu_0, None, regions=self.points.regions).Assemble()  # moves with its parts
@@ -170,33 +171,24 @@ FIRST_ORDER = 2
 
 
 def static_system(
-    mesh: Mesh, actuator: Actuator, layout: Layout, g: GridFunction, order: int, patterns: PatternLoads | None = None
+    moving: MovingMesh, actuator: Actuator, order: int, patterns: PatternLoads | None = None
 ) -> "LinearSystem | BiasedSystem":
     """The system of an actuator's fields at rest, exact or small about the bias."""
-    kind = BiasedSystem if actuator.saturates else LinearSystem
-    return kind(mesh, actuator, layout, g, order, patterns)
+    return (BiasedSystem if actuator.saturates else LinearSystem)(moving, actuator, order, patterns)
 
 
 class BiasedSystem(SourceFields):
     """The system of the module's head, used like a :class:`LinearSystem`; ``bias`` has the circuits' currents in A."""
 
     def __init__(
-        self,
-        mesh: Mesh,
-        actuator: Actuator,
-        layout: Layout,
-        g: GridFunction,
-        order: int,
-        patterns: PatternLoads | None = None,
+        self, moving: MovingMesh, actuator: Actuator, order: int, patterns: PatternLoads | None = None
     ) -> None:
         self.bias = np.zeros(len(actuator.circuits))
-        self._levels = [
-            NonlinearSystem(mesh, actuator, layout, degree) for degree in dict.fromkeys((FIRST_ORDER, order))
-        ]
+        self._levels = [NonlinearSystem(moving, actuator, degree) for degree in dict.fromkeys((FIRST_ORDER, order))]
         self._raise_order = csr(
             ConvertOperator(self._levels[0].space, self._levels[-1].space), self._levels[0].space.ndof
         )
-        super().__init__(self._levels[-1].space, actuator, g, patterns)
+        super().__init__(self._levels[-1].space, actuator, moving.mover_weight, patterns)
 
     @property
     def points(self) -> MaterialPoints:

@@ -11,7 +11,6 @@ from femfit.device.load import actuator_from_toml
 from femfit.field.currents import bias_currents
 from femfit.field.eddy_probe import EddyActuator, EddyProbe, PatternFields
 from femfit.field.eddy_sweep import induces
-from femfit.field.force import weight
 from femfit.field.harmonic import ConductorPoints
 from femfit.field.nonlinear_system import static_system
 from femfit.field.sweep import run_sweep
@@ -37,7 +36,7 @@ def both():
 
 
 def forms(actuator, moving):
-    space = static_system(moving.mesh, actuator, moving.layout, weight(moving.mesh), ORDER).space
+    space = static_system(moving, actuator, ORDER).space
     points = ConductorPoints(space, actuator, moving.reference)
     inside = np.where(points.moving_rows, 0.0, points.places[:, 0])
     outer = np.where(points.moving_rows, 1.0, points.places[:, 0] ** 2)

@@ -5,7 +5,6 @@ import pytest
 
 import femfit as ff
 from femfit.device.load import actuator_from_toml
-from femfit.field.force import weight
 from femfit.field.nonlinear_system import BiasedSystem
 from support.pull_in import FAR, FLAT, PullIn, arrival, switched_field, switched_model
 
@@ -46,7 +45,7 @@ def test_the_field_in_time_ends_in_the_static_state():
     _, distances, currents, flux, force = field.run(2.0, FAR, np.geomspace(1e-4, 0.1, 24))
     assert set(distances) == {FAR}
     assert currents[-1] == pytest.approx(2.0 / actuator.circuits[0].resistance_ohm, rel=1e-4)
-    held = BiasedSystem(field.moving.mesh, actuator, field.moving.layout, weight(field.moving.mesh), 2)
+    held = BiasedSystem(field.moving, actuator, 2)
     held.bias = currents[-1:]
     at_rest = held.evaluate()
     assert flux[-1] == pytest.approx(at_rest.flux_linkage[0, 0], rel=1e-4)

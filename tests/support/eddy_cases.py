@@ -53,7 +53,7 @@ class Harmonic:
         """Inductances in H between the circuits at s in 1/s, and the fields of 1 A in each as GridFunctions."""
         real = not isinstance(s, complex)
         with self.moving.at(self.distance):
-            system = HarmonicSystem(self.moving.mesh, self.actuator, self.moving.layout, self.settings.order, real=real)
+            system = HarmonicSystem(self.moving, self.actuator, self.settings.order, real=real)
             system.move()
             loads = source_loads(ng.H1(self.moving.mesh, order=self.settings.order), self.actuator)[1:]
             w = system.solve(s, loads)

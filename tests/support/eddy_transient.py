@@ -43,7 +43,7 @@ def step_of_voltage(actuator, moving, volts, first, last, per_octave):
     K w + M dw/dt = load i with volts = R i + load . dw/dt, both as one system E dy/dt = A y + f. A step of voltage has
     no time of its own: steps double from octave to octave of time, ``per_octave`` in each, from ``first`` to ``last``.
     """
-    system = HarmonicSystem(moving.mesh, actuator, moving.layout, ORDER, real=True)
+    system = HarmonicSystem(moving, actuator, ORDER, real=True)
     system.move()
     form = BilinearForm(system.space)
     add_eddy_form(form, conductors(actuator))

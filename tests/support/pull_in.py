@@ -9,7 +9,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from femfit.device.load import actuator_from_toml
-from femfit.field.force import LayerForce, weight
+from femfit.field.force import LayerForce
 from femfit.field.harmonic import ConductorPoints, add_eddy_form, conductors
 from femfit.field.layout import layout_of
 from femfit.field.linear_system import SummedInverse
@@ -131,11 +131,10 @@ class PullIn:
         settings = SolverSettings(order=order, skin_frequency_Hz=skin_frequency_Hz)
         self.actuator = actuator
         self.moving = MovingMesh(actuator, tuple(sorted(distances)), layout_of(actuator, settings), settings)
-        mesh = self.moving.mesh
-        self.system = NonlinearSystem(mesh, actuator, self.moving.layout, order)
+        self.system = NonlinearSystem(self.moving, actuator, order)
         self.points = ConductorPoints(self.system.space, actuator, self.moving.reference)
         self.stage = Stage(self.system, self.points, actuator, conducts=conducts)
-        self.layer = LayerForce(self.system.space, weight(mesh))
+        self.layer = LayerForce(self.system.space, self.moving.mover_weight)
 
     def force(self, w, current):
         """On the moving part in N, of the last stage."""
