@@ -169,17 +169,16 @@ def read_field_model(path: Path) -> FieldModel:
     try:
         data = _File.model_validate_json(path.read_bytes())
         coefficients = np.array([data.coefficients_T[name] for name in data.terms.names])
-    except ValidationError as error:
-        wrong = [
-            f"{'.'.join(map(str, problem['loc'])) or 'the file'}: {problem['msg']}" for problem in error.errors()[:3]
-        ]
-        raise ModelFileError(_refusal(path, "; ".join(wrong))) from error
-    except OSError as error:
-        raise ModelFileError(_refusal(path, error.strerror or str(error))) from error
-    except KeyError as error:
-        raise ModelFileError(_refusal(path, f"coefficients_T: {error} is missing")) from error
+    except (ValidationError, OSError, KeyError) as error:
+        reason = f"coefficients_T: {error} is missing" if isinstance(error, KeyError) else str(error)
+        if isinstance(error, OSError):
+            reason = error.strerror or reason
+        elif isinstance(error, ValidationError):
+            places = (
+                (".".join(map(str, problem["loc"])) or "the file", problem["msg"]) for problem in error.errors()[:3]
+            )
+            reason = "; ".join(f"{place}: {text}" for place, text in places)
+        raise ModelFileError(
+            f"{path} cannot be read as a {_KIND}: {reason[:300]}. Identify it again from a lab record."
+        ) from error
     return FieldModel(data.terms, coefficients, data.rms_T)
-
-
-def _refusal(path: Path, reason: str) -> str:
-    return f"{path} cannot be read as a {_KIND}: {reason[:300]}. Identify it again from a lab record."

@@ -15,7 +15,7 @@ from femfit.integrate.constants import OFFSET_SIGMA_V, SETTLING_S, STILL_A
 from femfit.integrate.field_of_current import FieldModel, write_field_model
 from femfit.integrate.identified_field import CurrentField, field_of_ratio, field_of_swept_model, identified_field
 from femfit.integrate.methods import FILTERS, CoilIntegral, IntegrationOptions, Method
-from femfit.integrate.record_stream import stream_record
+from femfit.integrate.record_stream import Streamed, stream_record
 from femfit.integrate.uncertainty import LinearSigma, SensingCoil, Systematics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
@@ -161,37 +161,38 @@ def integrate_coil(
     if chosen == "ffa2" and offset_sigma_V is None:
         before = replace(systematics, offset_voltage_V=OFFSET_SIGMA_V["trapezoid"])
     quantity = "flux_linkage_Wb" if coil_area_m2 is None else "field_T"
+    claimed = before, systematics
     streamed = stream_record(
-        source,
-        recorded,
-        options,
-        current_field,
-        (before, systematics),
-        quantity,
-        smooth=smooth,
-        output=output,
-        progress=progress,
+        source, recorded, options, current_field, claimed, quantity, smooth=smooth, output=output, progress=progress
     )
-    end, claimed = streamed.last, systematics if streamed.corrected else before
-    parts = {name: float(values[-1]) for name, values in end.responses.parts(claimed).items()}
-    return CoilIntegral(
+    return _integral(
+        streamed,
         record="a table" if isinstance(source, pd.DataFrame) else str(source.path),
         method=chosen,
         smoothed=smooth,
         quantity=quantity,
+        coverage=coverage,
+        output=output,
+        field_model=written,
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _integral(streamed: Streamed, **facts: Any) -> CoilIntegral:
+    """The result at a record's end, with the facts that the stream does not know."""
+    end = streamed.last
+    parts = {name: float(values[-1]) for name, values in end.responses.parts(streamed.systematics).items()}
+    return CoilIntegral(
         samples=streamed.samples,
         sample_time_s=streamed.sample_time,
         end_s=float(end.time[-1]),
         value=float(end.field[-1]),
-        standard_uncertainty=float(end.sigma(claimed)[-1]),
-        coverage=coverage,
+        standard_uncertainty=float(end.sigma(streamed.systematics)[-1]),
         parts={"noise": float(np.sqrt(end.variance[-1])), **parts},
         offset_V=float(end.offset[-1]),
         findings=streamed.findings,
-        output=output,
-        field_model=written,
         rows=streamed.rows,
-        seconds=time.perf_counter() - begin,
+        **facts,
     )
 
 

@@ -31,7 +31,7 @@ class Streamed:
     last: FieldBlock
     samples: int
     sample_time: float
-    corrected: bool  # Whether an offset voltage was taken off
+    systematics: Systematics  # That are left at the end
     findings: tuple[Finding, ...]
     rows: pd.DataFrame | None
 
@@ -83,18 +83,15 @@ def stream_record(
             watch.see(block, out)
             samples, corrected = samples + len(block), bool(taken_off[-1])
             show(samples, total or 0)
-        _require_zero_reading(options, float(out.time[-1] - first.time[0]))
+        length = float(out.time[-1] - first.time[0])
+        if options.zero_reading is not None and length <= options.zero_reading:
+            raise TableError(
+                f"The zero reading must end before the record does; instead it lasts {options.zero_reading:g} s, and "
+                f"the record {length:.3g} s. Give a smaller --zero-reading-s."
+            )
     findings = (*watch.findings(), *_no_plateau(options, corrected))
     rows = pd.concat(blocks_read, ignore_index=True) if blocks_read else None
-    return Streamed(out, samples, integrator.sample_time, corrected, findings, rows)
-
-
-def _require_zero_reading(options: IntegrationOptions, length: float) -> None:
-    if options.method == "ffa1" and options.zero_reading is not None and length <= options.zero_reading:
-        raise TableError(
-            f"The zero reading must end before the record does; instead it lasts {options.zero_reading:g} s, and "
-            f"the record {length:.3g} s. Give a smaller --zero-reading-s."
-        )
+    return Streamed(out, samples, integrator.sample_time, systematics[corrected], findings, rows)
 
 
 def _no_plateau(options: IntegrationOptions, corrected: bool) -> tuple[Finding, ...]:
