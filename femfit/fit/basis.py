@@ -158,16 +158,17 @@ CurrentFunctions = CurrentSplines | CurrentProducts
 
 @dataclass(frozen=True, eq=False)
 class CoenergyBasis:
-    """Splines of degree U_DEGREE in a coordinate of the distance, times functions of the currents."""
+    """Splines in a coordinate of the distance, times functions of the currents."""
 
     coordinate: DistanceCoordinate
     u_knots: FloatArray
     functions: CurrentFunctions
+    u_degree: int = U_DEGREE
 
     @property
     def shape(self) -> tuple[int, int]:
         """Number of basis functions in u and of the currents."""
-        return len(self.u_knots) - U_DEGREE - 1, self.functions.count
+        return len(self.u_knots) - self.u_degree - 1, self.functions.count
 
     @property
     def size(self) -> int:
@@ -180,7 +181,7 @@ class CoenergyBasis:
         return len(np.unique(self.u_knots)) - 1
 
     def columns(
-        self, distance: FloatArray, currents: FloatArray, along: int, circuits: Sequence[int] = ()
+        self, distance: FloatArray, currents: FloatArray, along: int = 0, circuits: Sequence[int] = ()
     ) -> FloatArray:
         """Each function at distances (rows,) and currents (rows, n), differentiated; (rows, functions).
 
@@ -192,7 +193,7 @@ class CoenergyBasis:
             The circuits along whose currents it is differentiated, each once.
         """
         u, first, second = self.coordinate.with_slopes(distance)
-        in_u = [basis_matrix(u, self.u_knots, U_DEGREE, k) for k in range(min(along, 1), along + 1)]
+        in_u = [basis_matrix(u, self.u_knots, self.u_degree, k) for k in range(min(along, 1), along + 1)]
         if along == 1:
             in_u[0] = first[:, None] * in_u[0]
         elif along == 2:

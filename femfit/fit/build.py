@@ -2,7 +2,7 @@
 
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,13 @@ from femfit.core.errors import FitError, UsageError
 from femfit.core.numerics import GRAVITY
 from femfit.core.text import amount
 from femfit.device.electrics import Circuit
-from femfit.fit.circuits_fit import CircuitsFit, fit_circuits
-from femfit.fit.coenergy import CoenergyFit, fit_coenergy, missed_between
+from femfit.fit.circuits_fit import fit_circuits
+from femfit.fit.coenergy import fit_coenergy, missed_between
 from femfit.fit.constants import MAY_MISS, STORED
 from femfit.fit.drawing import drawn_effects
 from femfit.fit.eddy import with_eddy_currents
 from femfit.fit.law_columns import default_bounds
-from femfit.fit.law_fit import LawFit, fit_law, law_magnetics
+from femfit.fit.law_fit import LawFit, fit_law
 from femfit.fit.misfit import absent_points, as_written, import_notes, misfit_notes, misfit_to_rows, sheet_notes
 from femfit.fit.model_parts import (
     actuator_entry,
@@ -34,16 +34,15 @@ from femfit.fit.model_parts import (
     with_period,
     within_sweep,
 )
-from femfit.fit.network_fit import NetworkFit, better_network, fit_network
-from femfit.fit.ranking import Ranking, rank_laws
-from femfit.fit.result import FitResult
+from femfit.fit.network_fit import better_network, fit_network
+from femfit.fit.ranking import rank_laws
+from femfit.fit.result import FitResult, Fits
 from femfit.fit.rows import FitRows, rows_of_table
 from femfit.fit.saturating_circuits import require_currents
 from femfit.fit.sensed_field import HallFit, SensedRows, fit_hall, fit_pickups, fit_sensed
 from femfit.laws.catalogue import all_laws, law_by_name
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallField
-from femfit.model.magnetics import Magnetics
 from femfit.model.network_magnetics import NETWORK
 from femfit.model.validity import Misfit
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
@@ -167,42 +166,12 @@ def fit_model(
         *(fits.circuits.notes() if fits.circuits else misfit_notes(model, rows, spline, between)),
         *missed_by,
     )
-    result = FitResult(
-        model,
-        fits.coenergy,
-        fits.law,
-        fits.ranking,
-        hall,
-        rows,
-        notes,
-        import_notes(table),
-        fits.network,
-        fits.circuits,
-        between,
-    )
+    of_data = import_notes(table)
+    result = FitResult(**vars(fits), model=model, hall=hall, rows=rows, notes=notes, of_data=of_data, between=between)
     if rows.several:
         return result.with_provenance(table.manifest)
     versions = {name: version(name) for name in ("femfit", "numpy", "scipy")}
     return result.with_provenance(table.manifest, versions={"python": platform.python_version(), **versions})
-
-
-@dataclass(frozen=True)
-class Fits:
-    """What was fitted: of one circuit a co-energy and perhaps a law in its place, or the co-energy of several."""
-
-    coenergy: CoenergyFit | None = None
-    law: LawFit | None = None
-    ranking: Ranking | None = None
-    network: NetworkFit | None = None
-    circuits: CircuitsFit | None = None
-
-    def magnetics(self, rows: FitRows, inductance_H: float | None) -> Magnetics:
-        """The law's, the network's or the co-energy's."""
-        if self.law is not None:
-            return law_magnetics(self.law, rows, inductance_H)
-        fit = self.network or self.circuits or self.coenergy
-        assert fit is not None  # noqa: S101  a co-energy that is needed raises
-        return fit.magnetics
 
 
 def _fits(
@@ -229,7 +198,7 @@ def _fits(
     except FitError:
         if law_fit is None and network is None:
             raise
-    return Fits(coenergy, law_fit, ranking, network)
+    return Fits(coenergy=coenergy, law=law_fit, ranking=ranking, network=network)
 
 
 def _circuits(

@@ -162,10 +162,6 @@ MOVED_BREAKS, PARTED = 0.2, (0.5, 0.5, 0.68)
 """Calibrated, on the grids that :mod:`femfit.fit.coenergy` names: by what part of the narrowest cell the breaks in the
 current are moved, and which part of the other splines' departures is taken for force, flux linkage and inductance."""
 
-JUDGED = 2
-"""Derived: force and flux linkage are asked for on held-out rows; the inductance, their slope, only helps to find
-them."""
-
 # Laws
 
 NETWORK_STARTS = ((0.3, 0.02), (0.3, 0.2), (0.05, 0.02), (0.05, 0.2))

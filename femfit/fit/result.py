@@ -9,7 +9,7 @@ import numpy as np
 from femfit.core.results import Printed
 from femfit.fit.circuits_fit import CircuitsFit
 from femfit.fit.coenergy import SHAPES, Between, CoenergyFit, splines_of_current
-from femfit.fit.law_fit import LawFit
+from femfit.fit.law_fit import LawFit, law_magnetics
 from femfit.fit.misfit import finer_settings
 from femfit.fit.network_fit import NetworkFit
 from femfit.fit.printed import printed
@@ -17,6 +17,7 @@ from femfit.fit.ranking import Ranking
 from femfit.fit.rows import FitRows, rms
 from femfit.fit.sensed_field import HallFit
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.magnetics import Magnetics
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
 from femfit.model.validity import Misfit
 
@@ -24,8 +25,27 @@ _FINE = 101
 """Numerical: so many distances and currents are looked at between the sweep's points."""
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FitResult(Printed):
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Fits:
+    """What was fitted: of one circuit a co-energy and perhaps a law in its place, or the co-energy of several."""
+
+    coenergy: CoenergyFit | None = None
+    law: LawFit | None = None
+    ranking: Ranking | None = None
+    network: NetworkFit | None = None
+    circuits: CircuitsFit | None = None
+
+    def magnetics(self, rows: FitRows, inductance_H: float | None) -> Magnetics:
+        """The law's, the network's or the co-energy's."""
+        if self.law is not None:
+            return law_magnetics(self.law, rows, inductance_H)
+        fit = self.network or self.circuits or self.coenergy
+        assert fit is not None  # noqa: S101  a co-energy that is needed raises
+        return fit.magnetics
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FitResult(Printed, Fits):
     """A model and how it came about.
 
     Parameters
@@ -47,7 +67,7 @@ class FitResult(Printed):
     network : NetworkFit or None
         The law of a plunger that saturates, where it was asked for or is better than every other law.
     circuits : CircuitsFit or None
-        The quadratic form of several circuits; ``rows`` then has the first one's currents and flux linkages.
+        The co-energy of several circuits.
     between : Between or None
         Of a co-energy whose iron saturates: what it may be off by between the table's points.
 
@@ -60,15 +80,10 @@ class FitResult(Printed):
     """
 
     model: ActuatorModel
-    coenergy: CoenergyFit | None
-    law: LawFit | None
-    ranking: Ranking | None
     hall: HallFit | None
     rows: FitRows
     notes: tuple[str, ...]
     of_data: tuple[str, ...] = ()
-    network: NetworkFit | None = None
-    circuits: CircuitsFit | None = None
     between: Between | None = None
 
     @property

@@ -22,8 +22,9 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.core.sweep_columns import PICKUP_COLUMN
 from femfit.core.text import amount
-from femfit.fit.basis import clamped_knots, left_by_currents, row_products
+from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, left_by_currents, row_products
 from femfit.fit.bounded_qp import solve_bounded_qp
+from femfit.fit.coenergy import splines_of_current
 from femfit.fit.coenergy_choice import Along, choose_along_distance, distance_coordinates
 from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HALL_TARGET, HELD_OUT_TARGET, U_DEGREE
 from femfit.fit.rows import FitRows, rms
@@ -188,12 +189,10 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     """Fit the field B_z (n,) in T at the Hall element; FitError if there is only one current."""
     scale = float(np.ptp(hall)) or 1.0
     basis, held_out = _choose(rows, hall, scale)
-    qp = solve_bounded_qp(basis.columns(rows.distance, rows.current), hall, np.full_like(hall, 1e-4 * scale))
-    shape = (len(basis.knots_u) - basis.u_degree - 1, basis.degree + 1)
-    field = HallSpline(
-        basis.coordinate,
-        TensorSpline(basis.knots_u, basis.knots_i, basis.u_degree, basis.degree, qp.x.reshape(shape), LINE),
-    )
+    qp = solve_bounded_qp(basis.columns(rows.distance, rows.circuit_currents), hall, np.full_like(hall, 1e-4 * scale))
+    (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
+    spline = TensorSpline(basis.u_knots, knots, basis.u_degree, degree, qp.x.reshape(basis.shape), LINE)
+    field = HallSpline(basis.coordinate, spline)
     _, _, slope = field.derivatives(rows.distance, rows.current)
     ends = np.array([rows.distances[-1], rows.distances[0]])
     magnet = field.field(ends, np.zeros(2))
@@ -207,27 +206,7 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Basis:
-    """Splines in u(d), times powers of the current up to a degree."""
-
-    coordinate: DistanceCoordinate
-    knots_u: FloatArray
-    knots_i: FloatArray
-    degree: int
-
-    @property
-    def u_degree(self) -> int:
-        return int(np.sum(self.knots_u == self.knots_u[0])) - 1
-
-    def columns(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """Value of each basis function, shape (n, functions)."""
-        in_u = basis_matrix(self.coordinate.of(distance), self.knots_u, self.u_degree)
-        in_i = basis_matrix(current, self.knots_i, self.degree)
-        return row_products(in_u, in_i)
-
-
-def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, float]:
+def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[CoenergyBasis, float]:
     if len(rows.currents) < 2 and not rows.without_current:
         raise FitError(
             "The Hall field needs at least two currents, to separate its two parts, coil and magnet; instead "
@@ -251,18 +230,19 @@ def _choose(rows: FitRows, hall: FloatArray, scale: float) -> tuple[_Basis, floa
     return chosen, least
 
 
-def _basis(rows: FitRows, coordinate: DistanceCoordinate, cells: int, knots_i: FloatArray) -> _Basis:
+def _basis(rows: FitRows, coordinate: DistanceCoordinate, cells: int, knots_i: FloatArray) -> CoenergyBasis:
     d = rows.distances
     ends = np.sort(coordinate.of(d[[0, -1]]))
     breaks = (np.geomspace if coordinate.inverse else np.linspace)(ends[0], ends[1], cells + 1)
     u_degree = min(U_DEGREE, len(d) - 2)  # one distance left out must leave as many as there are functions
-    return _Basis(coordinate, clamped_knots(breaks, u_degree), knots_i, len(knots_i) // 2 - 1)
+    functions = CurrentSplines((knots_i,), (len(knots_i) // 2 - 1,))
+    return CoenergyBasis(coordinate, clamped_knots(breaks, u_degree), functions, u_degree)
 
 
-def _held_out(basis: _Basis, rows: FitRows, hall: FloatArray) -> float:
+def _held_out(basis: CoenergyBasis, rows: FitRows, hall: FloatArray) -> float:
     errors = []
     inner = rows.distances[1:-1]
-    columns = basis.columns(rows.distance, rows.current)
+    columns = basis.columns(rows.distance, rows.circuit_currents)
     for fold in range(min(4, len(inner))):
         out = np.isin(rows.distance, inner[fold::4])
         fitted = np.linalg.lstsq(columns[~out], hall[~out], rcond=1e-12)[0]

@@ -20,7 +20,6 @@ from support.closed_forms import FEW, HARD, NARROW, POT, SIX, VALVE, WIDE, fit_o
 from support.command import femfit
 from support.reference import REFERENCE, needs_reference
 from support.saturating_bearing import force, share
-from support.saturating_circuit import SaturatingCircuit
 from support.sweeps import full_table
 
 CONE = pd.read_csv(Path(__file__).with_name("conical_solenoid.csv"), comment="#")
@@ -111,12 +110,11 @@ def test_points_that_a_coarse_sweep_is_told_to_add_make_the_force_better(name):
     assert not any("too coarse" in note for note in finer.notes)
 
 
-@pytest.mark.parametrize(("core", "saturation", "distances"), [
-    (120.0, 8.3e-4, WIDE), pytest.param(400.0, 5e-4, np.geomspace(1e-4, 6e-3, 13), marks=pytest.mark.nightly),
-])  # fmt: skip
-def test_a_good_sweep_is_not_told_to_be_finer(core, saturation, distances):
-    device = SaturatingCircuit(core=core, saturation=saturation)
-    fit = fit_model(device.table(np.linspace(0.0, 1.0, 11), distances))
+@pytest.mark.parametrize("name", ["pot from eleven", pytest.param("hard pot from eleven", marks=pytest.mark.nightly)])
+def test_a_good_sweep_is_not_told_to_be_finer(name):
+    device = {"pot from eleven": POT, "hard pot from eleven": HARD}[name]
+    finer = np.geomspace(1e-4, 6e-3, 13)
+    fit = fit_of(name) if device is POT else fit_model(HARD.table(np.linspace(0.0, 1.0, 11), finer))
     exact = missed(fit.model.magnetics, device, fit.rows)
     assert exact[0] < fit.between.force < COARSE
     assert exact[2] < fit.between.inductance < COARSE_INDUCTANCE

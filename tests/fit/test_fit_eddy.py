@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import femfit as ff
 from femfit.core.errors import FitError
 from femfit.core.files import json_ready
 from femfit.device.load import actuator_from_toml
@@ -17,7 +18,7 @@ from femfit.model.bspline import basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.magnetics import MagneticState
 from femfit.tables.eddy_table import EddyTable
-from support.eddy_pot import POT
+from support.eddy_pot import POT, TWO_WINDINGS
 from support.sweeps import full_table
 
 CIRCUITS = ("coil",)
@@ -280,3 +281,23 @@ def test_the_static_models_own_error_at_the_bias_stands_beside_that_of_the_patte
     assert error.static_inductance == pytest.approx(0.2 * fields[2].max() / fields.max())
     assert within_a_hundredth.error.static_force is None
     assert within_a_hundredth.bias is None
+
+
+@pytest.mark.nightly
+def test_a_model_of_two_circuits_has_the_sweeps_eddy_currents(tmp_path):
+    text = TWO_WINDINGS.replace("distance_mm = [1, 1.5, 2, 2.5]", "distance_mm = [1, 1.25, 1.5, 1.75, 2]")
+    table = ff.run_sweep(actuator_from_toml(text), tmp_path, workers=1)
+    model = ff.fit_model(table).model
+    conducts = "conductivity_MS_per_m = 5"
+    thick = actuator_from_toml(text.replace(conducts, f"{conducts}\nlamination_mm = 5"))
+    of_sheets = replace(table, manifest={**table.manifest, "inputs": json_ready(asdict(thick))})
+    assert sum("sheets of 5.0 mm" in note for note in sheet_notes(of_sheets)) == 1
+    frequencies, k = np.array([10.0, 100.0, 1000.0]), 2
+    exact = 2j * np.pi * frequencies[:, None, None] * table.eddy.transfers(k, frequencies).flux_linkage
+    found = model.impedance(table.eddy.distances_m[k], np.zeros(2), frequencies) - np.diag(model.resistances_ohm)
+    size = np.abs(exact).max(axis=(1, 2))
+    assert (np.abs(found - exact).max(axis=(1, 2)) < 0.02 * size).all()  # as asked for
+    assert (
+        np.abs(exact.imag - exact.imag[0] * (frequencies / frequencies[0])[:, None, None])[-1] > 0.1 * size[-1]
+    ).any()
+    assert model.state_names[4 : 4 + model.eddy.count] == model.eddy_names

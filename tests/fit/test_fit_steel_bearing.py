@@ -63,6 +63,7 @@ def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
     assert {found[code]["severity"] for code in ("point_misfit", "force_without_current", "evenness")} == {"holds"}
 
 
+@pytest.mark.nightly
 def test_a_loop_holds_the_bearing_and_its_record_is_observed(folder, tmp_path):
     told = femfit(
         "simulate", folder / "model.json", "--runs", 1, "--seconds", 0.05, "--controller", "state-feedback",
