@@ -192,7 +192,8 @@ def rows_of_table(
     _require_settings(distance, currents)
     if names and not force.any():
         raise TableError("force_N is 0 in every row, and nothing would move the body. Give the column of the force.")
-    error = _numbers(rows, "force_error_N")
+    partial = bool(names) and "force_error_N" in rows and bool(rows["force_error_N"].isna().any())
+    error = None if partial else _numbers(rows, "force_error_N")
     linked = [_numbers(rows, name) for name in fluxes]
     measured = FitRows(
         names=names,
@@ -213,7 +214,8 @@ def rows_of_table(
 
 def _require_settings(distance: FloatArray, currents: FloatArray) -> None:
     """Refuse too few rows or distances, and rows that repeat another."""
-    fewest = FEWEST_ROWS if currents.any() else FEWEST_DISTANCES  # a pair of magnets has one row a distance
+    # A pair of magnets has one row a distance, and each row of several circuits has as many flux linkages
+    fewest = FEWEST_ROWS if currents.shape[1] == 1 and currents.any() else FEWEST_DISTANCES
     if len(distance) < fewest or len(np.unique(distance)) < FEWEST_DISTANCES:
         raise TableError(
             f"A fit needs at least {fewest} usable rows at {FEWEST_DISTANCES} distances; instead received "
