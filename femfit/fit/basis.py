@@ -27,13 +27,13 @@ def row_products(*factors: FloatArray) -> FloatArray:
     return reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), factors)
 
 
-def left_by_currents(columns: FloatArray, values: FloatArray, distance: FloatArray) -> FloatArray:
+def misfit_by_currents(columns: FloatArray, values: FloatArray, distance: FloatArray) -> FloatArray:
     """What the best sum of columns, found at each distance by itself, leaves of values (rows,)."""
-    left = np.empty_like(values)
+    residual = np.empty_like(values)
     for d in np.unique(distance):
         here = distance == d
-        left[here] = columns[here] @ np.linalg.lstsq(columns[here], values[here], rcond=None)[0] - values[here]
-    return left
+        residual[here] = columns[here] @ np.linalg.lstsq(columns[here], values[here], rcond=None)[0] - values[here]
+    return residual
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
-from femfit.fit.basis import CurrentProducts, left_by_currents
+from femfit.fit.basis import CurrentProducts, misfit_by_currents
 from femfit.fit.coenergy_choice import best_along_distance
 from femfit.fit.coenergy_system import CoenergySystem, Projection, coenergy_system, flux_scale
 from femfit.fit.constants import NOT_QUADRATIC, POOR_CIRCUIT, POOR_LEFT_OUT, POOR_POINT, U_DEGREE
@@ -175,11 +175,11 @@ def _not_quadratic(rows: FitRows, functions: CurrentProducts) -> float:
     """What the best quadratic form in the currents misses at each distance by itself, over the scale, at most."""
     flux = [((k,), column, flux_scale(column)) for k, column in enumerate(rows.linked.T)]
     readings = [((), rows.force, rows.force_scale), *flux]
-    left = [
-        left_by_currents(functions.columns(rows.circuit_currents, *k) / scale[:, None], values / scale, rows.distance)
+    residuals = [
+        misfit_by_currents(functions.columns(rows.circuit_currents, *k) / scale[:, None], values / scale, rows.distance)
         for k, values, scale in readings
     ]
-    return float(np.max(np.abs(left)))
+    return float(np.max(np.abs(residuals)))
 
 
 def _require_agreement(fit: CircuitsFit) -> None:

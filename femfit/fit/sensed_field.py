@@ -22,7 +22,7 @@ from femfit.core.errors import FitError
 from femfit.core.numerics import BoolArray, FloatArray, first_best
 from femfit.core.sweep_columns import PICKUP_COLUMN
 from femfit.core.text import amount
-from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, left_by_currents, row_products
+from femfit.fit.basis import CoenergyBasis, CurrentSplines, clamped_knots, misfit_by_currents, row_products
 from femfit.fit.bounded_qp import solve_bounded_qp
 from femfit.fit.coenergy import splines_of_current
 from femfit.fit.coenergy_choice import Along, choose_along_distance, distance_coordinates
@@ -106,7 +106,7 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
             f"{what} needs two currents or more of each circuit; circuit {constant[0]} has one. Sweep another."
         )
     linear = _Currents(tuple(np.repeat(axis[[0, -1]], 2) for axis in axes), (1,) * len(axes), True)
-    missed = rms(left_by_currents(linear.columns(rows.currents), rows.values, rows.distance)) / scale
+    missed = rms(misfit_by_currents(linear.columns(rows.currents), rows.values, rows.distance)) / scale
     # Noisy rows off a grid determine no splines; lines that miss little are then what they tell
     tried = [linear] if missed <= HELD_OUT_TARGET else [_splines(axes), *([linear] if missed < COARSE else [])]
     for currents in tried:
