@@ -74,7 +74,7 @@ def levitation_model() -> ActuatorModel:
     return ActuatorModel(
         name="test-rig",
         magnetics=CoenergySpline(DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(_coenergy, currents, 2)),
-        validity=ValidityBox(0.015, 0.045, 0.0, 1.4),
+        validity=ValidityBox.of_currents((0.015, 0.045), (0.0, 1.4)),
         circuits=(Circuit(2.69, 0.5, 3.0),),
         motion=Mechanics(4.35e-3),
         sensor=HallSensor(

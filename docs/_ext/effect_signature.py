@@ -165,7 +165,7 @@ def _moving_readings(
 ) -> dict[str, FloatArray]:
     """Force, acceleration, rate of the current at the voltage that the plain model needs, and Hall reading."""
     velocity, rate = np.full_like(d, _SPEED_M_S), np.full_like(d, float(conditions.current_rate_A_s))
-    motional = base.magnetics.motional_constant(d, i) * velocity
+    motional = base.magnetics.motional_constant(d, i[:, None])[:, 0] * velocity
     conditions = replace(conditions, motional_V=motional)
     memory = added.memory
     if memory is not None:
@@ -176,7 +176,7 @@ def _moving_readings(
     read = predict_readings(base, d, i, conditions, [added])
     result = {"force_N": read["force_N"]}
     if base.motion is not None and base.circuit is not None:
-        voltage = base.circuit.resistance_ohm * i + base.magnetics.inductance(d, i) * rate - motional
+        voltage = base.circuit.resistance_ohm * i + base.inductance(d, i, extrapolate=True) * rate - motional
         changed = with_effects(base, [added])
         dynamics, motion = changed.dynamics, changed.motion
         if dynamics is not None and motion is not None:

@@ -10,6 +10,7 @@ from femfit.audit.conclusions import Audit, AuditFinding, Severity
 from femfit.core.errors import ModelFileError, TableError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
+from femfit.core.sweep_columns import current_columns
 from femfit.core.text import amount
 from femfit.device.electrics import REMEDY, where_clipped
 from femfit.fit.constants import POOR_POINT, SMALL_CIRCUIT_FORCE
@@ -78,7 +79,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
         rows = _rows_of(Path(table), model)
         _require_within(rows, model, table)
     several = len(model.validity.current_limits_A) > 1
-    d, i = model.validity.grid(_GRID[0], _EACH if several else _GRID[1])
+    d, i = model.validity.grid(*_GRID, several=_EACH)
     findings += [*_misfit(model, rows, d, i), *_positive(model), *_circuit(model, d, i)]
     if rows is not None and rows.several:
         findings.append(_worst_point(model, rows))
@@ -97,9 +98,8 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
 
 def _rows_of(path: Path, model: ActuatorModel) -> FitRows:
     motion = model.without_effects.motion
-    several, table = len(model.validity.current_limits_A) > 1, read_sweep_table(path)
+    table, names = read_sweep_table(path), current_columns(model.current_names)
     columns = current_names(table.rows)
-    names = [f"current_{name}_A" for name in model.without_effects.magnetics.names] if several else ["current_A"]  # type: ignore[attr-defined]
     if columns != names:
         raise TableError(
             f"{path} must have the current of each circuit of the model ({listing(names)}); it has "
@@ -117,7 +117,7 @@ def _require_within(rows: FitRows, model: ActuatorModel, table: str | Path) -> N
     limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])
     if rows.several:  # currents of one sign may hold for the other one
         limits[1:] = np.abs(limits[1:]).max(axis=1, keepdims=True) * (-1.0, 1.0)
-    values = np.column_stack([rows.distance, rows.circuit_currents])
+    values = np.column_stack([rows.distance, rows.circuit_currents[:, : len(box.current_limits_A)]])
     more = _ROUNDING * np.ptp(limits, axis=1)
     for (low, high), beyond, column, unit in zip(limits, more, values.T, ("m", *"A" * (len(limits) - 1)), strict=True):
         if column.min() < low - beyond or column.max() > high + beyond:
@@ -134,7 +134,7 @@ def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
     rows = _rows_of(directory, model)
     domain = model.validity
     limits = np.array([[domain.distance_min_m, domain.distance_max_m], *domain.current_limits_A])
-    ends = np.array([[axis.min(), axis.max()] for axis in (rows.distances, *rows.axes)])
+    ends = np.array([[axis.min(), axis.max()] for axis in (rows.distances, *rows.axes[: len(domain.current_limits_A)])])
     if rows.several:  # currents of one sign may hold for the other one
         limits[1:], ends[1:] = (np.abs(ranges[1:]).max(axis=1, keepdims=True) for ranges in (limits, ends))
     return rows if limits.shape == ends.shape and np.allclose(limits, ends) else None
@@ -142,7 +142,7 @@ def _table_beside(directory: Path, model: ActuatorModel) -> FitRows | None:
 
 def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
     """The point of the table whose force several circuits' co-energy misses most, beside that force."""
-    force = model.without_effects.magnetics.force(*rows.points)
+    force = model.without_effects.magnetics.force(rows.distance, rows.circuit_currents)
     missed = np.abs(force - rows.force) / rows.force_scale
     k = int(np.argmax(missed))
     currents = ", ".join(amount(float(current), "A", 3) for current in rows.circuit_currents[k])
@@ -228,7 +228,7 @@ def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFi
     """The time that a current takes to build up."""
     if not model.circuits or np.any(model.resistances_ohm <= 0.0):
         return []
-    inductance = model.magnetics.state_of_circuits(d, i.reshape(len(d), -1)).inductance + model.series_inductances_H
+    inductance = model.magnetics.inductance(d, i) + model.series_inductances_H
     # Eigenvalues of R^-1 L, made symmetric: of one circuit L / R
     root = np.sqrt(model.resistances_ohm)
     slowest = float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).max())
@@ -244,10 +244,10 @@ def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFi
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     state = model.magnetics.state(d, i)
-    if i.ndim > 1:
+    if i.shape[1] > 1:
         return [_definite(state.inductance)]
-    slope = state.motional_constant
-    pushing = float(np.mean((slope <= 0.0) & (i != 0.0)))  # steel alone has dF/di = 0 without a current
+    slope = state.motional_constant[:, 0]
+    pushing = float(np.mean((slope <= 0.0) & (i[:, 0] != 0.0)))  # steel alone has dF/di = 0 without a current
     findings = []
     text = "a growing current attracts more everywhere in the validity domain (dF/di > 0)."
     if slope.min() <= 0.0:
@@ -290,11 +290,11 @@ def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFin
     """dF/di against -d(flux linkage)/dd, each by differences of the quantity itself."""
     step_d, step_i = 1e-4 * float(np.ptp(d)), 1e-4 * (float(np.ptp(i)) or 1.0)
     inside_d, inside_i = np.clip(d, d.min() + step_d, d.max() - step_d), np.clip(i, i.min() + step_i, i.max() - step_i)
-    directions = step_i * (np.eye(i.shape[1]) if i.ndim > 1 else np.ones(1))
+    directions = step_i * np.eye(i.shape[1])
     slopes = [magnetics.force(inside_d, inside_i + s) - magnetics.force(inside_d, inside_i - s) for s in directions]
     force = np.stack(slopes, axis=-1) / (2 * step_i)
     flux = magnetics.flux_linkage(inside_d + step_d, inside_i) - magnetics.flux_linkage(inside_d - step_d, inside_i)
-    flux = flux.reshape(force.shape) / (2 * step_d)
+    flux = flux / (2 * step_d)
     off = float(np.abs(force + flux).max() / max(float(np.abs(force).max()), 1e-300))
     severity: Severity = "holds" if off < _RECIPROCITY else "wrong"
     text = f"dF/di and -d(flux linkage)/dd differ by at most {off:.1g} of the largest."
@@ -347,7 +347,7 @@ def _rounded(magnetics: Magnetics) -> Magnetics | None:
 def _hall(sensor: HallSensor, rounding: float, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
     """Whether the output stays within its range, and what the converter adds to the noise."""
     field = sensor.field.field(d, i)
-    volts, where = sensor.voltage(d, i), where_clipped(sensor, d, i, field)
+    volts, where = sensor.output(d, i), where_clipped(sensor, d, i, field)
     clipped = float(np.mean((volts <= sensor.output_min_V) | (volts >= sensor.output_max_V)))
     text = f"its output goes from {float(volts.min()):.3g} to {float(volts.max()):.3g} V over the validity domain"
     text += f" and is clipped in {100 * clipped:.2g} % of it: {where}. {REMEDY}" if where else ", within its range."

@@ -38,7 +38,7 @@ def held_by_several(model: ActuatorModel) -> list[AuditFinding]:
     beyond = [distance for distance in model.reference_distances_m if not low <= distance <= high]
     findings = [_held_range(about, text, beyond, high)]
     places, currents = np.array([d for d, _ in held]), np.array([i for _, i in held])
-    slope = model.magnetics.slopes_of_circuits(places, currents).force_gradient - motion.static_gradient(places)
+    slope = model.magnetics.force_gradient(places, currents) - motion.static_gradient(places)
     rate = float(np.sqrt(np.maximum(-slope, 0.0).max() / motion.mass_kg))
     return [*findings, _sample_time(rate, model.sample_time_s)] if rate > 0.0 else findings
 
@@ -109,7 +109,7 @@ def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange
     needed = motion.static_force(d)
     weight = motion.mass_kg * motion.gravity_m_s2
     ends = (lowest, *model.attracting_range(lowest, highest))  # steel is attracted by either sign of the current
-    forces = [model.magnetics.force(d, np.full_like(d, i)) for i in ends]
+    forces = [model.magnetics.force(d, np.full((len(d), 1), i)) for i in ends]
     held: FloatArray = d[(np.min(forces, axis=0) <= needed) & (np.max(forces, axis=0) >= needed)]
     low, high = (float(held[0]), float(held[-1])) if len(held) else (None, None)
     sprung = bool(motion.springs or motion.load_N)
@@ -140,7 +140,7 @@ def held_body(model: ActuatorModel) -> list[AuditFinding]:
     findings = [_held_range(about, text, beyond, cold.high_m)]
     held = np.linspace(cold.low_m, cold.high_m, 101)
     current = np.array([_current_at(model, float(distance), cold) for distance in held])
-    fall = np.maximum(-model.magnetics.force_gradient(held, current), 0.0)
+    fall = np.maximum(-model.magnetics.force_gradient(held, current[:, None]), 0.0)
     rate = float(np.sqrt(fall.max() / model.require_motion().mass_kg))
     findings.append(_sample_time(rate, model.sample_time_s))
     misfit = model.without_effects.misfit
@@ -157,7 +157,7 @@ def held_body(model: ActuatorModel) -> list[AuditFinding]:
 def _current_at(model: ActuatorModel, distance: float, carried: CarriedRange) -> float:
     # Steel alone pulls least without current
     ends = np.array([carried.current_min_A, min(max(0.0, carried.current_min_A), carried.current_max_A)])
-    least = ends[np.argmin(model.magnetics.force(np.full(2, distance), ends))]
+    least = ends[np.argmin(model.magnetics.force(np.full(2, distance), ends[:, None]))]
     i = np.linspace(least, carried.current_max_A, 201)
     needed = float(model.require_motion().static_force(np.asarray(distance)))
-    return float(np.interp(needed, model.magnetics.force(np.full_like(i, distance), i), i))
+    return float(np.interp(needed, model.magnetics.force(np.full_like(i, distance), i[:, None]), i))

@@ -59,6 +59,10 @@ OF_THE_WHOLE = (
     "stop_position",
     "position_delay",
     "position_nonlinearity",
+    "hall_offset",
+    "hall_temperature",
+    "hall_drift",
+    "hall_saturation",
 )
 
 _QUANTITIES = ("current_A", "voltage_V", "flux_linkage_Wb", "inductance_H", "resistance_ohm")
@@ -108,8 +112,7 @@ def effects_of(all_effects: Mapping[str, Effect], circuits: Sequence[str]) -> di
         if name in OF_THE_WHOLE:
             found[name] = effect
         elif name in OF_EACH:
-            each = (of_circuit(effect, circuit) for circuit in circuits)
-            found |= {one.name: one for one in each}
+            found |= {one.name: one for one in (of_circuit(effect, circuit) for circuit in circuits)}
     return found
 
 

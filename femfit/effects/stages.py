@@ -15,39 +15,36 @@ _PROBE, _UNDONE, _STEPS = 1e-3, 1e-10, 20
 
 
 def true_setting(
-    effects: Iterable[AddedEffect], distance: FloatArray, current: FloatArray, conditions: Conditions
+    effects: Iterable[AddedEffect], distance: FloatArray, currents: FloatArray, conditions: Conditions
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and current that body and winding have where these were recorded, of several circuits (..., n)."""
-    names = conditions.nominal.circuits
+    """Distance (...) and currents (..., n) that body and windings have where these were recorded."""
     for added in effects:
-        setting, p = added.effect.setting, added.parameters
+        setting, of = added.effect.setting, added.effect.of
         if setting is None:
             continue
-        if not names:
-            distance, current = setting(distance, current, conditions, p)
-            continue
-        k = names.index(added.effect.of) if added.effect.of else 0
-        distance, own = setting(distance, current[..., k], conditions, p)
-        current = np.stack([own if j == k else current[..., j] for j in range(len(names))], axis=-1)
-    return distance, current
+        columns = list(np.moveaxis(currents, -1, 0)) or [np.zeros(currents.shape[:-1])]
+        k = conditions.nominal.circuits.index(of) if of else 0
+        distance, columns[k] = setting(distance, columns[k], conditions, added.parameters)
+        currents = np.stack(columns, axis=-1)[..., : currents.shape[-1]]
+    return distance, currents
 
 
 def recorded_setting(
-    effects: Iterable[AddedEffect], distance: FloatArray, current: FloatArray, conditions: Conditions
+    effects: Iterable[AddedEffect], distance: FloatArray, currents: FloatArray, conditions: Conditions
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and current that are recorded where body and winding have these: :func:`true_setting` undone.
+    """Distance and currents that are recorded where body and windings have these: :func:`true_setting` undone.
 
     By Newton's steps; the first is exact for zeros, scales and delays.
     """
     effects, nominal = tuple(effects), conditions.nominal
     spans = nominal.travel_m or 1.0, nominal.peak_current_A or 1.0
-    read = distance, current
+    read = distance, currents
     for _ in range(_STEPS):
         moved = read[0] + _PROBE * spans[0], read[1] + _PROBE * spans[1]
         seen, beyond = (true_setting(effects, *one, conditions) for one in (read, moved))
         change = [
             (true - here) * (_PROBE * span) / (there - here)
-            for true, here, there, span in zip((distance, current), seen, beyond, spans, strict=True)
+            for true, here, there, span in zip((distance, currents), seen, beyond, spans, strict=True)
         ]
         read = read[0] + change[0], read[1] + change[1]
         if all(np.abs(one).max(initial=0.0) <= _UNDONE * span for one, span in zip(change, spans, strict=True)):

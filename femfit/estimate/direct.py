@@ -37,7 +37,7 @@ class HallInverse:
 
         Parameters
         ----------
-        current : array, shape (n,), or (n, circuits)
+        current : array, shape (n, circuits)
             In A.
 
         Returns
@@ -49,19 +49,18 @@ class HallInverse:
             Which were outside, or no number.
         """
         box, sensor = self.model.validity, self.model.require_sensor()
-        each = (len(box.current_limits_A),) if box.further_A else ()
         volts, current = np.asarray(hall_voltage, float), np.asarray(current, float)
-        shape = np.broadcast_shapes(volts.shape, current.shape[: current.ndim - len(each)])
-        volts, current = np.broadcast_to(volts, shape), np.broadcast_to(current, (*shape, *each))
-        near = sensor.voltage(np.asarray(box.distance_min_m), current)
-        far = sensor.voltage(np.asarray(box.distance_max_m), current)
-        finite = np.isfinite(volts) & np.all(np.isfinite(current.reshape(*shape, -1)), axis=-1)
+        shape = np.broadcast_shapes(volts.shape, current.shape[:-1])
+        volts, current = np.broadcast_to(volts, shape), np.broadcast_to(current, (*shape, current.shape[-1]))
+        near = sensor.output(np.asarray(box.distance_min_m), current)
+        far = sensor.output(np.asarray(box.distance_max_m), current)
+        finite = np.isfinite(volts) & np.all(np.isfinite(current), axis=-1)
         low, high = np.minimum(near, far), np.maximum(near, far)
         with np.errstate(invalid="ignore"):
             inside = finite & (volts >= low) & (volts <= high)
         # What cannot be solved is taken at the middle current, where it can
         wanted = np.where(inside, volts, self.volts[len(self.volts) // 2])
-        amps = np.where(inside[..., None] if each else inside, current, _middle(self.model))
+        amps = np.where(inside[..., None], current, _middle(self.model)[: current.shape[-1]])
         solved = self._solve(wanted, amps)
         with np.errstate(invalid="ignore"):
             edge = np.where((volts > high) == (near > far), box.distance_min_m, box.distance_max_m)
@@ -69,18 +68,18 @@ class HallInverse:
 
     def reading(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """What the element reads in V, at distances in m and currents in A."""
-        return self.model.require_sensor().voltage(distance, current)
+        return self.model.require_sensor().output(distance, current)
 
     def _solve(self, volts: FloatArray, current: FloatArray) -> FloatArray:
         box, sensor = self.model.validity, self.model.require_sensor()
         scale = sensor.sensitivity_V_per_T
         centre = np.asarray(0.5 * (box.distance_min_m + box.distance_max_m))
-        coil = sensor.voltage(centre, current) - sensor.voltage(centre, _middle(self.model))
+        coil = sensor.output(centre, current) - sensor.output(centre, _middle(self.model))
         distance = np.interp(volts - coil, self.volts, self.distances_m)
         tolerance = 1e-13 * (self.volts[-1] - self.volts[0]) + 1e-15 * abs(sensor.quiescent_V)
         low = np.full_like(distance, box.distance_min_m)
         high = np.full_like(distance, box.distance_max_m)
-        falling = sensor.voltage(low, current) > sensor.voltage(high, current)
+        falling = sensor.output(low, current) > sensor.output(high, current)
         for _ in range(NEWTON_STEPS):
             field, slope, _ = sensor.field.derivatives(distance, current)
             excess = sensor.quiescent_V + scale * field - volts
@@ -91,7 +90,7 @@ class HallInverse:
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = distance - excess / (scale * slope)
             distance = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
-        field = sensor.voltage(distance, current)
+        field = sensor.output(distance, current)
         if np.any(np.abs(field - volts) > 1e-9 * (self.volts[-1] - self.volts[0])):
             raise FilterError(
                 "The Hall voltage could not be inverted to a distance: the fitted field is too uneven within the "
@@ -105,8 +104,7 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
     box, sensor = model.validity, model.require_sensor()
     distances = np.linspace(box.distance_min_m, box.distance_max_m, TABLE_POINTS)
     for corner in product(*box.current_limits_A):
-        current = np.asarray(corner if box.further_A else corner[0])
-        slope = sensor.field.derivatives(distances, current)[1]
+        slope = sensor.field.derivatives(distances, np.array(corner))[1]
         if not (np.all(slope > 0.0) or np.all(slope < 0.0)):
             turn = distances[np.flatnonzero(np.sign(slope) != np.sign(slope[0]))[0]]
             amperes = " and ".join(f"{current_A:g} A" for current_A in corner)
@@ -114,12 +112,11 @@ def hall_inverse(model: ActuatorModel) -> HallInverse:
                 f"The Hall voltage must change monotonically with the distance to be inverted; at {amperes} it "
                 f"turns at {1e3 * turn:.3g} mm. Move the Hall element, or use the filter, which needs no inversion."
             )
-    volts = sensor.voltage(distances, _middle(model))
+    volts = sensor.output(distances, _middle(model))
     order = np.argsort(volts)
     return HallInverse(model, distances[order], volts[order])
 
 
 def _middle(model: ActuatorModel) -> FloatArray:
-    """The middle of the validity domain's currents, of shape (), or (n,) where there are several circuits."""
-    middle = model.validity.current_limits_A.mean(axis=1)
-    return np.asarray(middle if model.validity.further_A else middle[0])
+    """The middle of the validity domain's currents, of shape (n,)."""
+    return np.asarray(model.validity.current_limits_A.mean(axis=1))

@@ -119,7 +119,7 @@ def error_bound(
     places = np.zeros((len(distances_m) * len(currents), process.order))
     places[:, 0] = np.repeat(distances_m, len(currents))
     places[:, 2 : 2 + circuits] = np.tile(currents, (len(distances_m), 1))
-    model.validity.require(places[:, 0], model.currents_of(places))
+    model.validity.require(places[:, 0], places[:, 2 : 2 + circuits])
     volts = model.resistances_ohm * places[:, 2 : 2 + circuits]
     volts = volts[:, 0] if circuits == 1 else volts
     slope, outputs = process.state_jacobian(places, volts), output_jacobians(process, places)

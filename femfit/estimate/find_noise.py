@@ -162,7 +162,7 @@ def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
     middle = np.zeros(model.windings.count)
     middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
     magnetic, end = (
-        model.windings.magnetics.state_of_circuits(np.asarray(operating_distance(model)), middle),
+        model.windings.magnetics.state(np.asarray(operating_distance(model)), middle),
         2 + circuits,
     )
     if model.eddy is None:

@@ -203,7 +203,7 @@ def bias_currents(model: ActuatorModel, distance: float) -> FloatArray:
     widths, middle = np.ptp(limits, axis=1), limits.mean(axis=1)
     each = np.stack(np.meshgrid(*limits), axis=-1).reshape(-1, len(limits))
     distances = np.full(len(each) + 1, distance)
-    motional = model.magnetics.state(distances, np.vstack([middle, each])).motional_constant
+    motional = model.magnetics.motional_constant(distances, np.vstack([middle, each]))
     strength = np.abs(motional * widths).max(axis=1)
     if strength[0] >= HARDLY_MOVES * strength.max():
         return np.asarray(middle)
@@ -213,7 +213,7 @@ def bias_currents(model: ActuatorModel, distance: float) -> FloatArray:
 def holding_current(model: ActuatorModel, distance: float) -> float:
     """The same of one circuit."""
     motion, box = model.require_motion(), model.validity
-    model.validity.require(np.asarray(distance), np.asarray(box.current_min_A))
+    box.require(np.asarray(distance), box.current_limits_A[:, 0])
     needed = float(motion.static_force(np.asarray(distance)))
     against = "weight, springs and load" if motion.springs or motion.load_N else "a weight"
 
@@ -235,4 +235,4 @@ def holding_current(model: ActuatorModel, distance: float) -> float:
 
 
 def _force(model: ActuatorModel, distance: float, current: float) -> float:
-    return float(model.magnetics.force(np.asarray(distance), np.asarray(current)))
+    return float(model.magnetics.force(np.asarray(distance), np.array([current])))

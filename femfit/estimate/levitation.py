@@ -143,10 +143,10 @@ def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
         In m.
     """
     windings = model.windings
-    _, currents = model.validity.grid(1, 3 if len(model.circuits) > 1 else 5)
+    _, currents = model.validity.grid(1, 5, several=3)
     all_currents = np.zeros((len(currents), windings.count))
-    all_currents[:, : windings.circuits] = currents.reshape(len(currents), -1)[:, : windings.circuits]
-    magnetic = windings.magnetics.state_of_circuits(np.full(len(currents), distance), all_currents)
+    all_currents[:, : windings.circuits] = currents[:, : windings.circuits]
+    magnetic = windings.magnetics.state(np.full(len(currents), distance), all_currents)
     inductance = magnetic.inductance + windings.series_H
     if windings.count == 1:
         return float(inductance.min() / windings.resistances_ohm[0])

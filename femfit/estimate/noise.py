@@ -56,7 +56,7 @@ def unstable_pole(model: ActuatorModel, distance: float) -> float:
     """Unstable pole lambda = sqrt((dF_0/dd - dF/dd) / m) where the body is held."""
     currents = holding_currents(model, distance)
     place = np.asarray(distance)
-    gradient = float(model.magnetics.slopes_of_circuits(place, currents).force_gradient)
+    gradient = float(model.magnetics.slopes(place, currents).force_gradient)
     gradient -= float(model.require_motion().static_gradient(place))
     if gradient >= 0.0:
         held = " and ".join(f"{current:g} A" for current in currents)
@@ -141,7 +141,7 @@ def motion_rate(model: ActuatorModel, distance: float) -> float:
     sqrt(F / (m s)) with the largest net force F at this distance and the stroke s of the validity domain.
     """
     box, motion = model.validity, model.require_motion()
-    _, currents = box.grid(1, 5 if box.further_A else 21)
+    _, currents = box.grid(1, 21, several=5)
     distances = np.full(len(currents), distance)
     box.require(distances, currents)
     try:
@@ -182,7 +182,7 @@ def process_covariance(
     circuits, windings = len(model.circuits), model.windings
     middle = np.zeros(windings.count)
     middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
-    magnetic = windings.magnetics.state_of_circuits(np.asarray(distance), middle)
+    magnetic = windings.magnetics.state(np.asarray(distance), middle)
     moving = model.order
     result = np.zeros((moving + len(bias_densities),) * 2)
     result[:2, :2] = q * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])

@@ -119,7 +119,7 @@ def _hall_slope(model: ActuatorModel, sensor: HallSensor, states: FloatArray) ->
     acting = model.currents_of(states) if hall is None else hall.acting(distance, states[:, 2 : model.windings.end])
     _, in_distance, in_currents = sensor.field.derivatives(distance, acting)
     result, n, end = np.zeros_like(states), len(model.circuits), model.windings.end
-    by_current = in_currents.reshape(len(states), 1, -1)[..., :n]
+    by_current = in_currents[:, None, :n]
     result[:, 0], result[:, 2 : 2 + n] = in_distance, by_current[:, 0]
     if model.eddy is not None:
         by_eddy, rising = (

@@ -82,10 +82,9 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     distance = placed.rows["distance_m"].to_numpy() if "distance_m" in placed.given else unknown
     columns = circuit_currents(model.circuit_names)
     each = np.stack([recorded.get(name, unknown) for name in columns], axis=1) if columns else np.zeros((len(time), 0))
-    current = model.currents_of(np.column_stack([distance, distance, each]))
     spread_m = _sample_noise(series, "distance_m", distance, added)
     spreads_A = [_sample_noise(series, name, each[:, k], added) for k, name in enumerate(columns)]
-    distance, current = (bridged(setting, added) for setting in true_setting_of(model, distance, current))
+    distance, current = (bridged(setting, added) for setting in true_setting_of(model, distance, each))
     rests = find_rests(model, time, segment, distance, current, spread_m)
     feeds = [
         given_voltage(model, time, segment, recorded[command], current, distance, (spreads_A[k], spread_m), k)

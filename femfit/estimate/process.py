@@ -278,7 +278,7 @@ def _places(model: ActuatorModel, base: int) -> FloatArray:
     """Bodies held still all over the validity domain, of shape (N, base)."""
     distance, currents = model.validity.grid(5, 3)
     places, n = np.zeros((distance.size, base)), len(model.circuits)
-    places[:, 0], places[:, 2 : 2 + n] = distance, currents.reshape(distance.size, -1)[:, :n]
+    places[:, 0], places[:, 2 : 2 + n] = distance, currents[:, :n]
     return places
 
 

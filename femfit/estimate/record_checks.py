@@ -130,7 +130,7 @@ def _other_polarity(command: str, text: str, remedy: str) -> Finding:
 def _own_times(model: ActuatorModel) -> tuple[float, ...]:
     """Shortest and longest L / R of the windings, and the time in which the largest force takes the body its way."""
     distance, current = model.validity.grid(5, 3)
-    magnetic = model.magnetics.state_of_circuits(distance, current.reshape(len(distance), -1))
+    magnetic = model.magnetics.state(distance, current)
     times: list[float] = []
     if model.circuits:
         inductance = magnetic.inductance + model.series_inductances_H
@@ -168,14 +168,16 @@ def given_voltage(
 
     Parameters
     ----------
-    time_s, segment, voltage, current, distance : array, shape (samples,)
-        In s, V, A and m; NaN where missing. Of several circuits all currents, shape (samples, n).
+    time_s, segment, voltage, distance : array, shape (samples,)
+        In s, V and m; NaN where missing.
+    current : array, shape (samples, n)
+        In A; NaN where missing.
     noise : (float, float)
         Standard deviation of a sample of the circuit's current in A and of the distance in m; NaN where unknown.
     circuit : int
         The place of the circuit whose voltage it is.
     """
-    fed, own_current = model.circuits[circuit], current if current.ndim == 1 else current[:, circuit]
+    fed, own_current = model.circuits[circuit], current[:, circuit]
     clamped = np.clip(voltage, fed.voltage_min_V, fed.voltage_max_V)
     with np.errstate(invalid="ignore"):
         beyond = clamped != voltage
@@ -241,7 +243,7 @@ def _favour(
     """Logarithm of the likelihood of the commands as recorded over that of the clamped ones; zero where unknown."""
     follows = np.zeros(len(time), dtype=bool)
     follows[:-1] = np.diff(segment) == 0
-    finite = np.isfinite(current).reshape(len(time), -1).all(axis=1) & np.isfinite(distance)
+    finite = np.isfinite(current).all(axis=1) & np.isfinite(distance)
     finite &= model.validity.contains(np.nan_to_num(distance), np.nan_to_num(current))
     usable = beyond & follows & finite & np.r_[finite[1:], False]
     if not usable.any() or not np.isfinite(noise).all():
@@ -249,11 +251,11 @@ def _favour(
     first = np.flatnonzero(usable & ~np.r_[False, usable[:-1]])
     last = np.flatnonzero(usable & ~np.r_[usable[1:], False]) + 1
     d, i = np.nan_to_num(distance), np.nan_to_num(current)
-    magnetic = model.magnetics.state_of_circuits(d, i.reshape(len(time), -1))
+    magnetic = model.magnetics.state(d, i)
     series, resistance = model.circuits[circuit].inductance_H, model.circuits[circuit].resistance_ohm
     slope, inductance = magnetic.motional_constant[:, circuit], magnetic.inductance[:, circuit, circuit] + series
-    own_current = i.reshape(len(time), -1)[:, circuit]
-    flux = model.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, circuit] + series * own_current
+    own_current = i[:, circuit]
+    flux = model.magnetics.flux_linkage(d, i)[:, circuit] + series * own_current
     step = np.r_[np.diff(time), 0.0]
     drop = resistance * step * 0.5 * (own_current + np.r_[own_current[1:], 0.0])
     gained = flux[last] - flux[first]

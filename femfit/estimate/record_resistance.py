@@ -115,13 +115,13 @@ def _stretch(
     blocks = slice(0, BLOCK), slice(len(time_s) - BLOCK, len(time_s))
     end_distances = np.array([distance[block].mean() for block in blocks])
     end_currents = np.array([current[block].mean(axis=0) for block in blocks])
-    flux = model.magnetics.flux_linkage(end_distances, end_currents[:, 0] if current.shape[1] == 1 else end_currents)
-    linkage = flux.reshape(2, -1)[:, circuit] + drawn.inductance_H * end_currents[:, circuit]
+    flux = model.magnetics.flux_linkage(end_distances, end_currents)
+    linkage = flux[:, circuit] + drawn.inductance_H * end_currents[:, circuit]
     gained = float(np.diff(linkage)[0])
     inner = slice(BLOCK // 2, len(time_s) - BLOCK // 2)
     t = time_s[inner]
     duration = float(t[-1] - t[0])
-    state = model.magnetics.state_of_circuits(end_distances[:1], end_currents[:1])
+    state = model.magnetics.state(end_distances[:1], end_currents[:1])
     inductance = float(state.inductance[0, circuit, circuit])
     of_flux = np.hypot(inductance * noise_A * (2.0 / BLOCK) ** 0.5, FLUX_ERROR * gained) / duration
     return _Stretch(

@@ -65,9 +65,10 @@ def find_rests(
 
     Parameters
     ----------
-    time_s, segment, distance, current : array, shape (samples,)
-        Distances in m and currents in A; NaN where missing. A segment has no gap of the clock. Of several circuits all
-        currents, shape (samples, n).
+    time_s, segment, distance : array, shape (samples,)
+        Distances in m, NaN where missing. A segment has no gap of the clock.
+    current : array, shape (samples, n)
+        Currents in A, NaN where missing.
     noise_m : float
         Standard deviation of one sample of the distance.
     """
@@ -137,15 +138,14 @@ def _unbalanced(
     model: ActuatorModel, time: FloatArray, distance: FloatArray, current: FloatArray, noise: float
 ) -> bool:
     """Whether no force within a factor of two of the model's would leave the body where it stands."""
-    finite = np.isfinite(distance) & np.isfinite(current).reshape(len(distance), -1).all(axis=1)
+    finite = np.isfinite(distance) & np.isfinite(current).all(axis=1)
     if finite.sum() < LEAST_BLOCKS * BLOCK:
         return False
     time, distance, current = time[finite], distance[finite], current[finite]
     motion, box = model.require_motion(), model.validity
     # A reading that noise carries out of the domain is the domain's end
     d = np.clip(np.full(len(distance), distance.mean()), box.distance_min_m, box.distance_max_m)
-    limits = box.current_limits_A
-    i = np.clip(current, *limits.T) if current.ndim > 1 else np.clip(current, *limits[0])
+    i = np.clip(current, *box.current_limits_A[: current.shape[1]].T)
     pull, against = model.magnetics.force(d, i), motion.static_force(d)
     least = against - np.maximum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) - motion.coulomb_N
     most = against - np.minimum(WRONG_FACTOR * pull, pull / WRONG_FACTOR) + motion.coulomb_N

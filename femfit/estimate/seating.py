@@ -120,7 +120,7 @@ def fastest(model: ActuatorModel, outward: float) -> float:
     stop at each distance; the other stop leaves a part e^2 of what the body brings along: m v^2 / 2 <= W / (1 - e^2).
     """
     motion, box = model.require_motion(), model.validity
-    distance, currents = box.grid(WORK_POINTS, WORK_POINTS if len(model.circuits) <= 1 else 3)
+    distance, currents = box.grid(WORK_POINTS, WORK_POINTS, several=3)
     force = outward * (motion.static_force(distance) - model.magnetics.force(distance, currents))
     places, which = np.unique(distance, return_inverse=True)
     most = np.zeros(len(places))

@@ -131,7 +131,7 @@ def fit_model(
         else _fits(rows, law, bounds or {}, functions, constraints, inductance_H)
     )
     circuits, unknown = _circuits(entry, rows, inductance_H)
-    validity, unswept = validity_of(fits.magnetics(rows, inductance_H), rows)
+    validity, unswept = validity_of(fits.magnetics(rows, inductance_H), rows, bool(circuits))
     motion, unmoved = within_sweep(mechanics, rows.distances)
     field, hall, unsensed = _hall_field(entry, rows)
     other_sensors, not_held = other_sensors_of(entry, fit_pickups(table))

@@ -148,8 +148,8 @@ class _Planes:
 
 def _judged(magnetics: CoenergyMatrix | CoenergyTensor, projection: Projection, system: CoenergySystem) -> CircuitsFit:
     rows = system.rows
-    force = magnetics.force(*rows.points) - rows.force
-    flux = magnetics.flux_linkage(*rows.points) - rows.linked
+    force = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
+    flux = magnetics.flux_linkage(rows.distance, rows.circuit_currents) - rows.linked
     folds = points_left_out(rows) if isinstance(magnetics, CoenergyTensor) else system.folds
     errors = [_force_left_out(projection, system, out) for out in folds]
     left_out = np.concatenate(errors) if errors else np.array([np.inf])

@@ -100,7 +100,7 @@ def fit_coenergy(
     if rows.flux_linkage is None and open_inductance_H:
         coefficients = coefficients + 0.5 * open_inductance_H * _square_of_current(basis)[None, :]
     magnetics = spline_of(basis, coefficients, rows)
-    missed = np.abs(magnetics.force(rows.distance, rows.current) - rows.force)
+    missed = np.abs(magnetics.force(rows.distance, rows.circuit_currents) - rows.force)
     left_out = np.maximum(missed, system.left_out_force_errors(basis))
     return CoenergyFit(
         magnetics=magnetics,
@@ -198,7 +198,7 @@ def spline_of(basis: CoenergyBasis, coefficients: FloatArray, rows: FitRows) -> 
         return CoenergySpline(basis.coordinate, TensorSpline(basis.u_knots, knots, U_DEGREE, degree, table))
 
     origin = np.clip(0.0, rows.currents[0], rows.currents[-1])
-    return spline(coefficients - spline(coefficients).coenergy(rows.distances[-1:], np.array([origin])))
+    return spline(coefficients - spline(coefficients).coenergy(rows.distances[-1:], np.array([[origin]])))
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,7 +151,7 @@ def with_impedances(
         return tuple(drawn)
     order = np.argsort(slopes.distances_m)
     distance, frequency = slopes.distances_m[order], spline_frequencies(slopes.frequencies_Hz)
-    inductance = magnetics.state_of_circuits(distance, np.zeros((len(distance), len(eddy.circuits)))).inductance
+    inductance = magnetics.state(distance, np.zeros((len(distance), len(eddy.circuits)))).inductance
     follows = _following(inductance, distance, frequency, eddy)
     at_probes = _following(inductance, distance, slopes.frequencies_Hz, eddy)
     before = np.asarray(np.linalg.inv(at_probes), dtype=np.complex128)

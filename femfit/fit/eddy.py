@@ -276,7 +276,7 @@ def _static_errors(table: EddyTable, magnetics: Magnetics) -> dict[str, float]:
     """The static model's at the currents about which the field was solved; nothing where it is linear."""
     if table.bias_A is None or not table.circuits:
         return {}
-    state, n = magnetics.state_of_circuits(table.distances_m, table.bias_A), len(table.circuits)
+    state, n = magnetics.state(table.distances_m, table.bias_A), len(table.circuits)
     pairs = (
         ("static_inductance", state.inductance, table.flux_linkage[:, :n, 1 : 1 + n]),
         ("static_force", state.motional_constant, 2.0 * table.force[:, 0, 1 : 1 + n]),

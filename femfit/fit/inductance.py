@@ -60,9 +60,9 @@ class InductanceFit(Printed):
             "inductance.txt.j2",
             result=self,
             distances_mm=1e3 * ends,
-            inductance_mH=1e3 * magnetics.inductance(ends, np.ones(2)),
+            inductance_mH=1e3 * magnetics.inductance(ends, np.ones((2, 1)))[:, 0, 0],
             current_A=domain.current_max_A,
-            force_N=magnetics.force(ends, np.full(2, domain.current_max_A)),
+            force_N=magnetics.force(ends, np.full((2, 1), domain.current_max_A)),
         )
 
 
@@ -107,11 +107,9 @@ def fit_inductance(
     model = ActuatorModel(
         name=table.source.rpartition(".")[0] or table.source,
         magnetics=magnetics,
-        validity=ValidityBox(
-            float(distances[0]),
-            float(distances[-1]),
-            min(0.0, float(table.current.min())),
-            float(table.current.max()),
+        validity=ValidityBox.of_currents(
+            (float(distances[0]), float(distances[-1])),
+            (min(0.0, float(table.current.min())), float(table.current.max())),
         ),
         circuits=circuits,
         motion=motion,
@@ -121,7 +119,7 @@ def fit_inductance(
         },
     )
     model = as_written(replace(model, sample_time_s=sample_time(model)))
-    error = model.magnetics.inductance(table.distance, table.current) - table.inductance
+    error = model.magnetics.inductance(table.distance, table.current[:, None])[:, 0, 0] - table.inductance
     if rms(error) > POOR_CIRCUIT * float(np.ptp(table.inductance)):
         notes = (
             *notes,

@@ -270,7 +270,7 @@ def law_magnetics(fit: LawFit, rows: FitRows, inductance_H: float | None = None)
     )
     if rows.flux_linkage is None:
         return law
-    remaining = rows.flux_linkage[:, 0] - law.flux_linkage(rows.distance, rows.current)
+    remaining = rows.flux_linkage[:, 0] - law.flux_linkage(rows.distance, rows.circuit_currents)[:, 0]
     # Columns for an inductance >= 0 and a flux linkage of either sign.
     constant, i = np.ones_like(rows.current), rows.current / (np.max(np.abs(rows.current)) or 1.0)
     inductance, plus, minus = non_negative(np.stack([i, constant, -constant], axis=1), remaining)[0]

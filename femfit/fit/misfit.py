@@ -32,10 +32,10 @@ def misfit_to_rows(model: ActuatorModel | Magnetics, rows: FitRows) -> Misfit:
     """
     sensor = model.sensor if isinstance(model, ActuatorModel) else None
     magnetics = model.magnetics if isinstance(model, ActuatorModel) else model
-    error = magnetics.force(*rows.points) - rows.force
+    error = magnetics.force(rows.distance, rows.circuit_currents) - rows.force
     flux_rms = flux_share = inductance_rms = inductance_share = hall_rms = None
     if rows.flux_linkage is not None:
-        linked = magnetics.flux_linkage(*rows.points).reshape(rows.flux_linkage.shape)
+        linked = magnetics.flux_linkage(rows.distance, rows.circuit_currents)
         missed = linked - rows.flux_linkage
         flux_rms = rms(missed)
         flux_share = rms_share(missed, rows.flux_linkage)
@@ -44,7 +44,7 @@ def misfit_to_rows(model: ActuatorModel | Magnetics, rows: FitRows) -> Misfit:
         if len(table):
             inductance_rms, inductance_share = rms(of_model - table), rms_share(of_model - table, table)
     if sensor is not None and rows.hall is not None:
-        hall_rms = rms(sensor.field.field(*rows.points) - rows.hall)
+        hall_rms = rms(sensor.field.field(rows.distance, rows.circuit_currents) - rows.hall)
     return Misfit(
         force_rms_N=rms(error),
         force_max_N=float(np.max(np.abs(error))),
@@ -137,7 +137,7 @@ def misfit_notes(
     if poor:
         remedy = "A co-energy (femfit fit without --model) holds both."
         if isinstance(model.magnetics, CoenergySpline) and rows.flux_linkage is not None:
-            off = model.magnetics.flux_linkage(rows.distance, rows.current) - rows.flux_linkage[:, 0]
+            off = model.magnetics.flux_linkage(rows.distance, rows.circuit_currents)[:, 0] - rows.flux_linkage[:, 0]
             more = middles(rows.currents, rows.current[np.argmax(np.abs(off))])
             finer = " and ".join(f"{x:.4g}" for x in more)
             wanted = f"Add to [sweep] the currents {finer} A" if len(more) else "Give [sweep] more than one current"

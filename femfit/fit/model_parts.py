@@ -128,7 +128,7 @@ def circuits_of(entry: Mapping[str, Any], names: Sequence[str]) -> tuple[tuple[C
     return circuits, ()
 
 
-def validity_of(magnetics: Magnetics, rows: FitRows) -> tuple[ValidityBox, tuple[str, ...]]:
+def validity_of(magnetics: Magnetics, rows: FitRows, winding: bool = True) -> tuple[ValidityBox, tuple[str, ...]]:
     """The distances and currents that a model holds for, and which signs of several currents were not swept.
 
     A quadratic form holds for currents of either sign. A spline of several holds where it was swept and, without a
@@ -141,7 +141,7 @@ def validity_of(magnetics: Magnetics, rows: FitRows) -> tuple[ValidityBox, tuple
     mirrored = even and lopsided > 1
     if isinstance(magnetics, CoenergyMatrix) or (even and lopsided == 1 and np.all(low * high <= 0.0)):
         low, high = np.minimum(low, -high), np.maximum(high, -low)
-    first, *other_limits = zip(low.tolist(), high.tolist(), strict=True)
+    limits = zip(low.tolist(), high.tolist(), strict=True)
     ends = float(rows.distances[0]), float(rows.distances[-1])
     notes = (
         (
@@ -150,7 +150,8 @@ def validity_of(magnetics: Magnetics, rows: FitRows) -> tuple[ValidityBox, tuple
             "circuits but one to both sides of 0 A."
         ),
     )
-    return ValidityBox(*ends, *first, tuple(other_limits), mirrored), notes if mirrored else ()
+    box = ValidityBox.of_currents(ends, *limits, winding=winding, mirrored=mirrored)
+    return box, notes if mirrored else ()
 
 
 def one_sided(circuits: Sequence[Circuit], validity: ValidityBox) -> tuple[str, ...]:
@@ -233,11 +234,10 @@ def sample_time(model: ActuatorModel) -> float:
     K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997), section 2.9: 4 to 10 samples a
     rise time.
     """
-    d, i = model.validity.grid(15, 5 if model.validity.further_A else 15)
+    d, i = model.validity.grid(15, 15, several=5)
     constants = []
     if model.circuits:
-        state = model.magnetics.state_of_circuits(d, i.reshape(len(d), -1))
-        inductance = state.inductance + model.series_inductances_H
+        inductance = model.magnetics.inductance(d, i) + model.series_inductances_H
         constants.append(float(np.linalg.eigvals(inductance / model.resistances_ohm[:, None]).real.min()))
     if model.motion is not None:
         steepest = float(np.max(np.abs(model.magnetics.force_gradient(d, i))))

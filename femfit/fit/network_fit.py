@@ -41,8 +41,8 @@ def fit_network(rows: FitRows) -> NetworkFit:
     errors = []
     for out in ranking_folds(rows):
         refit = _magnetics(_best(rows, ~out, [numbers]), rows)
-        errors.append(refit.force(rows.distance[out], rows.current[out]) - rows.force[out])
-    fitted = rms(magnetics.force(rows.distance, rows.current) - rows.force) / rows.rms_force
+        errors.append(refit.force(rows.distance[out], rows.current[out, None]) - rows.force[out])
+    fitted = rms(magnetics.force(rows.distance, rows.current[:, None]) - rows.force) / rows.rms_force
     left_out = rms(np.concatenate(errors)) / rows.rms_force if errors else np.inf
     return NetworkFit(magnetics, fitted, max(fitted, left_out))
 
@@ -114,7 +114,7 @@ def _best(rows: FitRows, fitted: BoolArray, starts: list[FloatArray]) -> FloatAr
 
 
 def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], FloatArray]:
-    d, i, force = rows.distance[fitted], rows.current[fitted], rows.force[fitted]
+    d, i, force = rows.distance[fitted], rows.circuit_currents[fitted], rows.force[fitted]
     flux = rows.linked[fitted, 0]
     flux_scale = rms(rows.linked)
 
@@ -123,7 +123,7 @@ def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], FloatA
             magnetics = _magnetics(numbers, rows)
             errors = [
                 (magnetics.force(d, i) - force) / rows.rms_force,
-                (magnetics.flux_linkage(d, i) - flux) / flux_scale,
+                (magnetics.flux_linkage(d, i)[:, 0] - flux) / flux_scale,
             ]
         finite = np.nan_to_num(np.concatenate(errors), nan=NETWORK_OFF)
         return np.asarray(finite.clip(-NETWORK_OFF, NETWORK_OFF))

@@ -21,10 +21,11 @@ from femfit.fit.constants import DISTANCE_BLOCKS, MAY_MISS, TARGET
 from femfit.fit.law_columns import design_matrix
 from femfit.fit.law_fit import LawFit, fit_law, law_magnetics, refit
 from femfit.fit.misfit import as_written, misfit_to_rows
+from femfit.fit.model_parts import validity_of
 from femfit.fit.rows import FitRows, rms
 from femfit.laws.law import ForceLaw
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.validity import Misfit, ValidityBox
+from femfit.model.validity import Misfit
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +146,9 @@ def _candidate(law: ForceLaw, rows: FitRows, folds: Sequence[BoolArray]) -> Cand
     try:
         fit = fit_law(law, rows)
         errors, force_scale = _held_out(fit, rows, folds)
-        domain = ValidityBox(rows.distances[0], rows.distances[-1], rows.currents[0], rows.currents[-1])
-        written = misfit_to_rows(as_written(ActuatorModel("candidate", law_magnetics(fit, rows), domain)), rows)
+        magnetics = law_magnetics(fit, rows)
+        candidate = ActuatorModel("candidate", magnetics, validity_of(magnetics, rows)[0])
+        written = misfit_to_rows(as_written(candidate), rows)
     except (FemfitError, ValueError, ArithmeticError) as failure:  # one law, perhaps another package's, fails alone
         return _failed(law, str(failure))
     if not np.all(np.isfinite(errors)):

@@ -105,7 +105,8 @@ class FitResult(Printed, Fits):
 
     def _ranges(self) -> dict[str, tuple[float, float] | None]:
         """Motional constant and inductance over the swept points and all of the domain, where they are known."""
-        swept, between = self.rows.points, self.model.validity.grid(_FINE, _FINE)
+        swept = self.rows.distance, self.rows.circuit_currents
+        between = self.model.validity.grid(_FINE, _FINE)
         state = self.model.magnetics.state(*(np.concatenate(pair) for pair in zip(swept, between, strict=True)))
         constant, inductance = ((np.min(x), np.max(x)) for x in (state.motional_constant, state.inductance))
         unknown = self.model.circuit is None and self.rows.flux_linkage is None

@@ -130,8 +130,7 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
         currents.degrees,
         currents.coefficients(solution.reshape(-1, columns.shape[1])),
     )
-    currents_of_rows = rows.currents if len(axes) > 1 else rows.currents[:, 0] if axes else np.zeros_like(rows.distance)
-    errors = field.field(rows.distance, currents_of_rows) - rows.values
+    errors = field.field(rows.distance, rows.currents) - rows.values
     return SensedFit(field, error, rms(errors))
 
 
@@ -193,9 +192,9 @@ def fit_hall(rows: FitRows, hall: FloatArray) -> HallFit:
     (knots,), (degree,) = splines_of_current(basis).knots, splines_of_current(basis).degrees
     spline = TensorSpline(basis.u_knots, knots, basis.u_degree, degree, qp.x.reshape(basis.shape), LINE)
     field = HallSpline(basis.coordinate, spline)
-    _, _, slope = field.derivatives(rows.distance, rows.current)
+    _, _, slope = field.derivatives(rows.distance, rows.circuit_currents)
     ends = np.array([rows.distances[-1], rows.distances[0]])
-    magnet = field.field(ends, np.zeros(2))
+    magnet = field.field(ends, np.zeros((2, 1)))
     return HallFit(
         field=field,
         rms_T=rms(qp.residual),

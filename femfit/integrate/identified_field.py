@@ -205,7 +205,7 @@ def field_of_swept_model(
             f"The field of a current is that at the Hall element, and {model.name} has none. Leave out --coil-area to "
             "compare flux linkages instead."
         )
-    domain.require(np.array([distance_m]), np.array([domain.current_max_A]))
+    domain.require(np.array([distance_m]), domain.current_limits_A[:, 1])
     if domain.current_max_A <= 0.0:
         raise DomainError(f"The model must reach a current > 0 A; {model.name} ends at {domain.current_max_A:g} A.")
     conditions = Conditions(nominal=nominal_of(model))

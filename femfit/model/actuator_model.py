@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +27,8 @@ from femfit.model.magnetics import Magnetics
 from femfit.model.model_text import model_lines
 from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
 from femfit.model.windings import Windings
+
+Values = TypeVar("Values", FloatArray, ComplexArray)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,11 +131,11 @@ class ActuatorModel(Printed):
 
     def flux_linkage(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Flux linkage of the winding in Wb, (..., n) of several; arguments and errors as of :meth:`force`."""
-        return self._evaluate(self.magnetics.flux_linkage, distance, current, extrapolate)
+        return self._evaluate(self.magnetics.flux_linkage, distance, current, extrapolate, 1)
 
     def inductance(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Inductance d(flux linkage)/di in H, (..., n, n) of several; arguments and errors as of :meth:`force`."""
-        return self._evaluate(self.magnetics.inductance, distance, current, extrapolate)
+        return self._evaluate(self.magnetics.inductance, distance, current, extrapolate, 2)
 
     def impedance(
         self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
@@ -164,7 +166,7 @@ class ActuatorModel(Printed):
         >>> z = model.impedance(0.022, 0.5, 100.0)
         >>> print(f"{z.real:.2f} ohm, {z.imag / (2 * 3.14159 * 100.0):.4f} H")
         """
-        return self._small_signal(distance, current, frequency, extrapolate).impedance()[()]
+        return self._squeezed(self._small_signal(distance, current, frequency, extrapolate).impedance(), 2)
 
     def force_transfer(
         self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
@@ -173,26 +175,26 @@ class ActuatorModel(Printed):
 
         Arguments and errors as of :meth:`impedance`. At a frequency of 0 it is dF/di.
         """
-        return self._small_signal(distance, current, frequency, extrapolate).force()[()]
+        return self._squeezed(self._small_signal(distance, current, frequency, extrapolate).force(), 1)
 
     def hall_transfer(
         self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
     ) -> ComplexArray:
         """Field at the Hall element in T for an ampere, else as :meth:`force_transfer`."""
-        return self._small_signal(distance, current, frequency, extrapolate).field(self.require_sensor().field)[()]
+        small = self._small_signal(distance, current, frequency, extrapolate)
+        return self._squeezed(small.field(self.require_sensor().field), 1)
 
     def _small_signal(
         self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, extrapolate: bool
     ) -> SmallSignal:
         if not self.require_circuits():
             self.require_circuit()
-        inductance = np.asarray(self.inductance(distance, current, extrapolate=extrapolate))
-        inductance = inductance if len(self.circuits) > 1 else inductance[..., None, None]
+        d, i = self._points(distance, current, extrapolate)
+        inductance = self.magnetics.inductance(d, i)
         f = checked_frequency(np.asarray(frequency, dtype=np.float64), inductance.shape[:-2])
         share = np.ones(f.shape, dtype=np.complex128)
         if self.conditions is not None:
             share = following_share(self.effects, f, self.conditions)
-        d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
         return SmallSignal(self, d, i, inductance, f, share)
 
     def _evaluate(
@@ -201,10 +203,25 @@ class ActuatorModel(Printed):
         distance: ArrayLike,
         current: ArrayLike,
         extrapolate: bool,
+        axes: int = 0,
     ) -> FloatArray:
+        return self._squeezed(quantity(*self._points(distance, current, extrapolate)), axes)
+
+    def _squeezed(self, values: Values, axes: int) -> Values:
+        """Without the axes of circuits where there are not several: a number for two numbers."""
+        count = len(self.validity.current_limits_A)
+        if count == 1:
+            values = np.asarray(values.reshape(values.shape[: values.ndim - axes]))
+        elif not count and axes:
+            values = np.zeros_like(values, shape=values.shape[:-axes])
+        return values[()]
+
+    def _points(self, distance: ArrayLike, current: ArrayLike, extrapolate: bool) -> tuple[FloatArray, FloatArray]:
+        """Distances (...) and currents (..., n) from what a caller gives, in the domain unless it says otherwise."""
         try:
-            d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-            np.broadcast_shapes(d.shape, *(one.shape for one, _, _ in self.validity.of_each(i)))
+            d, given = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+            i = self.validity.with_axis(given)
+            np.broadcast_shapes(d.shape, i.shape[:-1])
         except DomainError:
             raise
         except (TypeError, ValueError) as error:
@@ -214,8 +231,12 @@ class ActuatorModel(Printed):
             ) from error
         if not extrapolate:
             self.validity.require(d, i)
-        value: FloatArray = quantity(d, i)[()]  # a number for two numbers
-        return value
+            if not i.shape[-1] and np.any(given != 0.0):
+                raise DomainError(
+                    f"The current must be 0 A, for model {self.name!r} has no winding; instead received "
+                    f"{given.ravel()[np.flatnonzero(given)[0]]:g} A."
+                )
+        return d, i
 
     @property
     def without_effects(self) -> "ActuatorModel":
@@ -245,7 +266,7 @@ class ActuatorModel(Printed):
     def has_winding(self) -> bool:
         """Whether a current flows anywhere; none does in a pair of magnets."""
         box = self.validity
-        return bool(self.circuits) or box.current_min_A < 0.0 or box.current_max_A > 0.0
+        return bool(self.circuits) or bool(box.current_limits_A.any())
 
     @property
     def magnet_known(self) -> bool:
@@ -260,15 +281,15 @@ class ActuatorModel(Printed):
         that.
         """
         domain = self.validity
-        d, i = domain.grid(15, 5 if domain.further_A else 15)
+        d, i = domain.grid(15, 15, several=5)
         still = np.linspace(domain.distance_min_m, domain.distance_max_m, 15)
         everywhere = self.magnetics.force(d, i), self.magnetics.flux_linkage(d, i)
         no_current = np.zeros((15, *i.shape[1:]))
         idle = self.magnetics.force(still, no_current), self.magnetics.flux_linkage(still, no_current)
-        largest = [float(np.abs(values).max()) for values in everywhere]
+        largest = [float(np.abs(values).max(initial=0.0)) for values in everywhere]
         misfit = self.misfit
         errors = (misfit.force_max_N, 3.0 * (misfit.flux_linkage_rms_Wb or 0.0)) if misfit is not None else (0.0, 0.0)
-        remaining = [float(np.abs(values).max()) for values in idle]
+        remaining = [float(np.abs(values).max(initial=0.0)) for values in idle]
         return max((r / most for r, most, e in zip(remaining, largest, errors, strict=True) if r > e), default=0.0)
 
     @cached_property
@@ -282,7 +303,7 @@ class ActuatorModel(Printed):
         currents = np.unique(np.append(np.linspace(domain.current_min_A, domain.current_max_A, 41), 0.0))
         currents = currents[(currents >= domain.current_min_A) & (currents <= domain.current_max_A)]
         d, i = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 41), currents)
-        return float(currents[np.argmin(self.magnetics.force(d, i).mean(axis=1))])
+        return float(currents[np.argmin(self.magnetics.force(d, i[..., None]).mean(axis=1))])
 
     def attracting_range(self, low: float, high: float) -> tuple[float, float]:
         """The part of a range of currents in A over which the force grows with the current."""
@@ -342,6 +363,12 @@ class ActuatorModel(Printed):
         """Names of the circuits, in their order."""
         return tuple(one.name for one in self.circuits)
 
+    @property
+    def current_names(self) -> tuple[str, ...]:
+        """Names of the currents that the co-energy depends on: of the circuits, also where these are not known."""
+        count = len(self.validity.current_limits_A)
+        return self.circuit_names or tuple(getattr(self.without_effects.magnetics, "names", ("coil",) * count))
+
     @cached_property
     def resistances_ohm(self) -> FloatArray:
         """Resistance of each circuit, shape (n,)."""
@@ -353,16 +380,8 @@ class ActuatorModel(Printed):
         return np.diag([one.inductance_H for one in self.circuits]) if self.circuits else np.zeros((0, 0))
 
     def currents_of(self, state: FloatArray) -> FloatArray:
-        """The currents of states of shape (..., order), in the shape that :attr:`magnetics` takes."""
-        if not self.circuits:
-            return np.zeros(state.shape[:-1])
-        return state[..., 2 : 2 + len(self.circuits)] if len(self.circuits) > 1 else state[..., 2]
-
-    def force_in(self, state: FloatArray) -> FloatArray:
-        """Magnetic force in N in states (..., order), with what eddy currents do to it."""
-        if self.eddy is None:
-            return self.magnetics.force(state[..., 0], self.currents_of(state))
-        return self.windings.magnetics.force(state[..., 0], state[..., 2 : self.windings.end])
+        """The circuits' currents (..., n) of states of shape (..., order)."""
+        return state[..., 2 : 2 + len(self.circuits)]
 
     def require_circuits(self) -> tuple[Circuit, ...]:
         """All circuits, which only a device without a winding may lack; else :class:`MissingPartError`."""
@@ -416,9 +435,8 @@ class ActuatorModel(Printed):
         self.require_motion()
         if not self.require_circuits():
             return
-        several = len(self.circuits) > 1
-        inductance = self.magnetics.inductance(*self.validity.grid(9, 3 if several else 9))
-        smallest = float((np.linalg.eigvalsh(inductance) if several else inductance).min())
+        inductance = self.magnetics.inductance(*self.validity.grid(9, 9, several=3))
+        smallest = float((inductance if len(self.circuits) == 1 else np.linalg.eigvalsh(inductance)).min())
         if not smallest > 0.0:
             raise MissingPartError(
                 f"Model {self.name!r} must have an inductance > 0 for its current to be computed; it goes down to "

@@ -20,11 +20,12 @@ from math import comb
 
 import numpy as np
 
+from femfit.core.errors import MissingPartError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.hall import HallField
-from femfit.model.magnetics import Magnetics
+from femfit.model.hall import HallField, OneCurrentField
+from femfit.model.magnetics import Magnetics, OneCurrentMagnetics
 
 _ORDER = 2
 """Highest derivative in each variable that the corners share."""
@@ -197,6 +198,11 @@ class ModelCoenergy:
     def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
         """Taylor coefficients at points (n,) in m and A."""
         orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
+        if not isinstance(self.magnetics, OneCurrentMagnetics) or not isinstance(self.hall, OneCurrentField | None):
+            raise MissingPartError(
+                "This needs a co-energy of one current; instead the model has several circuits. Take a drawing with "
+                "one circuit, for example both coils in series."
+            )
         field = None if self.hall is None else self.hall.partials(distance, current, orders)
         result = np.zeros((2, in_distance + 1, in_current + 1, len(distance)))
         result[0] = taylor(self.magnetics.coenergy_derivatives(distance, current, orders), in_distance, in_current)

@@ -72,7 +72,7 @@ def circuit_terms(
     model: ActuatorModel, distance: FloatArray, currents: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Force (...), motional constants (..., n) and inductances (..., n, n) for any number of circuits."""
-    at = model.magnetics.state_of_circuits(distance, currents)
+    at = model.magnetics.state(distance, currents)
     return at.force, at.motional_constant, at.inductance + model.series_inductances_H
 
 
@@ -95,7 +95,7 @@ def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
             states[:, k] = np.maximum(states[:, k], 0.0)
     if before is not None and (change := states[:, 2 : 2 + before.shape[1]] - before).any():
         n, end = before.shape[1], model.windings.end
-        linked = model.windings.magnetics.state_of_circuits(states[:, 0], states[:, 2:end]).inductance[:, n:]
+        linked = model.windings.magnetics.state(states[:, 0], states[:, 2:end]).inductance[:, n:]
         lost = np.einsum("rkj,rj->rk", linked[..., :n], change)
         states[:, 2 + n : end] -= np.linalg.solve(linked[..., n:], lost[..., None])[..., 0]
     return states
@@ -145,7 +145,7 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
         _hold_off(model, state, volts, diodes, step)
     amplified = commands_currents(model)
     if amplified.any():
-        at = windings.magnetics.state_of_circuits(state[..., 0], currents)
+        at = windings.magnetics.state(state[..., 0], currents)
         against = windings.resistances_ohm * currents - at.motional_constant * velocity[..., None]
         drives = np.flatnonzero(amplified)
         others = np.setdiff1d(np.arange(windings.count), drives)
@@ -170,7 +170,7 @@ def _hold_off(model: ActuatorModel, state: FloatArray, volts: FloatArray, diodes
     idle = [(currents[..., k] <= 0.0) & (volts[..., k] <= 0.0) for k in diodes]
     if not np.any(idle):
         return
-    at = windings.magnetics.state_of_circuits(state[..., 0], currents)
+    at = windings.magnetics.state(state[..., 0], currents)
     driving = at.motional_constant * state[..., 1:2] - windings.resistances_ohm * currents
     gain = currents_by_voltages(model, at, step)
     for k, off in zip(diodes, idle, strict=True):

@@ -39,43 +39,23 @@ def state_derivative(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
 ) -> FloatArray:
     """Time derivative of (distance, velocity, currents), and of the states that the model's effects add."""
-    if len(model.circuits) != 1:
-        return _of_any_windings(model, state, voltage, disturbance)
-    circuit, motion = model.require_circuit(), model.require_motion()
+    motion, windings = model.require_motion(), model.windings
     if model.dynamics is not None and model.dynamics.drives:
         return model.dynamics.derivative(state, voltage, disturbance, motion, model.sample_time_s)
-    if model.eddy is not None:
-        return _of_any_windings(model, state, voltage, disturbance)
-    distance, velocity, current = state[..., 0], state[..., 1], state[..., 2]
-    magnetic = model.magnetics.state(distance, current)
-    rates = np.empty((3, *distance.shape))  # a component's values together, whatever the order of ``state``
-    rates[0] = velocity
-    rates[1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
-    rates[2] = (voltage - circuit.resistance_ohm * current + magnetic.motional_constant * velocity) / (
-        magnetic.inductance + circuit.inductance_H
-    )
-    return np.moveaxis(rates, 0, -1) if rates.ndim != 2 else rates.T
-
-
-def _of_any_windings(
-    model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float
-) -> FloatArray:
-    """The same for no circuit or several, and for eddy currents."""
-    motion, windings = model.require_motion(), model.windings
     end = windings.end
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    magnetic = windings.magnetics.state_of_circuits(distance, currents)
-    rates = np.zeros_like(state)
+    magnetic = windings.magnetics.state(distance, currents)
+    rates = np.zeros(state.shape[::-1]).T  # a component's values together
     rates[..., 0] = velocity
     rates[..., 1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
-    if currents.shape[-1]:
+    if end > 2:
         rates[..., 2:end] = current_rates(model, magnetic, velocity, currents, voltage)
     return rates
 
 
 def current_rates(
     model: ActuatorModel,
-    magnetic: MagneticState | MagneticSlopes,
+    magnetic: MagneticState,
     velocity: FloatArray,
     currents: FloatArray,
     voltage: FloatArray,
@@ -122,12 +102,11 @@ def currents_of_same_flux(
         return currents
 
     def linked(distance: FloatArray, at: FloatArray) -> FloatArray:
-        flux = windings.magnetics.flux_linkage(distance, at[:, 0] if windings.count == windings.circuits == 1 else at)
-        return np.asarray(flux.reshape(at.shape) + at @ windings.series_H)
+        return np.asarray(windings.magnetics.flux_linkage(distance, at) + at @ windings.series_H)
 
     wanted, result = linked(before, currents), currents
     for _ in range(FLUX_STEPS):
-        inductance = windings.magnetics.state_of_circuits(after, result).inductance + windings.series_H
+        inductance = windings.magnetics.state(after, result).inductance + windings.series_H
         change = _solved(inductance, (wanted - linked(after, result))[..., None])[..., 0]
         result = result + change
         if np.abs(change).max(initial=0.0) <= FLUX_CHANGE * np.abs(result).max(initial=0.0):
@@ -148,7 +127,7 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
     windings = model.windings
     end = windings.end
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    slopes = windings.magnetics.slopes_of_circuits(distance, currents)
+    slopes = windings.magnetics.slopes(distance, currents)
     result = np.zeros((*state.shape, state.shape[-1]))
     result[..., 0, 1] = 1.0
     result[..., 1, :end] = acceleration_slopes(model, state, slopes)
@@ -232,7 +211,7 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
     sensor = model.require_sensor()
     if model.dynamics is None:
         if model.eddy_hall is None:
-            return sensor.voltage(state[..., 0], model.currents_of(state))
+            return sensor.output(state[..., 0], model.currents_of(state))
         flat = state.reshape(-1, state.shape[-1])
         field = model.eddy_hall.field(flat[:, 0], flat[:, 2 : model.windings.end])
         return sensor.quiescent_V + sensor.sensitivity_V_per_T * field.reshape(state.shape[:-1])

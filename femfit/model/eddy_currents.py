@@ -193,17 +193,13 @@ class EddyHall:
         return result
 
     def acting(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """The circuits' currents u whose static field is there, in the shape that it takes."""
-        return self._shaped((self.eddy.whole_forms(distance)[0].coupling @ currents[..., None])[..., 0])
+        """The circuits' currents u (N, n) whose static field is there."""
+        return np.asarray((self.eddy.whole_forms(distance)[0].coupling @ currents[..., None])[..., 0])
 
     def _exact(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         (at,) = self.eddy.whole_forms(distance)
-        u = self._shaped((at.coupling @ currents[..., None])[..., 0])
+        u = (at.coupling @ currents[..., None])[..., 0]
         return np.asarray(self.static.field(distance, u) + (at.hall * currents).sum(axis=1))
-
-    def _shaped(self, u: FloatArray) -> FloatArray:
-        n = len(self.eddy.circuits)
-        return (u if n > 1 else u[:, 0]) if n else np.zeros(len(u))
 
     @cached_property
     def _table(self) -> DistanceTable | None:
@@ -216,9 +212,9 @@ class EddyHall:
 
     def _entries(self, distance: FloatArray) -> FloatArray:
         (at,), n = self.eddy.whole_forms(distance), len(self.eddy.circuits)
-        value, _, by_current = self.static.derivatives(distance, self._shaped(np.zeros((len(distance), n))))
-        by_circuit = by_current.reshape(len(distance), 1, -1)[..., :n]
-        return np.concatenate([value[:, None], (by_circuit @ at.coupling)[:, 0] + at.hall], axis=1)
+        value, _, by_circuit = self.static.derivatives(distance, np.zeros((len(distance), n)))
+        by_winding = (by_circuit[:, None] @ at.coupling)[:, 0] + at.hall
+        return np.concatenate([value[:, None], by_winding], axis=1)
 
 
 def _spline(field: HallField) -> tuple[DistanceCoordinate, FloatArray] | None:

@@ -14,52 +14,49 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.model.eddy_currents import EddyCurrents, EddyForms
-from femfit.model.magnetics import Magnetics, MagneticSlopes, MagneticState
-from femfit.model.several_magnetics import SeveralMagnetics
+from femfit.model.magnetics import Magnetics, MagneticSlopes, MagneticState, OneCurrentMagnetics
 
 
 @dataclass(frozen=True, eq=False)
-class EddyMagnetics(SeveralMagnetics):
+class EddyMagnetics(Magnetics):
     """W'(d, i, e) of the module's head; currents are (i_1..i_n, e_1..e_r)."""
 
     static: Magnetics
     eddy: EddyCurrents
 
     @property
-    def names(self) -> tuple[str, ...]:  # type: ignore[override]  # derived here
+    def names(self) -> tuple[str, ...]:
         """Of the circuits, then of the patterns."""
         return (*self.eddy.circuits, *self.eddy.names)
 
-    def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        (at,), w = self.eddy.whole_forms(distance), np.asarray(current, dtype=np.float64)
-        static = self.static.coenergy(distance, self._of_static(_times(at.coupling, w)))
+        (at,), w = self.eddy.whole_forms(distance), np.asarray(currents, dtype=np.float64)
+        static = self.static.coenergy(distance, _times(at.coupling, w))
         return np.asarray(static + ((at.flux_linkage + 0.5 * _times(at.inductance, w)) * w).sum(axis=-1))
 
-    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """dW'/dw in Wb, of shape (..., n + r)."""
-        (at,), w = self.eddy.whole_forms(distance), np.asarray(current, dtype=np.float64)
-        phi = self._static_flux(distance, _times(at.coupling, w))
+        (at,), w = self.eddy.whole_forms(distance), np.asarray(currents, dtype=np.float64)
+        phi = self.static.flux_linkage(distance, _times(at.coupling, w))
         return _transposed(at.coupling, phi) + at.flux_linkage + _times(at.inductance, w)
 
-    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
+    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n + r) and inductances (..., n + r, n + r) together."""
-        (at, rising), w = self.eddy.whole_forms(distance, 0, 1), np.asarray(current, dtype=np.float64)
+        (at, rising), w = self.eddy.whole_forms(distance, 0, 1), np.asarray(currents, dtype=np.float64)
         u = _times(at.coupling, w)
-        if len(self.eddy.circuits) != 1:
-            found = self.static.state_of_circuits(distance, u)
-            return with_eddies(at, rising, w, found, self._static_flux(distance, u))
-        slope, phi, mixed, curved = self.static.coenergy_derivatives(
-            distance, u[..., 0], ((1, 0), (0, 1), (1, 1), (0, 2))
-        )
-        found = MagneticState(-slope, -mixed[..., None], curved[..., None, None])
-        return with_eddies(at, rising, w, found, phi[..., None])
+        if isinstance(self.static, OneCurrentMagnetics) and self.eddy.circuits:  # all four from one evaluation
+            orders = ((1, 0), (0, 1), (1, 1), (0, 2))
+            slope, phi, mixed, curved = self.static.coenergy_derivatives(distance, u[..., 0], orders)
+            found = MagneticState(-slope, -mixed[..., None], curved[..., None, None])
+            return with_eddies(at, rising, w, found, phi[..., None])
+        return with_eddies(at, rising, w, self.static.state(distance, u), self.static.flux_linkage(distance, u))
 
-    def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """The slopes of all currents."""
         (at, rising, bent), w = self.eddy.whole_forms(distance, 0, 1, 2), np.asarray(currents, dtype=np.float64)
         u, u_1, u_2 = (_times(one.coupling, w) for one in (at, rising, bent))
-        part, phi = self.static.slopes_of_circuits(distance, u), self._static_flux(distance, u)
+        part, phi = self.static.slopes(distance, u), self.static.flux_linkage(distance, u)
         inductance, along = part.inductance, np.einsum("...jkl,...l->...jk", part.inductance_slope, u_1)
         # The first and second derivatives of phi in d at held w
         risen = _times(inductance, u_1) - part.motional_constant
@@ -89,27 +86,10 @@ class EddyMagnetics(SeveralMagnetics):
             force_gradient=-second,
             motional_gradient=motional_gradient,
             inductance_gradient=gradient + rising.inductance,
-            inductance_slope=self._turned(g, part.inductance_slope),
+            inductance_slope=np.einsum("...ja,...kb,...lc,...jkl->...abc", g, g, g, part.inductance_slope)
+            if part.inductance_slope.any()  # of iron that does not saturate it is 0
+            else np.zeros((*u.shape[:-1], *[w.shape[-1]] * 3)),
         )
-
-    @staticmethod
-    def _turned(g: FloatArray, slope: FloatArray) -> FloatArray:
-        """dL_jk/du_l of the static co-energy, for all currents; of iron that does not saturate it is 0."""
-        if not slope.any():
-            return np.zeros((*slope.shape[:-3], *[g.shape[-1]] * 3))
-        return np.asarray(np.einsum("...ja,...kb,...lc,...jkl->...abc", g, g, g, slope))
-
-    def _of_static(self, u: FloatArray) -> FloatArray:
-        """Currents in the shape that the static co-energy takes."""
-        if len(self.eddy.circuits) > 1:
-            return u
-        return u[..., 0] if self.eddy.circuits else np.zeros(u.shape[:-1])
-
-    def _static_flux(self, distance: FloatArray, u: FloatArray) -> FloatArray:
-        if not self.eddy.circuits:
-            return u
-        flux = self.static.flux_linkage(distance, self._of_static(u))
-        return flux if len(self.eddy.circuits) > 1 else flux[..., None]
 
 
 def with_eddies(

@@ -105,10 +105,10 @@ def _motion_rate(model: ActuatorModel) -> float:
     The stiffness at held currents, with k_m L^-1 k_m of the currents that keep the flux.
     """
     windings, motion = model.windings, model.require_motion()
-    d, i = model.validity.grid(5, 3 if len(model.circuits) > 1 else 5)
+    d, i = model.validity.grid(5, 5, several=3)
     currents = np.zeros((len(d), windings.count))
-    currents[:, : windings.circuits] = i.reshape(len(d), -1)[:, : windings.circuits]
-    at = windings.magnetics.slopes_of_circuits(d, currents)
+    currents[:, : windings.circuits] = i[:, : windings.circuits]
+    at = windings.magnetics.slopes(d, currents)
     answers = np.linalg.solve(at.inductance + windings.series_H, at.motional_constant[..., None])[..., 0]
     stiffness = np.abs(motion.static_gradient(d)) + np.abs(at.force_gradient)
     stiffness = stiffness + (at.motional_constant * answers).sum(axis=-1)
@@ -128,7 +128,7 @@ def _mean_rates(model: ActuatorModel, state: FloatArray, voltage: FloatArray, st
     motion, windings = model.require_motion(), model.windings
     end = windings.end
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    at = windings.magnetics.state_of_circuits(distance, currents)
+    at = windings.magnetics.state(distance, currents)
     rates = np.zeros(state.shape[::-1]).T  # a component's values together
     acceleration = motion.acceleration(distance, velocity, at.force, model.sample_time_s)
     rates[..., 1] = acceleration
@@ -167,7 +167,7 @@ def _exact_kick(model: ActuatorModel, state: FloatArray, voltage: FloatArray, st
     end = windings.end
     middle, order = half_way(state, step), state.shape[-1]
     distance, velocity, currents = middle[..., 0], middle[..., 1], middle[..., 2:end]
-    slopes = windings.magnetics.slopes_of_circuits(distance, currents)
+    slopes = windings.magnetics.slopes(distance, currents)
     row = acceleration_slopes(model, middle, slopes)
     kick = np.zeros((*state.shape, order))
     kick[..., range(order), range(order)] = 1.0

@@ -167,7 +167,7 @@ def point_magnetics(magnetics: Magnetics) -> PointMagnetics:
     if type(magnetics) is not CoenergySpline:
 
         def by_arrays(distance: float, currents: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-            state = magnetics.state_of_circuits(np.array([distance]), currents[None])
+            state = magnetics.state(np.array([distance]), currents[None])
             return float(state.force[0]), state.motional_constant[0], state.inductance[0]
 
         return by_arrays

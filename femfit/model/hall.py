@@ -36,22 +36,30 @@ from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.several_magnetics import of_one_circuit
+from femfit.model.magnetics import Orders, only_current
 
 
 class HallField(ABC):
-    """B_z(d, i) at the Hall element; all arguments broadcast, distances in m, currents in A."""
+    """B_z(d, i_1..i_n) at the Hall element; distances (...) in m and currents (..., n) in A broadcast."""
 
     @abstractmethod
-    def _partials(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
-        """Partial derivatives of B_z at flat arrays, for orders (in d, in i)."""
+    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """B_z in T, of shape (...)."""
 
-    def partials(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
-        """Partial derivatives of the field, of orders (in d, in i), in T / m^a / A^b."""
+    @abstractmethod
+    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """B_z in T and dB_z/dd in T/m, both (...), and dB_z/di_k in T/A, of shape (..., n)."""
+
+
+class OneCurrentField(HallField):
+    """B_z(d, i) of one current, or of none: written without the axis that its users give and get."""
+
+    @abstractmethod
+    def _partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
+        """Partial derivatives of B_z at flat arrays."""
+
+    def partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
+        """Partial derivatives of the field at distances and currents (...), in T / m^a / A^b."""
         if np.ndim(distance) == 1 and np.shape(distance) == np.shape(current):  # what plant and filters ask for
             return self._partials(np.asarray(distance, np.float64), np.asarray(current, np.float64), orders)
         distance, current = np.broadcast_arrays(
@@ -59,26 +67,24 @@ class HallField(ABC):
         )
         return [value.reshape(distance.shape) for value in self._partials(distance.ravel(), current.ravel(), orders)]
 
-    def field(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """B_z in T at distances (m) and currents (A) that broadcast."""
-        return self.partials(distance, current, ((0, 0),))[0]
+    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """B_z in T, of shape (...)."""
+        return self.partials(distance, only_current(currents), ((0, 0),))[0]
 
-    def derivatives(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """B_z in T, dB_z/dd in T/m and dB_z/di in T/A."""
-        value, in_d, in_i = self.partials(distance, current, ((0, 0), (1, 0), (0, 1)))
-        return value, in_d, in_i
+    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """B_z and its slopes along the distance and the current, the last of shape (..., n)."""
+        value, in_d, in_i = self.partials(distance, only_current(currents), ((0, 0), (1, 0), (0, 1)))
+        return value, in_d, in_i[..., None][..., : currents.shape[-1]]
 
 
 @dataclass(frozen=True, eq=False)
-class HallSpline(HallField):
+class HallSpline(OneCurrentField):
     """B_z(d, i) at the Hall element as a tensor B-spline."""
 
     coordinate: DistanceCoordinate
     spline: TensorSpline  # In (u, i), in T; a polynomial in the current is a spline with one cell
 
-    def _partials(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
+    def _partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
         return self.coordinate.partial_derivatives(self.spline, distance, current, orders)
 
 
@@ -104,9 +110,14 @@ class HallSensor:
         """One step of the converter in V; 0 where there is none."""
         return (self.output_max_V - self.output_min_V) / 2.0**self.adc_bits if self.adc_bits else 0.0
 
+    def output(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """Output in V without noise, clipping or quantisation, of currents (..., n)."""
+        return self.quiescent_V + self.sensitivity_V_per_T * self.field.field(distance, currents)
+
     def voltage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """Output in V without noise, clipping or quantisation."""
-        return self.quiescent_V + self.sensitivity_V_per_T * self.field.field(distance, current)
+        """As :meth:`output`; the current of the only circuit, or of none, has no axis."""
+        several = isinstance(self.field, SensedField) and len(self.field.current_knots_A) > 1
+        return self.output(np.asarray(distance), np.asarray(current) if several else np.asarray(current)[..., None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,15 +131,13 @@ class SensedField(HallField):
     current_degrees: tuple[int, ...]
     coefficients: FloatArray  # Shape (functions of u, functions of i_1, ..)
 
-    def field(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """The value at distances and currents, shape (...)."""
-        return self._values(distance, current, slopes=False)[0]
+        return self._values(distance, currents, slopes=False)[0]
 
-    def derivatives(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Value, slope along the distance, both (...), and slopes along the currents, in the currents' shape."""
-        value, in_distance, *in_currents = self._values(distance, current, slopes=True)
-        if len(in_currents) == 1:
-            return value, in_distance, in_currents[0]
+    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Value, slope along the distance, both (...), and slopes along the currents, (..., n)."""
+        value, in_distance, *in_currents = self._values(distance, currents, slopes=True)
         empty = np.zeros((*value.shape, 0))
         return value, in_distance, np.stack(in_currents, axis=-1) if in_currents else empty
 
@@ -138,25 +147,17 @@ class SensedField(HallField):
         knots = tuple(one / s for one, s in zip(self.current_knots_A, scales, strict=False))  # or of no current
         return replace(self, current_knots_A=knots, coefficients=magnets * self.coefficients)
 
-    def _partials(
-        self,
-        distance: FloatArray,  # noqa: ARG002  the base class's
-        current: FloatArray,  # noqa: ARG002
-        orders: tuple[tuple[int, int], ...],  # noqa: ARG002
-    ) -> list[FloatArray]:
-        raise of_one_circuit(f"its sensor's field is of {len(self.current_knots_A)}")
-
-    def _values(self, distance: FloatArray, current: FloatArray, *, slopes: bool) -> list[FloatArray]:
+    def _values(self, distance: FloatArray, currents: FloatArray, *, slopes: bool) -> list[FloatArray]:
         """The value and, where asked for, its slopes along the distance and each current."""
-        n, current = len(self.current_knots_A), np.asarray(current, dtype=np.float64)
-        if n > 1 and current.shape[-1:] != (n,):
+        n, currents = len(self.current_knots_A), np.asarray(currents, dtype=np.float64)
+        if n and currents.shape[-1:] != (n,):
             raise DomainError(
                 f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
-                f"order; instead received the shape {current.shape}."
+                f"order; instead received the shape {currents.shape}."
             )
-        shape = np.broadcast_shapes(np.shape(distance), current.shape if n < 2 else current.shape[:-1])
-        along = [current] if n == 1 else [current[..., k] for k in range(n)]
-        flat = [np.broadcast_to(one, shape).ravel() for one in (np.asarray(distance, dtype=np.float64), *along)]
+        shape = np.broadcast_shapes(np.shape(distance), currents.shape[:-1])
+        along = [np.asarray(distance, dtype=np.float64), *(currents[..., k] for k in range(n))]
+        flat = [np.broadcast_to(values, shape).ravel() for values in along]
         u, rate, _ = self.coordinate.with_slopes(flat[0])
         axes = list(zip(flat[1:], self.current_knots_A, self.current_degrees, strict=True))
         places = [basis_matrix(*axis) for axis in axes]
@@ -188,11 +189,9 @@ class PickupSensor(Sensor):
     def voltage(
         self, distance: FloatArray, currents: FloatArray, velocity: FloatArray, current_rates: FloatArray
     ) -> FloatArray:
-        """The voltage at an instant, of shape (...); rates in A/s in the shape of the currents."""
+        """The voltage at an instant, of shape (...); currents and their rates in A/s are (..., n)."""
         _, in_distance, in_currents = self.flux.derivatives(distance, currents)
-        induced = in_currents * current_rates
-        several = np.ndim(in_currents) > np.ndim(in_distance)
-        return np.asarray(in_distance * velocity + (induced.sum(axis=-1) if several else induced))
+        return np.asarray(in_distance * velocity + (in_currents * current_rates).sum(axis=-1))
 
 
 OtherSensor: TypeAlias = CurrentSensor | PositionSensor | PickupSensor | AccelerationSensor | ForceSensor

@@ -137,46 +137,42 @@ class SmallSignal:
 
     model: "ActuatorModel"
     distance: FloatArray
-    current: FloatArray  # The bias, (..., n) of several circuits
+    currents: FloatArray  # The bias, (..., n)
     inductance: FloatArray  # L there, (..., n, n)
     frequency: FloatArray  # In Hz
     share: ComplexArray  # h(w)
 
     def impedance(self) -> ComplexArray:
-        """Z in ohm, (..., n, n) of several circuits."""
+        """Z in ohm, (..., n, n)."""
         model, s = self.model, (2j * np.pi * self.frequency)[..., None, None]
         at = np.broadcast_to(self.distance, self.inductance.shape[:-2])
         induced = induced_impedance(self.inductance, self.frequency, self.share, model.eddy, at)
         z = np.diag(model.resistances_ohm) + s * model.series_inductances_H + induced
         if model.conditions is not None:
-            first = self.current[..., 0] if self._several else self.current
+            first = self.currents[..., 0]
             d, i, f = (np.broadcast_to(one, z.shape[:-2]).ravel() for one in (self.distance, first, self.frequency))
             z = with_further_impedance(z, model.effects, d, i, f, model.conditions)
-        return np.asarray(z if self._several else z[..., 0, 0])
+        return np.asarray(z)
 
     def force(self) -> ComplexArray:
-        """Force in N/A, (..., n) of several circuits."""
+        """Force in N/A, (..., n)."""
         magnetics, eddy = self.model.magnetics, self.model.eddy
-        along = magnetics.motional_constant(self.distance, self.current)
+        along = magnetics.motional_constant(self.distance, self.currents)
         if eddy is None:
             return self._transfer(along)
-        (rising,), flux = eddy.forms(self.distance, 1), magnetics.flux_linkage(self.distance, self.current)
-        pulled = (flux if self._several else flux[..., None])[..., None, :] @ rising.coupling
+        (rising,), flux = eddy.forms(self.distance, 1), magnetics.flux_linkage(self.distance, self.currents)
+        pulled = flux[..., None, :] @ rising.coupling
         return self._transfer(along, -pulled[..., 0, :] - rising.flux_linkage)
 
     def field(self, static: HallField) -> ComplexArray:
-        """Field in T/A at a Hall element whose static one is given, (..., n) of several circuits."""
-        _, _, along = static.derivatives(self.distance, self.current)
+        """Field in T/A at a Hall element whose static one is given, (..., n)."""
+        _, _, along = static.derivatives(self.distance, self.currents)
         eddy = self.model.eddy
         return self._transfer(along) if eddy is None else self._transfer(along, eddy.forms(self.distance)[0].hall)
 
-    @property
-    def _several(self) -> bool:
-        return len(self.model.circuits) > 1
-
     def _transfer(self, along: FloatArray, by_pattern: FloatArray | None = None) -> ComplexArray:
         """What follows the static field, by circuit, and the patterns' own part beside that, (..., r)."""
-        rows = self.share[..., None, None] * (along if self._several else along[..., None])[..., None, :]
+        rows = self.share[..., None, None] * along[..., None, :]
         eddy, points = self.model.eddy, self.frequency.shape
         if eddy is not None and by_pattern is not None:
             (at,) = eddy.forms(np.broadcast_to(self.distance, self.inductance.shape[:-2]))
@@ -184,7 +180,7 @@ class SmallSignal:
             carried = _carried(following, self.frequency, eddy.resistances_ohm, at)
             rows = rows + (rows @ at.coupling + by_pattern[..., None, :]) @ carried
         rows = np.broadcast_to(rows, (*np.broadcast_shapes(rows.shape[:-2], points), *rows.shape[-2:]))[..., 0, :]
-        return np.asarray(rows if self._several else rows[..., 0])
+        return np.asarray(rows)
 
 
 def checked_frequency(frequency: FloatArray, points: tuple[int, ...]) -> FloatArray:

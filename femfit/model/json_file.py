@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ from femfit.model.json_section import Section, plain
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.network_magnetics import NetworkMagnetics
 from femfit.model.sensed_effects import pickups_as_fitted
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor, SeveralMagnetics
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
 from femfit.model.with_effects import with_effects
 
@@ -131,7 +131,16 @@ _WORKED_OUT = {"base", "dynamics", "conditions"}
 
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
     """The model as JSON-ready data."""
-    written = CoenergySpline | SeveralMagnetics | LawMagnetics | NetworkMagnetics | HallSpline | SensedField | None
+    written = (
+        CoenergySpline
+        | CoenergyMatrix
+        | CoenergyTensor
+        | LawMagnetics
+        | NetworkMagnetics
+        | HallSpline
+        | SensedField
+        | None
+    )
     for held in (model.without_effects.magnetics, getattr(model.without_effects.sensor, "field", None)):
         if not isinstance(held, written):
             raise ModelFileError(
@@ -172,12 +181,37 @@ def _record(value: Any) -> dict[str, Any]:
     return data
 
 
+@dataclass(frozen=True)
+class _WrittenBox:
+    """A validity domain as a model file has it: currents of the first circuit, and of the further ones."""
+
+    distance_min_m: float
+    distance_max_m: float
+    current_min_A: float
+    current_max_A: float
+    further_A: tuple[tuple[float, float], ...] = ()
+    mirrored: bool = False
+
+    def read(self, winding: bool) -> ValidityBox:
+        """The domain; of no winding, whose currents are zero, it has no limits of currents."""
+        distances, first = (self.distance_min_m, self.distance_max_m), (self.current_min_A, self.current_max_A)
+        return ValidityBox.of_currents(distances, first, *self.further_A, winding=winding, mirrored=self.mirrored)
+
+
 _WRITERS: dict[type, Callable[[Any], dict[str, Any]]] = {
     EddyCurrents: eddy_to,
     DrawnEffect: drawn_to,
     SensedField: sensed_to,
     CoenergyMatrix: matrix_to,
     CoenergyTensor: tensor_to,
+    ValidityBox: lambda box: {
+        "distance_min_m": box.distance_min_m,
+        "distance_max_m": box.distance_max_m,
+        "current_min_A": box.current_min_A,
+        "current_max_A": box.current_max_A,
+        "further_A": box.current_limits_A[1:].tolist(),
+        "mirrored": box.mirrored,
+    },
 }
 
 
@@ -214,7 +248,7 @@ def _build(top: Section) -> ActuatorModel:
     base = ActuatorModel(
         name=top.text("name"),
         magnetics=magnetics_from(top.section("magnetics")),
-        validity=top.section("validity").record(ValidityBox),
+        validity=top.section("validity").record(_WrittenBox).read(bool(circuits)),
         circuits=circuits,
         motion=mechanics_from(motion) if motion else None,
         sensor=sensor.record(HallSensor, field=hall_field_from(sensor.section("field"))) if sensor else None,
@@ -256,7 +290,10 @@ def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:
 def _faults(model: ActuatorModel) -> Iterator[str]:
     """What no model can have: a domain that is none, and fields that are not finite in it (in 25 points)."""
     domain, circuits = model.validity, model.circuits
-    if not (domain.distance_min_m < domain.distance_max_m and domain.current_min_A <= domain.current_max_A):
+    if not (
+        domain.distance_min_m < domain.distance_max_m
+        and (domain.current_limits_A[:, 0] <= domain.current_limits_A[:, 1]).all()
+    ):
         yield f"validity must span distances and currents in ascending order; instead received {domain}"
     sensed: list[tuple[str, HallField]] = [(s.name, s.flux) for s in model.other_sensors if isinstance(s, PickupSensor)]
     sensed += [("field", model.sensor.field)] if model.sensor is not None else []
@@ -267,8 +304,8 @@ def _faults(model: ActuatorModel) -> Iterator[str]:
                 f"d_0 / (d + s) of its {name} must be finite in the validity domain; with a distance_shift_m of "
                 f"{coordinate.distance_shift_m:g} it is not"
             )
-    limits = np.array([(domain.current_min_A, domain.current_max_A), *domain.further_A])
-    names = getattr(model.magnetics, "names", ("coil",))
+    limits = domain.current_limits_A
+    names = getattr(model.magnetics, "names", ("coil",) * len(limits))
     if not (len(names) == len(limits) and len(circuits) in {0, len(limits)}):
         yield (
             f"magnetics, circuits and validity must be of as many circuits; instead received {len(names)}, "
@@ -284,12 +321,11 @@ def _faults(model: ActuatorModel) -> Iterator[str]:
         yield f"validity must span a range of each circuit's current; instead received {limits.tolist()} A"
     d, along = np.meshgrid(np.linspace(domain.distance_min_m, domain.distance_max_m, 5), np.linspace(0.0, 1.0, 5))
     i = limits[:, 0] + along[..., None] * (limits[:, 1] - limits[:, 0])
-    i = i if domain.further_A else i[..., 0]
     # Coefficients near the largest float overflow here instead of in a filter
     with np.errstate(all="ignore"):
         state = model.magnetics.state(d, i)
         values = [state.force, state.motional_constant, state.inductance]
         if model.sensor is not None:
-            values.append(model.sensor.voltage(d, i))
+            values.append(model.sensor.output(d, i))
     if not all(np.all(np.isfinite(value)) for value in values):
         yield "force, inductance or Hall voltage is not finite everywhere in the validity domain"

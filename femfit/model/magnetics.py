@@ -1,4 +1,4 @@
-"""The magnetic half of the model: force and flux linkage from one co-energy W'(d, i).
+"""The magnetic half of the model: force and flux linkage from one co-energy W'(d, i_1..i_n).
 
 F = -dW'/dd (on the moving part, positive towards the electromagnet), flux linkage = dW'/di, motional constant
 k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one function
@@ -21,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -30,23 +31,20 @@ from femfit.model.coordinate import DistanceCoordinate
 
 @dataclass(frozen=True, eq=False)
 class MagneticState:
-    """What the circuit and the motion need at one or many points."""
+    """What the circuits and the motion need at one or many points, of n currents."""
 
-    force: FloatArray  # F in N
-    motional_constant: FloatArray  # k_m in V s/m = N/A
-    inductance: FloatArray  # L in H
+    force: FloatArray  # F in N, shape (...)
+    motional_constant: FloatArray  # k_m in V s/m = N/A, shape (..., n)
+    inductance: FloatArray  # L in H, shape (..., n, n)
 
 
 @dataclass(frozen=True, eq=False)
-class MagneticSlopes:
-    """What the Jacobian of the equations needs, of n currents.
+class MagneticSlopes(MagneticState):
+    """What the Jacobian of the equations needs beside it.
 
     By reciprocity dk_m,j/di_k = -dL_jk/dd, so that the slopes of the motional constants along the currents are here.
     """
 
-    motional_constant: FloatArray  # k_m, shape (..., n)
-    inductance: FloatArray  # L, shape (..., n, n)
-    force: FloatArray  # F in N, shape (...)
     force_gradient: FloatArray  # dF/dd in N/m, shape (...)
     motional_gradient: FloatArray  # dk_m/dd in N/(A m), shape (..., n)
     inductance_gradient: FloatArray  # dL/dd in H/m, shape (..., n, n)
@@ -58,18 +56,78 @@ ForceOfCurrents = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 
 class Magnetics(ABC):
-    """A co-energy W'(d, i); all arguments broadcast, distances in m, currents in A."""
+    """A co-energy W'(d, i_1..i_n); distances (...) in m and currents (..., n) in A broadcast, and n may be none."""
 
     @abstractmethod
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
-        """Partial derivatives of W' at flat arrays, for any orders (in d, in i)."""
+    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """W' in J, up to a constant, of shape (...)."""
 
-    def coenergy_derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
-        """Partial derivatives of the co-energy, of orders (in d, in i), in J / m^a / A^b."""
+    @abstractmethod
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """dW'/di_k in Wb, of shape (..., n)."""
+
+    @abstractmethod
+    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
+        """Force, motional constants and inductances together, at the price of little more than one."""
+
+    @abstractmethod
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+        """The same with their slopes along the distance and the currents."""
+
+    def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """F = -dW'/dd in N, positive towards the electromagnet, of shape (...)."""
+        return self.state(distance, currents).force
+
+    def motional_constant(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """k_m = dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
+        return self.state(distance, currents).motional_constant
+
+    def inductance(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """L = d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
+        return self.state(distance, currents).inductance
+
+    def force_gradient(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """dF/dd in N/m, of shape (...)."""
+        return self.slopes(distance, currents).force_gradient
+
+    def at_distances(self, distance: FloatArray) -> ForceOfCurrents:
+        """Force and motional constants as functions of the circuits' currents, for a search where the body stays."""
+
+        def force(currents: FloatArray) -> tuple[FloatArray, FloatArray]:
+            state = self.state(distance, currents)
+            return state.force, state.motional_constant
+
+        return force
+
+
+Orders = tuple[tuple[int, int], ...]
+"""Orders of derivatives (in d, in i)."""
+
+
+def only_current(currents: FloatArray) -> FloatArray:
+    """The current (...) of an axis (..., n) of at most one; zero where there is none.
+
+    Raises
+    ------
+    DomainError
+        If there are more.
+    """
+    if currents.shape[-1:] == (1,):
+        return currents[..., 0]
+    if currents.shape[-1:] != (0,):
+        raise DomainError(f"Currents must have the shape (..., 1); instead received the shape {currents.shape}.")
+    return np.zeros(currents.shape[:-1])
+
+
+class OneCurrentMagnetics(Magnetics):
+    """A co-energy W'(d, i) of one current, or of none: written without the axis that its users give and get."""
+
+    @abstractmethod
+    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
+        """Partial derivatives of W' at flat arrays."""
+
+    def coenergy_derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
+        """Partial derivatives of the co-energy at distances and currents (...), in J / m^a / A^b."""
         if np.ndim(distance) == 1 and np.shape(distance) == np.shape(current):  # what plant and filters ask for
             return self._derivatives(np.asarray(distance, np.float64), np.asarray(current, np.float64), orders)
         distance, current = np.broadcast_arrays(
@@ -78,101 +136,65 @@ class Magnetics(ABC):
         values = self._derivatives(distance.ravel(), current.ravel(), orders)
         return [value.reshape(distance.shape) for value in values]
 
-    def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """W' in J, up to a constant."""
-        return self.coenergy_derivatives(distance, current, ((0, 0),))[0]
-
-    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """F = -dW'/dd in N, positive towards the electromagnet."""
-        return -self.coenergy_derivatives(distance, current, ((1, 0),))[0]
-
-    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dW'/di in Wb."""
-        return self.coenergy_derivatives(distance, current, ((0, 1),))[0]
-
-    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """k_m = dF/di = -d(flux linkage)/dd in N/A."""
-        return -self.coenergy_derivatives(distance, current, ((1, 1),))[0]
-
-    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """L = d(flux linkage)/di in H."""
-        return self.coenergy_derivatives(distance, current, ((0, 2),))[0]
-
-    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/dd in N/m."""
-        return -self.coenergy_derivatives(distance, current, ((2, 0),))[0]
-
-    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
-        """Force, motional constant and inductance together, at the price of little more than one."""
+    def _state(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Force, motional constant and inductance, each of shape (...)."""
         d_w, di_w, ii_w = self.coenergy_derivatives(distance, current, ((1, 0), (1, 1), (0, 2)))
-        return MagneticState(force=-d_w, motional_constant=-di_w, inductance=ii_w)
+        return -d_w, -di_w, ii_w
 
-    def at_distances(self, distance: FloatArray) -> ForceOfCurrents:
-        """Force and motional constants as functions of the circuits' currents, for a search where the body stays."""
+    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """W' in J, up to a constant, of shape (...)."""
+        return self.coenergy_derivatives(distance, only_current(currents), ((0, 0),))[0]
 
-        def force(currents: FloatArray) -> tuple[FloatArray, FloatArray]:
-            state = self.state_of_circuits(distance, currents)
-            return state.force, state.motional_constant
+    def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """F = -dW'/dd in N, of shape (...), without what else belongs to the state."""
+        return -self.coenergy_derivatives(distance, only_current(currents), ((1, 0),))[0]
 
-        return force
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """dW'/di in Wb, of shape (..., n)."""
+        (value,) = self.coenergy_derivatives(distance, only_current(currents), ((0, 1),))
+        return value[..., None][..., : currents.shape[-1]]
 
-    def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
-        """The same with an axis of circuits, none of them included.
+    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
+        """Force, motional constants and inductances."""
+        force, motional, inductance = self._state(distance, only_current(currents))
+        if n := currents.shape[-1]:
+            return MagneticState(force, motional[..., None], inductance[..., None, None])
+        return MagneticState(force, np.zeros((*force.shape, n)), np.zeros((*force.shape, n, n)))
 
-        Parameters
-        ----------
-        distance : array, shape (...)
-            In m.
-        currents : array, shape (..., n)
-            In A.
-
-        Returns
-        -------
-        MagneticState
-            Of the shapes (...), (..., n) and (..., n, n).
-        """
-        circuits = currents.shape[-1]
-        state = self.state(distance, currents[..., 0] if circuits else np.zeros_like(distance))
-        motional, inductance = state.motional_constant[..., None], state.inductance[..., None, None]
-        return MagneticState(state.force, motional[..., :circuits], inductance[..., :circuits, :circuits])
-
-    def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
-        """The same with their slopes; arguments as of :meth:`state_of_circuits`."""
-        circuits = currents.shape[-1]
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+        """The same with their slopes."""
         orders = ((1, 0), (1, 1), (0, 2), (2, 0), (2, 1), (1, 2), (0, 3))
-        current = currents[..., 0] if circuits else np.zeros_like(distance)
-        d_w, di_w, ii_w, dd_w, ddi_w, dii_w, iii_w = self.coenergy_derivatives(distance, current, orders)
-        each = slice(None, circuits)
+        values = self.coenergy_derivatives(distance, only_current(currents), orders)
+        d_w, di_w, ii_w, dd_w, ddi_w, dii_w, iii_w = values
+        each = slice(None, currents.shape[-1])
         return MagneticSlopes(
-            -di_w[..., None][..., each],
-            ii_w[..., None, None][..., each, each],
-            -d_w,
-            -dd_w,
-            -ddi_w[..., None][..., each],
-            dii_w[..., None, None][..., each, each],
-            iii_w[..., None, None, None][..., each, each, each],
+            force=-d_w,
+            motional_constant=-di_w[..., None][..., each],
+            inductance=ii_w[..., None, None][..., each, each],
+            force_gradient=-dd_w,
+            motional_gradient=-ddi_w[..., None][..., each],
+            inductance_gradient=dii_w[..., None, None][..., each, each],
+            inductance_slope=iii_w[..., None, None, None][..., each, each, each],
         )
 
 
 @dataclass(frozen=True, eq=False)
-class CoenergySpline(Magnetics):
+class CoenergySpline(OneCurrentMagnetics):
     """W'(d, i) as a tensor B-spline in a coordinate u(d) and i."""
 
     coordinate: DistanceCoordinate
     spline: TensorSpline  # In (u, i), in J
 
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
+    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
         return self.coordinate.partial_derivatives(self.spline, distance, current, orders)
 
-    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
-        """Force, motional constant and inductance; du/dd is worked out once, where points come as one array."""
+    def _state(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As the base class's; du/dd is worked out once, where points come as one array."""
         if np.ndim(distance) != 1 or np.shape(distance) != np.shape(current):
-            return super().state(distance, current)
+            return super()._state(distance, current)
         u, per_metre, _ = self.coordinate.with_slopes(distance)
         slope, mixed, inductance = self.spline.derivatives(u, current, ((1, 0), (1, 1), (0, 2)))
-        return MagneticState(-per_metre * slope, -per_metre * mixed, inductance)
+        return -per_metre * slope, -per_metre * mixed, inductance
 
 
 @dataclass(frozen=True)
@@ -189,7 +211,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True, eq=False)
-class LawMagnetics(Magnetics):
+class LawMagnetics(OneCurrentMagnetics):
     """A force law with polynomial coefficient functions, and the flux linkage that reciprocity leaves open.
 
     W'(d, i) = sum_k,n c_kn i^n (Phi_k(d) - Phi_k(d_ref)) + flux_linkage_ref i + L_ref i^2 / 2. Force data say nothing
@@ -224,9 +246,7 @@ class LawMagnetics(Magnetics):
             return np.zeros(len(self.law.basis))
         return np.asarray(self.law.potential_columns(np.array([self.reference_distance_m]), self.shape)[0])
 
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
+    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
         columns = {}
         for a in {order[0] for order in orders}:
             if a == 0:

@@ -73,11 +73,11 @@ def fit_lines(model: "ActuatorModel") -> list[str]:
     if base.misfit is not None:
         lines += [f"it misses its table of {counted(base.misfit.rows, 'point')} by", *misfit_lines(base.misfit)]
     valid = f"valid from {1e3 * domain.distance_min_m:.4g} to {1e3 * domain.distance_max_m:.4g} mm"
-    if domain.further_A:
-        each = zip(base.magnetics.names, ((domain.current_min_A, domain.current_max_A), *domain.further_A), strict=True)  # type: ignore[attr-defined]
+    if len(domain.current_limits_A) > 1:
+        each = zip(base.current_names, domain.current_limits_A.tolist(), strict=True)
         ranges = ", ".join(f"{name} {low + 0.0:.4g} to {high + 0.0:.4g} A" for name, (low, high) in each)
         return [*lines, f"{valid} and {ranges}{', or all of them reversed' if domain.mirrored else ''}"]
-    if domain.current_min_A == domain.current_max_A == 0.0:  # a pair of magnets
+    if not domain.current_limits_A.any():  # a pair of magnets
         return [*lines, valid, *known]
     return [*lines, f"{valid} and {domain.current_min_A + 0.0:.4g} to {domain.current_max_A + 0.0:.4g} A", *known]
 

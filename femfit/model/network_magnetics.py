@@ -21,7 +21,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.effects.taylor_series import TaylorSeries, current_series, distance_series
-from femfit.model.magnetics import Magnetics, MagneticState
+from femfit.model.magnetics import OneCurrentMagnetics, Orders, only_current
 
 NETWORK = "reluctance-network"
 """Name of the law."""
@@ -33,7 +33,7 @@ OPERATIONS = 100
 
 
 @dataclass(frozen=True, eq=False)
-class NetworkMagnetics(Magnetics):
+class NetworkMagnetics(OneCurrentMagnetics):
     """The co-energy of the network; a current of either sign pulls alike."""
 
     reference_distance_m: float  # d_0
@@ -43,8 +43,9 @@ class NetworkMagnetics(Magnetics):
     knee_A: float  # c
     leakage_H: tuple[float, float]  # L in powers of x
 
-    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """F in N, as a microcontroller would work it out."""
+        current = only_current(currents)
         near = distance + self.distance_shift_m
         x, slope = np.log(near * (1.0 / self.reference_distance_m)), 1.0 / near
         r0, r1, r2, r3 = self.log_reluctance
@@ -60,7 +61,7 @@ class NetworkMagnetics(Magnetics):
         per_reluctance = 0.5 * psi * psi * r * ((3.0 * r3 * x + 2.0 * r2) * x + r1)
         return (per_reluctance - per_saturation - 0.5 * self.leakage_H[1] * size * size) * slope
 
-    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
+    def _state(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Force, motional constant and inductance from psi, without the series of :meth:`coenergy_derivatives`."""
         near = np.asarray(distance + self.distance_shift_m)
         x = np.log(near / self.reference_distance_m)
@@ -76,25 +77,25 @@ class NetworkMagnetics(Magnetics):
         leakage_slope = self.leakage_H[1] / near
         force = 0.5 * psi**2 * r_slope - c * (np.log(left) + y / left) * s_slope - 0.5 * leakage_slope * np.square(size)
         motional = (psi * r_slope - c * y / (left * left) * s_slope / s) * rate - leakage_slope * size
-        return MagneticState(
+        return (
             force,
             np.where(np.asarray(current) < 0.0, -motional, motional),
             self.leakage_H[0] + self.leakage_H[1] * x + rate,
         )
 
-    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """Main flux and leakage in Wb."""
+        current = only_current(currents)
         x = np.log((distance + self.distance_shift_m) / self.reference_distance_m)
         r0, r1, r2, r3 = self.log_reluctance
         gap = np.exp(((r3 * x + r2) * x + r1) * x + r0) * (s := self.saturation_Wb[0] + self.saturation_Wb[1] * x)
         size = np.abs(current)
         b = gap + size + self.knee_A
         psi = 2.0 * s * size / (b + np.sqrt(b * b - 4.0 * gap * size))
-        return np.asarray(np.sign(current) * psi + (self.leakage_H[0] + self.leakage_H[1] * x) * current)
+        linked = np.asarray(np.sign(current) * psi + (self.leakage_H[0] + self.leakage_H[1] * x) * current)
+        return linked[..., None][..., : currents.shape[-1]]
 
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
+    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
         n_d, n_i = max(a for a, _ in orders), max(b for _, b in orders)
         series = self._series(distance, np.abs(current), n_d, n_i)
         sign = np.where(current < 0.0, -1.0, 1.0)

@@ -1,6 +1,7 @@
 """What a bench would read of an actuator model: the one prediction of compare, diagnose, add and suggest."""
 
 from collections.abc import Collection, Iterable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import CHANNELS, AddedEffect
 from femfit.effects.stages import (
     changed_coenergy,
-    circuit_of,
     hall_field,
     recorded,
     true_setting,
@@ -19,6 +19,8 @@ from femfit.effects.stages import (
 from femfit.effects.taylor_series import CoenergySeries
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import following_share, impedances_by_column, induced_impedance, with_further_impedance
+from femfit.model.magnetics import only_current
+from femfit.model.sensed_effects import hall_with_effects
 from femfit.model.with_effects import base_coenergy, eddy_with_sources, resistance_of, with_sources
 
 LOW_HZ = 1e-6
@@ -60,32 +62,62 @@ def predict_readings(
     """
     base = model.without_effects
     added = tuple(model.effects if effects is None else effects)
-    if base.validity.further_A:
-        return _read_of_circuits(model, distance, current, conditions, added, channels)
-    d, i = np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
+    d, i = np.asarray(distance, dtype=np.float64), base.validity.with_axis(np.asarray(current, dtype=np.float64))
     d, i = true_setting(added, d, i, conditions)
-    coenergy = coenergy or base_coenergy(base)
-    bridge = {"inductance_H", "resistance_ohm"} & set(channels) if base.has_winding else set()
-    series = changed_coenergy(coenergy, added, conditions)(d, i, 1, 2 if bridge else 1)
-    force = with_further_force(added, -series.derivative(1, 0), d, i, conditions)
-    values = {"force_N": force}
-    if base.has_winding:
-        values["flux_linkage_Wb"] = series.derivative(0, 1)
+    bridge = base.has_winding and any(name.startswith(("inductance", "resistance")) for name in channels)
+    seen = (
+        _seen_of_circuits if conditions.nominal.circuits else partial(_seen_of_series, coenergy or base_coenergy(base))
+    )
+    force, flux, field, low = seen(base, d, i, added, conditions, bridge)
+    first = only_current(i[:, :1])
+    values = {"force_N": with_further_force(added, force, d, first, conditions)}
+    values |= dict(zip(flux_columns(base.current_names), flux.T, strict=True))
     if base.sensor is not None:
-        field = hall_field(series, coenergy, added, d, i, conditions)
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
-    if base.circuit is not None:
-        # What the driver does to a commanded voltage does not show: a bench reads across the winding
-        ohms, _ = circuit_of(added, like(base.circuit.resistance_ohm, i), np.zeros_like(i), i, conditions)
-        values["voltage_V"] = ohms * i
-    else:
-        ohms, bridge = np.full_like(i, np.nan), bridge - {"resistance_ohm"}
+    # What the driver does to a commanded voltage does not show: a bench reads across the winding
+    ohms = [resistance_of(circuit, added, i[:, k], conditions) for k, circuit in enumerate(base.circuits)]
+    values |= {name: ohms[k] * i[:, k] for k, name in enumerate(voltage_columns(base.circuit_names))}
     if bridge:
-        shown = _impedances(
-            base, d, i[:, None], conditions, added, series.derivative(0, 2)[:, None, None], ohms[:, None]
-        )
-        values |= {name: shown[name] for name in bridge}
-    return recorded(added, values, d, i, conditions)
+        known = np.stack(ohms, axis=1) if ohms else np.full(i.shape, np.nan)
+        shown = _impedances(base, d, i, conditions, added, low, known)
+        values |= {name: shown[name] for name in shown if ohms or not name.startswith("resistance")}
+    return recorded(added, values, d, first, conditions)
+
+
+Seen = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Force (rows,) in N, flux linkages (rows, n) in Wb, field at the Hall element in T, inductances (rows, n, n) in H."""
+
+
+def _seen_of_series(
+    coenergy: CoenergySeries,
+    base: ActuatorModel,
+    d: FloatArray,
+    i: FloatArray,
+    added: tuple[AddedEffect, ...],
+    conditions: Conditions,
+    bridge: bool,
+) -> Seen:
+    """What there is of one current, or none; the inductance is worked out for a bridge alone."""
+    current, n = only_current(i), i.shape[1]
+    series = changed_coenergy(coenergy, added, conditions)(d, current, 1, 2 if bridge else 1)
+    field = np.zeros_like(d) if base.sensor is None else hall_field(series, coenergy, added, d, current, conditions)
+    low = series.derivative(0, 2)[:, None, None] if bridge else np.zeros((len(d), n, n))
+    return -series.derivative(1, 0), series.derivative(0, 1)[:, None][:, :n], field, low
+
+
+def _seen_of_circuits(
+    base: ActuatorModel,
+    d: FloatArray,
+    i: FloatArray,
+    added: tuple[AddedEffect, ...],
+    conditions: Conditions,  # noqa: ARG001  as of one current
+    bridge: bool,  # noqa: ARG001
+) -> Seen:
+    """The same of several."""
+    magnetics, sensor = with_sources(base, added), hall_with_effects(base.sensor, added, base.current_names)
+    state = magnetics.state(d, i)
+    field = np.zeros_like(d) if sensor is None else sensor.field.field(d, i)
+    return state.force, magnetics.flux_linkage(d, i), field, state.inductance
 
 
 def _impedances(
@@ -107,27 +139,3 @@ def _impedances(
         shown[resistance_column(name)] = one.real
         shown[name] = one.imag / w
     return shown
-
-
-def _read_of_circuits(
-    model: ActuatorModel,
-    distance: FloatArray,
-    currents: FloatArray,
-    conditions: Conditions,
-    added: Sequence[AddedEffect],
-    channels: Collection[str],
-) -> dict[str, FloatArray]:
-    """Readings of a body held at rest; currents of shape (rows, n), arguments else as of ``predict_readings``."""
-    base = model.without_effects
-    names = base.magnetics.names  # type: ignore[attr-defined]
-    d, i = np.asarray(distance, dtype=np.float64), np.asarray(currents, dtype=np.float64)
-    d, i = true_setting(added, d, i, conditions)
-    magnetics = with_sources(base, added)
-    values = {"force_N": magnetics.force(d, i)}
-    values |= dict(zip(flux_columns(names), magnetics.flux_linkage(d, i).T, strict=True))
-    ohms = [resistance_of(circuit, added, i[:, k], conditions) for k, circuit in enumerate(base.circuits)]
-    values |= {name: ohms[k] * i[:, k] for k, name in enumerate(voltage_columns(base.circuit_names))}
-    if any(name.startswith(("inductance", "resistance")) for name in channels):
-        low = magnetics.state(d, i).inductance
-        values |= _impedances(base, d, i, conditions, added, low, np.stack(ohms, axis=1))
-    return recorded(added, values, d, i[:, 0], conditions)

@@ -22,6 +22,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import recorded, recorded_setting, true_setting, with_further_force
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor, SensedField
+from femfit.model.magnetics import only_current
 
 SCALING = ("remanence", "turns")
 """Effects that scale what makes the field."""
@@ -33,7 +34,7 @@ class UnknownField(SensedField):
 
     refusal: str
 
-    def _values(self, distance: FloatArray, current: FloatArray, *, slopes: bool) -> list[FloatArray]:  # noqa: ARG002
+    def _values(self, distance: FloatArray, currents: FloatArray, *, slopes: bool) -> list[FloatArray]:  # noqa: ARG002
         raise MissingPartError(self.refusal)
 
 
@@ -94,24 +95,23 @@ def recorded_state(model: ActuatorModel, state: FloatArray, time: FloatArray | f
     result = state.copy()
     distance, currents = recorded_setting(model.effects, state[..., 0], model.currents_of(state), at)
     result[..., 0] = distance
-    result[..., 2 : 2 + len(model.circuits)] = currents.reshape(*distance.shape, -1)[..., : len(model.circuits)]
+    result[..., 2 : 2 + len(model.circuits)] = currents
     return result
 
 
-def true_setting_of(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Distance and current that body and windings have where these were recorded, at rest."""
+def true_setting_of(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Distance (...) and currents (..., n) that body and windings have where these were recorded, at rest."""
     if model.conditions is None:
-        return distance, current
-    return true_setting(model.effects, distance, current, model.conditions)
+        return distance, currents
+    return true_setting(model.effects, distance, currents, model.conditions)
 
 
 def recorded_force(model: ActuatorModel, state: FloatArray, time: FloatArray | float = 0.0) -> FloatArray:
     """The force in N that a sensor records in states of shape (..., order)."""
-    distance, currents = state[..., 0], model.currents_of(state)
-    force = model.force_in(state)
+    distance, first = state[..., 0], only_current(model.currents_of(state)[..., :1])
+    force = model.windings.magnetics.force(distance, state[..., 2 : model.windings.end])
     if model.conditions is None:
         return force
     at = replace(model.conditions, velocity_m_s=state[..., 1], time_s=time, elapsed=time)
-    first = currents[..., 0] if model.conditions.nominal.circuits else currents
     force = with_further_force(model.effects, force, distance, first, at)
     return np.asarray(recorded(model.effects, {"force_N": force}, distance, first, at)["force_N"])

@@ -185,9 +185,10 @@ def predict_sensor(
         return recorded_force(model, state, time)
     if isinstance(sensor, PickupSensor):
         require_no_eddies(model, f"what pickup coil {sensor.name!r} reads")
-    currents, n = model.currents_of(state), len(model.circuits)
-    ohms = model.resistances_ohm if n > 1 else model.resistances_ohm.sum()
-    rates = state_derivative(model, state, ohms * currents if voltage is None else voltage)
+    currents = model.currents_of(state)
+    holding = model.resistances_ohm * currents
+    holding = holding[..., 0] if len(model.circuits) == 1 else holding
+    rates = state_derivative(model, state, holding if voltage is None else voltage)
     if isinstance(sensor, PickupSensor):
         return sensor.voltage(state[..., 0], currents, state[..., 1], model.currents_of(rates))
     motion, found = model.require_motion(), rates[..., 1]
@@ -263,8 +264,8 @@ def sampled_readings(model: ActuatorModel, sensor: AnySensor, states: FloatArray
 
 def readings_span(model: ActuatorModel, sensor: AnySensor) -> float:
     """Width of the readings over the validity domain, in the sensor's unit; of a body at a usual speed in a coil."""
-    distance, currents = model.validity.grid(9, 3 if len(model.circuits) > 1 else 9)
+    distance, currents = model.validity.grid(9, 9, several=3)
     states, n = np.zeros((distance.size, model.order)), len(model.circuits)
-    states[:, 0], states[:, 2 : 2 + n] = distance, currents.reshape(distance.size, -1)[:, :n]
+    states[:, 0], states[:, 2 : 2 + n] = distance, currents[:, :n]
     span = float(np.ptp(sampled_value(model, sensor, states)))
     return span / (SAMPLES_OF_A_STROKE * model.sample_time_s) if isinstance(sensor, PickupSensor) else span

@@ -1,6 +1,4 @@
-"""What the magnetics of several circuits have in common.
-
-The co-energy of several circuits whose iron does not saturate: a quadratic form in their currents.
+"""The co-energy of several circuits whose iron does not saturate: a quadratic form in their currents.
 
 W'(d, i_1..i_n) = v^T M(d) v / 2 with v = (1, i_1, .., i_n). M_00 / 2 is what magnets do alone, M_0k the flux linkage of
 circuit k without current, M_jk the inductances. The entries are splines in one coordinate of the distance. Force and
@@ -29,63 +27,14 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from femfit.core.errors import MissingPartError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.model.bspline import PARABOLA, BasisPolynomials, Places
 from femfit.model.coordinate import DistanceCoordinate, DistanceSplines
 from femfit.model.magnetics import ForceOfCurrents, Magnetics, MagneticSlopes, MagneticState
 
 
-def of_one_circuit(instead: str) -> MissingPartError:
-    """The refusal of what is written for one current, with what there is instead."""
-    return MissingPartError(
-        f"This needs a model with one circuit; instead {instead}. Take a drawing with one circuit, for example both "
-        "coils in series."
-    )
-
-
-class SeveralMagnetics(Magnetics):
-    """A co-energy W'(d, i_1..i_n); distances have the shape (...), currents (..., n) in the order of ``names``."""
-
-    names: tuple[str, ...]
-
-    def force(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """F = -dW'/dd in N, of shape (...)."""
-        return self.state(distance, current).force
-
-    def motional_constant(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
-        return self.state(distance, current).motional_constant
-
-    def inductance(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """d(flux linkage_j)/di_k in H, of shape (..., n, n)."""
-        return self.state(distance, current).inductance
-
-    def force_gradient(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """dF/dd in N/m, of shape (...)."""
-        return self.slopes_of_circuits(distance, current).force_gradient
-
-    def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
-        """As ``state``, whose currents have an axis of circuits already."""
-        return self.state(distance, currents)
-
-    def coenergy_derivatives(
-        self,
-        distance: FloatArray,  # noqa: ARG002  the base class's
-        current: FloatArray,  # noqa: ARG002
-        orders: tuple[tuple[int, int], ...],  # noqa: ARG002
-    ) -> list[FloatArray]:
-        """Refuse what is written for one current."""
-        raise of_one_circuit(f"the model has the circuits {', '.join(self.names)}")
-
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
-        return self.coenergy_derivatives(distance, current, orders)
-
-
 @dataclass(frozen=True, eq=False)
-class CoenergyMatrix(SeveralMagnetics):
+class CoenergyMatrix(Magnetics):
     """M(d) of the module's head."""
 
     names: tuple[str, ...]  # Of the circuits, in the order of their currents
@@ -102,19 +51,19 @@ class CoenergyMatrix(SeveralMagnetics):
     def _matrices(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
         return [entries[..., self._places] for entries in self._splines.derivatives(distance, *orders)]
 
-    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """dW'/di_k in Wb, of shape (..., n)."""
-        return np.asarray(np.einsum("...ab,...b->...a", self.matrix(distance)[..., 1:, :], _with_one(current)))
+        return np.asarray(np.einsum("...ab,...b->...a", self.matrix(distance)[..., 1:, :], _with_one(currents)))
 
-    def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        v = _with_one(current)
+        v = _with_one(currents)
         return np.asarray(0.5 * np.einsum("...a,...ab,...b->...", v, self.matrix(distance), v))
 
-    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
+    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n) and inductances (..., n, n) together."""
         whole, rising = self._matrices(distance, 0, 1)
-        force, motional_constant = _force_and_motional_constant(rising, current)
+        force, motional_constant = _force_and_motional_constant(rising, currents)
         shape = (*motional_constant.shape, len(self.names))
         return MagneticState(force, motional_constant, np.broadcast_to(whole[..., 1:, 1:], shape).copy())
 
@@ -122,7 +71,7 @@ class CoenergyMatrix(SeveralMagnetics):
         """As the base class's, with the matrices found once."""
         return partial(_force_and_motional_constant, self.matrix(distance, 1))
 
-    def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """Slopes along the distance; nothing saturates, so that those of the inductances along the currents are 0."""
         v = _with_one(currents)
         whole, rising, bent = self._matrices(distance, 0, 1, 2)
@@ -166,7 +115,7 @@ def _force_and_motional_constant(rising: FloatArray, current: FloatArray) -> tup
 
 
 @dataclass(frozen=True, eq=False)
-class CoenergyTensor(SeveralMagnetics):
+class CoenergyTensor(Magnetics):
     """The spline of the module's head."""
 
     names: tuple[str, ...]  # Of the circuits, in the order of their currents
@@ -186,22 +135,22 @@ class CoenergyTensor(SeveralMagnetics):
             *(BasisPolynomials(*axis, PARABOLA) for axis in currents),
         )
 
-    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """dW'/di_k in Wb, of shape (..., n)."""
-        at = _Point(self, distance, current)
+        at = _Point(self, distance, currents)
         return np.stack([at.partial(0, k) for k in range(len(self.names))], axis=-1)
 
-    def coenergy(self, distance: FloatArray, current: FloatArray) -> FloatArray:
+    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        return _Point(self, distance, current).partial(0)
+        return _Point(self, distance, currents).partial(0)
 
-    def state(self, distance: FloatArray, current: FloatArray) -> MagneticState:
+    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """Force (...), motional constants (..., n) and inductances (..., n, n) together."""
-        at, n = _Point(self, distance, current), len(self.names)
+        at, n = _Point(self, distance, currents), len(self.names)
         motional = -np.stack([at.partial(1, k) for k in range(n)], axis=-1)
         return MagneticState(-at.partial(1), motional, at.inductance(0))
 
-    def slopes_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """Slopes along the distance and the currents."""
         at, n = _Point(self, distance, currents), len(self.names)
         third = [[[at.partial(0, j, k, m) for m in range(n)] for k in range(n)] for j in range(n)]
@@ -219,15 +168,15 @@ class CoenergyTensor(SeveralMagnetics):
 class _Point:
     """Partial derivatives at points, each part of the products worked out once."""
 
-    def __init__(self, tensor: CoenergyTensor, distance: FloatArray, current: FloatArray) -> None:
-        current = np.asarray(current, dtype=np.float64)
-        self.shape = np.broadcast_shapes(np.shape(distance), current.shape[:-1])
+    def __init__(self, tensor: CoenergyTensor, distance: FloatArray, currents: FloatArray) -> None:
+        currents = np.asarray(currents, dtype=np.float64)
+        self.shape = np.broadcast_shapes(np.shape(distance), currents.shape[:-1])
         self.tensor = tensor
         self.u = [
             np.broadcast_to(part, self.shape).ravel()
             for part in tensor.coordinate.with_slopes(np.asarray(distance, dtype=np.float64))
         ]
-        self.currents = [np.broadcast_to(current[..., k], self.shape).ravel() for k in range(len(tensor.names))]
+        self.currents = [np.broadcast_to(currents[..., k], self.shape).ravel() for k in range(len(tensor.names))]
         self._places: dict[int, Places] = {}
         self._along_u: dict[int, FloatArray] = {}
         self._bases: dict[tuple[int, int], FloatArray] = {}

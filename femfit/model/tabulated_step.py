@@ -101,7 +101,7 @@ def _spline(static: Magnetics) -> tuple[DistanceCoordinate, FloatArray] | None:
 def _responses(windings: Windings, step: float, distance: FloatArray) -> FloatArray:
     """Entries (N, 1 + m + 3 m^2) as :class:`Responses` has them; NaN where an inductance is not positive."""
     m, points = windings.count, len(distance)
-    at = windings.magnetics.slopes_of_circuits(distance, np.zeros((points, m)))
+    at = windings.magnetics.slopes(distance, np.zeros((points, m)))
     decay = decay_of(at.inductance + windings.series_H, windings.resistances_ohm, step)
     first, _ = decay_shares(decay.z)
     shares = np.stack([first * decay.z, 1.0 - first], axis=1)

@@ -15,77 +15,108 @@ from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ValidityBox:
-    """Where the model was fitted."""
+    """Where the model was fitted; currents have the shape (..., n), and n is none for a pair of magnets."""
 
     distance_min_m: float
     distance_max_m: float
-    current_min_A: float
-    current_max_A: float
-    further_A: tuple[tuple[float, float], ...] = ()  # Of each further circuit; currents then have the shape (..., n)
+    current_limits_A: FloatArray  # Lowest and highest current of each circuit, shape (n, 2)
     mirrored: bool = False  # Whether all currents may be reversed together
 
-    def of_each(self, current: FloatArray) -> list[tuple[FloatArray, float, float]]:
-        """Currents of each circuit and their limits."""
-        limits = [(self.current_min_A, self.current_max_A), *self.further_A]
-        if not self.further_A:
-            return [(current, *limits[0])]
-        if np.ndim(current) == 0 or np.shape(current)[-1] != len(limits):
-            raise DomainError(
-                f"Currents must have the shape (..., {len(limits)}), one for each circuit in the model's order; "
-                f"instead received the shape {np.shape(current)}."
-            )
-        return [(np.asarray(current)[..., k], *pair) for k, pair in enumerate(limits)]
+    @classmethod
+    def of_currents(
+        cls,
+        distances_m: tuple[float, float],
+        *currents_A: tuple[float, float],
+        winding: bool = True,
+        mirrored: bool = False,
+    ) -> "ValidityBox":
+        """The domain of distances and of each circuit's currents; zeros are no circuit's where there is no winding."""
+        limits = np.array(currents_A, dtype=np.float64).reshape(-1, 2)
+        return cls(*distances_m, limits if winding or limits.any() else limits[:0], mirrored)
 
     @property
-    def current_limits_A(self) -> FloatArray:  # noqa: N802  the unit
-        """Lowest and highest current of each circuit, shape (n, 2); one row of zeros where there is none."""
-        return np.array([(self.current_min_A, self.current_max_A), *self.further_A])
+    def current_min_A(self) -> float:  # noqa: N802  the unit
+        """Lowest current of the first circuit; zero where there is none."""
+        return float(self.current_limits_A[0, 0]) if len(self.current_limits_A) else 0.0
 
-    def grid(self, distances: int, currents: int) -> tuple[FloatArray, FloatArray]:
-        """Points over the whole domain, as many along each axis as given.
+    @property
+    def current_max_A(self) -> float:  # noqa: N802  the unit
+        """Highest current of the first circuit; zero where there is none."""
+        return float(self.current_limits_A[0, 1]) if len(self.current_limits_A) else 0.0
+
+    @property
+    def column_limits_A(self) -> FloatArray:  # noqa: N802  the unit
+        """The limits of a table's columns of currents: of one of 0 A where there is no winding, shape (n or 1, 2)."""
+        return self.current_limits_A if len(self.current_limits_A) else np.zeros((1, 2))
+
+    def with_axis(self, current: FloatArray) -> FloatArray:
+        """Currents (..., n) of those without an axis, (...), that one circuit's callers give, or none's."""
+        limits = self.current_limits_A
+        if len(limits) == 1:
+            return np.asarray(current)[..., None]
+        if not len(limits):
+            return np.zeros((*np.shape(current), 0))
+        self._require_axis(current)
+        return np.asarray(current)
+
+    def _require_axis(self, currents: FloatArray) -> None:
+        if np.shape(currents)[-1:] != (len(self.current_limits_A),):
+            raise DomainError(
+                f"Currents must have the shape (..., {len(self.current_limits_A)}), one for each circuit in the "
+                f"model's order; instead received the shape {np.shape(currents)}."
+            )
+
+    def grid(self, distances: int, currents: int, several: int | None = None) -> tuple[FloatArray, FloatArray]:
+        """Points over the whole domain.
+
+        Parameters
+        ----------
+        distances, currents : int
+            How many along each axis.
+        several : int or None
+            How many along the current of each of several circuits, where these are fewer.
 
         Returns
         -------
         distance : array, shape (points,)
-        current : array, shape (points,), or (points, n) of several circuits
+        currents : array, shape (points, n)
         """
-        axes = [np.linspace(low, high, currents) for low, high in self.current_limits_A]
+        count = currents if several is None or len(self.current_limits_A) < 2 else several
+        axes = [np.linspace(low, high, count) for low, high in self.current_limits_A]
         points = np.meshgrid(np.linspace(self.distance_min_m, self.distance_max_m, distances), *axes)
-        d, *i = (one.ravel() for one in points)
-        return d, np.stack(i, axis=-1) if self.further_A else i[0]
+        d, *i = (axis.ravel() for axis in points)
+        return d, np.stack(i, axis=-1) if i else np.zeros((len(d), 0))
 
-    def contains(self, distance: FloatArray, current: FloatArray) -> BoolArray:
+    def contains(self, distance: FloatArray, currents: FloatArray) -> BoolArray:
         """Whether each point lies in the domain (to 1e-9 of its width); NaN does not."""
         slack_d = 1e-9 * (self.distance_max_m - self.distance_min_m)
         inside = (distance >= self.distance_min_m - slack_d) & (distance <= self.distance_max_m + slack_d)
-        reached = self._reached(current)
-        if self.mirrored:
-            reached = reached | self._reached(-np.asarray(current))
-        return np.asarray(inside & reached)
+        low, high = self.current_limits_A.T
+        slack = 1e-9 * (high - low)
+        reached = [
+            np.all((given >= low - slack) & (given <= high + slack), axis=-1)
+            for given in ((currents, -np.asarray(currents)) if self.mirrored else (currents,))
+        ]
+        return np.asarray(inside & np.any(reached, axis=0))
 
-    def _reached(self, current: FloatArray) -> BoolArray:
-        """Whether all currents were swept."""
-        inside = np.asarray(True)
-        for one, low, high in self.of_each(current):
-            slack = 1e-9 * (high - low)
-            inside = inside & (one >= low - slack) & (one <= high + slack)
-        return inside
-
-    def require(self, distance: FloatArray, current: FloatArray) -> None:
+    def require(self, distance: FloatArray, currents: FloatArray) -> None:
         """Refuse points outside of the domain."""
-        inside = self.contains(distance, current)
+        self._require_axis(currents)
+        inside = self.contains(distance, currents)
         if not np.all(inside):
             where = np.flatnonzero(~np.atleast_1d(inside).ravel())[0]
-            each = self.of_each(current)
-            d, *i = (np.broadcast_to(one, inside.shape).ravel()[where] for one in (distance, *(e[0] for e in each)))
-            ranges = ", ".join(f"{low:g}..{high:g} A" for _, low, high in each)
+            d = np.broadcast_to(distance, inside.shape).ravel()[where]
+            i = np.broadcast_to(currents, (*inside.shape, np.shape(currents)[-1])).reshape(-1, np.shape(currents)[-1])
+            spans = [f"{1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm"]
+            spans += [", ".join(f"{low:g}..{high:g} A" for low, high in self.current_limits_A)]
+            point = [f"{1e3 * d:g} mm", ", ".join(f"{current:g} A" for current in i[where])]
+            ranges, place = (" and ".join(text for text in texts if text) for texts in (spans, point))
             ranges += " (or all of them reversed)" if self.mirrored else ""
             raise DomainError(
-                f"Distance and current must lie in {1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm and "
-                f"{ranges}, where the model was fitted; instead received "
-                f"{1e3 * d:g} mm and {', '.join(f'{one:g} A' for one in i)}. Sweep and fit a wider range."
+                f"Distance and current must lie in {ranges}, where the model was fitted; instead received {place}. "
+                "Sweep and fit a wider range."
             )
 
 

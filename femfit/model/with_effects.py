@@ -12,7 +12,6 @@ import numpy as np
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
-from femfit.device.mechanics import Mechanics
 from femfit.effects.catalogue import OF_THE_WHOLE, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Effect
@@ -22,26 +21,26 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.coenergy_table import CoenergyTable, ModelCoenergy
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.effect_dynamics import EffectDynamics
-from femfit.model.hall import HallField, HallSensor
-from femfit.model.magnetics import Magnetics
+from femfit.model.hall import OneCurrentField
+from femfit.model.magnetics import Magnetics, OneCurrentMagnetics, Orders
 from femfit.model.sensed_effects import hall_with_effects, pickups_with_effects
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor, SeveralMagnetics
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 
 
 def nominal_of(model: ActuatorModel) -> Nominal:
     """Facts of a base model by which effects scale their parameters."""
     base = model.without_effects
     domain, nan = base.validity, float("nan")
-    d, i = domain.grid(15, 5 if domain.further_A else 15)
+    d, i = domain.grid(15, 15, several=5)
     force, flux = base.magnetics.force(d, i), base.magnetics.flux_linkage(d, i)
-    largest = [float(np.abs(values).max()) for values in (force, flux)]
-    limits = domain.current_limits_A
-    at = base.magnetics.state_of_circuits(np.array(0.5 * (d.min() + d.max())), limits.mean(axis=1))
+    largest = [float(np.abs(values).max(initial=0.0)) for values in (force, flux)]
+    limits = domain.current_limits_A if len(domain.current_limits_A) else np.zeros((1, 2))
+    middle = np.array(0.5 * (d.min() + d.max())), domain.current_limits_A.mean(axis=1)
+    inductance = base.magnetics.inductance(*middle)
     circuit, sensor, swing, per_ampere = next(iter(base.circuits), None), base.sensor, nan, nan
-    middle = 0.5 * (d.min() + d.max()), limits.mean(axis=1) if domain.further_A else limits[0].mean()
     if sensor is not None:
-        swing = float(np.abs(sensor.voltage(d, i) - sensor.quiescent_V).max())
-        per_ampere = float(np.ravel(sensor.field.derivatives(*map(np.asarray, middle))[2])[0])
+        swing = float(np.abs(sensor.output(d, i) - sensor.quiescent_V).max())
+        per_ampere = float(sensor.field.derivatives(*middle)[2][:1].sum())
     clamp = (circuit.voltage_min_V, circuit.voltage_max_V) if circuit else (nan,)
     return Nominal(
         distance_min_m=domain.distance_min_m,
@@ -57,7 +56,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         mass_kg=base.motion.mass_kg if base.motion else nan,
         gravity_m_s2=base.motion.gravity_m_s2 if base.motion else nan,
         hall_quiescent_V=sensor.quiescent_V if sensor else nan,
-        inductance_H=float(at.inductance[0, 0]),
+        inductance_H=float(inductance[:1, :1].sum()),
         hall_T_per_A=per_ampere,
         hall_swing_V=swing,
         voltage_V=max(abs(v) for v in clamp),
@@ -65,14 +64,14 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         voltage_driver=circuit is None or circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.energy_of_springs if base.motion is not None and base.motion.springs else None,
-        circuits=base.circuit_names if domain.further_A else (),
+        circuits=base.circuit_names if len(limits) > 1 else (),
         magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
         drawn=tuple(one.effect for one in base.drawn),
         has_iron=base.kind is None or base.kind.fixed_iron or base.kind.moving_iron,
     )
 
 
-def base_coenergy(model: ActuatorModel) -> CoenergySeries:
+def base_coenergy(model: ActuatorModel) -> ModelCoenergy:
     """The base model's co-energy and Hall field as a series.
 
     Returns
@@ -85,20 +84,18 @@ def base_coenergy(model: ActuatorModel) -> CoenergySeries:
 
 
 @dataclass(frozen=True, eq=False)
-class EffectMagnetics(Magnetics):
+class EffectMagnetics(OneCurrentMagnetics):
     """The co-energy of a base model as effects change it, under fixed conditions."""
 
     series: CoenergySeries
 
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
+    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
         expansion = self.series(distance, current, max(a for a, _ in orders), max(b for _, b in orders))
         return [expansion.derivative(a, b) for a, b in orders]
 
 
 @dataclass(frozen=True, eq=False)
-class EffectHallField(HallField):
+class EffectHallField(OneCurrentField):
     """The field that a Hall element at rest seems to show, as effects on field and reading change it."""
 
     dynamics: EffectDynamics
@@ -106,9 +103,7 @@ class EffectHallField(HallField):
     quiescent_V: float
     sensitivity_V_per_T: float
 
-    def _partials(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
+    def _partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
         series = changed_coenergy(self.dynamics.hall_coenergy, self.dynamics.later, self.dynamics.at)(
             distance, current, max(a for a, _ in orders), max(b for _, b in orders)
         )
@@ -146,19 +141,43 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     effects, base = tuple(effects), model.without_effects
     if not effects:
         return base
-    if base.validity.further_A:
-        return _with_effects_of_circuits(base, effects, nominal_of(base))
     at = Conditions(
         nominal_of(base),
         coil_temperature_C=model.coil_temperature_C,
         magnet_temperature_C=model.magnet_temperature_C,
         running=True,
     )
+    motion = base.motion
+    if motion is not None:
+        near, far = stops_of(effects, motion.ends, at.nominal)
+        motion = replace(motion.with_ends(near, far), mass_kg=moving_mass(effects, motion.mass_kg))
+    ohms = [float(resistance_of(circuit, effects, np.zeros(1), at)[0]) for circuit in base.circuits]
+    changed = replace(
+        base,
+        circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
+        motion=motion,
+        other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
+        eddy=eddy_with_sources(base, effects),
+        effects=effects,
+        base=base,
+        conditions=at,
+        coil_temperature_C=model.coil_temperature_C,
+        magnet_temperature_C=model.magnet_temperature_C,
+    )
+    if at.nominal.circuits:
+        _require_of_circuits(base, effects)
+        sensor = hall_with_effects(base.sensor, effects, base.circuit_names)
+        return replace(changed, magnetics=with_sources(base, effects), sensor=sensor)
+    return _at_work(changed, base, at)
+
+
+def _at_work(changed: ActuatorModel, base: ActuatorModel, at: Conditions) -> ActuatorModel:
+    """The model of one current with what its effects make of co-energy and Hall field, and at work in motion."""
+    effects, coenergy = changed.effects, base_coenergy(base)
     acting = tuple(added for added in effects if added.effect.coenergy is not None)
     static = tuple(added for added in acting if added.memory is None)
-    read = acting or any(added.effect.readings for added in effects)
-    hall_coenergy, eddy = changed_coenergy(base_coenergy(base), static, at), eddy_with_sources(base, effects)
-    moving = changed_coenergy(ModelCoenergy(base.magnetics, None), static, at)
+    hall_coenergy = changed_coenergy(coenergy, static, at)
+    moving = changed_coenergy(ModelCoenergy(coenergy.magnetics, None), static, at)
     dynamics = EffectDynamics(
         motion_coenergy=CoenergyTable(moving, at.nominal, hall=False) if static else moving,
         hall_coenergy=CoenergyTable(hall_coenergy, at.nominal, hall=True) if acting else hall_coenergy,
@@ -167,71 +186,31 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
         at=at,
         resistance_ohm=base.circuit.resistance_ohm if base.circuit else float("nan"),
         series_H=base.circuit.inductance_H if base.circuit else 0.0,
-        eddy=eddy,
+        eddy=changed.eddy,
     )
-    circuit, sensor = base.circuit, base.sensor
-    if circuit is not None:
-        ohms = circuit_of(effects, np.array([circuit.resistance_ohm]), np.zeros(1), np.zeros(1), at)[0]
-        circuit = replace(circuit, resistance_ohm=float(ohms[0]))
-    return replace(
-        base,
-        magnetics=EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))
-        if acting
-        else base.magnetics,
-        circuits=() if circuit is None else (circuit,),
-        motion=_moved_by(base.motion, effects, at.nominal),
-        sensor=_seen_by(sensor, dynamics) if sensor and read else sensor,
-        other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
-        eddy=eddy,
-        effects=effects,
-        base=base,
-        dynamics=dynamics,
-        conditions=at,
-        coil_temperature_C=model.coil_temperature_C,
-        magnet_temperature_C=model.magnet_temperature_C,
-    )
+    magnetics, sensor = base.magnetics, base.sensor
+    if acting:
+        magnetics = EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))
+    if sensor is not None and (acting or any(added.effect.readings for added in effects)):
+        field = EffectHallField(dynamics, sensor.quiescent_V, sensor.sensitivity_V_per_T)
+        sensor = replace(sensor, field=field)
+    return replace(changed, magnetics=magnetics, sensor=sensor, dynamics=dynamics)
 
 
-def _moved_by(motion: Mechanics | None, effects: tuple[AddedEffect, ...], nominal: Nominal) -> Mechanics | None:
-    """Mass and stops as effects change them."""
-    if motion is None:
-        return None
-    near, far = stops_of(effects, motion.ends, nominal)
-    return replace(motion.with_ends(near, far), mass_kg=moving_mass(effects, motion.mass_kg))
-
-
-def _seen_by(sensor: HallSensor, dynamics: EffectDynamics) -> HallSensor:
-    return replace(sensor, field=EffectHallField(dynamics, sensor.quiescent_V, sensor.sensitivity_V_per_T))
-
-
-def _with_effects_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, ...], nominal: Nominal) -> ActuatorModel:
-    """A base model of several circuits with effects."""
-    known = [one.effect.name for one in effects if not _of_circuits(one.effect)]
-    unseen = [one.key for one in base.drawn if one.at_rest and one.key in known]
+def _require_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, ...]) -> None:
+    """Refuse effects that are written for one current."""
+    unknown = [added.effect.name for added in effects if not _of_circuits(added.effect)]
+    unseen = [one.key for one in base.drawn if one.at_rest and one.key in unknown]
     if unseen:
         raise MissingPartError(
             f"{', '.join(unseen)} changes force and flux linkage as well as impedances, which model {base.name!r} of "
             "several circuits does not take up. femfit calibrate finds the number and writes the drawing, to be swept."
         )
-    if known:
+    if unknown:
         raise MissingPartError(
-            f"The effects {', '.join(known)} are of a device with one circuit; model {base.name!r} has "
+            f"The effects {', '.join(unknown)} are of a device with one circuit; model {base.name!r} has "
             f"{len(base.circuits)}. Take them out of its file."
         )
-    at = Conditions(nominal, running=True)
-    ohms = (float(resistance_of(one, effects, np.zeros(1), at)[0]) for one in base.circuits)
-    return replace(
-        base,
-        magnetics=with_sources(base, effects),
-        circuits=tuple(replace(one, resistance_ohm=r) for one, r in zip(base.circuits, ohms, strict=True)),
-        motion=_moved_by(base.motion, effects, nominal),
-        sensor=hall_with_effects(base.sensor, effects, base.circuit_names),
-        other_sensors=pickups_with_effects(base.other_sensors, effects, base.circuit_names),
-        eddy=eddy_with_sources(base, effects),
-        effects=effects,
-        base=base,
-        conditions=at,
-    )
 
 
 def _of_circuits(effect: Effect) -> bool:
@@ -240,8 +219,8 @@ def _of_circuits(effect: Effect) -> bool:
     return bool(effect.of) or effect.name in OF_THE_WHOLE or of_eddies
 
 
-def with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> SeveralMagnetics:
-    """The co-energy of a base model as effects scale magnets and turns: W'(d, s_1 i_1 .. s_n i_n)."""
+def with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Magnetics:
+    """The co-energy of several circuits as effects scale magnets and turns: W'(d, s_1 i_1 .. s_n i_n)."""
     magnetics = base.magnetics
     assert isinstance(magnetics, CoenergyMatrix | CoenergyTensor)  # noqa: S101  there are no others of several circuits
     scales = np.array(source_scales(effects, magnetics.names))
@@ -274,8 +253,8 @@ def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Ed
 def resistance_of(
     circuit: Circuit, effects: Iterable[AddedEffect], current: FloatArray, conditions: Conditions
 ) -> FloatArray:
-    """Resistance in ohm of one of several circuits at its currents, as its own effects change it."""
-    own = [one for one in effects if one.effect.of == circuit.name]
+    """Resistance in ohm of a circuit at its currents, as its own effects change it."""
+    own = [added for added in effects if added.effect.of in ("", circuit.name)]
     ohms, _ = circuit_of(
         own, np.full_like(current, circuit.resistance_ohm), np.zeros_like(current), current, conditions
     )

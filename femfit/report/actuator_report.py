@@ -247,11 +247,9 @@ def _hall_facts(content: ReportContent) -> dict[str, Any] | None:
         return None
     d = np.linspace(*content.model.travel_m, 41)
     zero = np.clip(0.0, *box.current_limits_A.T)
-    zero = np.broadcast_to(zero, (len(d), len(zero))) if box.further_A else np.full_like(d, zero[0])
-    names = content.model.circuit_names if box.further_A else ("",)  # one needs no name
-    idle, _, slopes = sensor.field.derivatives(d, zero)
-    slopes = slopes.reshape(len(d), -1)
-    places, currents = box.grid(41, 5 if box.further_A else 15)
+    names = content.model.circuit_names if len(zero) > 1 else ("",) * len(zero)  # one needs no name
+    idle, _, slopes = sensor.field.derivatives(d, np.broadcast_to(zero, (len(d), len(zero))))
+    places, currents = box.grid(41, 15, several=5)
     return {
         "sensor": sensor,
         "clipped": where_clipped(sensor, places, currents, sensor.field.field(places, currents)),

@@ -59,7 +59,7 @@ class SeveralCircuits:
 def several_circuits(model: ActuatorModel) -> SeveralCircuits | None:
     """The facts of a model of several circuits; None of any other."""
     limits = model.validity.current_limits_A
-    if len(limits) == 1:
+    if len(limits) < 2:
         return None
     box, magnetics = model.validity, model.magnetics
     middle = 0.5 * (box.distance_min_m + box.distance_max_m)
@@ -69,10 +69,10 @@ def several_circuits(model: ActuatorModel) -> SeveralCircuits | None:
     distance = np.linspace(*model.travel_m, POINTS)
     held = model.motion is not None and bool(model.circuits)
     currents = np.array([_held(model, d, bias) if held else bias for d in distance])
-    slopes = magnetics.slopes_of_circuits(distance, currents)
+    slopes = magnetics.slopes(distance, currents)
     springs = model.motion.static_gradient(distance) if model.motion is not None else 0.0
     return SeveralCircuits(
-        names=model.circuit_names or tuple(getattr(magnetics, "names", ())),
+        names=model.current_names,
         bias_A=bias,
         along=along,
         grid=_along_the_line(model, bias, along, distance),
@@ -115,7 +115,7 @@ def current_ranges(model: ActuatorModel) -> list[str]:
     if not model.has_winding:
         return []
     limits = model.validity.current_limits_A
-    names = [f"{name} " for name in getattr(model.magnetics, "names", ())] if len(limits) > 1 else [""]
+    names = [f"{name} " for name in model.current_names] if len(limits) > 1 else [""]
     return [f"{name}{plain(low)} to {plain(high)} A" for name, (low, high) in zip(names, limits, strict=True)]
 
 

@@ -70,7 +70,7 @@ def hall_figure(model: ActuatorModel, rows: FitRows) -> Figure:
     across = fine if resistance is None else resistance * fine
     shown = distances[[0, len(distances) // 2, -1]]
     for colour, style, d in zip(ordered_colours(3), ("-", "--", ":"), shown, strict=True):
-        field = sensor.field.field(np.full_like(fine, d), fine) - sensor.field.field(np.array(d), np.array(0.0))
+        field = sensor.field.field(np.full_like(fine, d), fine[:, None]) - sensor.field.field(np.array(d), np.zeros(1))
         text = words("hall", "level", distance=f"{MM * d:g}")
         left.plot(across, MM * sensor.sensitivity_V_per_T * field, style, color=colour, label=text)
     label(left, "hall", "current" if resistance is None else "voltage", "coil", "coil_title")

@@ -189,7 +189,7 @@ def rate(
         near, far = float(forces[name][0]), float(forces[name][-1])
         feeds.append(Feed(name, current, drawn(current), temperature, ohm * current**2, density, near, far))
     reference = next(feed.drawn_A for feed in reversed(feeds) if feed.name in {"rated", "warm"})
-    slope = -model.magnetics.coenergy_derivatives(distance, np.full_like(distance, reference), ((1, 1),))[0]
+    motional = model.magnetics.motional_constant(distance, np.full((len(distance), 1), reference))[:, 0]
     return Rating(
         voltage_V=voltage,
         cold_ohm=cold,
@@ -199,7 +199,7 @@ def rate(
         inductance_H=model.inductance(distance, reference),
         idle_inductance_H=model.inductance(distance, drawn(0.0)),
         series_H=circuit.inductance_H,
-        motor_constant=np.asarray(slope) / np.sqrt(cold),
+        motor_constant=motional / np.sqrt(cold),
     )
 
 

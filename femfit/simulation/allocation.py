@@ -40,24 +40,17 @@ either sign; only the positive one is used, so that its current does not pass th
 
 
 @remembered
-def current_range(model: ActuatorModel) -> tuple[float, float]:
-    """The currents in A that the only driver can hold and the model covers, from the weakest force to the largest.
-
-    Steel alone is attracted by either sign of the current: its range begins at zero.
-    """
-    circuit, box = model.require_circuit(), model.validity
-    low, high = held_limits(circuit)
-    return model.attracting_range(max(low, box.current_min_A), min(high, box.current_max_A))
-
-
-@remembered
 def current_ranges(model: ActuatorModel) -> FloatArray:
-    """The same for every circuit, of shape (n, 2)."""
-    if len(model.circuits) == 1:
-        return np.array([current_range(model)])
+    """The currents in A that the drivers can hold and the model covers, of shape (n, 2).
+
+    Of one circuit from the weakest force to the largest: steel alone is attracted by either sign of the current, so
+    that its range begins at zero.
+    """
     box = model.validity
     held = [held_limits(circuit) for circuit in model.circuits]
     result = np.array([(max(a, c), min(b, d)) for (a, b), (c, d) in zip(box.current_limits_A, held, strict=True)])
+    if len(result) == 1:
+        return np.array([model.attracting_range(*result[0].tolist())])
     middle = np.array([0.5 * (box.distance_min_m + box.distance_max_m)])
     idle, busy = (
         np.abs(circuit_terms(model, middle, currents[None])[1][0]) for currents in (np.zeros(len(result)), result[:, 1])
@@ -109,7 +102,7 @@ def currents_for_acceleration(
 def current_for_force(
     model: ActuatorModel, distance: FloatArray, force: FloatArray, near: FloatArray | None = None
 ) -> FloatArray:
-    """The current of one circuit that gives a force: F(d, i) = force, kept between those of :func:`current_range`.
+    """The current of one circuit that gives a force: F(d, i) = force, kept between those of :func:`current_ranges`.
 
     Newton's iteration from the current of the largest force: dF/di rises towards it in an unsaturated actuator, so that
     it approaches the root from one side. Where no current of the range gives the force, the nearer end is returned.
@@ -128,9 +121,9 @@ def current_for_force(
 def _rises(model: ActuatorModel) -> bool:
     """Whether a larger current attracts more, in the middle of the distances."""
     box = model.validity
-    low, high = current_range(model)
+    low, high = current_ranges(model)[0].tolist()
     middle = np.full(2, 0.5 * (box.distance_min_m + box.distance_max_m))
-    weak, strong = model.magnetics.force(middle, np.array([low, high]))
+    weak, strong = model.magnetics.force(middle, np.array([[low], [high]]))
     return bool(strong >= weak)
 
 
@@ -138,15 +131,16 @@ def _newton(
     model: ActuatorModel, distance: FloatArray, force: FloatArray, start: FloatArray, steps: int
 ) -> tuple[FloatArray, BoolArray]:
     """Currents, and which converged; each stops by itself, so that it does not depend on the others."""
-    low, high = current_range(model)
+    low, high = current_ranges(model)[0].tolist()
     sign = 1.0 if _rises(model) else -1.0
     scale = max(abs(low), abs(high))  # the range may end at zero: a magnet that a negative current holds back
     current = np.clip(start, low, high)
-    changing = np.ones(np.shape(distance), dtype=np.bool_)
+    changing, pull_of = np.ones(np.shape(distance), dtype=np.bool_), model.magnetics.at_distances(distance)
     for _ in range(steps):
-        slope_d, slope_di = model.magnetics.coenergy_derivatives(distance, current, ((1, 0), (1, 1)))
-        slope = sign * np.maximum(-sign * slope_di, 1e-12 * np.abs(slope_d) / scale + np.finfo(np.float64).tiny)
-        updated = np.where(changing, np.clip(current - (-slope_d - force) / slope, low, high), current)
+        pull, motional = pull_of(current[..., None])
+        least = 1e-12 * np.abs(pull) / scale + np.finfo(np.float64).tiny
+        slope = sign * np.maximum(sign * motional[..., 0], least)
+        updated = np.where(changing, np.clip(current - (pull - force) / slope, low, high), current)
         changing = np.abs(updated - current) > 1e-6 * scale  # the next change would be its square
         current = updated
         if not changing.any():

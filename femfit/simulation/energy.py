@@ -72,11 +72,10 @@ def balance(
     """
     source, copper, eddy, diode, friction, impact = (float(energy) for energy in gone)
     ends, windings = np.array([first, last]), model.windings
-    d, v, each = ends[:, 0], ends[:, 1], ends[:, 2 : windings.end]
-    i = each if model.eddy is not None else model.currents_of(ends)
+    d, v, i = ends[:, 0], ends[:, 1], ends[:, 2 : windings.end]
     coenergy, flux = windings.magnetics.coenergy(d, i), windings.magnetics.flux_linkage(d, i)
-    linked = (each * flux.reshape(each.shape)).sum(axis=1) if each.shape[1] else np.zeros(2)
-    in_series = 0.5 * np.einsum("pk,kl,pl->p", each, windings.series_H, each)
+    linked = (i * flux).sum(axis=1)
+    in_series = 0.5 * np.einsum("pk,kl,pl->p", i, windings.series_H, i)
     stored = [
         linked - coenergy + in_series,
         0.5 * mechanics.mass_kg * v**2,

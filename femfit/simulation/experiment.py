@@ -182,8 +182,8 @@ def direct_distance(design: LoopDesign, series: TimeSeries) -> FloatArray:
 
     Between the readings of a slow sensor it stays what the last one said; it is NaN before the first and in lost runs.
     """
-    readings, currents = series.readings[..., 0], series.estimated_currents_A
-    currents = currents.reshape(readings.size, -1) if len(design.model.circuits) > 1 else currents[..., 0].ravel()
+    readings, n = series.readings[..., 0], len(design.model.circuits)
+    currents = series.estimated_currents_A[..., :n].reshape(readings.size, n)
     distance, _ = distance_inverse(design.model, design.sensors[0]).distance(readings.ravel(), currents)
     rows = np.arange(len(readings))[:, None]
     latest = np.maximum.accumulate(np.where(np.isnan(readings), 0, rows), axis=0)

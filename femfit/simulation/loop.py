@@ -253,7 +253,7 @@ class _Watch:
     def alive(self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray) -> BoolArray:
         """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named."""
         model, n = self._model, len(self._model.circuits)
-        currents = state[:, 2] if n == 1 else state[:, 2 : 2 + n]
+        currents = state[:, 2 : 2 + n]
         alive = model.validity.contains(state[:, 0], currents) & np.isfinite(estimate).all(axis=1)
         if not alive.all() or diverged.any():
             code = self._code(state, currents, diverged)

@@ -37,8 +37,7 @@ class PositionInverse:
         places = np.unique(np.concatenate([np.asarray(self.sensor.distances_m).clip(*ends), ends]))
         read = characteristic(self.sensor, places)
         order = np.argsort(read)
-        several = len(self.model.circuits) > 1
-        reading = np.broadcast_to(reading, np.shape(current)[:-1] if several else np.shape(current))
+        reading = np.broadcast_to(reading, np.shape(current)[:-1])
         outside = ~((reading >= read.min()) & (reading <= read.max()))
         return np.interp(reading, read[order], places[order]), outside
 
@@ -107,7 +106,7 @@ class DirectObserver:
         model = self.inverse.model
         n, step = len(model.circuits), model.sample_time_s
         currents = coil_currents(model, mean, voltage)
-        measured, _ = self.inverse.distance(first, currents if n > 1 else currents[:, 0])
+        measured, _ = self.inverse.distance(first, currents)
         moved = np.concatenate([np.stack([measured, (measured - mean[:, 0]) / step], axis=1), currents], axis=1)
         missing = np.isnan(first)
         moved[missing, :2] = mean[missing, :2]

@@ -136,7 +136,7 @@ def _duration(asked_s: float | None, profiles: Sequence[Profile]) -> float:
 def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
     mechanics, box = model.require_motion(), model.validity
     equations = equations_of(model)
-    d, i = box.grid(15, 5 if box.further_A else 15)
+    d, i = box.grid(15, 15, several=5)
     pairs = zip(model.circuits, profiles, strict=True)
     force = float(np.abs(model.magnetics.force(d, i)).max() + np.abs(mechanics.static_force(d)).max())
     return System(
@@ -188,8 +188,8 @@ def _table(model: ActuatorModel, system: System, walked: Run, step: float) -> di
         states[:, rows] = stretch.solution(time[rows])
         volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
     d, names, windings = states[0], model.circuit_names, model.windings
-    i = model.currents_of(states.T) if model.eddy is None else states[2 : windings.end].T
-    flux = windings.magnetics.flux_linkage(d, i).reshape(len(time), -1)[:, :circuits]
+    i = states[2 : windings.end].T
+    flux = windings.magnetics.flux_linkage(d, i)[:, :circuits]
     motion = {
         "time_s": time,
         "distance_m": d,

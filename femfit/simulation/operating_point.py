@@ -80,7 +80,7 @@ def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:
     _require_driven(model, distance, currents)
     ohms, n = model.resistances_ohm, len(currents)
     d, i = np.array([distance]), currents[None]
-    gradient = float((model.magnetics.slopes_of_circuits(d, i).force_gradient - motion.static_gradient(d))[0])
+    gradient = float((model.magnetics.slopes(d, i).force_gradient - motion.static_gradient(d))[0])
     motional, inductance = (of_point[0] for of_point in circuit_terms(model, d, i)[1:])
     mass = motion.mass_kg
     inverse = np.linalg.inv(inductance)

@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray
+from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.estimate.levitation import fastest_time_constant, kept_between_stops
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import basis_matrix
-from femfit.model.coenergy_table import ModelCoenergy
 from femfit.model.drive import (
     blocked_by_diodes,
     commands_currents,
@@ -28,8 +28,7 @@ from femfit.model.drive import (
 )
 from femfit.model.dynamics import LONGEST_STEP, runge_kutta_step
 from femfit.model.exponential_step import extrapolated_step, motion_steps
-from femfit.model.magnetics import CoenergySpline, Magnetics, MagneticState
-from femfit.model.with_effects import EffectMagnetics
+from femfit.model.magnetics import CoenergySpline, Magnetics, MagneticSlopes, MagneticState
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,17 +43,6 @@ class ScaledForce(Magnetics):
     scale: FloatArray  # s, one factor a run; shape (runs,)
     reference_distance_m: float
 
-    def _derivatives(
-        self, distance: FloatArray, current: FloatArray, orders: tuple[tuple[int, int], ...]
-    ) -> list[FloatArray]:
-        values = self.base.coenergy_derivatives(distance, current, orders)
-        reference = np.full_like(distance, self.reference_distance_m)
-        unscaled = iter(self.base.coenergy_derivatives(reference, current, tuple((0, b) for a, b in orders if a == 0)))
-        return [
-            self.scale * value if a else self.scale * value + (1.0 - self.scale) * next(unscaled)
-            for (a, _), value in zip(orders, values, strict=True)
-        ]
-
     def alike(self, scale: float) -> Magnetics:
         """The magnetics of runs with one scale: of a spline again one, since its functions of the distance add to 1."""
         base = self.base
@@ -67,23 +55,55 @@ class ScaledForce(Magnetics):
             return replace(base, spline=replace(spline, coefficients=coefficients))
         return replace(self, scale=np.array(scale))
 
-    def flux_linkage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
-        """The same of any number of circuits."""
-        there, scale = self.base.flux_linkage(distance, current), np.asarray(self.scale)
-        at_reference = self.base.flux_linkage(np.full_like(distance, self.reference_distance_m), current)
-        scale = scale[..., None] if np.ndim(there) > np.ndim(distance) else scale
-        return scale * there + (1.0 - scale) * at_reference
+    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """W' in J, of shape (...)."""
+        reference = np.full_like(distance, self.reference_distance_m)
+        return self._mixed(self.base.coenergy(distance, currents), self.base.coenergy(reference, currents), 0)
 
-    def state_of_circuits(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
-        """The same of any number of circuits."""
-        there = self.base.state_of_circuits(distance, currents)
-        at_reference = self.base.state_of_circuits(np.full_like(distance, self.reference_distance_m), currents)
-        scale = np.asarray(self.scale)
-        return MagneticState(
-            scale * there.force,
-            scale[..., None] * there.motional_constant,
-            scale[..., None, None] * there.inductance + (1.0 - scale)[..., None, None] * at_reference.inductance,
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """dW'/di_k in Wb, of shape (..., n)."""
+        reference = np.full_like(distance, self.reference_distance_m)
+        return self._mixed(self.base.flux_linkage(distance, currents), self.base.flux_linkage(reference, currents), 1)
+
+    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
+        """Force, motional constants and inductances together."""
+        there, reference = self.base.state(distance, currents), np.full_like(distance, self.reference_distance_m)
+        inductance, scale = self.base.inductance(reference, currents), np.asarray(self.scale)
+        inductance = self._mixed(there.inductance, inductance, 2)
+        return MagneticState(scale * there.force, scale[..., None] * there.motional_constant, inductance)
+
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+        """The same with their slopes."""
+        there, reference = self.base.slopes(distance, currents), np.full_like(distance, self.reference_distance_m)
+        scale, held = np.asarray(self.scale), self.base.slopes(reference, currents).inductance_slope
+        return MagneticSlopes(
+            **vars(self.state(distance, currents)),
+            force_gradient=scale * there.force_gradient,
+            motional_gradient=scale[..., None] * there.motional_gradient,
+            inductance_gradient=scale[..., None, None] * there.inductance_gradient,
+            inductance_slope=self._mixed(there.inductance_slope, held, 3),
         )
+
+    def _mixed(self, there: FloatArray, at_reference: FloatArray, axes: int) -> FloatArray:
+        """What no scale changes at the reference distance, with so many axes of circuits."""
+        scale = np.asarray(self.scale)[(..., *[None] * axes)]
+        return np.asarray(scale * there + (1.0 - scale) * at_reference)
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledSeries:
+    """The same of the co-energy that effects change, called as :data:`femfit.effects.taylor_series.CoenergySeries`."""
+
+    base: CoenergySeries
+    scale: FloatArray
+    reference_distance_m: float
+
+    def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
+        """Taylor coefficients at points (n,) in m and A."""
+        coefficients = self.scale * self.base(distance, current, in_distance, in_current).coefficients
+        reference = np.full_like(distance, self.reference_distance_m)
+        coefficients[:, 0] += (1.0 - self.scale) * self.base(reference, current, 0, in_current).coefficients[:, 0]
+        return TaylorSeries(coefficients)
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +166,7 @@ class Plant:
     def _needed(self, state: FloatArray, step: float) -> FloatArray:
         """Voltages held over a step for a change of the currents, in V/A, shape (runs, n, n)."""
         model, n = self.model, len(self.model.circuits)
-        magnetic = model.windings.magnetics.state_of_circuits(state[:, 0], state[:, 2 : model.windings.end])
+        magnetic = model.windings.magnetics.state(state[:, 0], state[:, 2 : model.windings.end])
         if model.eddy is None:
             return (magnetic.inductance + model.series_inductances_H) / step
         return np.asarray(np.linalg.inv(currents_by_voltages(model, magnetic, step)[:, :n, :n]))
@@ -184,6 +204,5 @@ def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> Actuato
     middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)
     dynamics = model.dynamics
     if dynamics is not None:
-        scaled = ScaledForce(EffectMagnetics(dynamics.motion_coenergy), factor, middle)
-        dynamics = replace(dynamics, motion_coenergy=ModelCoenergy(scaled, None))
+        dynamics = replace(dynamics, motion_coenergy=ScaledSeries(dynamics.motion_coenergy, factor, middle))
     return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle), dynamics=dynamics)

@@ -33,7 +33,7 @@ def rest_distance(model: ActuatorModel) -> float:
     def acting(distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
         places_m = np.asarray(distance, dtype=np.float64)
         idle = np.zeros((*places_m.shape, len(model.circuits)))
-        return motion.static_force(places_m), -model.magnetics.state_of_circuits(places_m, idle).force
+        return motion.static_force(places_m), -model.magnetics.state(places_m, idle).force
 
     places = np.linspace(low, high, PLACES)
     static, magnetic = acting(places)

@@ -13,6 +13,7 @@ import numpy as np
 from femfit.core import files as atomic
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
 from femfit.core.results import Printed
+from femfit.core.sweep_columns import circuit_currents
 from femfit.core.text import amount, counted
 from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.design import ControllerName, LoopDesign
@@ -25,15 +26,8 @@ def command_columns(design: LoopDesign) -> list[str]:
     """Names of the commands in a table: by the circuit's name where there are several."""
     circuits = design.model.circuits
     kinds = [("command", "A") if circuit.drive.kind == "current" else ("voltage", "V") for circuit in circuits]
-    if len(circuits) == 1:
-        return ["_".join(kinds[0])]
-    return [f"{kind}_{circuit.name}_{unit}" for (kind, unit), circuit in zip(kinds, circuits, strict=True)]
-
-
-def current_columns(design: LoopDesign) -> list[str]:
-    """Names of the currents in a table."""
-    circuits = design.model.circuits
-    return ["current_A"] if len(circuits) == 1 else [f"current_{circuit.name}_A" for circuit in circuits]
+    names = [f"_{circuit.name}" if len(circuits) > 1 else "" for circuit in circuits]
+    return [f"{kind}{name}_{unit}" for (kind, unit), name in zip(kinds, names, strict=True)]
 
 
 def reading_columns(design: LoopDesign) -> list[str]:
@@ -48,12 +42,12 @@ def series_columns(design: LoopDesign) -> list[str]:
     """Names of all columns after the run and the time; what no sensor gives is named as the truth or an estimate."""
     return [
         *command_columns(design),
-        *(f"true_{name}" for name in (*current_columns(design), "distance_m")),
+        *(f"true_{name}" for name in (*circuit_currents(design.model.circuit_names), "distance_m")),
         *reading_columns(design),
         "reference_m",
         "estimated_distance_m",
         "estimated_velocity_m_s",
-        *(f"estimated_{name}" for name in current_columns(design)),
+        *(f"estimated_{name}" for name in circuit_currents(design.model.circuit_names)),
     ]
 
 

@@ -105,8 +105,15 @@ def require_sensed(model: ActuatorModel, sensors: Sequence[str], distance: Float
             continue
         sensor = sensor_named(model, name)
         if isinstance(sensor, HallSensor):
-            _refuse_hall(
-                model, sensor, distance[dark], currents[dark] if len(model.circuits) > 1 else currents[dark, 0]
+            field = sensor.field.field(distance[dark], currents[dark])
+            strongest = int(np.argmax(np.abs(field)))
+            raise DomainError(
+                f"The Hall element of model {model.name!r} must stay within its output range of "
+                f"{sensor.output_min_V:g}..{sensor.output_max_V:g} V where the body is held; "
+                f"{1e3 * field[strongest]:.4g} mT at {1e3 * distance[dark][strongest]:.4g} mm and "
+                f"{sensor.sensitivity_V_per_T:g} V/T ask for "
+                f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give the sensor a "
+                "smaller sensitivity_V_per_T, or move the element."
             )
         reading = reading_of(model, name)
         states = np.zeros((1, model.order))
@@ -117,18 +124,6 @@ def require_sensed(model: ActuatorModel, sensors: Sequence[str], distance: Float
             f"{reading.high:g} {reading.unit} where the body is held; at {1e3 * states[0, 0]:.4g} mm it would read "
             f"{value:.4g} {reading.unit}. Give [sensors.{name}] a wider range, or choose other reference distances."
         )
-
-
-def _refuse_hall(model: ActuatorModel, sensor: HallSensor, distance: FloatArray, current: FloatArray) -> NoReturn:
-    field = sensor.field.field(distance, current)
-    strongest = int(np.argmax(np.abs(field)))
-    raise DomainError(
-        f"The Hall element of model {model.name!r} must stay within its output range of {sensor.output_min_V:g}.."
-        f"{sensor.output_max_V:g} V where the body is held; {1e3 * field[strongest]:.4g} mT at "
-        f"{1e3 * distance[strongest]:.4g} mm and {sensor.sensitivity_V_per_T:g} V/T ask for "
-        f"{sensor.quiescent_V + sensor.sensitivity_V_per_T * field[strongest]:.4g} V. Give the sensor a smaller "
-        "sensitivity_V_per_T, or move the element."
-    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,6 +14,7 @@ from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.sweep_table import write_sweep_table
 from support.command import femfit
+from support.one_current import within
 from support.sweeps import full_table
 
 
@@ -106,7 +107,7 @@ def test_a_verdict_does_not_depend_on_the_size_of_the_device(levitation_model, l
 
 
 def test_what_only_the_models_currents_end_is_not_said_of_the_supply(levitation_model):
-    weak = replace(levitation_model, validity=replace(levitation_model.validity, current_max_A=0.2))
+    weak = replace(levitation_model, validity=within(levitation_model.validity, high=0.2))
     (held,) = (one for one in audit_model(weak).findings if one.code == "held_range")
     assert "where the model ends" in held.sentence
     assert "V" not in held.sentence
@@ -114,7 +115,7 @@ def test_what_only_the_models_currents_end_is_not_said_of_the_supply(levitation_
 
 def test_a_coil_of_steel_alone_carries_its_body_under_either_sign_of_the_current(levitation_model):
     pot = LawMagnetics("F1e", (Coefficient("d^-2", 2, 2e-5, "N m^2 / A^2"),), {}, 0.03)
-    box = replace(levitation_model.validity, current_min_A=-1.4)
+    box = within(levitation_model.validity, low=-1.4)
     both = replace(levitation_model, magnetics=pot, sensor=None, misfit=None, validity=box)
     both = replace(both, circuits=(Circuit(2.69, -11.0, 11.0),))
     assert "held_range" in codes(both, "holds")

@@ -22,6 +22,7 @@ from femfit.tables import containers as apart
 from femfit.tables import containers as xlsx_file
 from support.command import FEMFIT, femfit
 from support.eddies import with_eddies
+from support.one_current import flat
 
 DISTANCE = np.repeat([2e-3, 4e-3, 6e-3], 4)
 CURRENT = np.tile([0.1, 0.4, 0.7, 1.0], 3)
@@ -225,7 +226,7 @@ def test_a_sweep_in_a_workbook_is_fitted_as_its_csv_is(tmp_path):
         table.to_csv(tmp_path / name, index=False) if name == "a.csv" else table.to_excel(tmp_path / name, index=False)
         done = femfit("fit", name, "--model", "F1e", "-o", f"{name}.json", cwd=tmp_path)
         assert done.returncode == 0, done.stderr
-        results[name] = ff.read_model(tmp_path / f"{name}.json").magnetics.force(4e-3, 0.7)
+        results[name] = flat(ff.read_model(tmp_path / f"{name}.json").magnetics).force(4e-3, 0.7)
     assert results["a.xlsx"] == pytest.approx(results["a.csv"], rel=1e-9)
 
 

@@ -15,6 +15,7 @@ from femfit.integrate.integrate_coil import integrate_coil
 from femfit.model.json_file import write_model
 from support.command import femfit
 from support.halves import cut_in_two
+from support.one_current import flat
 from support.solenoids import solenoid
 
 AREA = "0.059394"
@@ -163,8 +164,8 @@ def held_magnet(levitation_model, tmp_path_factory):
     at = np.full(len(time), DISTANCE)
     rng = np.random.default_rng(3)
     truths = {
-        "field": 1.003 * levitation_model.sensor.field.field(at, current),
-        "flux_linkage": 1.003 * levitation_model.magnetics.flux_linkage(at, current),
+        "field": 1.003 * flat(levitation_model.sensor.field).field(at, current),
+        "flux_linkage": 1.003 * flat(levitation_model.magnetics).flux_linkage(at, current),
     }
     for name, area in (("field", SENSING), ("flux_linkage", 1.0)):
         # Each trapezoid of the voltage is the truth's step.

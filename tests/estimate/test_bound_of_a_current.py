@@ -10,13 +10,13 @@ from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along, error_bound
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise
-from femfit.model.magnetics import Magnetics
+from femfit.model.magnetics import OneCurrentMagnetics
 from tests.support.solenoids import LEAKAGE_H, REACH_H_M, SHIFT_M, inductance, solenoid
 
 SIGMA_A, STEP_S = 4e-3, 2e-5
 
 
-class Flat(Magnetics):
+class Flat(OneCurrentMagnetics):
     """A winding whose inductance no distance changes."""
 
     def _derivatives(self, _, current, orders):

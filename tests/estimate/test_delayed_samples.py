@@ -14,6 +14,7 @@ from femfit.estimate.error_bound import bound_along, without_stops
 from femfit.estimate.run_filter import in_fine_steps
 from femfit.model.sensors import sampled_readings, sensor_named
 from support.halves import cut_in_two
+from support.one_current import flat
 from support.pickups import STEP_S, searched
 from support.readings import LASER
 from support.solenoids import inductance, solenoid
@@ -144,7 +145,7 @@ def alone(model):
 
 def linked(model, state):
     """Flux linkage of one state."""
-    return float(model.magnetics.flux_linkage(state[:1], state[2:3])[0])
+    return float(flat(model.magnetics).flux_linkage(state[:1], state[2:3])[0])
 
 
 def test_a_stop_within_a_step_changes_the_flux_linkage_by_nothing_but_the_voltage():
@@ -193,6 +194,6 @@ def test_the_halves_of_a_coil_arrive_at_a_stop_as_the_whole_does():
 
 
 def test_a_body_without_a_circuit_arrives_at_a_stop():
-    box = replace(solenoid().validity, current_min_A=0.0, current_max_A=0.0)
+    box = replace(solenoid().validity, current_limits_A=np.zeros((0, 2)))
     _, kept = arriving(replace(solenoid(), circuits=(), validity=box, sample_time_s=2e-4), 0.0)
     assert kept.shape == (1, 2)

@@ -22,6 +22,7 @@ from femfit.estimate.noise import (
 from femfit.estimate.process import FilterProcess, Output
 from femfit.model.bspline import TensorSpline
 from femfit.model.sensors import reading_of
+from support.one_current import flat
 
 RANDOM = np.random.default_rng(8)
 
@@ -73,9 +74,9 @@ def test_default_noise_leaves_the_filter_within_15_percent_of_the_bound(levitati
 
 def test_the_body_is_held_where_force_equals_weight(levitation_model):
     current = holding_current(levitation_model, 0.025)
-    force = float(levitation_model.magnetics.force(np.asarray(0.025), np.asarray(current)))
+    force = float(flat(levitation_model.magnetics).force(np.asarray(0.025), np.asarray(current)))
     assert force == pytest.approx(4.35e-3 * 9.80665, rel=1e-13)
-    gradient = float(levitation_model.magnetics.force_gradient(np.asarray(0.025), np.asarray(current)))
+    gradient = float(flat(levitation_model.magnetics).force_gradient(np.asarray(0.025), np.asarray(current)))
     assert unstable_pole(levitation_model, 0.025) == pytest.approx(np.sqrt(-gradient / 4.35e-3), rel=1e-12)
 
 
@@ -133,7 +134,7 @@ def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
 
 def test_the_direct_distance_inverts_the_hall_voltage(levitation_model):
     d, i = RANDOM.uniform(0.015, 0.045, 500), RANDOM.uniform(0.0, 1.4, 500)
-    found, clipped = hall_inverse(levitation_model).distance(levitation_model.sensor.voltage(d, i), i)
+    found, clipped = hall_inverse(levitation_model).distance(levitation_model.sensor.voltage(d, i), i[:, None])
     # Rounding of 2.5 V is 4e-16 V, at the far edge's 1.5 V/m 3e-16 m; Newton's last step leaves a few of it.
     np.testing.assert_allclose(found, d, atol=1e-13)
     assert not clipped.any()
@@ -143,7 +144,7 @@ def test_the_direct_distance_is_clipped_to_the_box_and_flagged(levitation_model)
     sensor = levitation_model.sensor
     edge = sensor.voltage(np.array([0.015, 0.045]), np.asarray(0.5))
     volts = np.array([edge[0] + 0.01, edge[1] - 0.01, np.nan, np.inf, edge.mean()])
-    found, clipped = hall_inverse(levitation_model).distance(volts, np.asarray(0.5))
+    found, clipped = hall_inverse(levitation_model).distance(volts, np.array([0.5]))
     np.testing.assert_array_equal(clipped, [True, True, True, True, False])
     np.testing.assert_array_equal(found[:2], [0.015, 0.045])
     assert np.isnan(found[2:4]).all()
@@ -154,10 +155,10 @@ def test_a_hall_element_that_sees_the_magnet_the_other_way_round_is_inverted_too
     turned = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=-50.0))
     d = np.linspace(0.016, 0.044, 20)
     volts = turned.sensor.voltage(d, np.asarray(0.3))
-    found, clipped = hall_inverse(turned).distance(volts, np.asarray(0.3))
+    found, clipped = hall_inverse(turned).distance(volts, np.array([0.3]))
     np.testing.assert_allclose(found, d, atol=1e-13)
     assert not clipped.any()
-    low, _ = hall_inverse(turned).distance(np.array([0.0]), np.asarray(0.3))
+    low, _ = hall_inverse(turned).distance(np.array([0.0]), np.array([0.3]))
     assert low[0] == 0.015
 
 
@@ -195,7 +196,7 @@ def test_a_reading_outside_of_its_range_does_not_disturb_the_others(levitation_m
     # A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are solved.
     inverse = hall_inverse(levitation_model)
     volts = levitation_model.require_sensor().voltage(np.array(0.022), np.array(0.5))
-    distance, clipped = inverse.distance(np.array([volts, 4.9, volts]), np.array([0.5, 1e4, np.nan]))
+    distance, clipped = inverse.distance(np.array([volts, 4.9, volts]), np.array([[0.5], [1e4], [np.nan]]))
     assert distance[0] == pytest.approx(0.022, abs=1e-12)
     assert clipped.tolist() == [False, True, True]
     assert distance[1] in (levitation_model.validity.distance_min_m, levitation_model.validity.distance_max_m)

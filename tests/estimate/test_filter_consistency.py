@@ -168,8 +168,8 @@ def test_compensating_the_coil_by_the_resting_current_costs_what_the_hall_voltag
             errors.append(state.mean[:, 0] - truth[:, 0])
         return np.sqrt(np.mean(np.square(errors[100:])))
 
-    resting = inverse.distance(record.hall, record.voltage / levitation_model.circuit.resistance_ohm)[0]
-    known = inverse.distance(record.hall, record.truth[..., 2])[0]
+    resting = inverse.distance(record.hall, (record.voltage / levitation_model.circuit.resistance_ohm)[..., None])[0]
+    known = inverse.distance(record.hall, record.truth[..., 2:3])[0]
     through_field = error_rms(through_volts, record.hall)
     # With the true current both measurements carry the same information, R being constant in V or in m.
     assert error_rms(of_distance, known) == pytest.approx(through_field, rel=0.1)

@@ -15,6 +15,7 @@ from femfit.estimate.process import FilterOutcome
 from femfit.model.sensors import reading_of
 from femfit.model.validity import ProcessNoise
 from femfit.model.with_effects import with_effects
+from support.one_current import within
 from support.readings import predict_sensors
 from support.replays import STEP_S, TRUE, damped, logs, series
 from support.solenoids import solenoid
@@ -148,7 +149,7 @@ def test_a_rest_on_a_stop_is_recognised():
 def test_a_body_on_a_stop_at_the_end_of_the_domain_has_not_left_it():
     model = solenoid()
     loop = switched([0.0, 0.02, 0.08], [0.0, 12.0, 0.0], 0.12)
-    box = replace(model.validity, distance_min_m=0.2e-3, distance_max_m=4e-3, current_min_A=0.0)
+    box = within(model.validity, distance_min_m=0.2e-3, distance_max_m=4e-3, low=0.0)
     # A tenth of the true noise, so that the filter claims too much
     record = replace(logged([loop]), declared_noise={"current_A": 5e-4, "distance_m": 2e-6})
     found = ff.observe(replace(model, validity=box), record, find=False)

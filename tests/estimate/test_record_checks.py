@@ -9,6 +9,7 @@ import femfit as ff
 from femfit.core.errors import TableError
 from femfit.estimate.record import on_grid, repeated
 from femfit.estimate.record_checks import given_voltage, require_possible_step, suspect_record
+from support.one_current import within
 from support.replays import STEP_S, damped, logs, series
 from support.solenoids import solenoid
 from support.switching import logged, switched
@@ -58,7 +59,7 @@ def test_the_diodes_drop_lasts_until_a_falling_current_has_come_to_its_end():
     current[current > 0.0] += np.random.default_rng(1).normal(0.0, noise_A, int((current > 0.0).sum()))
     distance = np.full(400, model.validity.distance_max_m)
     noise, segment = (noise_A, 1e-6), np.zeros(400, dtype=int)
-    given = given_voltage(model, time, segment, np.zeros(400), current, distance, noise).voltage_V
+    given = given_voltage(model, time, segment, np.zeros(400), current[:, None], distance, noise).voltage_V
     conducts = int((given == -0.7).sum())
     assert set(given) == {-0.7, 0.0}
     assert abs(conducts - 125) <= 3  # it would end 11 samples before, three standard deviations from zero
@@ -148,9 +149,7 @@ def record():
 def one_sided():
     model = damped()
     limits = {"voltage_min_V": 0.0, "voltage_max_V": 12.0}
-    return replace(
-        model, circuits=(replace(model.circuits[0], **limits),), validity=replace(model.validity, current_min_A=0.0)
-    )
+    return replace(model, circuits=(replace(model.circuits[0], **limits),), validity=within(model.validity, low=0.0))
 
 
 def turned(record, *names):
@@ -181,9 +180,7 @@ def test_a_winding_that_gives_power_to_its_driver_has_a_column_of_the_other_pola
     model = damped()
     limits = {"voltage_min_V": -12.0, "voltage_max_V": 12.0}
     most = model.validity.current_max_A
-    both = replace(
-        model, circuits=(replace(model.circuits[0], **limits),), validity=replace(model.validity, current_min_A=-most)
-    )
+    both = replace(model, circuits=(replace(model.circuits[0], **limits),), validity=within(model.validity, low=-most))
     assert suspected(both, record) == []
     assert suspected(both, turned(record, "current_A")) == [("suspected-sign", "voltage_V")]
 

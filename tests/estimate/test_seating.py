@@ -108,7 +108,7 @@ def test_no_body_seats_faster_than_its_spring_makes_it():
     motion = Mechanics(
         0.025, 0.0, springs=(Spring(200.0, 0.1, 4e-3),), near_stop=Stop(0.2e-3, 0.5), far_stop=Stop(4e-3, 0.2)
     )
-    device = replace(solenoid(motion), validity=ValidityBox(0.2e-3, 4e-3, 0.0, 0.0))
+    device = replace(solenoid(motion), validity=ValidityBox.of_currents((0.2e-3, 4e-3), (0.0, 0.0)))
     work = sum(0.5 * 3.8e-3 * float(motion.static_force(np.array(d))) for d in (0.2e-3, 4e-3))  # of a linear spring
     assert fastest(device, 1.0) == pytest.approx(np.sqrt(2.0 * work / 0.025 / (1.0 - 0.5**2)), rel=1e-3)
     assert fastest(device, -1.0) == 0.0  # without a current nothing brings it back

@@ -96,7 +96,7 @@ def test_without_a_magnet_the_bias_is_half_of_the_largest_current(halves):
     coefficients = halves.magnetics.coefficients.copy()
     coefficients[:, 1:3] = 0.0
     magnetics = replace(halves.magnetics, coefficients=coefficients)
-    box = replace(halves.validity, current_min_A=-1.4, further_A=((-1.4, 1.4),))
+    box = replace(halves.validity, current_limits_A=np.array([[-1.4, 1.4]] * 2))
     np.testing.assert_allclose(bias_currents(replace(halves, magnetics=magnetics, validity=box), 0.024), [0.7, 0.7])
     np.testing.assert_allclose(bias_currents(halves, 0.024), [0.7, 0.7])  # the middle of 0 to 1.4 A
 
@@ -165,7 +165,7 @@ def least_heat(model, distance, force, bias, limits):
     ],
 )
 def test_the_currents_that_hold_heat_least(bearing, distance, mass, bias, highest):
-    box = replace(bearing.validity, further_A=((-2.0, highest),))
+    box = replace(bearing.validity, current_limits_A=np.array([[-2.0, 2.0], [-2.0, highest]]))
     model = replace(bearing, validity=box, motion=replace(bearing.motion, mass_kg=mass))
     expected = least_heat(model, distance, -9.81 * mass, np.array(bias), box.current_limits_A)
     if expected is None:

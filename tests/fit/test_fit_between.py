@@ -18,6 +18,7 @@ from femfit.tables.sweep_table import SweepTable
 from support.bearing import grid
 from support.closed_forms import FEW, HARD, NARROW, POT, SIX, VALVE, WIDE, fit_of, steel_fit
 from support.command import femfit
+from support.one_current import flat
 from support.reference import REFERENCE, needs_reference
 from support.saturating_bearing import force, share
 from support.sweeps import full_table
@@ -41,7 +42,7 @@ def fit_on(name):
 
 def missed(magnetics, device, rows):
     """Rms of what the model misses force, flux linkage and inductance by halfway, over the rms of the rows."""
-    d, i = halfway(rows)
+    (d, i), magnetics = halfway(rows), flat(magnetics)
     columns = (("force", rows.force), ("flux_linkage", rows.linked[:, 0]), ("inductance", rows.inductance[:, 0, 0]))
     return [rms(getattr(magnetics, name)(d, i) - getattr(device, name)(d, i)) / rms(column) for name, column in columns]
 
@@ -73,7 +74,7 @@ def test_a_conical_solenoid_says_what_it_misses_within_a_factor_of_two(count):
     )  # fmt: skip
     fit, truth = fit_model(part), rows_of_table(whole)
     new = ~(np.isin(truth.distance, fit.rows.distances) & np.isin(truth.current, fit.rows.currents))
-    points, magnetics = (truth.distance[new], truth.current[new]), fit.model.magnetics
+    points, magnetics = (truth.distance[new], truth.current[new]), flat(fit.model.magnetics)
     for estimate, name in ((fit.between.force, "force"), (fit.between.inductance, "inductance")):
         column = getattr(truth, name).ravel()
         assert 0.5 < estimate / (rms(getattr(magnetics, name)(*points) - column[new]) / rms(column)) < 2.0
@@ -105,7 +106,7 @@ def test_points_that_a_coarse_sweep_is_told_to_add_make_the_force_better(name):
     assert finer.misfit.force_share < 0.5 * coarse.misfit.force_share
     d, i = (x.ravel() for x in np.meshgrid(np.linspace(*distances[[0, -1]], 31), np.linspace(0.1, 1.0, 37)))
     i = i * currents[-1]
-    off = [rms(fit.model.magnetics.force(d, i) - device.force(d, i)) for fit in (coarse, finer)]
+    off = [rms(flat(fit.model.magnetics).force(d, i) - device.force(d, i)) for fit in (coarse, finer)]
     assert off[1] < 0.75 * off[0]
     assert not any("too coarse" in note for note in finer.notes)
 

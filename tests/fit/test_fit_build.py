@@ -25,6 +25,7 @@ from femfit.simulation.open_loop import simulate
 from femfit.tables.sweep_table import SweepTable
 from support.bearing import CIRCUITS, DISTANCES, ENTRY, NAMES, TRUTH, grid, table_of
 from support.closed_forms import Saturating, fit_of, pair_table, steel_fit
+from support.one_current import flat
 from support.sweeps import ACTUATOR, MASS, ClosedForm, force_table, full_table
 from support.sweeps import grid as plane
 
@@ -178,7 +179,7 @@ def test_a_laws_circuit_has_no_constants_that_cancel(ranked, law):
     assert 1e-4 < magnetics.constant_inductance_H < 2e-3
     assert abs(magnetics.constant_flux_linkage_Wb) < 0.1
     assert candidate.misfit.flux_linkage_share < 0.02
-    inductance = magnetics.inductance(ranked.rows.distance, ranked.rows.current)
+    inductance = flat(magnetics).inductance(ranked.rows.distance, ranked.rows.current)
     assert 0.0 < inductance.min() < inductance.max() < 4e-3
 
 
@@ -224,8 +225,8 @@ def test_the_motional_constant_is_stated_over_the_whole_domain_and_not_at_the_sw
 
     fit = fit_model(force_table(force, currents=np.linspace(-4.0, 4.0, 8)))
     d = np.linspace(0.015, 0.045, 301)
-    at_rest = fit.model.magnetics.motional_constant(d, np.zeros_like(d)).max()
-    assert at_rest > 1.1 * fit.model.magnetics.motional_constant(fit.rows.distance, fit.rows.current).max()
+    at_rest = flat(fit.model.magnetics).motional_constant(d, np.zeros_like(d)).max()
+    assert at_rest > 1.1 * flat(fit.model.magnetics).motional_constant(fit.rows.distance, fit.rows.current).max()
     printed = re.search(r"motional constant dF/di \S+ to (\S+) N/A", str(fit))
     assert float(printed[1]) == pytest.approx(at_rest, rel=1e-3)
 
@@ -286,9 +287,8 @@ def test_a_model_of_several_takes_currents_of_each_and_refuses_what_needs_one():
     for current, words in (([0.0, 3.0], r"-2\.\.2 A, -2\.\.2 A.*3 A"), (1.0, r"shape \(\.\.\., 2\)")):
         with pytest.raises(DomainError, match=words):
             model.force(0.5e-3, current)
-    for call in (model.require_circuit, lambda: model.magnetics.coenergy_derivatives(0.5e-3, 0.0, ((0, 0),))):
-        with pytest.raises(MissingPartError, match="lower, upper"):
-            call()
+    with pytest.raises(MissingPartError, match="lower, upper"):
+        model.require_circuit()
 
 
 def test_damaged_files_of_several_circuits_are_refused_by_their_key_and_early_ones_are_read():
@@ -330,9 +330,11 @@ def test_signs_that_were_not_swept_together_are_outside_and_said():
 
 def test_a_circuit_beyond_its_currents_keeps_its_inductance_as_far_as_it_is_positive():
     model, d = fit_of("two circuits that saturate").model, np.linspace(0.25e-3, 0.75e-3, 7)
-    at_the_end = model.magnetics.inductance(d, np.array([2.0, 0.7]))[:, 0, 0]
+    at_the_end = flat(model.magnetics).inductance(d, np.array([2.0, 0.7]))[:, 0, 0]
     assert at_the_end.min() > 0.0
-    np.testing.assert_allclose(model.magnetics.inductance(d, np.array([9.0, 0.7]))[:, 0, 0], at_the_end, rtol=1e-9)
+    np.testing.assert_allclose(
+        flat(model.magnetics).inductance(d, np.array([9.0, 0.7]))[:, 0, 0], at_the_end, rtol=1e-9
+    )
 
     def motion(volts):
         command = dict.fromkeys(NAMES, volts)
@@ -349,9 +351,9 @@ def test_more_turns_of_one_circuit_are_more_of_its_current_in_the_one_coenergy()
     changed, d = with_effects(model, [AddedEffect(turns, {"turns_error": 0.1})]), np.linspace(0.3e-3, 0.7e-3, 5)
     i = np.tile([0.8, -0.4], (5, 1))
     scaled = i * [1.1, 1.0]
-    np.testing.assert_allclose(changed.magnetics.force(d, i), model.magnetics.force(d, scaled), rtol=1e-9)
-    linked = model.magnetics.flux_linkage(d, scaled) * [1.1, 1.0]
-    np.testing.assert_allclose(changed.magnetics.flux_linkage(d, i), linked, rtol=1e-9)
+    np.testing.assert_allclose(flat(changed.magnetics).force(d, i), flat(model.magnetics).force(d, scaled), rtol=1e-9)
+    linked = flat(model.magnetics).flux_linkage(d, scaled) * [1.1, 1.0]
+    np.testing.assert_allclose(flat(changed.magnetics).flux_linkage(d, i), linked, rtol=1e-9)
     with pytest.raises(MissingPartError, match="remanence"):
         with_effects(model, [AddedEffect(effect_by_name("remanence"), {"remanence_error": 0.1})])
 
@@ -363,7 +365,7 @@ def test_points_that_failed_are_counted_and_left_out():
     assert note.startswith(f"2 of the {len(table.rows)} ")
     complete = fit_of("two circuits that saturate")
     d, i = complete.rows.points
-    missed = fit.model.magnetics.force(d, i) - complete.rows.force
+    missed = flat(fit.model.magnetics).force(d, i) - complete.rows.force
     assert np.sqrt(np.mean(missed**2)) < 5e-3 * complete.rows.rms_force
 
 

@@ -264,7 +264,7 @@ def test_the_static_models_own_error_at_the_bias_stands_beside_that_of_the_patte
     table = replace(table, circuits=names, bias_A=currents, rest=0.2 * table.flux_linkage[:, :, 0])
 
     class Off(Plain):
-        def state_of_circuits(self, distance, current):
+        def state(self, distance, current):
             np.testing.assert_array_equal(distance, DISTANCES)
             np.testing.assert_array_equal(current, currents)
             inductance = table.flux_linkage[:, :circuits, 1 : 1 + circuits].copy()

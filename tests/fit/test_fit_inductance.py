@@ -13,6 +13,7 @@ from femfit.model.json_file import read_model
 from femfit.tables.impedance_table import InductanceTable, is_inductance_table, read_inductance_table
 from support.actuators import GEOMETRY
 from support.command import femfit
+from support.one_current import flat
 
 D = np.linspace(1e-3, 20e-3, 14)
 OPTIONS = {"mass_kg": 0.06, "resistance_ohm": 4.0, "supply_V": (0.0, 12.0)}
@@ -37,9 +38,9 @@ def table(noise_H=0.0):
 def test_the_force_of_an_exact_table_is_found_without_any_force():
     fit = fit_inductance(table(), **OPTIONS)
     # The search of the two lengths stops at 1e-8 of its cost
-    np.testing.assert_allclose(fit.model.magnetics.force(D, np.full_like(D, 1.5)), force(D, 1.5), rtol=1e-3)
+    np.testing.assert_allclose(flat(fit.model.magnetics).force(D, np.full_like(D, 1.5)), force(D, 1.5), rtol=1e-3)
     np.testing.assert_allclose(
-        fit.model.magnetics.flux_linkage(D, np.full_like(D, 1.5)), 1.5 * inductance(D), rtol=1e-5
+        flat(fit.model.magnetics).flux_linkage(D, np.full_like(D, 1.5)), 1.5 * inductance(D), rtol=1e-5
     )
     assert fit.notes == ()
     assert fit.model.require_circuit().voltage_max_V == 12.0
@@ -54,7 +55,7 @@ def test_what_the_table_needed_is_said():
 
 def test_noise_of_one_per_cent_never_makes_the_force_repel():
     fit = fit_inductance(table(1e-3), **OPTIONS)
-    found = fit.model.magnetics.force(D, np.ones_like(D))
+    found = flat(fit.model.magnetics).force(D, np.ones_like(D))
     assert np.all(found > 0.0)
     # 42 rows of 1 mH tell a fall of 50 mH over 20 mm; its slope in the middle of the range to about 10 %
     middle = slice(4, 10)
@@ -109,7 +110,7 @@ def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     model = read_model(tmp_path / "model.json")
-    assert model.magnetics.force(np.array([5e-3]), np.ones(1)) == pytest.approx(force(5e-3, 1.0), rel=1e-3)
+    assert flat(model.magnetics).force(np.array([5e-3]), np.ones(1)) == pytest.approx(force(5e-3, 1.0), rel=1e-3)
     refused = femfit("fit", path)
     assert refused.returncode == 2
     assert "--model must name one" in refused.stderr

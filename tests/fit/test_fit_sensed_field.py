@@ -6,6 +6,7 @@ import pytest
 from femfit.core.errors import FitError
 from femfit.fit.rows import rows_of_table
 from femfit.fit.sensed_field import SensedRows, fit_hall, fit_sensed
+from support.one_current import flat
 from support.sweeps import MASS, ClosedForm, full_table
 
 DISTANCES = np.linspace(1e-3, 5e-3, 15)
@@ -34,7 +35,7 @@ def test_lines_in_two_currents_need_no_grid():
     d, currents = np.repeat(DISTANCES, 4), np.tile(points, (15, 1))
     field = fit_sensed(SensedRows(d, currents, lines(d, currents)), "B").field
     between, both = np.array([1.3e-3, 2.7e-3, 4.6e-3]), np.array([[0.5, 0.8], [-0.7, 0.3], [0.2, -0.5]])
-    found, in_distance, in_currents = field.derivatives(between, both)
+    found, in_distance, in_currents = flat(field).derivatives(between, both)
     np.testing.assert_allclose(found, lines(between, both), rtol=1e-4)
     h = 1e-7
     slope = (lines(between + h, both) - lines(between - h, both)) / (2.0 * h)
@@ -48,9 +49,9 @@ def test_iron_that_saturates_by_two_currents_is_followed_over_their_grid():
     d, currents = grid(*axes)
     fit = fit_sensed(SensedRows(d, currents, bent(d, currents)), "B")
     between, both = np.array([1.4e-3, 3.1e-3]), np.array([[0.55, 0.2], [-0.95, 0.75]])
-    np.testing.assert_allclose(fit.field.field(between, both), bent(between, both), atol=3e-3)  # of 0.6
+    np.testing.assert_allclose(flat(fit.field).field(between, both), bent(between, both), atol=3e-3)  # of 0.6
     assert fit.rms < 1e-4
-    rise = fit.field.derivatives(between, both)[2]
+    rise = flat(fit.field).derivatives(between, both)[2]
     for k, step in enumerate(1e-5 * np.eye(2)):
         change = (bent(between, both + step) - bent(between, both - step)) / 2e-5
         np.testing.assert_allclose(rise[:, k], change, atol=0.03)
@@ -59,7 +60,7 @@ def test_iron_that_saturates_by_two_currents_is_followed_over_their_grid():
 def test_a_magnet_alone_is_fitted_along_the_distance():
     values = 0.1 / (1.0 + 300.0 * DISTANCES)
     field = fit_sensed(SensedRows(DISTANCES, np.zeros((15, 0)), values), "search").field
-    value, slope, rest = field.derivatives(np.array([2.2e-3]), np.array([0.0]))
+    value, slope, rest = flat(field).derivatives(np.array([2.2e-3]), np.array([0.0]))
     assert value[0] == pytest.approx(0.1 / 1.66, rel=1e-5)
     assert slope[0] == pytest.approx(-30.0 / 1.66**2, rel=2e-3)
     assert rest.shape == (1, 0)
@@ -73,7 +74,7 @@ def test_noisy_rows_off_a_grid_are_lines_where_lines_miss_little():
     noise = 1e-4 * np.ptp(exact)
     fit = fit_sensed(SensedRows(d, currents, exact + noise * random.standard_normal(len(d))), "B")
     between, both = np.array([1.4e-3, 3.1e-3]), np.array([[0.5, 0.4], [-0.5, 0.5]])
-    np.testing.assert_allclose(fit.field.field(between, both), lines(between, both), atol=4.0 * noise)
+    np.testing.assert_allclose(flat(fit.field).field(between, both), lines(between, both), atol=4.0 * noise)
     with pytest.raises(FitError, match="do not determine"):
         fit_sensed(SensedRows(d, currents, bent(d, 2.0 * currents)), "B")
 
@@ -97,7 +98,7 @@ def test_coil_and_magnet_part_come_apart_and_hold_between_the_rows():
     fit = fit_hall(rows, rows.hall)
     d, i = np.meshgrid(np.linspace(0.0152, 0.0448, 31), np.linspace(0.05, 1.35, 9))
     # The basis is chosen for 2e-5 of the range on held-out rows, rms; ten times that at most.
-    np.testing.assert_allclose(fit.field.field(d, i), CLOSED.hall(d, i), atol=2e-4 * np.ptp(rows.hall))
+    np.testing.assert_allclose(flat(fit.field).field(d, i), CLOSED.hall(d, i), atol=2e-4 * np.ptp(rows.hall))
     assert fit.rms_T < 1e-4 * np.ptp(rows.hall)
     assert fit.max_T >= fit.rms_T
     assert fit.coil_slope_T_per_A[0] == pytest.approx(3.9e-3, rel=2e-3)
@@ -116,4 +117,4 @@ def test_noise_does_not_buy_cells():
     noisy = rows.hall + 1e-4 * np.random.default_rng(0).standard_normal(len(rows.hall))
     fit = fit_hall(rows, noisy)
     assert fit.field.spline.coefficients.size <= 24
-    np.testing.assert_allclose(fit.field.field(rows.distance, rows.current), rows.hall, atol=1e-4)
+    np.testing.assert_allclose(flat(fit.field).field(rows.distance, rows.current), rows.hall, atol=1e-4)

@@ -51,7 +51,8 @@ def points(one, count=POINTS):
 
 def as_taken(one, currents):
     """Currents in the shape that the model's methods take."""
-    return currents if one.validity.further_A else currents[..., 0]
+    count = len(one.validity.current_limits_A)
+    return currents if count > 1 else currents[..., 0] if count else np.zeros(currents.shape[:-1])
 
 
 def states(one, count=POINTS):
@@ -79,7 +80,8 @@ def statics(one):
         "flux_linkage_Wb": one.flux_linkage(d, i),
         "inductance_H": one.inductance(d, i),
     }
-    magnetic["motional_constant_N_A"] = one.magnetics.motional_constant(d, i)
+    motional = one.magnetics.motional_constant(d, one.validity.with_axis(i))
+    magnetic["motional_constant_N_A"] = motional if len(one.validity.current_limits_A) > 1 else motional.sum(axis=-1)
     return {name: np.reshape(values, (len(d), -1)) for name, values in magnetic.items()}
 
 

@@ -42,7 +42,7 @@ def clean_record(loops):
 def pot_of(model, strength, *box):
     """F = c (i / d)^2, without a magnet."""
     law = LawMagnetics("F1e", (Coefficient("d^-2", 2, strength, "N m^2 / A^2"),), {}, 0.03)
-    return replace(model, magnetics=law, validity=ValidityBox(*box), sensor=None)
+    return replace(model, magnetics=law, validity=ValidityBox.of_currents(box[:2], box[2:]), sensor=None)
 
 
 @pytest.fixture(scope="session")

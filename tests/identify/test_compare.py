@@ -26,6 +26,7 @@ from femfit.model.validity import Misfit, ValidityBox
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
 from support.campaign import LARGE, NOISE, campaign, hidden
+from support.one_current import flat, within
 
 HALL = hidden("hall_offset", offset_V=0.02)
 
@@ -49,13 +50,13 @@ def law_model(levitation_model):
     """F = a d^-4 + m i d^-2 by least squares over the rig's box: a law that cannot follow it."""
     box = levitation_model.validity
     d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.015, 0.045, 31), np.linspace(0.0, 1.4, 8)))
-    force = levitation_model.magnetics.force(d, i)
+    force = flat(levitation_model.magnetics).force(d, i)
     columns = np.column_stack([d**-4.0, i * d**-2.0])
     a, m = np.linalg.lstsq(columns, force, rcond=None)[0]
     error = columns @ [a, m] - force
     rms = float(np.sqrt(np.mean(error**2)))
     law = LawMagnetics("F1e", (Coefficient("d^-4", 0, a, "N m^4"), Coefficient("d^-2", 1, m, "N m^2 / A")), {}, 0.016)
-    flux = levitation_model.magnetics.flux_linkage(d, i) - law.flux_linkage(d, i)
+    flux = flat(levitation_model.magnetics).flux_linkage(d, i) - flat(law).flux_linkage(d, i)
     flux_rms = float(np.sqrt(np.mean(flux**2)))
     misfit = Misfit(rms, float(np.abs(error).max()), 0.1, None, flux_rms, None, len(d), "sweep")
     return replace(levitation_model, magnetics=law, misfit=misfit, validity=box), rms
@@ -337,7 +338,7 @@ def test_a_share_of_the_force_is_everywhere_in_any_order_of_the_rows_and_without
     """A force sensor that reads 5 % too much, on a body of steel: without current there is nothing to read."""
     generator = np.random.default_rng(4)
     d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.016, 0.044, 8), np.linspace(-1.2, 1.4, 14).round(2)))
-    force = 1.05 * ball_model.magnetics.force(d, i) + 2e-4 * generator.standard_normal(len(d))
+    force = 1.05 * flat(ball_model.magnetics).force(d, i) + 2e-4 * generator.standard_normal(len(d))
     rows = pd.DataFrame({"distance_m": d, "current_A": i, "force_N": force})
     rows = rows if seed is None else rows.sample(frac=1.0, random_state=seed, ignore_index=True)
     rows = rows.assign(run=1.0, order=np.arange(len(rows), dtype=float), branch=0.0, mount=np.nan)
@@ -365,7 +366,7 @@ def test_a_misfit_that_halves_over_the_range_is_not_said_to_be_everywhere(levita
 def ball_model(levitation_model):
     """F = c i^2 / d^2: no magnet."""
     law = LawMagnetics("F1e", (Coefficient("d^-2", 2, 5e-5, ""),), {}, 0.016, 0.0)
-    return replace(levitation_model, magnetics=law, validity=ValidityBox(0.015, 0.045, -1.4, 1.4))
+    return replace(levitation_model, magnetics=law, validity=ValidityBox.of_currents((0.015, 0.045), (-1.4, 1.4)))
 
 
 @pytest.mark.parametrize(
@@ -396,7 +397,7 @@ def test_the_channel_and_the_covariate_of_a_misfit_of_one_sigma_are_found(levita
 
 def test_an_amount_has_the_sign_of_the_misfit_and_a_share_that_of_the_magnitude(levitation_model):
     box = levitation_model.validity
-    both = replace(levitation_model, validity=replace(box, current_min_A=-1.4))
+    both = replace(levitation_model, validity=within(box, low=-1.4))
     up = located(both, 6, changed("voltage_V", lambda voltage, rows: np.where(rows["current_A"] < -0.5, 0.05, 0.0)))
     assert " mV high" in up.sentence
     share = located(both, 7, changed("voltage_V", lambda voltage, rows: 0.03 * voltage))

@@ -20,6 +20,7 @@ from support.campaign import campaign, hidden
 from support.conductivities import KEY, with_conductivity, with_drawn_conductivity
 from support.eddies import with_eddies
 from support.impedances import FREQUENCIES, impedance_file, impedance_table
+from support.one_current import flat, within
 
 LAG = {"ring_share": 0.2, "diffusion_share": 0.05, "time_s": 2e-3}
 
@@ -192,7 +193,7 @@ def solved_about(model, current, materials=("core",)):
 
 def at_half_an_ampere(model, path, share=SHARE):
     """Impedances of eddy currents as of another conductivity, at one bias of 0.5 A over 2 mm."""
-    box = replace(model.validity, distance_min_m=0.016, distance_max_m=0.018, current_min_A=0.5, current_max_A=0.5)
+    box = within(model.validity, distance_min_m=0.016, distance_max_m=0.018, low=0.5, high=0.5)
     return impedance_table(replace(with_conductivity(model, share), validity=box), path, biases=1)
 
 
@@ -219,10 +220,12 @@ def test_the_form_of_another_permeability_is_granted_by_the_flux_between(levitat
     model = solved_about(levitation_model, 1.2)
     table = at_half_an_ampere(levitation_model, tmp_path / "z.csv", share=0.0)
     seen = placed(model, table)
-    flux = [levitation_model.magnetics.flux_linkage(seen.covariates["distance_m"].to_numpy(), i) for i in (0.5, 1.2)]
+    flux = [
+        flat(levitation_model.magnetics).flux_linkage(seen.covariates["distance_m"].to_numpy(), i) for i in (0.5, 1.2)
+    ]
     box = levitation_model.validity
     largest = max(
-        np.abs(levitation_model.magnetics.flux_linkage(seen.covariates["distance_m"].to_numpy(), end)).max()
+        np.abs(flat(levitation_model.magnetics).flux_linkage(seen.covariates["distance_m"].to_numpy(), end)).max()
         for end in (box.current_min_A, box.current_max_A)
     )
     off = (np.abs(flux[1] - flux[0]) / (2.0 / 3.0 * largest))[seen.row]
@@ -241,7 +244,7 @@ def test_the_distance_from_the_bias_is_that_of_the_flux_and_the_inductance(levit
     away = away_from_bias(model, d, np.array([0.7, 0.9, 1.4]))
     assert away.flux[0] == pytest.approx(0.0, abs=1e-12)
     assert away.inductance[0] == pytest.approx(0.0, abs=1e-12)
-    inductance = levitation_model.magnetics.inductance(d, np.array([0.7, 0.9, 1.4]))
+    inductance = flat(levitation_model.magnetics).inductance(d, np.array([0.7, 0.9, 1.4]))
     expected = np.abs(inductance - inductance[0]) / np.maximum(inductance, inductance[0])
     assert away.inductance == pytest.approx(expected)
     assert 0.0 < away.flux[1] < away.flux[2]

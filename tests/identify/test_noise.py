@@ -295,7 +295,7 @@ def devices(levitation_model):
                 DistanceCoordinate(REFERENCE_DISTANCE), fitted_spline(coenergy, np.linspace(low, high, 8), 2)
             ),
             sensor=None,
-            validity=ValidityBox(0.015, 0.045, low, high),
+            validity=ValidityBox.of_currents((0.015, 0.045), (low, high)),
         )
 
     others = (other("voice coil", voice_coil, -1.5, 1.5), other("lifting magnet", lifting_magnet, 0.0, 2.0))

@@ -17,6 +17,7 @@ from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model, write_model
 from femfit.tables.impedance_table import read_inductance_table
 from support.command import femfit
+from support.one_current import flat
 from support.real_rig import MASS_G, POLIMI, RESISTANCE_OHM, read, write_raw, write_tables
 
 pytestmark = pytest.mark.skipif(not POLIMI.is_dir(), reason="the rig's files are not in the repository")
@@ -42,7 +43,7 @@ def hover_error(rig, model, zero_A=0.0):
     """Predicted over measured hover current, less one, of every plateau."""
     model = read_model(rig / model) if isinstance(model, str) else model
     hover = pd.read_csv(rig / "hover.csv")
-    per_square = model.magnetics.force(1e-3 * hover["distance_mm"].to_numpy(), np.ones(len(hover)))
+    per_square = flat(model.magnetics).force(1e-3 * hover["distance_mm"].to_numpy(), np.ones(len(hover)))
     return np.sqrt(hover["force_N"] / per_square).to_numpy() / (hover["current_A"].to_numpy() - zero_A) - 1.0
 
 

@@ -35,6 +35,7 @@ from support.campaign import hidden, without
 from support.closed_loop import closed_loop, recorded
 from support.conductivities import KEY, with_conductivity
 from support.eddies import eddies, with_eddies
+from support.one_current import flat
 from support.solenoids import solenoid
 from support.switching import STEP_S, logged, switched
 
@@ -475,10 +476,10 @@ def held(model, seconds=0.7):
         induced[k + 1] = before @ induced[k] + driven * (current[k + 1] - current[k])
     magnetics = EddyMagnetics(model.magnetics, eddy)
     whole, distance = np.concatenate([current[:, None], induced], axis=1), np.full(n + 1, HELD_M)
-    flux = magnetics.flux_linkage(distance, whole)[:, 0]
+    flux = flat(magnetics).flux_linkage(distance, whole)[:, 0]
     ohmic = model.circuit.resistance_ohm * 0.5 * (current[1:] + current[:-1])
     volts = (ohmic + np.diff(flux) / step).reshape(-1, FINER).mean(axis=1)  # held from sample to sample
-    seen = model.sensor.field.derivatives(distance, current + induced @ at.coupling[0])[0]
+    seen = flat(model.sensor.field).derivatives(distance, current + induced @ at.coupling[0])[0]
     seen = seen + induced @ at.hall
     here = slice(None, n, FINER)
     noise = model.sensor.noise_V * np.random.default_rng(5).standard_normal(len(volts))

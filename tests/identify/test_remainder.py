@@ -26,6 +26,7 @@ from femfit.model.with_effects import nominal_of, with_effects
 from femfit.targets.estimator import RUNTIME
 from support.campaign import NOISE, campaign, hidden
 from support.closed_loop import closed_loop, recorded
+from support.one_current import flat
 
 PERIOD_M, WAVE_M = 5e-3, 8e-5
 
@@ -105,7 +106,7 @@ def test_the_short_law_is_that_of_the_cause(learnt, cause, text):
 
 def test_the_learnt_energy_is_the_true_one(learnt, levitation_model):
     d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.0155, 0.03, 8), np.linspace(0.2, 1.3, 5)))
-    learnt_force = learnt["energy"].model.magnetics.force(d, i) - levitation_model.magnetics.force(d, i)
+    learnt_force = flat(learnt["energy"].model.magnetics).force(d, i) - flat(levitation_model.magnetics).force(d, i)
     true_force = 4e-5 / 4e-3 * i * np.exp((0.015 - d) / 4e-3)
     # A campaign of re-mounts of 20 um where the force's slope is 60 N/m, at 0.4 mN of noise, knows it to 1 mN
     np.testing.assert_allclose(learnt_force, true_force, atol=1e-3)
@@ -313,10 +314,11 @@ def test_the_loop_closes_and_the_export_runs_with_it(learnt_from_record, tmp_pat
     d, i = "np.array([0.024, 0.9])", "np.array([0.3, 2.0])"
     code = (
         f"import numpy as np; from {RUNTIME}.model.json_file import read_model; "
-        f"m = read_model('model.json').magnetics; print(repr(m.force({d}, {i}).tolist()))"
+        f"m = read_model('model.json'); print(repr(m.force({d}, {i}, extrapolate=True).tolist()))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path / "package", capture_output=True, text=True, check=True
     )
     inside, far = np.array([0.024, 0.9]), np.array([0.3, 2.0])
-    np.testing.assert_array_equal(eval(done.stdout), learnt_from_record.model.magnetics.force(inside, far))  # noqa: S307  our own
+    force = learnt_from_record.model.force(inside, far, extrapolate=True)
+    np.testing.assert_array_equal(eval(done.stdout), force)  # noqa: S307  our own

@@ -124,7 +124,7 @@ def test_halves_are_compared_as_the_whole(levitation_model, tmp_path):
         a.ravel() for a in np.meshgrid([1, 2], np.linspace(0.017, 0.04, 8), np.linspace(0, 1.4, 5), indexing="ij")
     )
     common = {"run": run, "distance_m": d}
-    common["force_N"] = 1.03 * whole.magnetics.force(d, i) + 1e-4 * generator.normal(size=len(d))
+    common["force_N"] = 1.03 * whole.force(d, i, extrapolate=True) + 1e-4 * generator.normal(size=len(d))
     pd.DataFrame({**common, "current_A": i}).to_csv(tmp_path / "one.csv", index=False)
     pd.DataFrame({**common, "current_inner_A": i, "current_outer_A": i}).to_csv(tmp_path / "two.csv", index=False)
     one, two = compare(whole, tmp_path / "one.csv"), compare(cut_in_two(whole), tmp_path / "two.csv")
@@ -188,15 +188,41 @@ def test_a_wrong_ammeter_of_one_circuit_is_named_from_a_record(halves, record):
     assert named.parameters["gain_error"] == pytest.approx(0.1, abs=0.005)
 
 
-def test_a_hall_element_of_several_circuits_is_left_to_the_filters(levitation_model, halves, record):
-    d, inner, outer = (one.ravel() for one in np.meshgrid(np.linspace(0.01, 0.04, 12), *[[-1.0, 0.0, 1.0]] * 2))
-    field = fit_sensed(SensedRows(d, np.stack([inner, outer], axis=1), inner * np.exp(-50.0 * d)), "hall").field
-    hall = replace(halves, sensor=replace(levitation_model.sensor, field=field))
-    data = of_both(record)
-    heard = replace(data, rows=data.rows.assign(hall_V=2.5), given=(*data.given, "hall_V"))
-    found = series_observations(hall, heard)
-    assert found.channels == series_observations(halves, data).channels
-    assert [one.column for one in found.findings if one.code == "hall-not-compared"] == ["hall_V"]
+def with_hall(model, levitation_model, distances, currents):
+    """A model of two circuits with a Hall element that sees the first of them more."""
+    d, *each = (axis.ravel() for axis in np.meshgrid(distances, currents, currents))
+    values = 0.1 * (2.0 * each[0] + each[1]) * np.exp(-d / np.ptp(distances))
+    field = fit_sensed(SensedRows(d, np.stack(each, axis=1), values), "hall").field
+    return replace(model, sensor=replace(levitation_model.sensor, field=field, sensitivity_V_per_T=5.0))
+
+
+def test_a_wrong_zero_of_a_hall_element_of_several_circuits_is_named_from_a_record(levitation_model, halves, record):
+    model, data = with_hall(halves, levitation_model, np.linspace(0.01, 0.05, 12), [-1.5, 0.0, 1.5]), of_both(record)
+    currents = data.rows[[f"current_{name}_A" for name in NAMES]].to_numpy()
+    volts = model.sensor.output(data.rows["distance_m"].to_numpy(), currents) + 0.05
+    volts += 1e-3 * np.random.default_rng(4).standard_normal(len(volts))
+    found = diagnose(
+        model, replace(data, rows=data.rows.assign(hall_V=volts), given=(*data.given, "hall_V")), bootstrap=0
+    )
+    (named,) = found.missing
+    assert named.name == "hall_offset"
+    assert named.parameters["offset_V"] == pytest.approx(0.05, abs=1e-3)
+
+
+def test_a_bench_compares_the_hall_voltage_of_several_circuits(levitation_model, bearing, tmp_path):
+    model = with_hall(bearing, levitation_model, np.linspace(0.2e-3, 0.8e-3, 12), [-2.0, 0.0, 2.0])
+    rows = pd.read_csv(bench(bearing, tmp_path / "bench.csv"))
+    volts = model.sensor.output(
+        rows["distance_m"].to_numpy(), rows[[f"current_{n}_A" for n in BEARING_COILS]].to_numpy()
+    )
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(len(rows))
+    rows.assign(hall_V=volts + 0.05 + noise).to_csv(tmp_path / "bench.csv", index=False)
+    found = diagnose(model, read_measurement(tmp_path / "bench.csv"), bootstrap=0)
+    assert [named.name for named in found.missing] == ["hall_offset"]
+    added = with_effects(model, [hidden("hall_offset", offset_V=0.05)])
+    assert "hall_V" in found.observations.channels
+    read = predict_readings(added, np.array([0.5e-3]), np.array([[1.0, -1.0]]), Conditions(nominal_of(model)))
+    assert read["hall_V"][0] == pytest.approx(model.sensor.output(np.array(0.5e-3), np.array([1.0, -1.0])) + 0.05)
 
 
 EACH, BOTH, SHORT = NAMES, ("inner_outer",), ("inner_outer_shorted",)

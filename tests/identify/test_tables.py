@@ -20,6 +20,7 @@ from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import NOISE, campaign, settings
+from support.one_current import within
 
 
 def with_columns(table, **columns):
@@ -83,7 +84,7 @@ def test_a_sound_table_and_one_of_voltages_alone_are_suspected_of_nothing(levita
 
 def test_a_current_that_counts_the_other_way_is_told_from_turned_channels(levitation_model):
     box = levitation_model.validity
-    both = replace(levitation_model, validity=replace(box, current_min_A=-1.4))
+    both = replace(levitation_model, validity=within(box, low=-1.4))
     table = campaign(both, 22)
     assert suspect_units(both, table) == []
     (finding,) = suspect_units(both, with_columns(table, current_A=-table.rows["current_A"], voltage_V=np.nan))
@@ -150,7 +151,7 @@ def test_the_effects_that_a_model_has_belong_to_what_it_predicts(levitation_mode
 
 def test_currents_beyond_a_linear_models_sweep_are_counted(levitation_model):
     box = levitation_model.validity
-    narrow = replace(levitation_model, validity=replace(box, current_max_A=0.5 * box.current_max_A))
+    narrow = replace(levitation_model, validity=within(box, high=0.5 * box.current_max_A))
     table = campaign(levitation_model, 23)
     (finding,) = [f for f in bench_observations(narrow, table).findings if f.code == "extrapolated"]
     beyond = int((table.rows["current_A"] > 0.51 * box.current_max_A).sum())
@@ -159,7 +160,7 @@ def test_currents_beyond_a_linear_models_sweep_are_counted(levitation_model):
 
 def test_iron_that_saturates_is_not_carried_on_beyond_the_models_currents(levitation_model):
     box, kind = levitation_model.validity, ActuatorKind(False, True, True, False, True, True)
-    narrow = replace(levitation_model, validity=replace(box, current_max_A=0.5 * box.current_max_A), kind=kind)
+    narrow = replace(levitation_model, validity=within(box, high=0.5 * box.current_max_A), kind=kind)
     observations = bench_observations(narrow, campaign(levitation_model, 23))
     assert {"outside-domain"} <= {one.code for one in observations.findings}
     assert "extrapolated" not in {one.code for one in observations.findings}
@@ -167,7 +168,7 @@ def test_iron_that_saturates_is_not_carried_on_beyond_the_models_currents(levita
 
 
 def test_no_magnet_is_heated_or_blamed_where_none_is_known(levitation_model):
-    energised = replace(levitation_model, validity=replace(levitation_model.validity, current_min_A=0.25))
+    energised = replace(levitation_model, validity=within(levitation_model.validity, low=0.25))
     observations = bench_observations(energised, campaign(levitation_model, 23))
     assert not [one.text for one in possible_experiments(observations, (), []) if "magnet" in one.text]
     assert "unknown" in why_untestable(all_effects()["magnet_temperature"], observations)
@@ -175,12 +176,12 @@ def test_no_magnet_is_heated_or_blamed_where_none_is_known(levitation_model):
 
 def test_every_proposed_setting_lies_in_the_models_validity_domain(levitation_model):
     box = levitation_model.validity
-    narrow = replace(levitation_model, validity=replace(box, current_max_A=0.5 * box.current_max_A))
+    narrow = replace(levitation_model, validity=within(box, high=0.5 * box.current_max_A))
     observations = bench_observations(narrow, campaign(levitation_model, 23))
     assert observations.covariates["current_A"].max() > narrow.validity.current_max_A
     proposed = [one.rows for one in possible_experiments(observations, ("force_N",), []) if one.rows is not None]
     for rows in proposed:
-        assert narrow.validity.contains(rows["distance_m"].to_numpy(), rows["current_A"].to_numpy()).all()
+        assert narrow.validity.contains(rows["distance_m"].to_numpy(), rows[["current_A"]].to_numpy()).all()
 
 
 def test_a_table_in_millimetres_is_refused_with_its_unit(levitation_model):

@@ -14,6 +14,7 @@ from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 from femfit.simulation.open_loop import simulate
 from support.eddies import REFERENCE_M, couplings, eddies, flux_linkages, inductances, knots_over, spline_of
+from support.one_current import flat
 
 RANDOM = np.random.default_rng(5)
 DISTANCE, CURRENT = RANDOM.uniform(0.017, 0.043, 40), RANDOM.uniform(0.1, 1.3, 40)
@@ -72,26 +73,26 @@ def test_each_derivative_is_the_difference_quotient_of_the_one_below(magnetics, 
 def test_named_quantities_are_the_co_energys_derivatives_and_broadcast(magnetics):
     orders = ((1, 0), (0, 1), (1, 1), (0, 2), (2, 0))
     d_w, i_w, di_w, ii_w, dd_w = magnetics.coenergy_derivatives(DISTANCE, CURRENT, orders)
-    np.testing.assert_array_equal(magnetics.force(DISTANCE, CURRENT), -d_w)
-    np.testing.assert_array_equal(magnetics.flux_linkage(DISTANCE, CURRENT), i_w)
-    np.testing.assert_array_equal(magnetics.motional_constant(DISTANCE, CURRENT), -di_w)
-    np.testing.assert_array_equal(magnetics.inductance(DISTANCE, CURRENT), ii_w)
-    np.testing.assert_array_equal(magnetics.force_gradient(DISTANCE, CURRENT), -dd_w)
-    state = magnetics.state_of_circuits(DISTANCE, CURRENT[:, None])
+    np.testing.assert_array_equal(flat(magnetics).force(DISTANCE, CURRENT), -d_w)
+    np.testing.assert_array_equal(flat(magnetics).flux_linkage(DISTANCE, CURRENT), i_w)
+    np.testing.assert_array_equal(flat(magnetics).motional_constant(DISTANCE, CURRENT), -di_w)
+    np.testing.assert_array_equal(flat(magnetics).inductance(DISTANCE, CURRENT), ii_w)
+    np.testing.assert_array_equal(flat(magnetics).force_gradient(DISTANCE, CURRENT), -dd_w)
+    state = magnetics.state(DISTANCE, CURRENT[:, None])
     np.testing.assert_array_equal(state.force, -d_w)
     np.testing.assert_array_equal(state.inductance[:, 0, 0], ii_w)
-    grid = magnetics.force(DISTANCE[:, None], CURRENT[None, :3])
-    np.testing.assert_array_equal(grid[:, 1], magnetics.force(DISTANCE, CURRENT[1]))
-    assert magnetics.force(np.asarray(0.02), np.asarray(0.3)).shape == ()
+    grid = flat(magnetics).force(DISTANCE[:, None], CURRENT[None, :3])
+    np.testing.assert_array_equal(grid[:, 1], flat(magnetics).force(DISTANCE, CURRENT[1]))
+    assert flat(magnetics).force(np.asarray(0.02), np.asarray(0.3)).shape == ()
 
 
 def test_hall_slopes_are_difference_quotients(levitation_model):
     field = levitation_model.sensor.field
-    value, in_distance, in_current = field.derivatives(DISTANCE, CURRENT)
-    np.testing.assert_array_equal(value, field.field(DISTANCE, CURRENT))
-    quotient = central_difference(lambda d: field.field(d, CURRENT), DISTANCE, 2e-5)
+    value, in_distance, in_current = flat(field).derivatives(DISTANCE, CURRENT)
+    np.testing.assert_array_equal(value, flat(field).field(DISTANCE, CURRENT))
+    quotient = central_difference(lambda d: flat(field).field(d, CURRENT), DISTANCE, 2e-5)
     assert np.abs(quotient - in_distance).max() < 1e-7 * np.abs(in_distance).max()
-    quotient = central_difference(lambda i: field.field(DISTANCE, i), CURRENT, 2e-3)
+    quotient = central_difference(lambda i: flat(field).field(DISTANCE, i), CURRENT, 2e-3)
     assert np.abs(quotient - in_current).max() < 1e-9 * np.abs(in_current).max()
 
 
@@ -182,7 +183,7 @@ def test_a_linear_device_with_patterns_is_one_with_further_circuits(n):
     d, w = points(40, n + 3)
     assert_close(shifted.coenergy(d, w), whole.coenergy(d, w))
     assert_close(shifted.flux_linkage(d, w), whole.flux_linkage(d, w))
-    slopes, of_whole = shifted.slopes_of_circuits(d, w), whole.slopes_of_circuits(d, w)
+    slopes, of_whole = shifted.slopes(d, w), whole.slopes(d, w)
     for name in ("force_gradient", "motional_gradient", "inductance_gradient", "motional_constant", "inductance"):
         assert_close(getattr(slopes, name), getattr(of_whole, name), 1e-8)  # a second derivative of degree seven
     assert not slopes.inductance_slope.any() or (n == 1 and np.abs(slopes.inductance_slope).max() < 1e-12)
@@ -209,7 +210,7 @@ def test_all_slopes_of_a_saturating_device_with_patterns_are_those_of_its_co_ene
         return central_differences(flat, np.column_stack([d, w]), scale)
 
     first, of_force, of_flux = (slopes_of(f) for f in (device.coenergy, device.force, device.flux_linkage))
-    state, slopes = device.state_of_circuits(d, w), device.slopes_of_circuits(d, w)
+    state, slopes = device.state(d, w), device.slopes(d, w)
     of_motional = slopes_of(device.motional_constant)
     of_inductance = slopes_of(device.inductance).reshape(*state.inductance.shape, -1)
     for values, wanted in (
@@ -251,21 +252,21 @@ def saturating(model_kind):
 
 @pytest.mark.parametrize(("end", "beyond"), [(0.0, [-1e-9, -0.3, -15.0]), (1.0, [1.0 + 1e-9, 1.3, 15.0])])
 def test_the_inductance_is_held_at_that_of_the_last_current(saturating, end, beyond):
-    last = saturating.magnetics.inductance(BETWEEN, np.full(17, end))
+    last = flat(saturating.magnetics).inductance(BETWEEN, np.full(17, end))
     assert last.min() > 0.0
     for current in beyond:
-        values = saturating.magnetics.inductance(BETWEEN, np.full(17, current))
+        values = flat(saturating.magnetics).inductance(BETWEEN, np.full(17, current))
         np.testing.assert_allclose(values, last, rtol=1e-6)  # 1e-9 A inside, its slope changes it by as little
 
 
 @pytest.mark.parametrize("current", [-8.0, -0.2, 1.2, 15.0])
 def test_force_and_flux_linkage_stay_slopes_of_one_coenergy(saturating, current):
     magnetics, h, i = saturating.magnetics, 1e-7, np.full(17, current)
-    rise = (magnetics.force(BETWEEN, i + 1e-3) - magnetics.force(BETWEEN, i - 1e-3)) / 2e-3
-    fall = -(magnetics.flux_linkage(BETWEEN + h, i) - magnetics.flux_linkage(BETWEEN - h, i)) / (2.0 * h)
+    rise = (flat(magnetics).force(BETWEEN, i + 1e-3) - flat(magnetics).force(BETWEEN, i - 1e-3)) / 2e-3
+    fall = -(flat(magnetics).flux_linkage(BETWEEN + h, i) - flat(magnetics).flux_linkage(BETWEEN - h, i)) / (2.0 * h)
     # Central differences of second order over a thousandth of an ampere and 0.1 um
     np.testing.assert_allclose(rise, fall, rtol=1e-4, atol=1e-6 * np.abs(rise).max())
-    np.testing.assert_allclose(rise, magnetics.motional_constant(BETWEEN, i), atol=1e-6 * np.abs(rise).max())
+    np.testing.assert_allclose(rise, flat(magnetics).motional_constant(BETWEEN, i), atol=1e-6 * np.abs(rise).max())
 
 
 def test_all_energy_of_a_simulation_far_beyond_the_currents_is_accounted_for(saturating):

@@ -12,6 +12,7 @@ from femfit.model.coenergy_table import CoenergyTable
 from femfit.model.dynamics import state_derivative
 from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
 from support.added_effects import usual
+from support.one_current import flat
 
 STATIC = [effect for effect in BUILT_IN if effect.coenergy is not None and effect.memory is None]
 
@@ -66,11 +67,11 @@ def test_beyond_the_grid_and_at_a_kink_the_effect_itself_is_evaluated(order, lev
 def test_force_and_flux_linkage_of_the_table_derive_from_one_coenergy(levitation_model):
     magnetics, h = with_effects(levitation_model, [usual(effect_by_name("core_saturation"))]).magnetics, 1e-6
     d, i = anywhere(levitation_model, 200, reach=0.0)
-    rise = magnetics.coenergy(d + h, i) - magnetics.coenergy(d - h, i)
+    rise = flat(magnetics).coenergy(d + h, i) - flat(magnetics).coenergy(d - h, i)
     # Where table and effect meet, W' steps by 1e-12 J, over 2 um
-    np.testing.assert_allclose(magnetics.force(d, i), -rise / (2 * h), atol=1e-6)
-    across = magnetics.force(d, i + h) - magnetics.force(d, i - h)
-    along = magnetics.flux_linkage(d + h, i) - magnetics.flux_linkage(d - h, i)
+    np.testing.assert_allclose(flat(magnetics).force(d, i), -rise / (2 * h), atol=1e-6)
+    across = flat(magnetics).force(d, i + h) - flat(magnetics).force(d, i - h)
+    along = flat(magnetics).flux_linkage(d + h, i) - flat(magnetics).flux_linkage(d - h, i)
     # Two mixed second differences of one W': equal but for rounding and such a step of its derivatives
     np.testing.assert_allclose(across, -along, atol=1e-4 * np.abs(across).max())
 

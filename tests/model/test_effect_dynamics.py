@@ -13,6 +13,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added, usual
 from support.model_kinds import held
+from support.one_current import flat
 
 
 def states(model, runs=5):
@@ -26,10 +27,10 @@ def test_the_slope_of_a_reading_at_rest_is_that_of_its_sensor(levitation_model):
     effects = [added("hall_saturation", cubic_loss=0.1, limited_loss=0.5), added("hall_coil_pickup", pickup_V=0.2)]
     sensor = with_effects(levitation_model, effects).sensor
     d, i = np.array([0.016, 0.021, 0.033]), np.array([0.2, 0.9, 1.3])
-    _, in_distance, in_current = sensor.field.derivatives(d, i)
-    up, down = sensor.field.field(d + 1e-7, i), sensor.field.field(d - 1e-7, i)
+    _, in_distance, in_current = flat(sensor.field).derivatives(d, i)
+    up, down = flat(sensor.field).field(d + 1e-7, i), flat(sensor.field).field(d - 1e-7, i)
     np.testing.assert_allclose(in_distance, (up - down) / 2e-7, rtol=1e-6)
-    up, down = sensor.field.field(d, i + 1e-5), sensor.field.field(d, i - 1e-5)
+    up, down = flat(sensor.field).field(d, i + 1e-5), flat(sensor.field).field(d, i - 1e-5)
     np.testing.assert_allclose(in_current, (up - down) / 2e-5, rtol=1e-6)
 
 
@@ -55,7 +56,7 @@ def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials
     base = held(levitation_model)
     model = with_effects(base, [added("eddy_current_lag", ring_share=share, time_s=tau)])
     resistance, d, volts = base.circuit.resistance_ohm, 0.03, 1.0
-    inductance = float(base.magnetics.inductance(np.array(d), np.array(0.0)))
+    inductance = float(flat(base.magnetics).inductance(np.array(d), np.array(0.0)))
     # L (i' - share x') + R i = U and x' = i' - x / tau
     matrix = np.linalg.solve(
         np.array([[inductance, -share * inductance], [-1.0, 1.0]]), -np.diag([resistance, 1 / tau])

@@ -40,6 +40,7 @@ from support.model_kinds import (
     step_slopes,
     voltage_of,
 )
+from support.one_current import flat
 from support.solenoids import solenoid
 
 LINEAR = [name for name in KINDS if name not in {"law", "saturating"}]
@@ -67,7 +68,7 @@ def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
     growth = (field_energy(model, ahead[:, 0], ahead[:, 2:]) - field_energy(model, back[:, 0], back[:, 2:])) / (2.0 * h)
     supplied = (windings.voltages(volts) * w).sum(axis=1)
     heat = (windings.resistances_ohm * w**2).sum(axis=1)
-    force = windings.magnetics.state_of_circuits(states[:, 0], w).force
+    force = windings.magnetics.state(states[:, 0], w).force
     balance = growth + heat - force * states[:, 1]  # F acts towards smaller distance
     size = np.abs(force * states[:, 1]).max() + np.abs(supplied + heat).max()
     np.testing.assert_allclose(balance, supplied, rtol=0.0, atol=1e-6 * size)
@@ -101,7 +102,7 @@ def test_currents_of_a_held_body_decay_exactly_whatever_the_step(name, model_kin
     found, windings = step(model, states, volts, seconds)[:, 2:], model.windings
     in_series = np.diag([*(circuit.inductance_H for circuit in model.circuits), *np.zeros(len(model.eddy_names))])
     for state, fed, after in zip(states, volts, found, strict=True):
-        inductance = windings.magnetics.state_of_circuits(state[:1], state[None, 2:]).inductance[0] + in_series
+        inductance = windings.magnetics.state(state[:1], state[None, 2:]).inductance[0] + in_series
         rest = windings.voltages(fed) / windings.resistances_ohm
         share = expm(-seconds * np.linalg.solve(inductance, np.diag(windings.resistances_ohm)))
         np.testing.assert_allclose(after, rest + share @ (state[2:] - rest), rtol=1e-9, atol=1e-9)
@@ -186,7 +187,7 @@ def test_floats_cover_one_circuit_on_straight_springs(name, covered, model_kind)
 def test_force_and_motional_constants_at_distances_that_stay_are_those_of_the_state(model):
     states, _ = states_of(model.without_eddies)
     distance, currents = states[:, 0], states[:, 2:]
-    state = model.magnetics.state_of_circuits(distance, currents)
+    state = model.magnetics.state(distance, currents)
     force, motional_constant = model.magnetics.at_distances(distance)(currents)
     np.testing.assert_allclose(force, state.force, rtol=1e-12)
     np.testing.assert_allclose(motional_constant, state.motional_constant, rtol=1e-12)
@@ -207,7 +208,7 @@ def test_at_rest_the_equations_under_an_effect_are_those_of_the_changed_magnetic
     states = np.zeros((3, model.order))
     states[:, 0], states[:, 2] = d, i
     acceleration = rates(model, states, np.full((3, 1), 2.0))[:, 1]
-    expected = model.motion.gravity_m_s2 - model.magnetics.force(d, i) / model.motion.mass_kg
+    expected = model.motion.gravity_m_s2 - flat(model.magnetics).force(d, i) / model.motion.mass_kg
     np.testing.assert_allclose(acceleration, expected, rtol=1e-10)
     np.testing.assert_allclose(hall_voltage(model, states), model.sensor.voltage(d, i), rtol=1e-12)
 
@@ -222,7 +223,7 @@ def test_two_halves_fed_alike_move_as_the_whole(model_kind):
 def test_magnets_alone_fall_and_pull_as_their_force_says(model_kind):
     magnets = model_kind("magnets")
     acceleration = rates(magnets, np.array([[0.03, 0.2]]), np.zeros((1, 0)))[0]
-    force = float(magnets.magnetics.force(0.03, 0.0))
+    force = float(flat(magnets.magnetics).force(0.03, 0.0))
     assert acceleration.tolist() == pytest.approx([0.2, magnets.motion.gravity_m_s2 - force / magnets.motion.mass_kg])
     magnets.require_dynamics()
 

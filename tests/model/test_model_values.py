@@ -12,16 +12,17 @@ from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.model.validity import ActuatorKind, ValidityBox
 from femfit.model.with_effects import nominal_of
 from support.actuators import GEOMETRY
+from support.one_current import flat, within
 
 KIND = ActuatorKind(False, True, True, False, True, False)
-BOX = ValidityBox(0.015, 0.045, 0.0, 1.4)
+BOX = ValidityBox.of_currents((0.015, 0.045), (0.0, 1.4))
 
 
 @pytest.mark.parametrize("quantity", ["force", "flux_linkage", "inductance"])
 def test_a_model_is_evaluated_at_numbers_and_arrays_of_its_validity_domain(levitation_model, quantity):
     evaluate = getattr(levitation_model, quantity)
     d, i = np.linspace(0.016, 0.04, 5), np.linspace(0.1, 1.3, 5)
-    np.testing.assert_array_equal(evaluate(d, i), getattr(levitation_model.magnetics, quantity)(d, i))
+    np.testing.assert_array_equal(evaluate(d, i), getattr(flat(levitation_model.magnetics), quantity)(d, i))
     assert float(evaluate(d[2], i[2])) == evaluate(d, i)[2]
     for distance, current in ((7.0, 1.0), (0.02, 20.0), (float("nan"), 1.0)):
         with pytest.raises(DomainError, match=r"15\.\.45 mm and 0\.\.1\.4 A"):
@@ -43,25 +44,25 @@ def test_the_validity_box_holds_its_edges_and_no_nan():
         (0.02, -0.01, False), (0.02, 1.41, False), (np.nan, 0.5, False), (0.02, np.nan, False), (np.inf, 0.5, False),
     ]  # fmt: skip
     distance, current, inside = np.array(rows).T
-    assert BOX.contains(distance, current).tolist() == inside.astype(bool).tolist()
-    BOX.require(np.array([0.02, 0.03]), np.asarray(0.5))
+    assert BOX.contains(distance, current[:, None]).tolist() == inside.astype(bool).tolist()
+    BOX.require(np.array([0.02, 0.03]), np.array([0.5]))
     with pytest.raises(DomainError, match=r"15\.\.45 mm and 0\.\.1\.4 A.*received 60 mm and 0\.5 A"):
-        BOX.require(np.array([0.02, 0.06]), np.asarray(0.5))
+        BOX.require(np.array([0.02, 0.06]), np.array([0.5]))
     with pytest.raises(DomainError, match="received nan mm"):
-        BOX.require(np.asarray(np.nan), np.asarray(0.5))
+        BOX.require(np.asarray(np.nan), np.array([0.5]))
 
 
 def test_a_domain_spans_a_grid_of_all_currents():
-    d, i = ValidityBox(1e-3, 2e-3, 0.0, 1.0, ((-1.0, 1.0),)).grid(2, 3)
+    d, i = ValidityBox.of_currents((1e-3, 2e-3), (0.0, 1.0), (-1.0, 1.0)).grid(2, 3)
     assert (d.shape, i.shape) == ((18,), (18, 2))
     assert {tuple(row) for row in i.tolist()} == {(a, b) for a in (0.0, 0.5, 1.0) for b in (-1.0, 0.0, 1.0)}
-    assert ValidityBox(1e-3, 2e-3, 0.0, 1.0).grid(2, 3)[1].shape == (6,)
+    assert ValidityBox.of_currents((1e-3, 2e-3), (0.0, 1.0)).grid(2, 3)[1].shape == (6, 1)
 
 
 def test_the_drawing_or_a_force_without_current_decides_whether_there_is_a_magnet(levitation_model):
     law = LawMagnetics("F1e", (Coefficient("d^-2", 2, 1e-6, ""),), {}, 0.016, 0.0)
     steel = replace(levitation_model, magnetics=law)
-    energised = replace(levitation_model, validity=replace(levitation_model.validity, current_min_A=0.25))
+    energised = replace(levitation_model, validity=within(levitation_model.validity, low=0.25))
     for model, has_magnet, is_known in (
         (levitation_model, True, True),
         (replace(levitation_model, kind=replace(KIND, moving_magnet=False)), False, True),

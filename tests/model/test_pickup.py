@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from femfit.device.electrics import PositionSensor
 from femfit.model.dynamics import state_derivative
 from femfit.model.sensors import predict_sensor, sample_weights, sampled_readings
+from support.one_current import flat
 from tests.support.pickups import SHARE, STEP_S, flux_linkage, searched
 
 
@@ -32,9 +33,9 @@ def test_the_voltage_is_the_windings_share_of_what_its_resistance_leaves(model):
 def test_what_the_winding_would_pull_is_the_slope_of_its_flux_linkage(model):
     """One ampere in the pickup coil adds dF = -d(lambda)/dd: a share of what an ampere in the winding adds."""
     d, i = np.array([1e-3, 2e-3, 3.5e-3]), np.array([0.3, 0.8, 1.0])
-    _, slope, mutual = coil(model).flux.derivatives(d, i)
-    np.testing.assert_allclose(-slope, SHARE * model.magnetics.state(d, i).motional_constant, rtol=1e-3)
-    np.testing.assert_allclose(mutual, SHARE * model.magnetics.inductance(d, i), rtol=1e-4)
+    _, slope, mutual = coil(model).flux.derivatives(d, i[:, None])
+    np.testing.assert_allclose(-slope, SHARE * flat(model.magnetics).state(d, i).motional_constant, rtol=1e-3)
+    np.testing.assert_allclose(mutual[:, 0], SHARE * flat(model.magnetics).inductance(d, i), rtol=1e-4)
 
 
 def test_the_voltage_of_a_motion_adds_up_to_the_change_of_flux_linkage(model):

@@ -16,6 +16,7 @@ from femfit.model.sensors import predict_sensor
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added
 from support.halves import cut_in_two
+from support.one_current import flat
 from support.solenoids import solenoid
 
 LASER = PositionSensor(name="laser", noise=1e-5, distances_m=(0.0, 1.0), readings=(0.0, 1.0), unit="m")
@@ -44,7 +45,7 @@ def test_a_late_and_displaced_laser_is_read():
 
 def test_a_force_sensor_reads_its_gain_and_zero():
     model = with_(added("force_gain", gain_error=0.1), added("force_offset", offset=0.02))
-    force = model.magnetics.force(STATES[:, 0], STATES[:, 2])
+    force = flat(model.magnetics).force(STATES[:, 0], STATES[:, 2])
     expected = 1.1 * force + 0.02 * model.conditions.nominal.force_N
     np.testing.assert_allclose(predict_sensor(model, CELL, STATES), expected, rtol=1e-12)
 

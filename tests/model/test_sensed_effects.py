@@ -12,7 +12,7 @@ from support.added_effects import added
 from support.bearing import hall_field, table_with_hall
 from support.pickups import SHARE, searched
 
-D, AMPERES = np.array([2e-3, 3e-3]), np.array([0.5, 1.0])
+D, AMPERES = np.array([2e-3, 3e-3]), np.array([[0.5], [1.0]])
 GAP, CURRENTS = np.array([0.3e-3, 0.6e-3]), np.array([[0.7, -0.4], [-1.0, 0.5]])
 
 
@@ -28,7 +28,7 @@ def test_a_pickup_coil_is_linked_by_the_true_number_of_turns_of_the_winding():
     np.testing.assert_allclose(linked(fewer) / linked(model), 0.9, rtol=1e-9)
     flux = fewer.magnetics.flux_linkage(D, AMPERES) / model.magnetics.flux_linkage(D, AMPERES)
     np.testing.assert_allclose(flux, 0.81, rtol=1e-6)
-    np.testing.assert_allclose(linked(model), SHARE * model.magnetics.flux_linkage(D, AMPERES), rtol=1e-3)
+    np.testing.assert_allclose(linked(model), SHARE * model.magnetics.flux_linkage(D, AMPERES)[:, 0], rtol=1e-3)
 
 
 def test_effects_reach_the_measurement_of_a_filter_that_reads_a_pickup_coil():

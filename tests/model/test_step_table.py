@@ -15,6 +15,7 @@ from femfit.model.tabulated_step import step_table
 from femfit.simulation.plant import with_force_scale
 from support.eddies import with_eddies
 from support.halves import cut_in_two
+from support.one_current import flat
 from support.solenoids import solenoid
 
 PATTERNS = [(10e-3, 3e-3, 0.5e-3), (1e-6, 2e-5, 0.1)]
@@ -84,7 +85,7 @@ def test_the_field_from_its_table_is_that_of_the_splines(levitation_model, circu
     hall, w = EddyHall(model.eddy, field), states[:, 2:]
     u = hall.acting(states[:, 0], w).reshape(len(states), -1).mean(axis=1)
     own = model.eddy.forms(states[:, 0])[0].hall if circuits == 1 else np.zeros(3)
-    wanted = levitation_model.sensor.field.field(states[:, 0], u) + (own * w[:, circuits:]).sum(axis=1)
+    wanted = flat(levitation_model.sensor.field).field(states[:, 0], u) + (own * w[:, circuits:]).sum(axis=1)
     for points in (slice(None), slice(0, 20)):
         found = hall.field(states[points, 0], w[points])
         np.testing.assert_allclose(found, wanted[points], rtol=0.0, atol=10.0 * ERROR * np.abs(wanted).max())

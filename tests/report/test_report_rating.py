@@ -15,6 +15,7 @@ from femfit.device.parts import LinearMaterial, NonlinearMaterial
 from femfit.report.page import levitates, picture_point, strongest_point
 from femfit.report.rating import copper_share, growth, iron_loads, knee_T, rate, sweep_grid
 from support.actuators import GEOMETRY
+from support.one_current import within
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +113,7 @@ def test_a_force_in_proportion_to_the_current_is_not_said_to_be_limited_by_satur
         force=lambda d, i: np.tanh(2.0 * i) + 0.0 * d, has_magnet=True, validity=box, travel_m=(0.015, 0.045)
     )
     assert growth(flat, box.current_max_A).limited
-    assert growth(replace(rig_content.model, validity=replace(box, current_min_A=1.3)), 1.4) is None
+    assert growth(replace(rig_content.model, validity=within(box, low=1.3)), 1.4) is None
 
 
 def test_a_supply_of_both_signs_is_rated_at_the_one_that_attracts(rig_content):
@@ -120,7 +121,7 @@ def test_a_supply_of_both_signs_is_rated_at_the_one_that_attracts(rig_content):
         rig_content.model, circuits=(replace(rig_content.model.circuit, voltage_min_V=-3.0, voltage_max_V=3.0),)
     )
     assert rate(model, None).voltage_V == 3.0
-    box = replace(model.validity, current_min_A=-1.4)
+    box = within(model.validity, low=-1.4)
     turned = SimpleNamespace(
         circuit=model.circuit, validity=box, has_magnet=True, inductance=lambda d, i: 0.0 * d,
         magnetics=model.magnetics, travel_m=model.travel_m,

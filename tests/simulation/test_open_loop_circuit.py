@@ -11,6 +11,7 @@ from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.validity import ValidityBox
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.profile import Profile, read_profiles
+from support.one_current import flat
 from support.solenoids import NoField, solenoid
 
 HELD = Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
@@ -74,7 +75,7 @@ def test_a_magnet_that_falls_away_drives_a_current_through_the_diode(levitation_
     circuit = replace(levitation_model.circuit, voltage_min_V=0.0, drive=Drive(diode_V=drop))
     motion = simulate(replace(levitation_model, circuits=(circuit,)), voltage_V=0.0, start_m=0.02, duration_s=0.06)
     flows = next(event for event in motion.events if event.name == "current_flows")
-    constant = float(levitation_model.magnetics.motional_constant(np.array([flows.distance_m]), np.zeros(1))[0])
+    constant = float(flat(levitation_model.magnetics).motional_constant(np.array([flows.distance_m]), np.zeros(1))[0])
     assert constant * flows.velocity_m_s == pytest.approx(drop, rel=1e-6)
     assert motion.table["current_A"].min() == 0.0
     assert motion.table["current_A"].max() > 1e-4
@@ -140,7 +141,7 @@ def test_all_energy_is_accounted_for_with_friction_and_a_stop_that_gives_way(dri
 
 
 def test_leaving_the_domain_is_said_and_ends_the_simulation():
-    model = replace(solenoid(), validity=ValidityBox(0.1e-3, 6e-3, -0.3, 0.3))
+    model = replace(solenoid(), validity=ValidityBox.of_currents((0.1e-3, 6e-3), (-0.3, 0.3)))
     motion = simulate(model, voltage_V=12.0)
     ((name, time),) = motion.left_domain
     assert name == "current"

@@ -78,7 +78,7 @@ def test_the_plant_follows_a_diode_as_the_open_loop_does():
     plant = Plant(model)
     state, found = plant.start(np.array([[4e-3, 0.0, 0.0]])), []
     for k in range(400):
-        found.append(float(model.force_in(state)[0]))
+        found.append(float(model.windings.magnetics.force(state[:, 0], state[:, 2 : model.windings.end])[0]))
         state = plant.step(state, np.array([12.0 if k < 200 else 0.0]))
     wanted = table["force_N"][:400]
     np.testing.assert_allclose(found, wanted, atol=2e-3 * wanted.max())  # the diode blocks within a step

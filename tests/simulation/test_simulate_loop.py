@@ -78,7 +78,7 @@ def test_a_diverging_filter_is_named_and_says_what_to_do(design):
 
 def test_a_current_beyond_the_model_is_named(levitation_model):
     # The controller asks for 0.2..1.12 A, but the plant is known up to 0.37 A alone.
-    narrow = replace(levitation_model, validity=ValidityBox(0.015, 0.045, 0.0, 0.37))
+    narrow = replace(levitation_model, validity=ValidityBox.of_currents((0.015, 0.045), (0.0, 0.37)))
     design = design_loop(levitation_model)
     (result,) = run(design, Experiment("pid", "direct", (0.022,)), supported_steps=0, plant=narrow)
     assert LoopOutcome.CURRENT_OUT_OF_RANGE in set(result.outcomes())

@@ -17,6 +17,7 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, run_experiments
 from femfit.simulation.operating_point import operating_point, zero_order_hold
 from femfit.simulation.targets import reference_rate, reference_steps
+from support.one_current import flat, within
 
 
 def test_the_linear_model_is_the_derivative_of_the_equations_of_motion(levitation_model):
@@ -53,17 +54,17 @@ def test_zero_order_hold_is_the_matrix_exponential(levitation_model, step):
 def test_current_for_force_inverts_the_force_wherever_the_driver_ends(levitation_model, sign):
     ends = sorted((sign * levitation_model.circuit.voltage_min_V, sign * 3.0)) if sign > 0.0 else (-3.0, 0.0)
     circuit = replace(levitation_model.circuit, voltage_min_V=ends[0], voltage_max_V=ends[1])
-    limits = {} if sign > 0.0 else {"current_min_A": -1.2, "current_max_A": 0.0}
-    model = replace(levitation_model, circuits=(circuit,), validity=replace(levitation_model.validity, **limits))
+    limits = {} if sign > 0.0 else {"low": -1.2, "high": 0.0}
+    model = replace(levitation_model, circuits=(circuit,), validity=within(levitation_model.validity, **limits))
     d, i = np.meshgrid(np.linspace(0.02, 0.032, 7), sign * np.linspace(0.2, 1.0, 7))
-    np.testing.assert_allclose(current_for_force(model, d, model.magnetics.force(d, i)), i, rtol=1e-9)
+    np.testing.assert_allclose(current_for_force(model, d, flat(model.magnetics).force(d, i)), i, rtol=1e-9)
 
 
 @pytest.mark.parametrize("currents", [None, (0.25, 0.9)])
 def test_current_for_force_stops_at_the_clamp_and_within_the_model(levitation_model, currents):
     circuit, model = levitation_model.circuit, levitation_model
     if currents:
-        model = replace(model, validity=ValidityBox(0.015, 0.045, *currents))
+        model = replace(model, validity=ValidityBox.of_currents((0.015, 0.045), currents))
     ends = currents or np.array([circuit.voltage_min_V, circuit.voltage_max_V]) / circuit.resistance_ohm
     np.testing.assert_allclose(current_for_force(model, np.full(2, 0.025), np.array([-1.0, 1.0])), ends)
 
@@ -129,7 +130,7 @@ def reversed_magnetics(model, of="magnetics"):
 
 def test_a_coil_with_its_leads_reversed_is_held_by_currents_of_the_other_sign(levitation_model):
     circuit = replace(levitation_model.circuit, voltage_min_V=-3.0, voltage_max_V=-0.5)
-    box = replace(levitation_model.validity, current_min_A=-1.4, current_max_A=0.0)
+    box = within(levitation_model.validity, low=-1.4, high=0.0)
     field = replace(levitation_model.sensor.field, spline=reversed_magnetics(levitation_model, "sensor").spline)
     repelling = replace(
         levitation_model,
@@ -209,7 +210,7 @@ def test_steel_alone_is_held_by_a_driver_of_both_signs_as_by_one_of_positive_vol
         model = replace(
             levitation_model,
             magnetics=steel,
-            validity=replace(levitation_model.validity, current_min_A=1.2 * low, current_max_A=1.2),
+            validity=within(levitation_model.validity, low=1.2 * low, high=1.2),
             circuits=(replace(levitation_model.circuit, voltage_min_V=3.0 * low, voltage_max_V=3.0),),
             reference_distances_m=(),
         )

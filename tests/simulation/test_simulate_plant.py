@@ -14,11 +14,12 @@ from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.plant import Plant, with_force_scale
 from support.command import femfit
+from support.one_current import flat
 
 
 def test_a_scaled_force_keeps_reciprocity_and_scales_force_and_motional_constant(levitation_model):
-    scaled = with_force_scale(levitation_model, 1.01).magnetics
-    base = levitation_model.magnetics
+    scaled = flat(with_force_scale(levitation_model, 1.01).magnetics)
+    base = flat(levitation_model.magnetics)
     d, i, h = np.array([0.021, 0.029]), np.array([0.3, 0.8]), 1e-6
     np.testing.assert_allclose(scaled.force(d, i), 1.01 * base.force(d, i), rtol=1e-14)
     np.testing.assert_allclose(scaled.motional_constant(d, i), 1.01 * base.motional_constant(d, i), rtol=1e-14)

@@ -74,7 +74,9 @@ def eddies(circuits, time_constants, low_m=0.015, high_m=0.045, hall=True):
 def magnets_alone(model):
     """A model's magnet and iron without its winding."""
     kind = ActuatorKind(True, True, False, False, coil=False, saturates=False)
-    return replace(model, circuits=(), sensor=None, kind=kind, validity=replace(model.validity, current_max_A=0.0))
+    return replace(
+        model, circuits=(), sensor=None, kind=kind, validity=replace(model.validity, current_limits_A=np.zeros((0, 2)))
+    )
 
 
 def with_eddies(model, time_constants=(10e-3, 3e-3, 0.5e-3)):

@@ -51,7 +51,7 @@ def cut_in_two(model: ActuatorModel) -> ActuatorModel:
             spline.x_degree,
             np.stack([alone, 0.5 * flux, 0.5 * flux, own, mutual, own], axis=1),
         ),
-        validity=replace(box, further_A=((box.current_min_A, box.current_max_A),)),
+        validity=replace(box, current_limits_A=np.repeat(box.current_limits_A, 2, axis=0)),
         circuits=tuple(replace(half, name=name) for name in NAMES),
         sensor=None,
     )

@@ -112,23 +112,13 @@ def differences(model, function, states, volts):
     return central_differences(lambda x: function(model, x, wide), states, state_scale(model))
 
 
-def _of_windings(model, currents):
-    windings = model.windings
-    if windings.count == 0:
-        return np.zeros(len(currents))
-    return currents[:, 0] if windings.count == windings.circuits == 1 else currents
-
-
 def linked_flux(model, distance, currents):
     """Flux linkages (points, n + r) of all windings' currents."""
-    if not currents.shape[1]:
-        return currents
-    flux = model.windings.magnetics.flux_linkage(distance, _of_windings(model, currents))
-    return flux.reshape(currents.shape) + currents @ model.windings.series_H
+    return model.windings.magnetics.flux_linkage(distance, currents) + currents @ model.windings.series_H
 
 
 def field_energy(model, distance, currents):
     """Sum of i times flux linkage less the co-energy, in J."""
-    coenergy = model.windings.magnetics.coenergy(distance, _of_windings(model, currents))
+    coenergy = model.windings.magnetics.coenergy(distance, currents)
     in_series = 0.5 * np.einsum("pj,jk,pk->p", currents, model.windings.series_H, currents)
     return (currents * linked_flux(model, distance, currents)).sum(axis=1) - coenergy - in_series

@@ -7,7 +7,7 @@ from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import CoenergySpline, Magnetics
+from femfit.model.magnetics import CoenergySpline, OneCurrentMagnetics
 from femfit.model.validity import ValidityBox
 
 LEAKAGE_H, REACH_H_M, SHIFT_M, REFERENCE_M = 5e-3, 3e-5, 1e-3, 2e-3
@@ -33,7 +33,7 @@ def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None, cel
         magnetics=CoenergySpline(
             DistanceCoordinate(REFERENCE_M, SHIFT_M), TensorSpline(u_knots, i_knots, 4, 2, coefficients)
         ),
-        validity=ValidityBox(0.1e-3, 6e-3, -2.0, 2.0),
+        validity=ValidityBox.of_currents((0.1e-3, 6e-3), (-2.0, 2.0)),
         circuits=(Circuit(20.0, 0.0 if drive else -12.0, 12.0, drive or Drive()),),
         motion=mechanics
         or Mechanics(
@@ -46,7 +46,7 @@ def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None, cel
     )
 
 
-class NoField(Magnetics):
+class NoField(OneCurrentMagnetics):
     """A winding of 10 mH that pulls nothing."""
 
     def _derivatives(self, _, current, orders):
@@ -54,7 +54,7 @@ class NoField(Magnetics):
         return [values.get(order, np.zeros_like(current)) for order in orders]
 
 
-class LinearInductance(Magnetics):
+class LinearInductance(OneCurrentMagnetics):
     """L(d) = L_0 - a d with a constant slope: F = a i^2 / 2."""
 
     def __init__(self, at_zero_H=0.05, slope_H_m=5.0):

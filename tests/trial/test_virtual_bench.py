@@ -23,6 +23,7 @@ from femfit.trial.run import diagnose_campaigns
 from femfit.trial.virtual_bench import Meter, expected_fall, make_campaign, measured
 from support.actuators import assembly, rectangle
 from support.closed_form_device import D, N, closed_form_device, conditions
+from support.one_current import flat
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +123,7 @@ def test_a_campaign_on_the_model_itself_lacks_nothing(device, levitation_model, 
         def at(self, d, i):
             magnetics = levitation_model.magnetics
             hall = (levitation_model.sensor.voltage(d, i) - 2.5) / 50.0
-            return Fields(magnetics.state(d, i).force, magnetics.flux_linkage(d, i), hall)
+            return Fields(flat(magnetics).state(d, i).force, flat(magnetics).flux_linkage(d, i), hall)
 
     coil = replace(device.actuator.coil, resistance_ohm=levitation_model.circuit.resistance_ohm)
     itself = Device(replace(device.actuator, coils=(coil,)), Itself(), {})

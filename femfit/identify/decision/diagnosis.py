@@ -303,7 +303,7 @@ def _lag(diagnosis: Diagnosis) -> _Lag | None:
         return None
     setting = diagnosis.observations.covariates[["distance_m", "current_A"]].mean()
     d, i = np.asarray(setting["distance_m"]), np.asarray(setting["current_A"])
-    inductance, (forms,) = base.magnetics.inductance(d, i), base.eddy.forms(d)
+    inductance, (forms,) = base.magnetics.inductance(d, i[..., None])[..., 0, 0], base.eddy.forms(d)
     drawn = float((forms.coupling[0] ** 2 / base.eddy.resistances_ohm).sum() * inductance)
     more = [slow_lag(p) if name == EDDY_CURRENT_LAG.name else drawn * p["change"] for name, p in named.items()]
     return _Lag(drawn, sum(more) if named else None, float(d), float(i))

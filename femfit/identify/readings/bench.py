@@ -25,7 +25,6 @@ from femfit.identify.readings.settings import (
     current_directions,
     current_names,
     currents_in,
-    hall_not_compared,
     inductive,
     with_currents,
     without_bias,
@@ -61,7 +60,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     beyond = inside & ~within_currents(box, i)
     if beyond.any():
         counts: dict[str, Any] = {"beyond": int(beyond.sum()), "rows": int(inside.sum())}
-        quadratic, limits = model.without_effects.kind is None, box.current_limits_A.tolist()
+        quadratic, limits = model.without_effects.kind is None, box.column_limits_A.tolist()
         findings.append(finding("extrapolated", **counts, quadratic=quadratic, limits=limits))
     if not inside.any():
         raise TableError(nothing_in_domain(model, table))
@@ -113,7 +112,6 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             *table.findings,
             *findings,
             *weighing.findings,
-            *hall_not_compared(model, table.given),
             *_remarks(declared, nominal, channels),
         ),
         present=tuple(added.effect.name for added in model.effects),

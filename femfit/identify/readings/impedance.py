@@ -60,8 +60,7 @@ def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArr
 
     def linked_by(currents: FloatArray) -> FloatArray:
         """Flux linkages of currents (N, n), shape (N, n)."""
-        each = currents if currents.shape[1] > 1 else currents[:, 0]
-        return base.magnetics.flux_linkage(distance, each).reshape(currents.shape)
+        return base.magnetics.flux_linkage(distance, currents)
 
     read, solved = linked_by(here), linked_by(there)
     apart = np.minimum(*(np.linalg.norm(read - sign * solved, axis=1) for sign in (1.0, -1.0)))  # all turned is alike
@@ -69,7 +68,7 @@ def away_from_bias(model: ActuatorModel, distance: FloatArray, current: FloatArr
     ends = np.array(np.meshgrid(*base.validity.current_limits_A)).reshape(here.shape[1], -1).T
     linked = [linked_by(np.tile(end, (len(distance), 1))) for end in ends]
     largest = np.linalg.norm(linked, axis=-1).max()
-    sizes = [base.magnetics.state_of_circuits(distance, currents).inductance for currents in (here, there)]
+    sizes = [base.magnetics.inductance(distance, currents) for currents in (here, there)]
     changed, *norms = (np.linalg.norm(matrix, axis=(1, 2)) for matrix in (sizes[0] - sizes[1], *sizes))
     return AwayFromBias(apart / (BIAS_SHARE * largest), changed / np.maximum(*norms), np.abs(sizes[0]).max(axis=(1, 2)))
 

@@ -292,7 +292,7 @@ def within_domain(model: ActuatorModel, distance: FloatArray, current: FloatArra
 
 def within_currents(box: ValidityBox, current: FloatArray) -> BoolArray:
     """Which currents a model was fitted to, with a little beyond."""
-    columns, limits = current.reshape(len(current), -1), box.current_limits_A
+    columns, limits = current.reshape(len(current), -1), box.column_limits_A
     slack = DOMAIN_SLACK * np.ptp(limits, axis=1)
     return np.asarray(((columns >= limits[:, 0] - slack) & (columns <= limits[:, 1] + slack)).all(axis=1))
 

@@ -5,7 +5,7 @@ References
 N. R. Draper and H. Smith, Applied Regression Analysis (Wiley, 1998), section 2.1: lack of fit against pure error.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +13,9 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, resistance_column
 from femfit.identify.constants import LEAST_GAPS, NEAR_STEPS, SAME_LINE, SAME_READING, SAME_SETTING, WHOLE
 from femfit.identify.readings.observations import Observations, once_for_settings
-from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.impedance import impedances_by_column
 from femfit.tables.circuit_columns import parts_of
@@ -27,16 +25,9 @@ from femfit.tables.measurement import BenchTable
 
 def current_names(model: ActuatorModel) -> tuple[str, ...]:
     """Columns of the currents of several circuits; none of one, whose column is ``current_A``."""
-    if not model.validity.further_A:
+    if len(model.validity.current_limits_A) < 2:
         return ()
-    return tuple(circuit_currents(getattr(model.without_effects.magnetics, "names", model.circuit_names)))
-
-
-def hall_not_compared(model: ActuatorModel, columns: Sequence[str]) -> tuple[Finding, ...]:
-    """That a recorded Hall voltage of several circuits is left out, where it is."""
-    if not model.validity.further_A or "hall_V" not in columns:
-        return ()
-    return (finding("hall-not-compared", "hall_V"),)
+    return tuple(circuit_currents(model.current_names))
 
 
 def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:

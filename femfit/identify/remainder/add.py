@@ -50,7 +50,7 @@ def add_remainder(
     named : collection of str
         Effects of the model that are fitted to the same readings: what they can explain is left to them.
     """
-    if model.without_effects.validity.further_A:
+    if len(model.without_effects.validity.current_limits_A) > 1:
         raise MissingPartError(
             f"A remainder is learnt of a device with one circuit; model {model.name!r} has {len(model.circuits)}. Add "
             "effects by their names."

@@ -44,6 +44,7 @@ from femfit.identify.series.noise import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.sensed_effects import hall_with_effects
 from femfit.model.with_effects import eddy_with_sources, with_sources
 
 FORCE_BALANCE = "force_balance_N"
@@ -79,7 +80,7 @@ class _Point:
     force: FloatArray
     flux: FloatArray  # (n, circuits)
     series: TaylorSeries | None  # The co-energy's of one current
-    seen_T: FloatArray | float = 0.0  # What eddy currents add to the Hall element's field beside acting as a current
+    seen_T: FloatArray | float = 0.0  # The Hall element's field beside that of the series
 
 
 def model_balances(
@@ -109,9 +110,10 @@ def model_readings(
     """
     base, coenergy, point = points.base, points.coenergy, points.at(motion, effects)
     readings = {"force_N": point.force}
-    if base.sensor is not None and point.series is not None:
-        field = hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
-        field = field + point.seen_T
+    if base.sensor is not None:
+        field = np.asarray(point.seen_T)
+        if point.series is not None:
+            field = field + hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.motion is not None:
         near, far = base.motion.ends
@@ -124,18 +126,21 @@ def model_readings(
 
 def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
     base, coenergy, conditions = points.base, points.coenergy, motion.at
-    d, i = true_setting(effects, motion.distance_m, motion.current_A, conditions)
+    d, i = _true_setting(motion, effects)
     eddy = eddy_with_sources(base, effects)
     if conditions.nominal.circuits:
-        magnetics, u, pull = with_sources(base, effects), i, np.zeros_like(d)
+        magnetics, u, pull, seen_T = with_sources(base, effects), i, np.zeros_like(d), np.zeros_like(d)
         if eddy is not None:
-            inductance = magnetics.slopes_of_circuits(d, i).inductance
+            inductance = magnetics.inductance(d, i)
             along = points.eddies(eddy, d)
             induced = induced_along(along, motion.time_s, motion.first, magnetics.flux_linkage(d, i), inductance)
             u = along.acting(i, induced)
             pull = pull_of(along, magnetics.flux_linkage(d, u), induced)
+            seen_T = (along.forms.hall * induced).sum(axis=1)
+        sensor = hall_with_effects(base.sensor, effects, base.current_names)
+        seen_T = seen_T if sensor is None else seen_T + sensor.field.field(d, u)
         force = with_further_force(effects, magnetics.force(d, u) + pull, d, _first(i), conditions)
-        return _Point(d, i, conditions, force, magnetics.flux_linkage(d, u), None)
+        return _Point(d, i, conditions, force, magnetics.flux_linkage(d, u), None, seen_T)
     constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
     memory: dict[str, FloatArray] = {}
     for added in effects:
@@ -155,6 +160,13 @@ def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[Added
     conditions = replace(conditions, motional_V=-series.derivative(1, 1) * np.asarray(conditions.velocity_m_s))
     force = with_further_force(effects, -series.derivative(1, 0) + pull, d, i, conditions)
     return _Point(d, i, conditions, force, series.derivative(0, 1)[:, None], series, seen_T)
+
+
+def _true_setting(motion: Motion, effects: Sequence[AddedEffect]) -> tuple[FloatArray, FloatArray]:
+    """True distances and currents, in the shape of the motion's own; those very arrays where nothing changes them."""
+    recorded_A = motion.current_A if motion.current_A.ndim > 1 else motion.current_A[:, None]
+    d, i = true_setting(effects, motion.distance_m, recorded_A, motion.at)
+    return d, motion.current_A if i is recorded_A else i.reshape(motion.current_A.shape)
 
 
 def _first(current: FloatArray) -> FloatArray:

@@ -35,37 +35,37 @@ class SampleField:
     inductance: FloatArray  # (N, n, n)
     hall: FloatArray
     hall_d: FloatArray
-    hall_i: FloatArray
+    hall_i: FloatArray  # (N, n)
 
 
 def sample_field(base: ActuatorModel, samples: Samples) -> SampleField:
     """Evaluate a model at the samples of a record."""
     here = samples.usable
-    d, i = samples.columns["distance_m"][here], samples.current[here]
-    each = i.reshape(len(d), -1)
+    d, each = samples.columns["distance_m"][here], samples.current[here].reshape(int(here.sum()), -1)
+    acting = each
 
     def everywhere(values: FloatArray) -> FloatArray:
         result = np.zeros((len(here), *values.shape[1:]))
         result[here] = values
         return result
 
-    slopes, series = base.magnetics.slopes_of_circuits(d, each), np.zeros((each.shape[1],) * 2)
+    slopes, series = base.magnetics.slopes(d, each), np.zeros((each.shape[1],) * 2)
     if base.circuits:
         series = base.series_inductances_H
-    flux, pull, seen_T = base.magnetics.flux_linkage(d, i).reshape(each.shape), np.zeros_like(d), np.zeros_like(d)
+    flux, pull, seen_T = base.magnetics.flux_linkage(d, each), np.zeros_like(d), np.zeros_like(d)
     if base.eddy is not None:
         first = np.diff(samples.run[here], prepend=np.nan) != 0.0
         along = EddiesAlong.at(base.eddy, d)
         induced = induced_along(along, samples.time[here], first, flux, slopes.inductance)
-        i = along.acting(each, induced).reshape(i.shape)
-        flux = base.magnetics.flux_linkage(d, i).reshape(each.shape)
+        acting = along.acting(each, induced)
+        flux = base.magnetics.flux_linkage(d, acting)
         pull, seen_T = pull_of(along, flux, induced), (along.forms.hall * induced).sum(axis=1)
     flux = flux + each @ series
-    hall = [np.zeros_like(d)] * 3
-    if base.sensor is not None and i.ndim == 1:  # as on a bench, a Hall element of several circuits is not compared
-        hall = [base.sensor.sensitivity_V_per_T * derivative for derivative in base.sensor.field.derivatives(d, i)]
+    hall = [np.zeros_like(d), np.zeros_like(d), np.zeros_like(each)]
+    if base.sensor is not None:
+        hall = [base.sensor.sensitivity_V_per_T * derivative for derivative in base.sensor.field.derivatives(d, acting)]
         hall[0] = hall[0] + base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * seen_T
-    force, inductance = base.magnetics.force(d, i) + pull, slopes.inductance + series
+    force, inductance = base.magnetics.force(d, acting) + pull, slopes.inductance + series
     parts = force, slopes.force_gradient, slopes.motional_constant, flux, inductance, *hall
     return SampleField(*(everywhere(values) for values in parts))
 
@@ -182,8 +182,8 @@ def measure_sensors(record: Recorded, windows: Windows) -> list[MeasuredChannel]
     nominal, samples, field, noise = record.nominal, record.samples, record.field, record.noise
     parts: list[tuple[str, Literal["force", "hall"], FloatArray, FloatArray, float]]
     parts = [("force_N", "force", field.force_d, field.force_i, nominal.force_N)]
-    if record.base.sensor is not None and not nominal.circuits:
-        parts.append(("hall_V", "hall", field.hall_d, field.hall_i[:, None], nominal.hall_swing_V))
+    if record.base.sensor is not None:
+        parts.append(("hall_V", "hall", field.hall_d, field.hall_i, nominal.hall_swing_V))
     result = []
     for name, kind, along_distance, along_current, scale in parts:
         values = samples.columns[name]

@@ -28,7 +28,6 @@ from femfit.estimate.record import with_distance
 from femfit.identify.comparison.patterns import smooth_patterns
 from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
-from femfit.identify.readings.settings import hall_not_compared
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedCoenergy,
@@ -91,7 +90,7 @@ def series_observations(model: ActuatorModel, series: TimeSeries) -> Observation
             "voltage of a known circuit, or readings of a sensor that the model has; it holds "
             f"{', '.join(series.given)}. Record more channels, or give the model a circuit, motion or sensor."
         )
-    findings = (*series.findings, *samples.findings, *hall_not_compared(model, series.given))
+    findings = (*series.findings, *samples.findings)
     exact = _Exact(base, samples, [channel for _, channel in channels])
     exact.found[1.0] = {channel.name: channel.predict(sampled) for channel in exact.channels}
     return _with_scatter(_assembled(model, series, findings, views, channels, nominal, exact))

@@ -93,7 +93,7 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     *noises_A, noise_m = (
         series.declared_noise.get(name, white_noise(columns[name], segment)) for name in (*currents, "distance_m")
     )
-    distance, current = true_setting_of(model, distance, current)
+    distance, current = true_setting_of(model, distance, current.reshape(len(rows), -1))
     rests = find_rests(model, time, segment, distance, current, noise_m)
     findings += rests.findings
     for k, command in enumerate(commands):
@@ -138,7 +138,7 @@ def _stops(model: ActuatorModel, rests: Sequence[Rest], samples: int) -> FloatAr
 def _nowhere(model: ActuatorModel, series: TimeSeries, distance: FloatArray, current: FloatArray) -> str:
     box, names = model.validity, current_names(model) or ("current_A",)
     suspected = suspect_settings(model, distance, current, names)
-    limits = zip(names, box.current_limits_A.tolist(), strict=True)
+    limits = zip(names, box.column_limits_A.tolist(), strict=True)
     ranges = ", ".join(f"{low:g} to {high:g} A of {name}" for name, (low, high) in limits)
     hint = " ".join(map(str, suspected)) or "Check the columns and units, or sweep and fit a wider range."
     return (

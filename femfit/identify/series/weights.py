@@ -193,6 +193,6 @@ def _pole(model: ActuatorModel, distance: FloatArray, current: FloatArray) -> fl
     if model.motion is None or not len(distance):
         return 100.0
     pick = slice(None, None, max(1, len(distance) // 500))
-    slopes = model.magnetics.slopes_of_circuits(distance[pick], current[pick].reshape(len(distance[pick]), -1))
-    stiffness = model.motion.static_gradient(distance[pick]) - slopes.force_gradient
+    gradient = model.magnetics.force_gradient(distance[pick], current[pick].reshape(len(distance[pick]), -1))
+    stiffness = model.motion.static_gradient(distance[pick]) - gradient
     return float(np.sqrt(np.median(np.abs(stiffness)) / model.motion.mass_kg)) or 100.0

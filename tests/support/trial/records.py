@@ -16,6 +16,7 @@ from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import spring_force
 from femfit.device.parts import Actuator
 from femfit.model.actuator_model import ActuatorModel
+from support.one_current import flat
 
 STEP_S, SAMPLE_STEPS = 20e-6, 5
 CREEP_M_S = 1e-3
@@ -133,8 +134,8 @@ class Field:
         d = np.linspace(box.distance_min_m - margin, box.distance_max_m + margin, 161)
         i = np.linspace(box.current_min_A, box.current_max_A, 61)
         grid = np.meshgrid(d, i, indexing="ij")
-        self.force = RectBivariateSpline(d, i, model.magnetics.force(*grid))
-        self.flux = RectBivariateSpline(d, i, model.magnetics.flux_linkage(*grid))
+        self.force = RectBivariateSpline(d, i, flat(model.magnetics).force(*grid))
+        self.flux = RectBivariateSpline(d, i, flat(model.magnetics).flux_linkage(*grid))
 
 
 def simulate(field: Field, physics: Physics, voltage: FloatArray, start_m: float) -> pd.DataFrame:
