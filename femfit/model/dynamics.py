@@ -26,6 +26,7 @@ import numpy as np
 from femfit.core.numerics import FloatArray, central_differences
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import MagneticSlopes, MagneticState
+from femfit.model.windings import solved
 
 LONGEST_STEP = 1.0
 """Derived: step of a Runge-Kutta method of fourth order over a decaying current's time constant; it is stable up to
@@ -64,14 +65,7 @@ def current_rates(
     windings = model.windings
     volts = windings.voltages(np.asarray(voltage)[..., None] if windings.circuits == 1 else np.asarray(voltage))
     driving = volts - windings.resistances_ohm * currents + magnetic.motional_constant * velocity[..., None]
-    return _solved(magnetic.inductance + windings.series_H, driving[..., None])[..., 0]
-
-
-def _solved(inductance: FloatArray, right: FloatArray) -> FloatArray:
-    """L^-1 b; of one circuit by a division, which is quicker than a factorisation."""
-    if inductance.shape[-1] == 1:
-        return right / inductance
-    return np.asarray(np.linalg.solve(inductance, right))
+    return solved(magnetic.inductance + windings.series_H, driving[..., None])[..., 0]
 
 
 def runge_kutta_step(
@@ -107,7 +101,7 @@ def currents_of_same_flux(
     wanted, result = linked(before, currents), currents
     for _ in range(FLUX_STEPS):
         inductance = windings.magnetics.state(after, result).inductance + windings.series_H
-        change = _solved(inductance, (wanted - linked(after, result))[..., None])[..., 0]
+        change = solved(inductance, (wanted - linked(after, result))[..., None])[..., 0]
         result = result + change
         if np.abs(change).max(initial=0.0) <= FLUX_CHANGE * np.abs(result).max(initial=0.0):
             break
@@ -158,7 +152,7 @@ def current_slopes(model: ActuatorModel, slopes: MagneticSlopes, velocity: Float
         - slopes.inductance_gradient * v[..., None]
         - np.einsum("...jkl,...k->...jl", slopes.inductance_slope, rate)
     )
-    return _solved(slopes.inductance + windings.series_H, right)
+    return solved(slopes.inductance + windings.series_H, right)
 
 
 def by_differences(

@@ -32,7 +32,7 @@ from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.eddy_magnetics import with_eddies
 from femfit.model.magnetics import MagneticState
-from femfit.model.windings import decay_of, decay_shares
+from femfit.model.windings import decay_of, solved
 
 _PROBE = 1e-3
 """Step of a difference in a state, which is of the order of one."""
@@ -117,63 +117,11 @@ class EffectDynamics:
         volts = np.broadcast_to(voltage, state.shape[:-1]).ravel()
         if np.ndim(disturbance):
             disturbance = np.broadcast_to(disturbance, state.shape[:-1]).ravel()
-        if self.eddy is not None:
-            rates = self._with_eddies(flat, volts, disturbance, mechanics, sample_time_s, current_rate, mean_over)
-            return rates.reshape(state.shape)
-        d, v, i = flat[:, 0], flat[:, 1], flat[:, 2]
-        memory = dict(zip(self.names, flat[:, 3:].T, strict=True))
-        magnetic, slopes, _ = self._magnetics(memory, d, i)
-        motional = magnetic.motional_constant * v
-        at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional)
-        force = with_further_force(self.effects, magnetic.force, d, i, at)
-        acceleration = mechanics.acceleration(d, v, force - disturbance, sample_time_s)
-        if mean_over:
-            motional = magnetic.motional_constant * (v + 0.5 * mean_over * acceleration)
-            at = replace(at, motional_V=motional)
-        resistance, volts = circuit_of(self.effects, np.full_like(i, self.resistance_ohm), volts, i, at)
-        driving = volts - resistance * i + motional
-        inductance = magnetic.inductance + self.series_H
-        rates = np.zeros((len(self.names), len(flat)))
-        if self.names:
-            still = self._rates(memory, i, np.zeros_like(i), at)
-            driving = driving - (slopes * still).sum(axis=0)
-            sign = np.where(driving < 0.0, -1.0, 1.0)
-            slope = sign * (self._rates(memory, i, sign, at) - still)
-            least = _LEAKAGE * inductance
-            inductance = np.maximum(inductance + (slopes * slope).sum(axis=0), least)
-        if mean_over:
-            first, second = decay_shares(mean_over * resistance / inductance)
-            lever = second * driving / inductance
-            acceleration = acceleration - mean_over / mechanics.mass_kg * magnetic.motional_constant * lever
-            driving = first * driving
-        if self.names:
-            rates = still + slope * (driving / inductance)
-        if current_rate is not None:
-            driving = np.full_like(i, current_rate) * inductance
-            rates = self._rates(memory, i, np.full_like(i, current_rate), at) if self.names else rates
-        return np.concatenate([[v, acceleration, driving / inductance], rates]).T.reshape(state.shape)
-
-    def _with_eddies(
-        self,
-        flat: FloatArray,
-        volts: FloatArray,
-        disturbance: FloatArray | float,
-        mechanics: Mechanics,
-        sample_time_s: float,
-        current_rate: float | None,
-        mean_over: float,
-    ) -> FloatArray:
-        """The same for states (N, order) with eddy currents, by the matrices of all currents."""
-        assert self.eddy is not None  # noqa: S101  its caller asks
-        end = 3 + self.eddy.count
+        end = 3 if self.eddy is None else 3 + self.eddy.count
         d, v, w = flat[:, 0], flat[:, 1], flat[:, 2:end]
-        shifted, rising = self.eddy.whole_forms(d, 0, 1)
-        g = shifted.coupling[:, 0]
-        u = (g * w).sum(axis=1)
         memory = dict(zip(self.names, flat[:, end:].T, strict=True))
-        static, slopes, flux = self._magnetics(memory, d, u)
-        static = MagneticState(static.force, static.motional_constant[:, None], static.inductance[:, None, None])
-        magnetic = with_eddies(shifted, rising, w, static, flux[:, None])
+        magnetic, slopes, g, drift = self._all_magnetics(memory, d, v, w)
+        u = (g * w).sum(axis=1)
         motional = magnetic.motional_constant * v[:, None]
         at = replace(self.at, velocity_m_s=v, memory=memory, motional_V=motional[:, 0])
         force = with_further_force(self.effects, magnetic.force, d, w[:, 0], at)
@@ -182,25 +130,24 @@ class EffectDynamics:
             motional = magnetic.motional_constant * (v + 0.5 * mean_over * acceleration)[:, None]
             at = replace(at, motional_V=motional[:, 0])
         resistances, driving = np.empty_like(w), np.zeros_like(w)
-        resistances[:, 1:] = self.eddy.resistances_ohm
+        if self.eddy is not None:
+            resistances[:, 1:] = self.eddy.resistances_ohm
         own = np.full_like(u, self.resistance_ohm)
         resistances[:, 0], driving[:, 0] = circuit_of(self.effects, own, volts, w[:, 0], at)
         driving += motional - resistances * w
         inductance = magnetic.inductance.copy()
         inductance[:, 0, 0] += self.series_H
-        drift = (rising.coupling[:, 0] * w).sum(axis=1) * v  # of u at held currents
-        rates = np.zeros((len(self.names), len(flat)))
         if self.names:
             still = self._rates(memory, u, np.zeros_like(u), at)
             driving = driving - g * (slopes * still).sum(axis=0)[:, None]
-            both = np.linalg.solve(inductance, np.stack([driving, g], axis=2))
+            both = solved(inductance, np.stack([driving, g], axis=2))
             free, share = np.einsum("pa,pak->kp", g, both)  # u' without what the states take, and by a volt on u
             sign = np.where(free + drift < 0.0, -1.0, 1.0)
             slope = sign * (self._rates(memory, u, sign, at) - still)
             taken = np.maximum((slopes * slope).sum(axis=0), (_LEAKAGE - 1.0) / share)
             driving = driving - g * (taken * drift)[:, None]
             inductance = inductance + taken[:, None, None] * g[:, :, None] * g[:, None, :]
-        rate: FloatArray = np.asarray(np.linalg.solve(inductance, driving[..., None])[..., 0], dtype=np.float64)
+        rate = solved(inductance, driving[..., None])[..., 0]
         if mean_over:
             rate, lever = decay_of(inductance, resistances, mean_over).parts(rate)
             pull = (magnetic.motional_constant * lever).sum(axis=1)
@@ -208,10 +155,26 @@ class EffectDynamics:
         if current_rate is not None:  # the voltage is whatever holds it
             by_volt = np.linalg.inv(inductance)[:, :, 0]
             rate = rate + by_volt / by_volt[:, :1] * (current_rate - rate[:, :1])
+        result = np.empty((len(flat), end + len(self.names)))
+        result[:, 0], result[:, 1], result[:, 2:end] = v, acceleration, rate
         if self.names:
             followed = (w[:, 0], rate[:, 0])
-            rates = self._rates(memory, u, (g * rate).sum(axis=1) + drift, at, followed)
-        return np.concatenate([np.column_stack([v, acceleration, rate]), rates.T], axis=1)
+            result[:, end:] = self._rates(memory, u, (g * rate).sum(axis=1) + drift, at, followed).T
+        return result.reshape(state.shape)
+
+    def _all_magnetics(
+        self, memory: Mapping[str, FloatArray], d: FloatArray, v: FloatArray, w: FloatArray
+    ) -> tuple[MagneticState, FloatArray, FloatArray, FloatArray]:
+        """Those of all currents, dl/dz (names, N), G (N, n + r), and u' at held currents."""
+        g, drift = np.ones_like(w), np.zeros_like(d)
+        if self.eddy is not None:
+            shifted, rising = self.eddy.whole_forms(d, 0, 1)
+            g, drift = shifted.coupling[:, 0], (rising.coupling[:, 0] * w).sum(axis=1) * v
+        static, slopes, flux = self._magnetics(memory, d, (g * w).sum(axis=1))
+        magnetic = MagneticState(static.force, static.motional_constant[:, None], static.inductance[:, None, None])
+        if self.eddy is not None:
+            magnetic = with_eddies(shifted, rising, w, magnetic, flux[:, None])
+        return magnetic, slopes, g, drift
 
     def _rates(
         self,

@@ -55,6 +55,13 @@ class Windings:
         return result
 
 
+def solved(inductance: FloatArray, right: FloatArray) -> FloatArray:
+    """L^-1 b; of one circuit by a division, which is quicker than a factorisation."""
+    if inductance.shape[-1] == 1:
+        return right / inductance
+    return np.asarray(np.linalg.solve(inductance, right))
+
+
 LEAST_DECAY = 1e-6
 """Numerical: smaller products of step and R/L, and those of a co-energy that is extended to a negative inductance, are
 taken as this: 5e-7 of the current's change, while f2 keeps ten digits."""
