@@ -65,7 +65,7 @@ class Outcome:
     data : mapping
         The same as JSON; by default the result's own ``to_dict()``.
     files : sequence
-        Files that are written before anything is printed, and named after the result.
+        Files that are written before the result is printed, and named after it.
     last : str
         What is printed below their names.
     error : BaseException
@@ -122,12 +122,16 @@ def run_directory(drawing: str, end: str = "") -> Callable[[Mapping[str, Any]], 
 
 def _conclude(outcome: Outcome, json: Path | None) -> None:
     written = [(path, write) for path, write in outcome.files if path is not None]
-    for path, write in written:
-        write(path)
-    if json is not None:
-        data = outcome.result.to_dict() if outcome.data is None else outcome.data  # type: ignore[attr-defined]
-        write_json(json, {**data, "written_by": f"femfit {__version__}"})
-    print(outcome.result, *(f"written: {path}" for path, _ in written), *filter(None, [outcome.last]), sep="\n")
+    try:
+        if json is not None:
+            data = outcome.result.to_dict() if outcome.data is None else outcome.data  # type: ignore[attr-defined]
+            write_json(json, {**data, "written_by": f"femfit {__version__}"})
+        for path, write in written:
+            write(path)
+    finally:  # what was found is told even where a file of it cannot be written
+        print(outcome.result)
+    for line in (*(f"written: {path}" for path, _ in written), *filter(None, [outcome.last])):
+        print(line)
     if outcome.error is not None:
         raise outcome.error
 

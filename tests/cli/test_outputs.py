@@ -1,11 +1,15 @@
 """The files of a user survive every command that is given them, or their neighbours, as an output."""
 
 import hashlib
+import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from femfit.cli.command import Outcome, command
+from femfit.core.errors import OutputError
 from femfit.model.json_file import write_model
 from support.command import femfit
 
@@ -92,3 +96,24 @@ def test_a_link_laid_where_a_result_is_begun_is_not_written_through(files, tmp_p
     assert other.read_text() == "kept"
     assert not (tmp_path / "audit.json").is_symlink()
     assert (tmp_path / "audit.json").stat().st_size > 100
+
+
+def test_a_result_whose_page_cannot_be_written_is_told_and_kept_as_json(tmp_path, capsys):
+    class Found:
+        def to_dict(self):
+            return {"distance_m": 0.02}
+
+        def __str__(self):
+            return "20 mm"
+
+    def page(path):
+        raise OutputError(f"{path} cannot be written")
+
+    @command()
+    def measure(report: Path) -> Outcome:
+        return Outcome(Found(), files=[(report, page)])
+
+    with pytest.raises(OutputError):
+        measure(tmp_path / "page.html", json=tmp_path / "result.json")
+    assert capsys.readouterr().out == "20 mm\n"
+    assert json.loads((tmp_path / "result.json").read_text())["distance_m"] == 0.02
