@@ -223,16 +223,13 @@ def _turns(data: Mapping[str, Any], actuator: Actuator) -> Iterator[DrawnNumber]
     for coil in actuator.coils:
         wound = [
             tuple(replace(each, turns=each.turns * factor) if each is coil else each for each in actuator.coils)
-            for factor in _FACTORS
+            for factor in (1.0 + SHARE_STEP, 1.0 - SHARE_STEP)
         ]
         ends = [replace(actuator, coils=coils) for coils in wound]
         alone = sum(winding.circuit == coil.circuit for winding in actuator.coils) == 1
         key = joined("coil", "turns") if "coil" in data else joined("coils", coil.name, "turns")
         effect = "turns" if len(actuator.circuits) == 1 else f"turns:{coil.circuit}"
         yield _share(key, "turns", coil.turns, *ends, effect=effect * alone)
-
-
-_FACTORS = 1.0 + SHARE_STEP, 1.0 - SHARE_STEP
 
 
 def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuator, *, effect: str) -> DrawnNumber:
@@ -264,7 +261,7 @@ def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
             recoil = key == "relative_permeability" and material.remanence_T
             kind = "recoil_permeability" if recoil else usual_kind
             effect = "remanence" if kind == "remanence" and len(magnets) == 1 else ""
-            ends = [_with_material(actuator, name, field, factor) for factor in _FACTORS]
+            ends = [_with_material(actuator, name, field, factor) for factor in (1.0 + SHARE_STEP, 1.0 - SHARE_STEP)]
             yield _share(joined("materials", name, key), kind, value, *ends, effect=effect)
 
 

@@ -127,8 +127,8 @@ def test_a_run_of_both_polarities_is_refused():
 @pytest.mark.parametrize("least", [0.0, -1.2])
 def test_a_swept_field_becomes_a_field_model(least, levitation_model):
     hall = levitation_model.sensor.field
-    model = field_model_of_sweep(lambda i: hall.field(np.full(i.shape, 0.022), i), least, 1.4, 1e-4)
+    model = field_model_of_sweep(lambda i: hall.field(np.full(i.shape, 0.022), i[..., None]), least, 1.4, 1e-4)
     current = np.linspace(least, 1.4, 15)
     _, field = model.advance(model.start(), np.arange(15.0), current)
     # The swept field is linear in the current; higher terms are rounding, grown 1e5 times below zero current.
-    np.testing.assert_allclose(field, hall.field(np.full(15, 0.022), current), rtol=1e-9)
+    np.testing.assert_allclose(field, hall.field(np.full(15, 0.022), current[:, None]), rtol=1e-9)

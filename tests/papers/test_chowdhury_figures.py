@@ -55,6 +55,6 @@ def test_the_currents_shown_are_those_of_figure_9():
 def test_the_local_exponent_of_a_power_law_is_its_power():
     power = LawMagnetics(F2E.name, (Coefficient("d^-4", 0, 4e-9, "N m^4"), Coefficient("d^-4", 1, 1e-9, "N m^4")))
     d = np.linspace(0.015, 0.045, 7)
-    rows = FitRows((), d, np.zeros((7, 1)), power.force(d, np.zeros(7)), np.zeros(7))
+    rows = FitRows((), d, np.zeros((7, 1)), power.force(d, np.zeros((7, 1))), np.zeros(7))
     for _, n in local_exponents(power, rows).values():
         np.testing.assert_allclose(n, 4.0, rtol=1e-12)
