@@ -87,10 +87,12 @@ def test_the_quick_step_the_general_path_and_a_batch_agree(name, kind, levitatio
     for given, read in zip(volts, readings, strict=True):
         batch = filter_.step(batch, given, read)
     assert not batch.diverged.any()
+    # A pickup coil's reading is a difference over 0.1 ms, whose rounding is ten thousand times that of a flux linkage
+    tolerance = 1e-6 if name == "pickup coil" else 1e-9
     for run in range(RUNS):
         alone = general = filter_.start(first)
         for given, read in zip(volts[:, run], readings[:, run], strict=True):
             alone = filter_.step(alone, given, read)
             general = filter_.update(filter_.predict(general, given), read)
-        assert_same(alone, general, 0, 1e-6)
-        assert_same(batch, general, run, 1e-6)  # summation order may differ with the batch's size; nothing else
+        assert_same(alone, general, 0, tolerance)
+        assert_same(batch, general, run, tolerance)  # summation order may differ with the batch's size; nothing else

@@ -101,6 +101,7 @@ def test_the_bias_holds_the_flux_linkage_where_no_magnet_does(both):
     assert bias_currents(both[0], rows) == {}
 
 
+@pytest.mark.nightly
 def test_a_sweep_of_a_saturating_pot_gives_patterns_that_a_model_holds(tmp_path):
     text = POT.replace("relative_permeability = 200\n", BENT)
     text = text.replace("[1, 1.5, 2, 2.5]", "[1, 1.5]").replace("[-1, 0, 1]", "[0, 0.8]")

@@ -70,7 +70,11 @@ def assert_only_20_mm_failed(table, whole, reason):
 
 
 @pytest.mark.parametrize(
-    ("fault", "reason"), [(starve_at_20_mm, "failed: out of memory"), (die_at_20_mm, "process died")]
+    ("fault", "reason"),
+    [
+        (starve_at_20_mm, "failed: out of memory"),
+        pytest.param(die_at_20_mm, "process died", marks=pytest.mark.nightly),
+    ],
 )
 def test_a_worker_without_memory_or_killed_costs_its_own_rows_only(case, tmp_path, monkeypatch, fault, reason):
     _, sweep, whole, _ = case
@@ -169,13 +173,10 @@ def kill_when(command, moment):
 
 
 # A saturating sweep that is cut resumes bit for bit in test_nonlinear_sweep too, on a coarser mesh.
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "kind",
-    [
-        pytest.param("linear", marks=pytest.mark.nightly),
-        pytest.param("saturating", marks=pytest.mark.nightly),
-        "variants",
-    ],
+    ["linear", "saturating", "variants"],
 )
 def test_a_sweep_killed_twice_ends_in_the_table_of_one_never_killed(kind, tmp_path):
     path = actuator_file(kind, tmp_path)

@@ -310,6 +310,7 @@ def test_damaged_files_of_several_circuits_are_refused_by_their_key_and_early_on
             model_from_dict(damaged)
 
 
+@pytest.mark.nightly
 def test_signs_that_were_not_swept_together_are_outside_and_said():
     fit, every = steel_fit(ONE_SIDE, ONE_SIDE), steel_fit(ONE_SIDE, BOTH_SIDES).model.validity
     assert fit.model.force(0.5e-3, [-1.0, -2.0]) == pytest.approx(fit.model.force(0.5e-3, [1.0, 2.0]), abs=1e-9)

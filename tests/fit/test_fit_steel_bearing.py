@@ -81,6 +81,7 @@ def test_voltages_move_it_and_energy_is_kept(model):
     assert moved.table["distance_m"][-1] < 0.5e-3
 
 
+@pytest.mark.nightly
 def test_a_bench_of_the_device_itself_fits_and_one_of_more_turns_does_not(model, tmp_path):
     d, i = grid(np.linspace(0.25e-3, 0.75e-3, 6), [0.5, 1.5, 2.5], [0.5, 1.5, 2.5])
     noise = 0.2 * np.random.default_rng(1).standard_normal((2, len(d)))  # in N

@@ -275,6 +275,7 @@ def test_an_effect_that_is_there_makes_the_filter_on_a_run_left_out_what_it_clai
     assert seen.samples == 3000  # of 4,000: what a long record costs is bounded, and said
 
 
+@pytest.mark.nightly
 def test_a_mean_square_that_moves_away_from_one_is_not_called_better(model):
     loop = closed_loop(model, [hidden("coil_temperature", warmer_K=20.0)], runs=2, seconds=0.5, seed=4)
     record = recorded(loop, runs=(1, 2), **SENSORS)
@@ -285,6 +286,7 @@ def test_a_mean_square_that_moves_away_from_one_is_not_called_better(model):
         assert replace(likely, mean_square=squares).better is better, squares
 
 
+@pytest.mark.nightly
 def test_an_effect_with_which_the_filter_is_lost_is_not_accepted(model, clean_record):
     """As an asymptote that the runs did not show: the winding 100 K warmer than it is."""
     record = replace(clean_record, rows=clean_record.rows[clean_record.rows["time_s"] < 0.5].reset_index(drop=True))

@@ -228,6 +228,7 @@ def test_compare_and_diagnose_never_disagree(levitation_model, offset_m):
     assert comparison.p_value == diagnosis.p_value
 
 
+@pytest.mark.nightly
 def test_the_declared_uncertainty_of_the_distance_is_noise_of_every_reading(levitation_model):
     """0.05 mm of scatter in the distance is not missing physics once it is declared."""
     table = campaign(levitation_model, 31, runs=2, mount_m=0.0)

@@ -214,6 +214,7 @@ def broken_promises(model, name, seed, channels=("force_N",), most=None):
     return broken, tried
 
 
+@pytest.mark.nightly
 def test_what_a_run_was_said_to_separate_a_diagnosis_then_separates(levitation_model):
     broken, tried = broken_promises(levitation_model, "turns", 11, most=1)
     assert tried

@@ -113,6 +113,7 @@ def test_steps_that_saturate_the_core_are_what_spoils_the_first_model(rig):
     np.testing.assert_allclose([below.min(), below.max()], [-6.1, 0.0], atol=0.2)
 
 
+@pytest.mark.nightly
 def test_an_ammeter_that_shows_twenty_milliamperes_at_rest_accounts_for_the_voltage(rig):
     steps = read("L_step_response.csv")
     zero = steps["i0_A"].mean()
@@ -158,6 +159,7 @@ def observed(rig):
     return ff.observe(rig / "steady.json", rig / "record.csv", sensors=("current", "distance"))
 
 
+@pytest.mark.nightly
 def test_a_filter_over_the_record_finds_the_sensors_noise_and_that_it_is_not_consistent(observed):
     seen = observed
     values = {one.name: one.value for one in seen.noise.estimates}
@@ -187,6 +189,7 @@ def test_a_clamped_sphere_is_held_a_hovering_one_is_not(rig, name, least, most):
     assert bool(held) == (most > 0.0)
 
 
+@pytest.mark.nightly
 def test_with_the_noise_of_the_record_the_filter_is_as_good_as_it_says_and_two_methods_agree(rig, observed):
     louder = with_noise(observed.model, observed.noise)
     again = ff.observe(louder, rig / "record.csv", sensors=("current", "distance"))

@@ -434,6 +434,7 @@ def test_commands_that_a_slow_record_does_not_show_count_as_its_noise(held_rig, 
 DISTANCE_M, FORCE_N = 2e-6, 0.02
 
 
+@pytest.mark.nightly
 def test_no_reading_is_compared_where_the_body_never_was():
     motion = solenoid().motion
     springy = replace(motion, near_stop=replace(motion.near_stop, restitution=0.6))

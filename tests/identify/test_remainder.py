@@ -157,6 +157,7 @@ def test_friction_in_the_linkage_of_the_force_sensor_turns_with_the_branch(levit
     assert fall.after_over_noise < 1.3
 
 
+@pytest.mark.nightly
 def test_names_are_fitted_first(levitation_model):
     table = campaign(
         levitation_model,
