@@ -220,7 +220,7 @@ def _shares(misfit: Misfit, magnetics: Magnetics, d: FloatArray, i: FloatArray) 
     return {
         about: error / max(rms(quantity(d, i)), 1e-300) if share is None else share
         for about, (share, error, quantity) in quantities.items()
-        if error is not None
+        if error is not None and (share is not None or quantity(d, i).size)  # a pair of magnets links no flux
     }
 
 

@@ -17,7 +17,6 @@ from cyclopts.validators import Number
 from femfit import __version__
 from femfit.core.errors import UsageError
 from femfit.core.files import RESULT, require_outputs, write_json
-from femfit.tables.units import is_unit
 
 if TYPE_CHECKING:
     from femfit.tables.measurement import Measurement
@@ -41,15 +40,16 @@ class Writes:
 
     Attributes
     ----------
-    kind : str
-        Kind of the file, as in :mod:`femfit.core.files`; without one, what is written there looks after itself.
+    kind : str or function
+        Kind of the file, as in :mod:`femfit.core.files`, or what gives it of the command's arguments; without one,
+        what is written there looks after itself.
     name : str
         Name of the file in the directory that the option names.
     default : function
         The path where the option is not given, of the command's other arguments.
     """
 
-    kind: str | None = None
+    kind: str | Callable[[Mapping[str, Any]], str] | None = None
     name: str = ""
     default: Callable[[Mapping[str, Any]], Path] | None = None
 
@@ -149,7 +149,8 @@ def _paths(
             if arguments[name] is None and writes.default is not None:
                 arguments[name] = writes.default(arguments)
             if arguments[name] is not None and writes.kind is not None:
-                outputs.append((arguments[name] / writes.name, writes.kind))
+                kind = writes.kind if isinstance(writes.kind, str) else writes.kind(arguments)
+                outputs.append((arguments[name] / writes.name, kind))
         if not written:
             value = arguments[name]
             group = vars(value).values() if is_dataclass(value) else value if isinstance(value, tuple) else (value,)
@@ -224,6 +225,8 @@ class TableOptions:
     @property
     def keywords(self) -> dict[str, Any]:
         """All of them, as the functions that read tables take them."""
+        from femfit.tables.units import is_unit
+
         alone = {text.strip(): text.strip() for text in self.unit if "=" not in text and is_unit(text)}
         named = (text for text in self.unit if text.strip() not in alone)
         return {

@@ -117,7 +117,7 @@ def import_table(
         force_sign="flip" if flip_force else "keep" if keep_force else "auto",
         without=names_of(without),
         accept=names_of(accept),
-        column_names=names_of(columns),
+        column_names=_in_order(columns),
         delimiter={"tab": "\t", "blanks": " "}.get(delimiter, delimiter) if delimiter else None,
         file_currents_A=_numbers(file_current_A, "--file-current-A"),
         file_distances_m=tuple(1e-3 * value for value in _numbers(file_distance_mm, "--file-distance-mm")),
@@ -130,4 +130,9 @@ def import_table(
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:
     form = "numbers with commas between them"
-    return parsed(text or "", option, form, "0,0.5,1", lambda words: tuple(map(float, names_of(words))))
+    return parsed(text or "", option, form, "0,0.5,1", lambda words: tuple(map(float, _in_order(words))))
+
+
+def _in_order(text: str | None) -> tuple[str, ...]:
+    """What stands between commas, where its place counts: an empty one stays."""
+    return tuple(word.strip() for word in text.split(",")) if text else ()

@@ -1,6 +1,6 @@
 """``femfit simulate``: close the loop around a model, or drive it in open loop."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,7 @@ from femfit.cli.command import (
     parsed,
 )
 from femfit.core.errors import UsageError
-from femfit.core.files import LOOP, OPEN_LOOP, PICTURE, require_outputs
+from femfit.core.files import LOOP, OPEN_LOOP, PICTURE
 
 ControllerOption = Literal["backstepping", "pid", "state-feedback"]
 FilterOption = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
@@ -144,6 +144,10 @@ class LoopOptions:
 _UNDRIVEN, _NO_LOOP = OpenLoopOptions(), LoopOptions()
 
 
+def _series(arguments: Mapping[str, Any]) -> str:
+    return LOOP if arguments["drive_options"] == _UNDRIVEN else OPEN_LOOP
+
+
 @command()
 def simulate(
     model: Path,
@@ -155,7 +159,7 @@ def simulate(
     sensor: list[str] | None = None,
     noise: list[str] | None = None,
     seed: Annotated[int, NOT_NEGATIVE] = 1,
-    csv: Annotated[Path | None, Writes()] = None,
+    csv: Annotated[Path | None, Writes(_series)] = None,
 ) -> Outcome:
     """Drive a model in open loop, or close the loop around it.
 
@@ -198,7 +202,6 @@ def simulate(
             "--voltage, --current and --drive simulate in open loop, without controller, filter, noise and faults. "
             "Leave out the options of one of the two."
         )
-    require_outputs([model], (csv, OPEN_LOOP if driven else LOOP))
     files: list[ToWrite]
     if driven:
         motion = simulate_open_loop(model, interpolation=interpolation, **drive_options.keywords)

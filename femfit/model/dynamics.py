@@ -19,6 +19,7 @@ the back-EMF that their (32) lacks.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -26,6 +27,7 @@ import numpy as np
 from femfit.core.numerics import FloatArray, central_differences
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.magnetics import MagneticSlopes, MagneticState
+from femfit.model.sensed_effects import ReadField
 from femfit.model.windings import solved
 
 LONGEST_STEP = 1.0
@@ -41,7 +43,7 @@ def state_derivative(
 ) -> FloatArray:
     """Time derivative of (distance, velocity, currents), and of the states that the model's effects add."""
     motion, windings = model.require_motion(), model.windings
-    if model.dynamics is not None and model.dynamics.drives:
+    if model.circuits and model.dynamics is not None and model.dynamics.drives:
         return model.dynamics.derivative(state, voltage, disturbance, motion, model.sample_time_s)
     end = windings.end
     distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
@@ -205,6 +207,8 @@ def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | flo
     sensor = model.require_sensor()
     if model.dynamics is None:
         if model.eddy_hall is None:
+            if isinstance(sensor.field, ReadField):
+                sensor = replace(sensor, field=sensor.field.after(time))
             return sensor.output(state[..., 0], model.currents_of(state))
         flat = state.reshape(-1, state.shape[-1])
         field = model.eddy_hall.field(flat[:, 0], flat[:, 2 : model.windings.end])

@@ -18,10 +18,11 @@ import numpy as np
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import SEPARATOR, source_scales
+from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import recorded, recorded_setting, true_setting, with_further_force
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.hall import HallSensor, OtherSensor, PickupSensor, SensedField
+from femfit.model.hall import HallField, HallSensor, OtherSensor, PickupSensor, SensedField
 from femfit.model.magnetics import only_current
 
 SCALING = ("remanence", "turns")
@@ -59,13 +60,57 @@ def pickups_as_fitted(sensors: Sequence[OtherSensor], fitted: Sequence[OtherSens
     )
 
 
+@dataclass(frozen=True, eq=False)
+class ReadField(HallField):
+    """The field that the Hall element of several circuits seems to show, as effects change its reading."""
+
+    inner: HallField
+    effects: tuple[AddedEffect, ...]
+    conditions: Conditions
+    quiescent_V: float
+    sensitivity_V_per_T: float
+
+    def after(self, time: FloatArray | float) -> "ReadField":
+        """The same at a time in s since the start."""
+        return replace(self, conditions=replace(self.conditions, time_s=time, elapsed=time))
+
+    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """B_z in T, of shape (...)."""
+        return self._apparent(self.inner.field(distance, currents), distance, currents)
+
+    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """As of the field itself, by the chain rule with a central difference of the reading over the field."""
+        field, along, by_current = self.inner.derivatives(distance, currents)
+        step = 1e-3 / abs(self.sensitivity_V_per_T)  # a millivolt
+        above, below = (self._apparent(field + sign * step, distance, currents) for sign in (1.0, -1.0))
+        slope = (above - below) / (2.0 * step)
+        return self._apparent(field, distance, currents), slope * along, slope[..., None] * by_current
+
+    def _apparent(self, field: FloatArray, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        volts = np.ravel(self.quiescent_V + self.sensitivity_V_per_T * field)
+        d, i = (np.broadcast_to(values, np.shape(field)).ravel() for values in (distance, currents[..., 0]))
+        read = recorded(self.effects, {"hall_V": volts}, d, i, self.conditions)["hall_V"]
+        return np.asarray((read - self.quiescent_V) / self.sensitivity_V_per_T).reshape(np.shape(field))
+
+
 def hall_with_effects(
     sensor: HallSensor | None, effects: Sequence[AddedEffect], circuits: Sequence[str]
 ) -> HallSensor | None:
-    """The Hall element of several circuits with the field that effects leave it."""
+    """The Hall element of several circuits with the field that effects leave it; what they do to its reading apart."""
     if sensor is None or not isinstance(sensor.field, SensedField):
         return sensor
     return replace(sensor, field=_changed(sensor.field, "Hall element", effects, circuits))
+
+
+def hall_as_read(
+    sensor: HallSensor | None, effects: Sequence[AddedEffect], conditions: Conditions
+) -> HallSensor | None:
+    """The Hall element of several circuits as plant and filters have it, with the effects on its reading."""
+    of_readings = tuple(added for added in effects if added.effect.readings is not None)
+    if sensor is None or not of_readings:
+        return sensor
+    converted = sensor.quiescent_V, sensor.sensitivity_V_per_T
+    return replace(sensor, field=ReadField(sensor.field, of_readings, conditions, *converted))
 
 
 def _changed(field: SensedField, what: str, effects: Sequence[AddedEffect], circuits: Sequence[str]) -> SensedField:

@@ -23,7 +23,7 @@ from femfit.model.eddy_currents import EddyCurrents
 from femfit.model.effect_dynamics import EffectDynamics
 from femfit.model.hall import OneCurrentField
 from femfit.model.magnetics import Magnetics, OneCurrentMagnetics, Orders
-from femfit.model.sensed_effects import hall_with_effects, pickups_with_effects
+from femfit.model.sensed_effects import hall_as_read, hall_with_effects, pickups_with_effects
 from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 
 
@@ -166,7 +166,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     )
     if at.nominal.circuits:
         _require_of_circuits(base, effects)
-        sensor = hall_with_effects(base.sensor, effects, base.circuit_names)
+        sensor = hall_as_read(hall_with_effects(base.sensor, effects, base.circuit_names), effects, at)
         return replace(changed, magnetics=with_sources(base, effects), sensor=sensor)
     return _at_work(changed, base, at)
 

@@ -14,6 +14,7 @@ from femfit.model.json_file import write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.sweep_table import write_sweep_table
 from support.command import femfit
+from support.eddies import magnets_alone
 from support.one_current import within
 from support.sweeps import full_table
 
@@ -40,6 +41,12 @@ def test_a_consistent_rig_passes_clean(levitation_model):
         "sample_time",
         "hall_range",
     } <= checked
+
+
+def test_the_misfit_of_a_pair_of_magnets_is_of_its_force_alone(levitation_model):
+    pair = magnets_alone(levitation_model)
+    (stated,) = [one for one in audit_model(pair).findings if one.code == "misfit"]
+    assert "nan" not in str(stated)
 
 
 @pytest.mark.parametrize(

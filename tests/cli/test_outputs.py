@@ -3,9 +3,12 @@
 import hashlib
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from femfit.cli.command import Outcome, command
@@ -117,3 +120,41 @@ def test_a_result_whose_page_cannot_be_written_is_told_and_kept_as_json(tmp_path
         measure(tmp_path / "page.html", json=tmp_path / "result.json")
     assert capsys.readouterr().out == "20 mm\n"
     assert json.loads((tmp_path / "result.json").read_text())["distance_m"] == 0.02
+
+
+@pytest.mark.parametrize(
+    "options", [("--csv", "same.out", "--json", "same.out"), ("--drive", "rec.csv", "--csv", "rec.csv")]
+)
+def test_a_simulation_writes_no_two_results_to_one_file_and_none_to_what_it_reads(files, options):
+    before = (files / "rec.csv").read_bytes()
+    done = femfit("simulate", files / "model.json", *(files / o if "." in o else o for o in options))
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert not (files / "same.out").exists()
+    assert (files / "rec.csv").read_bytes() == before
+
+
+def test_a_command_of_tables_loads_no_table_library_before_it_runs():
+    code = "import sys, femfit.cli.fit, femfit.cli.compare; print('pandas' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+
+
+def test_an_empty_name_keeps_its_place_among_the_names_of_columns(tmp_path):
+    rows = [f"0.00{11 + k},{0.3 + k / 100},{0.2 + k / 100},{0.1 + k / 100}" for k in range(5)]
+    (tmp_path / "matrix.csv").write_text("\n".join(rows))
+    names = ("--columns", ",0 A,0.5 A,1 A", "--matrix-rows", "distance", "--unit", "distance=m")
+    done = femfit(
+        "import",
+        tmp_path / "matrix.csv",
+        *names,
+        "-o",
+        tmp_path / "out",
+        "--accept",
+        "all",
+        "--json",
+        tmp_path / "r.json",
+    )
+    table = pd.read_parquet(next((tmp_path / "out").glob("*.parquet"))) if done.returncode == 0 else None
+    assert table is not None, done.stderr
+    assert len(table) == 15
+    assert sorted(table["current_A"].unique()) == [0.0, 0.5, 1.0]

@@ -71,8 +71,11 @@ def test_all_quantities_are_slopes_of_one_coenergy(name):
     def along_i(function, unit):
         return (function(d, i + step_i * unit) - function(d, i - step_i * unit)) / (2.0 * step_i)
 
+    # Of these devices differences cross the knots of a saturating co-energy
+    share = 1e-3 if name in {"pot from six currents", "pot from eleven", "valve"} else 1e-5
+
     def close(found, slope):
-        np.testing.assert_allclose(found, slope, atol=1e-3 * np.abs(slope).max() + 1e-12)
+        np.testing.assert_allclose(found, slope, atol=share * np.abs(slope).max() + 1e-12)
 
     close(m.force(d, i), -along_d(m.coenergy))
     close(m.force_gradient(d, i), along_d(m.force))

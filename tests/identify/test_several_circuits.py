@@ -19,6 +19,7 @@ from femfit.identify.experiments.suggest import suggest
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.series.observations import series_observations
 from femfit.model.drawn_effect import DrawnEffect
+from femfit.model.dynamics import hall_voltage
 from femfit.model.json_file import read_model, write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
@@ -223,6 +224,37 @@ def test_a_bench_compares_the_hall_voltage_of_several_circuits(levitation_model,
     assert "hall_V" in found.observations.channels
     read = predict_readings(added, np.array([0.5e-3]), np.array([[1.0, -1.0]]), Conditions(nominal_of(model)))
     assert read["hall_V"][0] == pytest.approx(model.sensor.output(np.array(0.5e-3), np.array([1.0, -1.0])) + 0.05)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        hidden("hall_offset", offset_V=0.05),
+        hidden("hall_saturation", cubic_loss=0.1),
+        hidden("hall_drift", run_settling_V=0.03),
+    ],
+    ids=lambda added: added.effect.name,
+)
+def test_plant_and_filter_read_the_hall_element_of_several_circuits_as_a_bench_does(levitation_model, bearing, effect):
+    model = with_hall(bearing, levitation_model, np.linspace(0.2e-3, 0.8e-3, 12), [-2.0, 0.0, 2.0])
+    added, d, i, time = (
+        with_effects(model, [effect]),
+        np.array([0.4e-3, 0.5e-3]),
+        np.array([[1.0, -1.0], [0.2, 0.4]]),
+        3.0,
+    )
+    at = Conditions(nominal_of(model), time_s=time, elapsed=time, running=True)
+    states = np.column_stack([d, np.zeros(2), i])
+    read = hall_voltage(added, states, time)
+    np.testing.assert_allclose(read, predict_readings(added, d, i, at)["hall_V"], rtol=1e-12)
+    assert np.all(np.abs(read - hall_voltage(model, states)) > 1e-4)
+    field, along, by_current = added.sensor.field.derivatives(d, i)
+    step = 1e-7
+    ends = [added.sensor.field.field(d + sign * step, i) for sign in (1.0, -1.0)]
+    np.testing.assert_allclose(along, (ends[0] - ends[1]) / (2.0 * step), rtol=1e-5)
+    ends = [added.sensor.field.field(d, i + sign * 1e-4 * np.array([1.0, 0.0])) for sign in (1.0, -1.0)]
+    np.testing.assert_allclose(by_current[:, 0], (ends[0] - ends[1]) / 2e-4, rtol=1e-5)
+    np.testing.assert_allclose(field, added.sensor.field.field(d, i), rtol=1e-12)
 
 
 EACH, BOTH, SHORT = NAMES, ("inner_outer",), ("inner_outer_shorted",)
