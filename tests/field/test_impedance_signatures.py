@@ -44,7 +44,9 @@ z_mm = [-1.8, -1.2]
 )
 """A pot with a copper ring, a disc of sheets and a magnet that conducts: every kind of number."""
 
-MESH_NOISE = 8e-5  # of L: two meshes of the pot differ by 1e-5 to 6e-5 of it
+MESH_NOISE = (8e-5,) * 3  # of L: two meshes of the pot differ by 1e-5 to 6e-5 of it
+# Those of the pot magnet by 6e-6 at 10 Hz, 9e-5 at 300 Hz and 1.23e-4 at 5 kHz, where the flux is left in a thin skin
+MESH_NOISE_HIGH = (1e-5, 1e-4, 1.3e-4)
 SECOND_ORDER = 0.02  # of a difference, by the steps below
 
 
@@ -58,17 +60,22 @@ def solved(actuator, distance, frequencies):
 
 LOW, HIGH = (10.0, 100.0, 1000.0), (10.0, 300.0, 5000.0)
 CASES = [
-    pytest.param(RINGED, None, LOW, id="ringed", marks=pytest.mark.nightly),
-    pytest.param(POT_MAGNET, None, HIGH, id="pot-magnet", marks=pytest.mark.nightly),
+    pytest.param(RINGED, None, LOW, MESH_NOISE, id="ringed", marks=pytest.mark.nightly),
+    pytest.param(POT_MAGNET, None, HIGH, MESH_NOISE_HIGH, id="pot-magnet", marks=pytest.mark.nightly),
     pytest.param(
-        RINGED, ("ring.r_mm[0]", "iron.relative_permeability", "sheets.lamination_mm"), LOW, id="ringed, three numbers"
+        RINGED,
+        ("ring.r_mm[0]", "iron.relative_permeability", "sheets.lamination_mm"),
+        LOW,
+        MESH_NOISE,
+        id="ringed, three numbers",
     ),
 ]
 
 
-@pytest.mark.parametrize(("text", "keys", "frequencies"), CASES)
-def test_slopes_are_those_between_drawings(monkeypatch, text, keys, frequencies):
+@pytest.mark.parametrize(("text", "keys", "frequencies", "mesh_noise"), CASES)
+def test_slopes_are_those_between_drawings(monkeypatch, text, keys, frequencies, mesh_noise):
     actuator, f = actuator_from_toml(text), np.array(frequencies)
+    share = np.reshape(mesh_noise, (-1, 1, 1))
     numbers = numbers_from_toml(text, harmonic=True)
     monkeypatch.setitem(drawn_numbers_module.STEP, "mm", 0.05)
     monkeypatch.setattr(drawn_numbers_module, "SHARE_STEP", 0.02)
@@ -85,7 +92,7 @@ def test_slopes_are_those_between_drawings(monkeypatch, text, keys, frequencies)
             larger, smaller = (solved(one, distance, f)[0] for one in (far.larger, far.smaller))
             change, expected = slope * 2.0 * far.step, larger - smaller
             # Another material is on the same mesh
-            noise = np.abs(base) * (1e-8 if number.facts.key.startswith("materials.") else MESH_NOISE)
+            noise = np.abs(base) * (1e-8 if number.facts.key.startswith("materials.") else share)
             assert np.all(np.abs(change - expected) < noise + SECOND_ORDER * np.abs(expected)), number.facts.key
             compared += bool(np.any(np.abs(expected) > 10.0 * noise))
     assert compared >= len(distances) * len(keys or range(8))  # most numbers change more than the meshes do

@@ -530,7 +530,9 @@ def test_a_face_is_calibrated_by_its_name_and_written_with_all_its_corners(model
     change = round(number["value"] - 5.0, 9)
     assert [z for _, z in corners[8:]] == pytest.approx([5.0 + change, 5.0 + change, 0.1111 + change])
     assert corners[:8] == tomllib.loads(CONICAL)["fixed"]["regions"]["frame"]["polygon_mm"][:8]
-    assert text.count("#") == CONICAL.count("#")  # comments stay
+    heading, _, drawing = text.partition("\n\n")
+    assert all(line.startswith("#") for line in heading.splitlines())
+    assert [line for line in drawing.splitlines() if "#" in line] == ["  # turned in one setting"]
 
 
 @pytest.mark.nightly
