@@ -13,6 +13,7 @@ from femfit.effects.effect import AddedEffect, Effect, Memory, Parameters
 from femfit.effects.friction import REST
 from femfit.effects.stages import recorded
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.dynamics import state_derivative
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 
@@ -178,11 +179,9 @@ def _moving_readings(
     if base.motion is not None and base.circuit is not None:
         voltage = base.circuit.resistance_ohm * i + base.inductance(d, i, extrapolate=True) * rate - motional
         changed = with_effects(base, [added])
-        dynamics, motion = changed.dynamics, changed.motion
-        if dynamics is not None and motion is not None:
-            state = np.stack([d, velocity, i, *(states[name] for name in dynamics.names)], axis=-1)
-            slope = dynamics.derivative(state, voltage, 0.0, motion, base.sample_time_s)
-            result |= {"acceleration_m_s2": slope[:, 1], "current_rate_A_s": slope[:, 2]}
+        state = np.stack([d, velocity, i, *(states[name] for name in changed.memory_names)], axis=-1)
+        slope = state_derivative(changed, state, voltage)
+        result |= {"acceleration_m_s2": slope[:, 1], "current_rate_A_s": slope[:, 2]}
     return result | {name: read[name] for name in ("hall_V",) if name in read}
 
 

@@ -41,7 +41,7 @@ class ProcessPool(ProcessPoolExecutor):  # type: ignore[misc]  # loky has no typ
         resource_tracker.ensure_running()  # its start, which belongs to that of a process, would end the blocking
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
-            return super().submit(function, *arguments, **by_name)  # type: ignore[no-any-return]
+            return super().submit(function, *arguments, **by_name)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -1,4 +1,4 @@
-"""What acts on the moving part beside the magnetic force, in SI units; numpy alone.
+"""What acts on the moving part beside the magnetic force, in SI units.
 
 Limits in a field's metadata are what a model file is held to: see :mod:`femfit.model.json_section`. Forces here are
 positive along growing distance, as gravity is on a body that hangs: m d'' = sum of them - F(d, i).
@@ -7,7 +7,9 @@ positive along growing distance, as gravity is on a body that hangs: m d'' = sum
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from casadi import SX
 
+from femfit.core.graph import Expression, row_of
 from femfit.core.numerics import GRAVITY, FloatArray
 
 
@@ -65,7 +67,7 @@ class Mechanics:
             slope = slope + spring_gradient(spring, distance)
         return slope
 
-    def friction(self, velocity: FloatArray, sample_time_s: float) -> FloatArray:
+    def friction(self, velocity: Expression, sample_time_s: float) -> Expression:
         """Friction's force along growing distance in N, for equations that are solved in steps.
 
         Dry friction is F tanh(v / v_0): v_0 is the speed that it takes from the body within one sample, so that it
@@ -74,19 +76,11 @@ class Mechanics:
         force = -self.viscous_N_s_per_m * velocity
         if self.coulomb_N:
             force = force - self.coulomb_N * np.tanh(velocity / self._creep(sample_time_s))
-        return np.asarray(force)
-
-    def friction_slope(self, velocity: FloatArray, sample_time_s: float) -> FloatArray:
-        """Slope of :meth:`friction` along the velocity in N s/m."""
-        slope = np.full(np.shape(velocity), -self.viscous_N_s_per_m)
-        if self.coulomb_N:
-            creep = self._creep(sample_time_s)
-            slope = slope - self.coulomb_N / creep / np.cosh(np.minimum(np.abs(velocity / creep), 300.0)) ** 2
-        return slope
+        return force
 
     def acceleration(
-        self, distance: FloatArray, velocity: FloatArray, force: FloatArray, sample_time_s: float
-    ) -> FloatArray:
+        self, distance: Expression, velocity: Expression, force: Expression, sample_time_s: float
+    ) -> Expression:
         """Acceleration along growing distance in m/s^2 under a magnetic force in N; stops are not part of it."""
         beside = self.beside_weight(distance)
         if self.viscous_N_s_per_m or self.coulomb_N:
@@ -112,66 +106,54 @@ class Mechanics:
         far = None if self.far_stop is None else replace(self.far_stop, distance_m=far_m)
         return replace(self, near_stop=near, far_stop=far)
 
-    @property
-    def linear_terms(self) -> tuple[float, float, float] | None:
-        """Force beside the weight as constant in N, slope in N/m and slope in N s/m; None where it is not linear."""
-        springs = [spring for spring in self.springs if isinstance(spring, Spring)]
-        if self.coulomb_N or len(springs) < len(self.springs):
-            return None
-        constant = sum(
-            (spring.preload_N + spring.stiffness_N_per_m * spring.distance_m for spring in springs), self.load_N
-        )
-        return constant, -sum(spring.stiffness_N_per_m for spring in springs), -self.viscous_N_s_per_m
-
-    def beside_weight(self, distance: FloatArray) -> FloatArray | float:
+    def beside_weight(self, distance: Expression) -> Expression:
         """Springs and load along growing distance, in N."""
         return self.push_of_springs(distance) + self.load_N if self.springs else self.load_N
 
-    def push_of_springs(self, distance: FloatArray) -> FloatArray:
+    def push_of_springs(self, distance: Expression) -> Expression:
         """All springs along growing distance, in N."""
-        return np.asarray(
-            sum((spring_force(spring, distance) for spring in self.springs), np.zeros(np.shape(distance)))
-        )
+        return sum(spring_force(spring, distance) for spring in self.springs) + 0.0 * distance
 
-    def energy_of_springs(self, distance: FloatArray, order: int = 0) -> FloatArray:
-        """Energy of all springs in J at distances in m of any shape, or a derivative: the first is minus their push."""
-        derivative = (
-            spring_energy,
-            lambda spring, d: -spring_force(spring, d),
-            lambda spring, d: -spring_gradient(spring, d),
-        )
-        zero = np.zeros(np.shape(distance))
-        return np.asarray(sum((derivative[order](spring, distance) for spring in self.springs), zero))
+    def energy_of_springs(self, distance: Expression) -> Expression:
+        """Energy of all springs in J at distances in m of any shape, or of an expression."""
+        return sum(spring_energy(spring, distance) for spring in self.springs) + 0.0 * distance
 
     def _creep(self, sample_time_s: float) -> float:
         return self.coulomb_N * sample_time_s / self.mass_kg
 
 
-def spring_force(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
+def spring_force(spring: Spring | ForceTable, distance: Expression) -> Expression:
     """Force of a spring along growing distance, in N."""
-    if isinstance(spring, ForceTable):
-        return np.asarray(np.interp(distance, spring.distances_m, spring.forces_N))
-    return spring.preload_N - spring.stiffness_N_per_m * (np.asarray(distance) - spring.distance_m)
+    if isinstance(spring, Spring):
+        return spring.preload_N - spring.stiffness_N_per_m * (distance - spring.distance_m)
+    way, _, force, slope = _piece(spring, distance)
+    return force + slope * way
 
 
 def spring_gradient(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
     """Slope of :func:`spring_force` in N/m; of a table, that of the piece above each distance."""
     if isinstance(spring, Spring):
         return np.full(np.shape(distance), -spring.stiffness_N_per_m)
-    distances, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
-    slopes = np.concatenate([[0.0], np.diff(force) / np.diff(distances), [0.0]])
-    return np.asarray(slopes[np.searchsorted(distances, distance, side="right")])
+    return np.asarray(_piece(spring, distance)[3])
 
 
-def spring_energy(spring: Spring | ForceTable, distance: FloatArray) -> FloatArray:
+def spring_energy(spring: Spring | ForceTable, distance: Expression) -> Expression:
     """Energy of a spring in J, from nought at its distance or at the first one of its table."""
     if isinstance(spring, Spring):
         stretched = distance - spring.distance_m
-        return np.asarray(0.5 * spring.stiffness_N_per_m * stretched**2 - spring.preload_N * stretched)
-    distances, force = np.asarray(spring.distances_m), np.asarray(spring.forces_N)
-    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(distances))])
-    inside = np.clip(distance, distances[0], distances[-1])
-    k = np.clip(np.searchsorted(distances, inside, side="right") - 1, 0, len(distances) - 2)
-    there = np.interp(inside, distances, force)
-    done = work[k] + 0.5 * (force[k] + there) * (inside - distances[k]) + there * (distance - inside)
-    return np.asarray(-done)
+        return 0.5 * spring.stiffness_N_per_m * stretched**2 - spring.preload_N * stretched
+    way, done, force, slope = _piece(spring, distance)
+    return -(done + force * way + 0.5 * slope * way**2)
+
+
+def _piece(table: ForceTable, distance: Expression) -> tuple[Expression, Expression, Expression, Expression]:
+    """The way from the lower end of each distance's piece, and there the work done, the force and its slope."""
+    at, force = np.asarray(table.distances_m), np.asarray(table.forces_N)
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(at))])
+    slopes = np.concatenate([[0.0], np.diff(force) / np.diff(at), [0.0]])
+    rows = np.stack([*(np.concatenate([x[:1], x]) for x in (at, work, force)), slopes], axis=1)
+    if isinstance(distance, SX):
+        row = row_of(rows, [at], [distance])
+        return distance - row[0], row[1], row[2], row[3]
+    start, done, push, slope = np.moveaxis(rows[at.searchsorted(distance, "right")], -1, 0)
+    return distance - start, done, push, slope

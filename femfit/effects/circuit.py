@@ -17,19 +17,17 @@ without a force on the body: flux through the leads' loop, a pick-up winding in 
 import numpy as np
 
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
-from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
+from femfit.effects.conditions import Conditions, like, warmth
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
 
 
 def _circuit(
     resistance: FloatArray, voltage: FloatArray, current: FloatArray, conditions: Conditions, p: Parameters
 ) -> tuple[FloatArray, FloatArray]:
-    recorded = like(conditions.coil_temperature_C, current) - REFERENCE_TEMPERATURE_C
+    coil = warmth(conditions.coil_temperature_C)
     warming = 1.0 if conditions.running else -np.expm1(-like(conditions.time_s, current) / p["warming_time"])
     unrecorded = COPPER_TEMPERATURE_COEFFICIENT * (p["warmer_K"] + p["warming_K"] * warming)
-    growth = p["coefficient_per_K"] * np.nan_to_num(recorded) + np.where(
-        np.isnan(recorded) | conditions.running, unrecorded, 0.0
-    )
+    growth = p["coefficient_per_K"] * coil.kelvin + (1.0 if conditions.running else coil.unknown) * unrecorded
     return resistance * (1.0 + growth), voltage
 
 

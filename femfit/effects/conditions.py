@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from casadi import SX
 
+from femfit.core.graph import Expression
 from femfit.core.numerics import GRAVITY, FloatArray
 
 if TYPE_CHECKING:
@@ -46,8 +48,9 @@ class Nominal:
     hall_swing_V: float
     voltage_V: float  # Largest magnitude that the driver gives; NaN where the model has no circuit
     sample_time_s: float
-    # Energy of all drawn springs in J at distances in m, or its derivative of an order; None without springs
-    springs: Callable[[FloatArray, int], FloatArray] | None = None
+    # Energy of all drawn springs in J, and their push away from the electromagnet in N; None without springs
+    springs: Callable[[Expression], Expression] | None = None
+    push_of_springs: Callable[[Expression], Expression] | None = None
     stops_m: tuple[float, float] = (-np.inf, np.inf)  # Of the drawing, near and far; infinite where there is none
     circuits: tuple[str, ...] = ()  # Names of several circuits; numbers of the winding are those of the first
     magnets_apart: bool = True  # Whether the model's co-energy has a part of the magnets alone
@@ -77,11 +80,11 @@ class Nominal:
 
     def spring_push(self, distance: FloatArray) -> FloatArray:
         """Push of the drawn springs away from the electromagnet in N; zero without springs."""
-        return -self.spring_energy(distance, 1)
+        return np.zeros(np.shape(distance)) if self.push_of_springs is None else self.push_of_springs(distance)
 
-    def spring_energy(self, distance: FloatArray, order: int = 0) -> FloatArray:
-        """Energy of the drawn springs in J, or its derivative of an order up to 2; zero without springs."""
-        return np.zeros(np.shape(distance)) if self.springs is None else self.springs(distance, order)
+    def spring_energy(self, distance: Expression) -> Expression:
+        """Energy of the drawn springs in J; zero without springs."""
+        return 0.0 * distance if self.springs is None else self.springs(distance)
 
     @property
     def weight_N(self) -> float:  # noqa: N802 - the unit
@@ -91,39 +94,51 @@ class Nominal:
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """What else is known of every point; each an array of shape (n,) or a float that holds for all."""
+    """What else is known of every point; each an array of shape (n,), a float that holds for all, or an expression."""
 
     nominal: Nominal
-    branch: FloatArray | float = 0.0  # +1 while the current rises, -1 while it falls, 0 where unknown
+    branch: Expression = 0.0  # +1 while the current rises, -1 while it falls, 0 where unknown
     # NaN where it was not recorded
-    coil_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
-    magnet_temperature_C: FloatArray | float = REFERENCE_TEMPERATURE_C
+    coil_temperature_C: Expression = REFERENCE_TEMPERATURE_C
+    magnet_temperature_C: Expression = REFERENCE_TEMPERATURE_C
     # Time since the start of the run; where a table has only ``order``, that, in readings
-    time_s: FloatArray | float = 0.0
+    time_s: Expression = 0.0
     # Time since the start of the whole campaign, over all its runs, in the unit of ``time_s``: for what does not start
     # anew with a run
-    elapsed: FloatArray | float = 0.0
-    frequency_Hz: FloatArray | float = np.nan  # Of the small current of an impedance; NaN where none was measured
-    velocity_m_s: FloatArray | float = 0.0
-    current_rate_A_s: FloatArray | float = 0.0
-    motional_V: FloatArray | float = 0.0  # Voltage that the motion induces, k_m v, as the model has it
+    elapsed: Expression = 0.0
+    frequency_Hz: Expression = np.nan  # Of the small current of an impedance; NaN where none was measured
+    velocity_m_s: Expression = 0.0
+    current_rate_A_s: Expression = 0.0
+    motional_V: Expression = 0.0  # Voltage that the motion induces, k_m v, as the model has it
     # Whether a plant or filter asks: its temperatures are the model's, and a warming that was fitted because nobody
     # recorded the temperature has come to its end
     running: bool = False
     # Lowest and highest current of the cycle that the reading belongs to
-    current_turn_A: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
+    current_turn_A: tuple[Expression, Expression] = (0.0, 0.0)
     # Values of the effects' states; where one is missing, the effect's value at rest holds
-    memory: Mapping[str, FloatArray] = field(default_factory=dict)
+    memory: Mapping[str, Expression] = field(default_factory=dict)
     # What effects with states recall of the order in which the readings were taken; empty where it is not known
-    recalled: Mapping[str, FloatArray] = field(default_factory=dict)
+    recalled: Mapping[str, Expression] = field(default_factory=dict)
 
 
-def like(value: FloatArray | float, points: FloatArray) -> FloatArray:
-    """A condition, given as an array or as one number, at every point."""
+def like(value: Any, points: Any) -> Any:
+    """A condition, given as an array or as one number, at every point; an expression as it is."""
+    if isinstance(value, SX) or isinstance(points, SX):
+        return value
     return np.broadcast_to(np.asarray(value, dtype=np.float64), points.shape)
 
 
-def known_or(value: FloatArray | float, points: FloatArray, otherwise: FloatArray | float) -> FloatArray:
-    """A condition at every point, with something else where it was not recorded."""
-    recorded = like(value, points)
-    return np.where(np.isnan(recorded), otherwise, recorded)
+@dataclass(frozen=True, eq=False)
+class Warmth:
+    """A recorded temperature, for arrays and expressions."""
+
+    kelvin: Any  # Over the reference temperature; 0 where it was not recorded
+    unknown: Any  # Whether it was not recorded
+
+
+def warmth(temperature_C: Any) -> Warmth:
+    """A condition's temperature, which may be NaN."""
+    if isinstance(temperature_C, Warmth):
+        return temperature_C
+    kelvin = np.asarray(temperature_C, dtype=np.float64) - REFERENCE_TEMPERATURE_C
+    return Warmth(np.nan_to_num(kelvin), np.isnan(kelvin))

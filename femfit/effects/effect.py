@@ -21,13 +21,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, SupportsIndex
 
+from femfit.core.graph import Expression
 from femfit.core.numerics import BoolArray, ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 
-Parameters = Mapping[str, float]
+Parameters = Mapping[str, Any]
 
-States = Mapping[str, FloatArray]
+States = Mapping[str, Expression]
 
 CHANNELS = ("force_N", "flux_linkage_Wb", "hall_V", "voltage_V")
 """What a bench reads."""
@@ -113,19 +113,22 @@ class Memory:
     amplitudes: tuple[str, ...]
     spread: float
     steady_state: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
-    rate: Callable[[States, FloatArray, Conditions, Parameters], States]
+    rate: Callable[[States, Expression, Conditions, Parameters], States]
     lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]]] | None = None
     response: Callable[[FloatArray, Conditions, Parameters], Mapping[str, ComplexArray]] | None = None
     recall: Callable[[FloatArray, BoolArray, Nominal], Mapping[str, FloatArray]] | None = None
 
 
-Setting = Callable[[FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
-Coenergy = Callable[[CoenergySeries, FloatArray, FloatArray, int, int, Conditions, Parameters], TaylorSeries]
-Force = Callable[[FloatArray, FloatArray, Conditions, Parameters], FloatArray]
-CircuitChange = Callable[[FloatArray, FloatArray, FloatArray, Conditions, Parameters], tuple[FloatArray, FloatArray]]
-FurtherImpedance = Callable[[FloatArray, FloatArray, FloatArray, Conditions, Parameters], ComplexArray]
+Setting = Callable[[Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
+Coenergy = Callable[[Expression, Expression, Expression], Expression]
+"""W'(d, i, h) in J, with h a test current in a coil of unit area-turns at the Hall element: dW'/dh is the field."""
+
+CoenergyChange = Callable[[Coenergy, Expression, Expression, Expression, Conditions, Parameters], Expression]
+Force = Callable[[Expression, Expression, Conditions, Parameters], Expression]
+CircuitChange = Callable[[Expression, Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
+FurtherImpedance = Callable[[Expression, Expression, Expression, Conditions, Parameters], ComplexArray]
 Readings = Callable[
-    [Mapping[str, FloatArray], FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]
+    [Mapping[str, Expression], Expression, Expression, Conditions, Parameters], Mapping[str, Expression]
 ]
 
 
@@ -173,7 +176,7 @@ class Effect:
     experiment: str
     reference: str
     setting: Setting | None = None
-    coenergy: Coenergy | None = None
+    coenergy: CoenergyChange | None = None
     force: Force | None = None
     circuit: CircuitChange | None = None
     mass: Callable[[float, Parameters], float] | None = None
@@ -235,12 +238,12 @@ class AddedEffect:
         return memory if needed else None
 
 
-def in_channel(name: str, change: Callable[[FloatArray, Conditions, Parameters], FloatArray]) -> Readings:
+def in_channel(name: str, change: Callable[[Expression, Conditions, Parameters], Expression]) -> Readings:
     """A ``readings`` stage that changes one channel, where it is among the readings."""
 
     def readings(
-        values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
-    ) -> Mapping[str, FloatArray]:
+        values: Mapping[str, Expression], d: Expression, i: Expression, conditions: Conditions, p: Parameters
+    ) -> Mapping[str, Expression]:
         return {**values, name: change(values[name], conditions, p)} if name in values else values
 
     return readings

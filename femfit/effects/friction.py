@@ -29,7 +29,7 @@ _PULL = "Pull the body slowly along its guide in both directions with a force se
 def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     v, weight = like(conditions.velocity_m_s, d), conditions.nominal.weight_N
     level = p["level"] + p["breakaway"] * np.exp(-((v / (10.0 * p["creep_m_s"])) ** 2))
-    return np.asarray(weight * level * np.tanh(v / p["creep_m_s"]))
+    return weight * level * np.tanh(v / p["creep_m_s"])
 
 
 COULOMB_FRICTION = Effect(
@@ -135,8 +135,8 @@ _SIDE_PULL_FRICTION_PULL = (
 
 def _force_of_side_pull_friction(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     nominal = conditions.nominal
-    pressed = nominal.force_N * (i / nominal.peak_current_A) ** 2
-    return np.asarray(p["share"] * pressed * np.tanh(like(conditions.velocity_m_s, d) / _CREEP_M_S))
+    pressed = nominal.force_N * (i / (nominal.peak_current_A or 1.0)) ** 2
+    return p["share"] * pressed * np.tanh(like(conditions.velocity_m_s, d) / _CREEP_M_S)
 
 
 SIDE_PULL_FRICTION = Effect(
@@ -175,7 +175,8 @@ def _moved(
     nominal = conditions.nominal
     near, far = nominal.stops_m
     at_near = np.abs(d - near) < np.abs(d - far)
-    return {**values, REST: values[REST] + nominal.travel_m * np.where(at_near, p["near"], p["far"])}
+    moved = np.where(at_near, float(p["near"]), float(p["far"]))
+    return {**values, REST: values[REST] + nominal.travel_m * moved}
 
 
 def _ends(ends: tuple[float, float], nominal: Nominal, p: Parameters) -> tuple[float, float]:

@@ -12,15 +12,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, known_or, like
+from femfit.effects.conditions import Conditions, like, warmth
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States, in_channel
 
 
 def _warmed(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
-    coil, magnet = (
-        known_or(temperature, volts, REFERENCE_TEMPERATURE_C) - REFERENCE_TEMPERATURE_C
-        for temperature in (conditions.coil_temperature_C, conditions.magnet_temperature_C)
-    )
+    coil, magnet = warmth(conditions.coil_temperature_C).kelvin, warmth(conditions.magnet_temperature_C).kelvin
     warmer = p["coil_share"] * coil + (1.0 - p["coil_share"]) * magnet
     swing = volts - conditions.nominal.hall_quiescent_V
     return volts + warmer * (p["offset_V_per_K"] + p["sensitivity_per_K"] * swing)
@@ -80,7 +77,7 @@ def _drifted(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatA
     elapsed, run_time = like(conditions.elapsed, volts), like(conditions.time_s, volts)
     ramps = (p["ramp_V"] * elapsed + p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
     settled = [-np.expm1(-time / p["settling_time"]) for time in (elapsed, run_time)]
-    return np.asarray(volts + ramps + p["settling_V"] * settled[0] + p["run_settling_V"] * settled[1])
+    return volts + ramps + p["settling_V"] * settled[0] + p["run_settling_V"] * settled[1]
 
 
 def _amplitude(name: str, largest: float, description: str, words: str) -> EffectParameter:
@@ -153,7 +150,7 @@ _ROUNDING = 0.03
 
 def _beyond(excess: FloatArray) -> FloatArray:
     """max(0, excess) with a rounded corner."""
-    return np.asarray(0.5 * (excess + np.sqrt(excess**2 + _ROUNDING**2)))
+    return 0.5 * (excess + np.sqrt(excess**2 + _ROUNDING**2))
 
 
 def _limited(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
@@ -161,7 +158,7 @@ def _limited(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatA
     x = (volts - conditions.nominal.hall_quiescent_V) / swing
     # Odd in x and zero at zero
     limited = _beyond(x - knee) - _beyond(-x - knee)
-    return np.asarray(volts - swing * (p["cubic_loss"] * x**3 + p["limited_loss"] * limited))
+    return volts - swing * (p["cubic_loss"] * x**3 + p["limited_loss"] * limited)
 
 
 HALL_SATURATION = Effect(

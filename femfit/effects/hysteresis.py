@@ -21,11 +21,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from femfit.core.graph import Expression, is_number, slope
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Effect, EffectParameter, Memory, Parameters, States
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.effects.effect import Coenergy, Effect, EffectParameter, Memory, Parameters, States
 
 _RADII = {"small": 0.04, "medium": 0.15, "large": 0.5}
 """Over the span of the box's currents."""
@@ -41,7 +41,7 @@ def _left(i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     """Part phi = sech^2 of the lagging walls that a current leaves behind."""
     # By the decaying exponential: cosh overflows where a filter tries a current far outside
     decay = np.exp(-2.0 * np.abs(p["fade"] * i / conditions.nominal.peak_current_A))
-    return np.asarray(4.0 * decay / (1.0 + decay) ** 2)
+    return 4.0 * decay / (1.0 + decay) ** 2
 
 
 def _steady_state(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, FloatArray]:
@@ -117,26 +117,21 @@ def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, flo
 
 
 def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    remembered = all(f"hysteresis_{name}" in conditions.memory for name in _RADII)
-    states = (
-        {name: like(value, i) for name, value in conditions.memory.items()}
-        if remembered
-        else _steady_state(d, i, conditions, p)
-    )
-    scale, tapered = conditions.nominal.peak_current_A, p["taper"] != 0.0
-    lag = scale * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
-    energy = base(d, i - lag, n_d, n_i + tapered)
-    coefficients = energy.truncated(n_d, n_i).coefficients.copy()
-    if p["hall_share"] != 1.0:
-        coefficients[1] = base(d, i - p["hall_share"] * lag, n_d, n_i).coefficients[1]
-    if not tapered:
-        return TaylorSeries(coefficients)
-    linkage = energy.along_current().coefficients.copy()
-    linkage[1] *= p["hall_share"]
-    taper = scale * p["taper"] / conditions.nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
-    return TaylorSeries(coefficients) - (taper / 2.0) * (TaylorSeries(linkage) * TaylorSeries(linkage))
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
+    states, nominal = conditions.memory, conditions.nominal
+    if not all(f"hysteresis_{name}" in states for name in _RADII):
+        return base(d, i, h)
+    lag = nominal.peak_current_A * sum(p[f"width_{name}"] * states[f"hysteresis_{name}"] for name in _RADII)
+    energy = base(d, i - lag, h)
+    if not is_number(p["hall_share"], 1.0):
+        inside = i - p["hall_share"] * lag
+        energy = base(d, i - lag, 0.0) + base(d, inside, h) - base(d, inside, 0.0)
+    if is_number(p["taper"], 0.0):
+        return energy
+    linkage = slope(lambda at: base(d, at, p["hall_share"] * h), i - lag)
+    taper = nominal.peak_current_A * p["taper"] / nominal.flux_linkage_Wb * states[f"hysteresis_{_TAPERED}"]
+    return energy - 0.5 * taper * linkage**2
 
 
 def _words(p: Parameters, nominal: Nominal) -> list[str]:

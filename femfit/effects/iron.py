@@ -28,36 +28,39 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 J. J. Moreau, Bulletin de la Societe Mathematique de France 93 (1965) 273: the envelope G and its derivatives.
 """
 
+from collections.abc import Mapping
 from math import perm
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 
-from femfit.core.numerics import FloatArray
+from femfit.core.graph import Expression, GraphFunction, building, is_number, settled, slope
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, current_series, distance_series
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
 
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
-_ITERATIONS = 60
-_ROUNDING = 1e-14
+
+_ITERATIONS = 12
+"""Numerical: Newton's steps from above, which converge to rounding for all amplitudes within their bounds."""
 
 
 def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    energy = base(d, i, n_d, n_i + 1)
-    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if p[f"mmf_loss_{n}"]}
-    result = energy.truncated(n_d, n_i)
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
+    nominal = conditions.nominal
+
+    def linkage(current: Expression, hall: Expression) -> Expression:
+        return slope(lambda at: base(d, at, hall), current)
+
+    flux = linkage(i, p["hall_share"] * h) + (p["magnet_share"] - 1.0) * linkage(0.0 * i, 0.0)
+    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if not is_number(p[f"mmf_loss_{n}"], 0.0)}
     if not amplitudes:
-        return result
-    linkage = energy.along_current().coefficients
-    linkage[0, :, 0] += (p["magnet_share"] - 1.0) * base(d, np.zeros_like(i), n_d, 1).coefficients[0, :, 1]
-    linkage[1] *= p["hall_share"]
-    flux = (1.0 / conditions.nominal.flux_linkage_Wb) * TaylorSeries(linkage)
-    lost = flux.compose(_envelope(flux.value, amplitudes, _own_inductance(conditions.nominal), n_d + n_i + 1))
-    return result - conditions.nominal.flux_linkage_Wb * conditions.nominal.peak_current_A * lost
+        return base(d, i, h)
+    lost = _envelope(flux / nominal.flux_linkage_Wb, amplitudes, _own_inductance(nominal))
+    return base(d, i, h) - nominal.flux_linkage_Wb * nominal.peak_current_A * lost
 
 
 def _own_inductance(nominal: Nominal) -> float:
@@ -65,55 +68,45 @@ def _own_inductance(nominal: Nominal) -> float:
     return nominal.inductance_H * nominal.peak_current_A / nominal.flux_linkage_Wb
 
 
-def _envelope(x: FloatArray, amplitudes: dict[int, float], own: float, order: int) -> list[FloatArray]:
-    """G(x) and its derivatives up to an order of at most 5, for own self-inductance k.
+def _envelope(x: SX, amplitudes: Mapping[int, Expression], own: float) -> SX:
+    """G(x) for own self-inductance k.
 
-    With y = x - k g'(y): G' = g'(y), and every further derivative in x is that in y over q = 1 + k g''(y).
+    With a y that is constant but for two steps of Newton's, y is exact up to its third derivative, and G, which is
+    least in y, up to its seventh.
     """
-    y = _kept(x, amplitudes, own)
-    g = [_power_sum(y, amplitudes, k) for k in range(max(order, 1) + 1)]
-    q = 1.0 + own * _power_sum(y, amplitudes, 2)
-    result = [g[0] + 0.5 * own * g[1] ** 2, g[1]]
-    if order >= 2:
-        result.append(g[2] / q)
-    if order >= 3:
-        result.append(g[3] / q**3)
-    if order >= 4:
-        result.append((g[4] - 3.0 * own * g[3] ** 2 / q) / q**4)
-    if order >= 5:
-        result.append((g[5] - 10.0 * own * g[3] * g[4] / q + 15.0 * own**2 * g[3] ** 3 / q**2) / q**5)
-    return result
-
-
-def _power_sum(y: FloatArray, amplitudes: dict[int, float], derivative: int) -> FloatArray:
-    """A derivative of sum_n c_n |y|^n / n."""
-    total, size = np.zeros_like(y), np.abs(y)
-    for n, amplitude in amplitudes.items():
-        total += amplitude * (perm(n, derivative) / n) * size ** max(n - derivative, 0)
-    return total * np.sign(y) if derivative % 2 else total
-
-
-def _kept(x: FloatArray, amplitudes: dict[int, float], own: float) -> FloatArray:
-    """The y with y + k g'(y) = x: monotonic, so Newton's method within a shrinking bracket finds it."""
-    low, high = np.minimum(x, 0.0), np.maximum(x, 0.0)
-    y = x.copy()
+    size = np.abs(x)
+    y: Expression = size
+    for n, amplitude in amplitudes.items():  # each part alone takes no more than all: Newton starts above
+        y = np.minimum(y, (size / (own * amplitude + _NONE)) ** (1.0 / (n - 1)))
     for _ in range(_ITERATIONS):
-        excess = y + own * _power_sum(y, amplitudes, 1) - x
-        high, low = np.where(excess > 0.0, y, high), np.where(excess < 0.0, y, low)
-        step = y - excess / (1.0 + own * _power_sum(y, amplitudes, 2))
-        inside = (step >= low) & (step <= high)
-        new = np.where(inside, step, 0.5 * (low + high))
-        if np.all(np.abs(new - y) <= _ROUNDING * np.abs(x)):
-            return new
-        y = new
-    return y
+        y = _nearer(y, size, amplitudes, own)
+    y = settled(y)
+    for _ in range(2):
+        y = _nearer(y, size, amplitudes, own)
+    return _power_sum(y, amplitudes, 0) + (size - y) ** 2 / (2.0 * own)
+
+
+_NONE = 1e-300
+"""Numerical: in place of an amplitude of nought in a quotient."""
+
+
+def _nearer(y: Expression, x: Expression, amplitudes: Mapping[int, Expression], own: float) -> Expression:
+    """One step of Newton's on y + k g'(y) = x, whose left side is convex for positive y."""
+    excess = y + own * _power_sum(y, amplitudes, 1) - x
+    return y - excess / (1.0 + own * _power_sum(y, amplitudes, 2))
+
+
+def _power_sum(y: Expression, amplitudes: Mapping[int, Expression], derivative: int) -> Expression:
+    """A derivative of g(y) = sum_n c_n y^n / n for y >= 0."""
+    return sum(c * (perm(n, derivative) / n) * y ** (n - derivative) for n, c in amplitudes.items())
 
 
 def _words(p: Parameters, nominal: Nominal) -> list[str]:
     """The slope of the envelope at the largest flux is the part of the largest ampere-turns that is lost there."""
-    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS if p[f"mmf_loss_{n}"]}
-    lost = _envelope(np.ones(1), amplitudes, _own_inductance(nominal), 1)[1]
-    return [f"the core loses {amount(float(lost[0]), '')} of its ampere-turns at the largest flux"]
+    amplitudes = {n: p[f"mmf_loss_{n}"] for n in _EXPONENTS}
+    with building():
+        lost = GraphFunction([], slope(lambda x: _envelope(x, amplitudes, _own_inductance(nominal)), 1.0))
+    return [f"the core loses {amount(float(lost().item()), '')} of its ampere-turns at the largest flux"]
 
 
 CORE_SATURATION = Effect(
@@ -174,9 +167,7 @@ CORE_REMANENCE = Effect(
     needs=("force_N|flux_linkage_Wb|inductance_H", "iron"),
     experiment="Demagnetise the core by a slowly falling alternating current, and measure again.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (remanence of a circuit with a gap)",
-    coenergy=lambda base, d, i, n_d, n_i, conditions, p: base(
-        d, i + p["mmf"] * conditions.nominal.peak_current_A, n_d, n_i
-    ),
+    coenergy=lambda base, d, i, h, conditions, p: base(d, i + p["mmf"] * conditions.nominal.peak_current_A, h),
     calibrations=(
         Calibration(
             {"mmf": 2e-3},
@@ -191,23 +182,15 @@ _POWERS = (1, 3, 6)
 
 
 def _coenergy_of_position_dependent_inductance(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    distance = distance_series(d / conditions.nominal.distance_min_m, n_d, n_i).scaled(
-        distance=1.0 / conditions.nominal.distance_min_m
-    )
-    increase = 0.0 * distance
-    for power in _POWERS:
-        amplitude = p[f"increase_{power}"] * conditions.nominal.inductance_H
-        value = distance.value
-        falls = [amplitude * np.prod(-power - np.arange(k)) * value ** (-power - k) for k in range(n_d + 1)]
-        increase = increase + distance.compose(falls)
-    current = current_series(i, n_d, n_i)
-    if np.isfinite(conditions.nominal.hall_T_per_A):
-        current.coefficients[1, 0, 0] = (
-            p["hall_share"] * conditions.nominal.hall_T_per_A / conditions.nominal.inductance_H
-        )
-    return base(d, i, n_d, n_i) + 0.5 * (current * current * increase)
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
+    nominal = conditions.nominal
+    nearness = nominal.distance_min_m / d
+    increase = nominal.inductance_H * sum(p[f"increase_{power}"] * nearness**power for power in _POWERS)
+    current = i
+    if np.isfinite(nominal.hall_T_per_A):
+        current = i + h * (p["hall_share"] * nominal.hall_T_per_A / nominal.inductance_H)
+    return base(d, i, h) + 0.5 * ca.sumsqr(current) * increase
 
 
 def _words_of_position_dependent_inductance(p: Parameters, nominal: Nominal) -> list[str]:

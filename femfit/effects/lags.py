@@ -24,10 +24,19 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from femfit.core.graph import Expression
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States, in_channel
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.effects.effect import (
+    Calibration,
+    Coenergy,
+    Effect,
+    EffectParameter,
+    Memory,
+    Parameters,
+    States,
+    in_channel,
+)
 
 _MODES = {"ring": 1.0, "diffusion": 9.0}
 """Mode -> tau over its time constant."""
@@ -54,13 +63,10 @@ def _response(frequency: FloatArray, conditions: Conditions, p: Parameters) -> M
 
 
 def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    induced = np.zeros_like(i)
-    for mode in _MODES:
-        if p[f"{mode}_share"] and f"eddy_{mode}" in conditions.memory:
-            induced = induced + p[f"{mode}_share"] * like(conditions.memory[f"eddy_{mode}"], i)
-    return base(d, i - conditions.nominal.peak_current_A * induced, n_d, n_i)
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
+    induced = sum(p[f"{mode}_share"] * conditions.memory.get(f"eddy_{mode}", 0.0) for mode in _MODES)
+    return base(d, i - conditions.nominal.peak_current_A * induced, h)
 
 
 def slow_lag(p: Parameters) -> float:

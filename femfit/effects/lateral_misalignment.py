@@ -18,42 +18,33 @@ H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 5: permeance betwee
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
+from femfit.core.graph import Expression, slope
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
 
 
 def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
     if not conditions.nominal.has_magnet:
-        return _with_gap(base, d, i, n_d, n_i, conditions, p)
-    energy = base(d, i, n_d + 2, n_i)
-    magnet_alone = np.zeros_like(energy.coefficients)
-    magnet_alone[0, :, 0] = base(d, np.zeros_like(i), n_d + 2, 0).coefficients[0, :, 0]
-    linear = energy - (1.0 - p["image_share"]) * TaylorSeries(magnet_alone)
-    bent = linear.along_distance().along_distance()
-    return energy.truncated(n_d, n_i) - 0.25 * p["offset_squared_m2"] * bent
+        return _with_gap(base, d, i, h, conditions, p)
+
+    def linear(at: Expression) -> Expression:
+        return base(at, i, h) - (1.0 - p["image_share"]) * base(at, 0.0 * i, 0.0)
+
+    return base(d, i, h) - 0.25 * p["offset_squared_m2"] * slope(linear, d, 2)
 
 
 def _with_gap(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
     """W' + (i_max / lambda_max) g lambda^2 / 2, g = a + n (1 - x)^2 + m (1 - x^2), with x = d / d_max."""
-    far, nominal = conditions.nominal.distance_max_m, conditions.nominal
-    x = d / far
-    near, middle = p["gap_near"], p["gap_middle"]
-    growth = [
-        p["gap_all"] + near * (1.0 - x) ** 2 + middle * (1.0 - x * x),
-        -2.0 * (near * (1.0 - x) + middle * x) / far,
-        np.full_like(d, (near - middle) / far**2),
-    ]
-    energy = base(d, i, n_d, n_i + 1)
-    linkage = energy.along_current()
-    more = 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * distance_series(d, n_d, n_i).compose(growth)
-    return energy.truncated(n_d, n_i) + more * (linkage * linkage)
+    nominal = conditions.nominal
+    x = d / nominal.distance_max_m
+    growth = p["gap_all"] + p["gap_near"] * (1.0 - x) ** 2 + p["gap_middle"] * (1.0 - x * x)
+    linkage = slope(lambda at: base(d, at, h), i)
+    return base(d, i, h) + 0.5 * nominal.peak_current_A / nominal.flux_linkage_Wb * growth * linkage**2
 
 
 def _words(p: Parameters, nominal: Nominal) -> list[str]:

@@ -11,10 +11,9 @@ linkage as well: W'(d, i, h) -> W'(d, i + i_e, h) + h B_e, with i_e = share B_e 
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
-from femfit.effects.conditions import REFERENCE_TEMPERATURE_C, Conditions, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.core.graph import Expression
+from femfit.effects.conditions import Conditions, warmth
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
 from femfit.effects.tolerances import remanence_scaled
 
 USUAL_COEFFICIENT = -1.1e-3
@@ -25,16 +24,13 @@ _LEAST = 0.05
 
 
 def _warm(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    recorded = like(conditions.magnet_temperature_C, d) - REFERENCE_TEMPERATURE_C
-    coil = np.nan_to_num(like(conditions.coil_temperature_C, d) - REFERENCE_TEMPERATURE_C)
-    unrecorded = USUAL_COEFFICIENT * (p["warmer_K"] + p["coil_share"] * coil)
-    hidden = np.isnan(recorded) | conditions.running
-    recorded = np.nan_to_num(recorded)
-    known = p["coefficient_per_K"] * recorded + p["curvature_per_K2"] * recorded**2
-    scale = 1.0 + known + np.where(hidden, unrecorded, 0.0)
-    return remanence_scaled(base, np.maximum(scale, _LEAST), d, i, n_d, n_i)
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
+    magnet, coil = warmth(conditions.magnet_temperature_C), warmth(conditions.coil_temperature_C)
+    known = p["coefficient_per_K"] * magnet.kelvin + p["curvature_per_K2"] * magnet.kelvin**2
+    unrecorded = USUAL_COEFFICIENT * (p["warmer_K"] + p["coil_share"] * coil.kelvin)
+    scale = 1.0 + known + (1.0 if conditions.running else magnet.unknown) * unrecorded
+    return remanence_scaled(base, np.maximum(scale, _LEAST), d, i, h)
 
 
 MAGNET_TEMPERATURE = Effect(
@@ -89,10 +85,15 @@ MAGNET_TEMPERATURE = Effect(
 
 
 def _demagnetised(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
+    base: Coenergy,
+    d: Expression,
+    i: Expression,
+    h: Expression,
+    conditions: Conditions,
+    p: Parameters,
+) -> Expression:
     lost = p["layer_m"] / p["magnet_height_m"]
-    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), d + 0.5 * p["layer_m"], i, n_d, n_i)
+    return remanence_scaled(base, (1.0 - p["loss"]) * (1.0 - lost), d + 0.5 * p["layer_m"], i, h)
 
 
 MAGNET_DEMAGNETISATION = Effect(
@@ -144,12 +145,10 @@ MAGNET_DEMAGNETISATION = Effect(
 
 
 def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
     equivalent = p["core_share"] * p["field_T"] / conditions.nominal.hall_T_per_A
-    coefficients = base(d, i + equivalent, n_d, n_i).coefficients.copy()
-    coefficients[1, 0, 0] += p["field_T"]
-    return TaylorSeries(coefficients)
+    return base(d, i + equivalent, h) + h * p["field_T"]
 
 
 EXTERNAL_FIELD = Effect(

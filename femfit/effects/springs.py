@@ -20,30 +20,29 @@ square root of its compression (Hertz).
 
 from collections.abc import Mapping
 
-import numpy as np
+import casadi as ca
+from casadi import SX
 
+from femfit.core.graph import Expression
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries, distance_series
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
 
 _BALANCE = "Switch the current off and push the body through its travel with a spring balance."
 
 
-def spring_coenergy(
-    base: TaylorSeries, d: FloatArray, conditions: Conditions, stiffness: float, preload: float
-) -> TaylorSeries:
-    """The co-energy with that of a spring of a stiffness in N/m and a preload in N at the largest distance."""
-    room = distance_series(d - conditions.nominal.distance_max_m, *base.orders)
-    return base + preload * room - (0.5 * stiffness) * (room * room)
+def spring_coenergy(d: Expression, conditions: Conditions, stiffness: Expression, preload: Expression) -> Expression:
+    """The co-energy of a spring of a stiffness in N/m and a preload in N at the largest distance."""
+    room = d - conditions.nominal.distance_max_m
+    return preload * room - 0.5 * stiffness * room**2
 
 
 def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
     nominal = conditions.nominal
     stiffness, preload = p["stiffness"] * nominal.stiffness_N_per_m, p["preload"] * nominal.force_N
-    return spring_coenergy(base(d, i, n_d, n_i), d, conditions, stiffness, preload)
+    return base(d, i, h) + spring_coenergy(d, conditions, stiffness, preload)
 
 
 SPRING = Effect(
@@ -81,13 +80,6 @@ _DRAWN_SPRING_BALANCE = "Take the spring out and read its force at two lengths w
 _REFERENCE = "Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10"
 
 
-def _stiffer(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    energy = distance_series(d, n_d, n_i).compose([conditions.nominal.spring_energy(d, order) for order in range(3)])
-    return base(d, i, n_d, n_i) - p["stiffness_error"] * energy
-
-
 SPRING_STIFFNESS = Effect(
     name="spring_stiffness",
     symptom="The force has a further part in proportion to that of the drawn spring, at any current.",
@@ -104,7 +96,9 @@ SPRING_STIFFNESS = Effect(
     needs=("time_s", "~distance_m", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    coenergy=_stiffer,
+    coenergy=lambda base, d, i, h, conditions, p: (
+        base(d, i, h) - p["stiffness_error"] * conditions.nominal.spring_energy(d)
+    ),
     calibrations=(Calibration({"stiffness_error": 0.01}, 20.0, _DRAWN_SPRING_BALANCE),),
 )
 
@@ -127,8 +121,8 @@ SPRING_PRELOAD = Effect(
     needs=("time_s", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
     reference=_REFERENCE,
-    coenergy=lambda base, d, i, n_d, n_i, conditions, p: spring_coenergy(
-        base(d, i, n_d, n_i), d, conditions, 0.0, p["preload"] * conditions.nominal.force_N
+    coenergy=lambda base, d, i, h, conditions, p: (
+        base(d, i, h) + spring_coenergy(d, conditions, 0.0, p["preload"] * conditions.nominal.force_N)
     ),
     calibrations=(Calibration({"preload": 1e-3}, 20.0, _DRAWN_SPRING_BALANCE),),
 )
@@ -180,9 +174,7 @@ CONSTANT_FORCE = Effect(
     experiment="Turn the bench by 180 degrees, or couple the body to a spring balance with everything switched off, "
     "and read the force again.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
-    coenergy=lambda base, d, i, n_d, n_i, conditions, p: (
-        base(d, i, n_d, n_i) - (p["pull"] * conditions.nominal.force_N) * distance_series(d, n_d, n_i)
-    ),
+    coenergy=lambda base, d, i, h, conditions, p: base(d, i, h) - p["pull"] * conditions.nominal.force_N * d,
     calibrations=(
         Calibration(
             {"pull": 1e-3},
@@ -195,25 +187,20 @@ CONSTANT_FORCE = Effect(
 
 
 def _coenergy_of_mechanical_force(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
+    base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
+) -> Expression:
     near, far = conditions.nominal.distance_min_m, conditions.nominal.distance_max_m
     reach = p["reach"] * (far - near)
-    result = base(d, i, n_d, n_i)
+    result = base(d, i, h)
     for name, power, start, sign in (
         ("near_flat", 1.0, near + reach, -1.0),
         ("near_round", 1.5, near + reach, -1.0),
         ("far_flat", 1.0, far - reach, 1.0),
     ):
         # Compression over reach; its force A c^power has the potential A reach c^(power + 1) / (power + 1)
-        compression = np.maximum(0.0, sign * (d - start)) / reach
-        touching = np.where(compression > 0.0, compression, 1.0)
-        slopes = [
-            np.prod(power + 1.0 - np.arange(k)) * np.where(compression > 0.0, touching ** (power + 1.0 - k), 0.0)
-            for k in range(n_d + 1)
-        ]
-        depth = distance_series(compression, n_d, n_i).scaled(distance=sign / reach)
-        result = result - (p[name] * conditions.nominal.force_N * reach / (power + 1.0)) * depth.compose(slopes)
+        compression = SX(sign * (d - start) / reach)
+        touched = ca.if_else(compression > 0.0, compression ** (power + 1.0), 0.0)
+        result = result - p[name] * conditions.nominal.force_N * reach / (power + 1.0) * touched
     return result
 
 

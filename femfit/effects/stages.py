@@ -2,57 +2,62 @@
 
 from collections.abc import Iterable, Mapping
 from functools import partial
+from typing import Any
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 
-from femfit.core.numerics import FloatArray
+from femfit.core.graph import Expression, of_variable
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import AddedEffect
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.effects.effect import AddedEffect, Coenergy
 
-_PROBE, _UNDONE, _STEPS = 1e-3, 1e-10, 20
-"""Numerical: step of a difference, and change at which a setting counts as undone, in parts of the range."""
+_STEPS = 6
+"""Numerical: with them a characteristic that is bent by a fifth is undone to rounding."""
 
 
 def true_setting(
-    effects: Iterable[AddedEffect], distance: FloatArray, currents: FloatArray, conditions: Conditions
-) -> tuple[FloatArray, FloatArray]:
-    """Distance (...) and currents (..., n) that body and windings have where these were recorded."""
+    effects: Iterable[AddedEffect], distance: Expression, currents: Expression, conditions: Conditions
+) -> tuple[Any, Any]:
+    """Distance (...) and currents (..., n) that body and windings have where these were recorded.
+
+    Of arrays, or of expressions with currents (n,).
+    """
     for added in effects:
         setting, of = added.effect.setting, added.effect.of
         if setting is None:
             continue
-        columns = list(np.moveaxis(currents, -1, 0)) or [np.zeros(currents.shape[:-1])]
+        symbolic = isinstance(currents, SX)
+        columns = ca.vertsplit(currents) if symbolic else list(np.moveaxis(currents, -1, 0))
+        n = len(columns)
+        columns = columns or [0.0 * distance]
         k = conditions.nominal.circuits.index(of) if of else 0
         distance, columns[k] = setting(distance, columns[k], conditions, added.parameters)
-        currents = np.stack(columns, axis=-1)[..., : currents.shape[-1]]
+        currents = ca.vertcat(SX(0, 1), *columns[:n]) if symbolic else np.stack(columns, axis=-1)[..., :n]
     return distance, currents
 
 
 def recorded_setting(
-    effects: Iterable[AddedEffect], distance: FloatArray, currents: FloatArray, conditions: Conditions
-) -> tuple[FloatArray, FloatArray]:
-    """Distance and currents that are recorded where body and windings have these: :func:`true_setting` undone.
+    effects: Iterable[AddedEffect], distance: SX, currents: SX, conditions: Conditions
+) -> tuple[SX, SX]:
+    """Distance and currents (n,) that are recorded where body and windings have these: :func:`true_setting` undone.
 
-    By Newton's steps; the first is exact for zeros, scales and delays.
+    By Newton's steps, for each by itself; the first is exact for zeros, scales and delays.
     """
-    effects, nominal = tuple(effects), conditions.nominal
-    spans = nominal.travel_m or 1.0, nominal.peak_current_A or 1.0
-    read = distance, currents
+    effects, known = tuple(effects), ca.vertcat(distance, currents)
+
+    def nearer(x: SX) -> SX:
+        seen = ca.vertcat(*true_setting(effects, x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:]), conditions))
+        slopes = ca.diag(ca.jacobian(seen, x))
+        return x + (known - seen) / slopes
+
+    read = known
     for _ in range(_STEPS):
-        moved = read[0] + _PROBE * spans[0], read[1] + _PROBE * spans[1]
-        seen, beyond = (true_setting(effects, *one, conditions) for one in (read, moved))
-        change = [
-            (true - here) * (_PROBE * span) / (there - here)
-            for true, here, there, span in zip((distance, currents), seen, beyond, spans, strict=True)
-        ]
-        read = read[0] + change[0], read[1] + change[1]
-        if all(np.abs(one).max(initial=0.0) <= _UNDONE * span for one, span in zip(change, spans, strict=True)):
-            break
-    return read
+        read = of_variable(nearer, read)
+    return read[0], ca.vertcat(SX(0, 1), *ca.vertsplit(read)[1:])
 
 
-def changed_coenergy(inner: CoenergySeries, effects: Iterable[AddedEffect], conditions: Conditions) -> CoenergySeries:
+def changed_coenergy(inner: Coenergy, effects: Iterable[AddedEffect], conditions: Conditions) -> Coenergy:
     """The co-energy as effects change it, the first named innermost; those with states last.
 
     A lag shifts the current that a core sees with all that the other effects say of it: inside of them, what they take
@@ -65,27 +70,25 @@ def changed_coenergy(inner: CoenergySeries, effects: Iterable[AddedEffect], cond
 
 
 def _changed(
-    inner: CoenergySeries,
-    added: AddedEffect,
-    conditions: Conditions,
-    distance: FloatArray,
-    current: FloatArray,
-    in_distance: int,
-    in_current: int,
-) -> TaylorSeries:
-    act = added.effect.coenergy
+    inner: Coenergy, added: AddedEffect, conditions: Conditions, d: Expression, i: Expression, h: Expression
+) -> Expression:
+    act, of = added.effect.coenergy, added.effect.of
     if act is None:
-        return inner(distance, current, in_distance, in_current)
-    return act(inner, distance, current, in_distance, in_current, conditions, added.parameters)
+        return inner(d, i, h)
+    if not of:
+        return act(inner, d, i, h, conditions, added.parameters)
+    k = conditions.nominal.circuits.index(of)  # an effect of one circuit knows that circuit's current alone
+    before, own, after = ca.vertsplit(i, [0, k, k + 1, i.numel()])
+    return act(lambda d, i, h: inner(d, ca.vertcat(before, i, after), h), d, own, h, conditions, added.parameters)
 
 
 def with_further_force(
     effects: Iterable[AddedEffect],
-    force: FloatArray,
-    distance: FloatArray,
-    current: FloatArray,
+    force: Expression,
+    distance: Expression,
+    current: Expression,
     conditions: Conditions,
-) -> FloatArray:
+) -> Expression:
     """The magnetic force and what acts beside it."""
     for added in effects:
         if added.effect.force is not None:
@@ -95,11 +98,11 @@ def with_further_force(
 
 def circuit_of(
     effects: Iterable[AddedEffect],
-    resistance: FloatArray,
-    voltage: FloatArray,
-    current: FloatArray,
+    resistance: Expression,
+    voltage: Expression,
+    current: Expression,
     conditions: Conditions,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[Expression, Expression]:
     """Resistance of the winding, and voltage that the driver applies where this one was commanded."""
     for added in effects:
         if added.effect.circuit is not None:
@@ -122,8 +125,8 @@ def stops_of(effects: Iterable[AddedEffect], ends: tuple[float, float], nominal:
 
 
 def hall_point(
-    effects: Iterable[AddedEffect], distance: FloatArray, current: FloatArray, conditions: Conditions
-) -> tuple[FloatArray, FloatArray]:
+    effects: Iterable[AddedEffect], distance: Expression, current: Expression, conditions: Conditions
+) -> tuple[Expression, Expression]:
     """Distance and current that a Hall reading belongs to: of earlier, where it is late."""
     for added in effects:
         if added.effect.hall_point is not None:
@@ -131,28 +134,13 @@ def hall_point(
     return distance, current
 
 
-def hall_field(
-    series: TaylorSeries,
-    coenergy: CoenergySeries,
-    effects: tuple[AddedEffect, ...],
-    distance: FloatArray,
-    current: FloatArray,
-    conditions: Conditions,
-) -> FloatArray:
-    """Field in T that a Hall reading shows: the series' at these points, or that of earlier ones where it is late."""
-    if any(added.effect.hall_point for added in effects):
-        distance, current = hall_point(effects, distance, current, conditions)
-        series = changed_coenergy(coenergy, effects, conditions)(distance, current, 0, 0)
-    return series.derivative(0, 0, 1)
-
-
 def recorded(
     effects: Iterable[AddedEffect],
-    readings: Mapping[str, FloatArray],
-    distance: FloatArray,
-    current: FloatArray,
+    readings: Mapping[str, Expression],
+    distance: Expression,
+    current: Expression,
     conditions: Conditions,
-) -> dict[str, FloatArray]:
+) -> dict[str, Expression]:
     """What the sensors record of true readings."""
     for added in effects:
         if added.effect.readings is not None:

@@ -12,18 +12,13 @@ field of the test current in the Hall element's place unchanged; a wire that is 
 resistance. Ammeter and turns differ in the flux linkage alone, so a fluxmeter separates them.
 """
 
-from femfit.core.numerics import FloatArray
-from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.core.graph import Expression
+from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter
 
 
-def remanence_scaled(
-    base: CoenergySeries, scale: FloatArray | float, d: FloatArray, i: FloatArray, n_d: int, n_i: int
-) -> TaylorSeries:
-    """s^2 W'(d, i/s, h/s): the co-energy with the magnet's remanence scaled by s > 0, at n points or everywhere."""
-    inverse = 1.0 / scale
-    return (scale * scale) * base(d, i * inverse, n_d, n_i).scaled(current=inverse, hall=inverse)
+def remanence_scaled(base: Coenergy, scale: Expression, d: Expression, i: Expression, h: Expression) -> Expression:
+    """s^2 W'(d, i/s, h/s): the co-energy with the magnet's remanence scaled by s > 0."""
+    return scale * scale * base(d, i / scale, h / scale)
 
 
 REMANENCE = Effect(
@@ -43,9 +38,7 @@ REMANENCE = Effect(
     experiment="Compare the magnet's field on its axis, out of the bench and at a known temperature, with that of its "
     "data sheet.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1; IEC 60404-8-1 (grades)",
-    coenergy=lambda base, d, i, n_d, n_i, conditions, p: remanence_scaled(
-        base, 1.0 + p["remanence_error"], d, i, n_d, n_i
-    ),
+    coenergy=lambda base, d, i, h, conditions, p: remanence_scaled(base, 1.0 + p["remanence_error"], d, i, h),
     calibrations=(
         Calibration(
             {"remanence_error": 0.01},
@@ -80,13 +73,6 @@ RESISTANCE = Effect(
 )
 
 
-def _coenergy(
-    base: CoenergySeries, d: FloatArray, i: FloatArray, n_d: int, n_i: int, conditions: Conditions, p: Parameters
-) -> TaylorSeries:
-    t = 1.0 + p["turns_error"]
-    return base(d, t * i, n_d, n_i).scaled(current=t)
-
-
 TURNS = Effect(
     name="turns",
     symptom="The current's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
@@ -103,7 +89,7 @@ TURNS = Effect(
     needs=("~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Count the turns by the voltage that a coil of known turns around the same core induces in the winding.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
-    coenergy=_coenergy,
+    coenergy=lambda base, d, i, h, conditions, p: base(d, (1.0 + p["turns_error"]) * i, h),
     circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["turns_error"]), voltage),
     calibrations=(
         Calibration(

@@ -6,8 +6,6 @@ first.
 """
 
 from contextlib import suppress
-from math import sqrt
-from operator import mul
 
 import numpy as np
 
@@ -52,22 +50,3 @@ def cholesky(matrices: FloatArray) -> tuple[FloatArray, BoolArray]:
     if not definite.all():
         factor[~definite] = np.nan
     return factor, definite
-
-
-def cholesky_rows(matrix: list[list[float]]) -> list[list[float]] | None:
-    """Rows of the lower factor of one matrix in Python's floats, of which the lower triangle is read.
-
-    None where it is not positive definite.
-    """
-    rows: list[list[float]] = []
-    order = len(matrix)
-    for entries in matrix:
-        row: list[float] = []
-        for upper in rows:  # the products run over what the row has so far
-            row.append((entries[len(row)] - sum(map(mul, row, upper))) / upper[-1])
-        pivot = entries[len(row)] - sum(map(mul, row, row))
-        if not pivot > 0.0:
-            return None
-        row.append(sqrt(pivot))
-        rows.append(row)
-    return [row + [0.0] * (order - len(row)) for row in rows]

@@ -18,7 +18,8 @@ from femfit.core.numerics import FloatArray, central_differences
 from femfit.estimate.constants import MOST_DELAYED_SAMPLES
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import PickupSensor
-from femfit.model.sensors import AnySensor, reading_of, sample_weights, sampled_value, unit_in_name
+from femfit.model.sensing import AnySensor
+from femfit.model.sensors import reading_of, sample_weights, sampled_value, unit_in_name
 
 
 @dataclass(frozen=True, eq=False)

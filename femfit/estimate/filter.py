@@ -6,6 +6,7 @@ innovations is here, once.
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import isnan
 from typing import ClassVar, NamedTuple, final
 
@@ -13,13 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.errors import FilterError
+from femfit.core.graph import Memo
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Printed
 from femfit.core.text import amount
 from femfit.estimate.cholesky import cholesky
 from femfit.estimate.constants import BAND_99_9, DIVERGENCE_STEPS
 from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState, Output
-from femfit.estimate.single_step import SingleStep
+from femfit.estimate.process_graph import ProcessGraph
+from femfit.estimate.single_step import SingleStep, StepFunction
+
+DOUBLE = np.dtype(np.float64)
 
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
 
@@ -203,43 +208,49 @@ class Filter(Printed, ABC):
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
-        if len(state.mean) == 1 and not state.outcome.item():
-            inputs = self.process.inputs
-            held = _number(voltage) if inputs == 1 else _inputs(state, voltage, inputs)[0]
-            alone = self._step_alone(state, held, _numbers(measurement, len(self.process.outputs)))
-            if alone is not None:
+        graph = self.process.own_graph
+        if graph is not None and len(state.mean) == 1 and state.mean.dtype == DOUBLE and not state.outcome.item():
+            known = self._known
+            if "step" not in known:
+                known["step"] = self.single(graph)
+            readings = _numbers(measurement, len(self.process.outputs))
+            plain = isinstance(voltage, float) and self.process.inputs == 1
+            inputs = voltage if plain else _inputs(state, voltage, self.process.inputs)[0]
+            step = known["step"](state.mean[0], self._matrix(state), inputs, readings)
+            if (alone := self._next_alone(state, step)) is not None:
                 return alone
         return self.update(self.predict(state, voltage), measurement)
 
-    def _step_alone(
-        self,
-        state: FilterState,  # noqa: ARG002
-        voltage: float | FloatArray,  # noqa: ARG002
-        measurement: list[float],  # noqa: ARG002
-    ) -> FilterState | None:
-        """A quicker step of one healthy run; None where there is none, or where something must be named."""
-        return None
+    @abstractmethod
+    def single(self, graph: ProcessGraph) -> StepFunction:
+        """One step of one run as one function."""
+
+    @abstractmethod
+    def _matrix(self, state: FilterState) -> FloatArray:
+        """What that takes of one run's covariance."""
+
+    @cached_property
+    def _known(self) -> Memo:
+        return Memo()
 
     @final
     def _next_alone(self, state: FilterState, step: SingleStep) -> FilterState | None:
-        """The state of one run that stays healthy; None where its innovations left their band for too long."""
-        fraction = state.out_of_band.item()
-        for innovation, variance in zip(step.innovations, step.variances, strict=True):
+        """The state of one run that stays healthy; None where anything must be named."""
+        process, fraction = self.process, state.out_of_band.item()
+        for innovation, variance in zip(step.innovations.tolist(), step.variances.tolist(), strict=True):
             if not isnan(innovation):  # as of a missing sample
-                fraction += ((innovation**2 > BAND_99_9 * variance) - fraction) / self.divergence_steps
-        if fraction > 0.5:
+                fraction += ((innovation * innovation > BAND_99_9 * variance) - fraction) / self.divergence_steps
+        plausible = process.is_plausible(step.predicted.tolist()) and process.is_plausible(step.mean.tolist())
+        if fraction > 0.5 or not plausible or not step.factor[-1, -1] > 0.0:
             return None
-        order, sensors = self.process.order, len(step.innovations)
-        entries, numbers = order**2, step.numbers
-        numbers_of_readings = np.array([fraction, *step.innovations, *step.variances])
-        innovations = numbers_of_readings[1:].reshape((2, 1) if sensors == 1 else (2, 1, sensors))
+        single = len(process.outputs) == 1
         return FilterState(
-            mean=numbers[2 * entries :].reshape(1, order),
-            covariance=numbers[:entries].reshape(1, order, order),
-            factor=numbers[entries : 2 * entries].reshape(1, order, order),
-            innovation=innovations[0],
-            innovation_variance=innovations[1],
-            out_of_band=numbers_of_readings[:1],
+            mean=step.mean[None],
+            covariance=step.covariance[None],
+            factor=step.factor[None],
+            innovation=step.innovations if single else step.innovations[None],
+            innovation_variance=step.variances if single else step.variances[None],
+            out_of_band=np.array([fraction]),
             outcome=state.outcome,
         )
 
@@ -286,16 +297,9 @@ def _rows(state: FilterState, value: ArrayLike, width: int, needed: str) -> Floa
     return np.broadcast_to(numbers, (state.runs, width))
 
 
-def _number(value: FloatArray | float) -> float:
-    """The number of one run, given alone or as an array of one."""
-    return float(value.item() if isinstance(value, np.ndarray) else value)
-
-
-def _numbers(value: ArrayLike | float, sensors: int) -> list[float]:
+def _numbers(value: ArrayLike | float, sensors: int) -> FloatArray:
     """The readings of one run."""
-    if sensors == 1 and isinstance(value, float):  # what a control loop gives
-        return [value]
-    numbers: list[float] = np.asarray(value, np.float64).ravel().tolist()
+    numbers = np.array(value, np.float64, ndmin=1).reshape(-1)
     if len(numbers) != sensors:
         raise FilterError(f"A measurement must hold {sensors} readings, one a sensor; instead received {len(numbers)}.")
     return numbers

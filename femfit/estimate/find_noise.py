@@ -36,7 +36,7 @@ from femfit.estimate.noise import motion_rate, operating_distance
 from femfit.estimate.prepare import Prepared
 from femfit.estimate.process import FilterOutcome, FilterProcess
 from femfit.estimate.run_filter import Replayed
-from femfit.model.drive import currents_by_voltages
+from femfit.model.dynamics import currents_by_voltages
 
 NEWTON_STEPS = 30
 """Conventional: it settles in about ten where the noises can be told apart."""
@@ -161,16 +161,11 @@ def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
     circuits = len(model.circuits)
     middle = np.zeros(model.windings.count)
     middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
-    magnetic, end = (
-        model.windings.magnetics.state(np.asarray(operating_distance(model)), middle),
-        2 + circuits,
-    )
+    distance, end = np.asarray(operating_distance(model)), 2 + circuits
     if model.eddy is None:
-        by_current = (magnetic.inductance + model.series_inductances_H) / t
+        by_current = (model.magnetics.inductance(distance, middle) + model.series_inductances_H) / t
     else:
-        by_current = np.asarray(
-            np.linalg.inv(currents_by_voltages(model, magnetic, t)[:circuits, :circuits]), np.float64
-        )
+        by_current = np.asarray(np.linalg.inv(currents_by_voltages(model, distance, middle, t)[:circuits, :circuits]))
     squares = np.diag(by_current @ covariance[2:end, 2:end] @ by_current.T)
     volts = float(np.sqrt(squares.mean())) if circuits else 0.0  # rms over several drivers
     return np.array([np.sqrt(covariance[1, 1] / t), volts, *(output.variance**0.5 for output in process.outputs)])

@@ -24,7 +24,7 @@ D. Simon, Optimal State Estimation (Wiley, 2006), sections 13.2 and 5.2.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import sqrt
 from pathlib import Path
 from typing import ClassVar, Literal, final
@@ -37,7 +37,8 @@ from femfit.estimate.filter import Correction, Filter, Moments
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.process import FilterState, Output
-from femfit.estimate.single_step import single_step, single_step_by_arrays
+from femfit.estimate.process_graph import ProcessGraph
+from femfit.estimate.single_step import StepFunction, extended, unscented
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 
@@ -69,8 +70,12 @@ class ExtendedFilter(Filter):
         covariance = kept @ state.covariance @ kept.swapaxes(1, 2) + noise * gain[:, :, None] * gain[:, None, :]
         return Correction(Moments(mean, 0.5 * (covariance + covariance.swapaxes(1, 2))), innovation, variance)
 
+    def single(self, graph: ProcessGraph) -> StepFunction:
+        """One step of one run as one function."""
+        return StepFunction(self.process, graph, extended)
 
-DOUBLE = np.dtype(np.float64)
+    def _matrix(self, state: FilterState) -> FloatArray:
+        return state.covariance[0]
 
 
 @final
@@ -87,7 +92,7 @@ class UnscentedFilter(Filter):
             raise FilterError(f"Sigma points need alpha > 0; instead received {self.alpha:g}.")
 
     @cached_property
-    def _scaling(self) -> tuple[float, float, float]:
+    def scaling(self) -> tuple[float, float, float]:
         """Spread sqrt(n + lambda) of the points, weight W_i of all but the centre, and weight of s s^T.
 
         The points lie as far out as without eddy currents: with many they would leave the model's distances.
@@ -98,7 +103,7 @@ class UnscentedFilter(Filter):
         return spread, 0.5 / spread**2, 2.0 - self.alpha**2 * (others / order)
 
     def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
-        _, weight, shift_weight = self._scaling
+        _, weight, shift_weight = self.scaling
         points = self._points(state)
         order, count, runs = points.shape
         inputs = np.empty((count, *voltage.shape), voltage.dtype)
@@ -113,7 +118,7 @@ class UnscentedFilter(Filter):
         return Moments((moved[:, 0] + shift).T, covariance.transpose(2, 0, 1))
 
     def _corrected(self, state: FilterState, measurement: FloatArray, output: Output) -> Correction:
-        _, weight, shift_weight = self._scaling
+        _, weight, shift_weight = self.scaling
         points = self._points(state)
         values = output.measure(points.reshape(len(points), -1).T)
         values = values.astype(points.dtype, copy=False).reshape(points.shape[1:])
@@ -132,24 +137,18 @@ class UnscentedFilter(Filter):
         """The points mean, mean + spread L_k and mean - spread L_k, eq. (20)."""
         runs, order = state.mean.shape
         points = np.empty((order, 2 * order + 1, runs), dtype=state.mean.dtype)
-        columns, centre = self._scaling[0] * state.factor.transpose(1, 2, 0), state.mean.T
+        columns, centre = self.scaling[0] * state.factor.transpose(1, 2, 0), state.mean.T
         points[:, 0] = centre
         np.add(centre[:, None], columns, out=points[:, 1 : order + 1])
         np.subtract(centre[:, None], columns, out=points[:, order + 1 :])
         return points
 
-    def _step_alone(
-        self, state: FilterState, voltage: float | FloatArray, measurement: list[float]
-    ) -> FilterState | None:
-        if state.mean.dtype != DOUBLE:
-            return None
-        mean, factor = state.mean[0], state.factor[0]
-        if self.process.transition_columns is None:
-            with np.errstate(all="ignore"):  # what is not finite is left to the general path
-                step = single_step_by_arrays(self.process, mean, factor, voltage, measurement, self._scaling)
-        else:
-            step = single_step(self.process, mean.tolist(), factor.tolist(), voltage, measurement, self._scaling)
-        return None if step is None else self._next_alone(state, step)
+    def single(self, graph: ProcessGraph) -> StepFunction:
+        """One step of one run as one function."""
+        return StepFunction(self.process, graph, partial(unscented, self.scaling))
+
+    def _matrix(self, state: FilterState) -> FloatArray:
+        return state.factor[0].T
 
 
 def _deviations(values: FloatArray, weight: float) -> tuple[FloatArray, FloatArray]:

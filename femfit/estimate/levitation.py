@@ -1,7 +1,7 @@
 """The filter's view of an actuator's moving part, built from its model.
 
 States are distance (m), velocity (m/s) and current (A), those that the model's effects add (lag, hysteresis), and, for
-sensors that drift, their biases as random walks. A step is one of :mod:`femfit.model.exponential_step` in place of
+sensors that drift, their biases as random walks. A step is one of :mod:`femfit.model.dynamics` in place of
 Euler's in (33): a coil may be as fast as it likes. At a stop the body comes to rest. The measurement is the vector of
 the readings: a Hall voltage through the fitted field, which lets the filter itself tell the coil's part from the
 magnet's, a current, a distance, an acceleration, a force.
@@ -31,10 +31,10 @@ from femfit.estimate.noise import (
 )
 from femfit.estimate.outputs import bias_deviations, bias_names, outputs_of
 from femfit.estimate.process import FilterProcess, with_delayed_samples
+from femfit.estimate.process_graph import ProcessGraph
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import blocked_by_diodes, is_plain, winding_voltage
-from femfit.model.exponential_step import exponential_jacobian, exponential_step, half_way
-from femfit.model.float_steps import float_step
+from femfit.model.dynamics import exponential_step, half_way
 from femfit.model.sensors import HALL, sensor_named, sensors_of
 
 
@@ -50,7 +50,8 @@ def levitation_process(
 ) -> FilterProcess:
     """Process and measurement of a moving part with any circuits and sensors.
 
-    The Jacobians are analytic, and central differences where effects have states and of accelerations and forces.
+    The Jacobians are exact; of a model whose step has very many operations, and of drivers that are commanded, they are
+    central differences.
 
     Parameters
     ----------
@@ -79,19 +80,20 @@ def levitation_process(
     start, process_noise = _covariances(model, noise, distance, biases)
     named = {name: sensor_named(model, name) for name in sensors}
     delayed = delayed_samples(model, named, np.sqrt(np.diag(start)))
+    graph = ProcessGraph(model, tuple(biases), delayed)
     process = FilterProcess(
         names=names,
         step_s=model.sample_time_s,
-        transition=partial(_driven_transition if driven else _transition, model),
-        outputs=outputs_of(model, sensors, biases, noise, delayed),
+        transition=partial(_driven_transition, model) if driven else graph.transition,
+        outputs=outputs_of(graph, sensors, noise),
         process_covariance=process_noise,
-        transition_jacobian=None if driven else partial(_transition_jacobian, model),
-        transition_columns=None if driven else float_step(model),
+        transition_jacobian=None if driven or not graph.light else graph.transition_jacobian,
         lower=lower,
         upper=upper,
         start_covariance=start,
         inputs=len(model.circuits),
         eddies=0 if model.eddy is None else model.eddy.count,
+        graph=None if driven else graph,
     )
     return with_delayed_samples(process, delayed)
 
@@ -179,21 +181,6 @@ def kept_between_stops(model: ActuatorModel, states: FloatArray) -> FloatArray:
         states[at_near, 1] = np.maximum(states[at_near, 1], 0.0)
         states[at_far, 1] = np.minimum(states[at_far, 1], 0.0)
     return states
-
-
-def _transition_jacobian(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order, moving = states.shape[1], model.order
-    result = np.zeros((len(states), order, order))
-    result[:, :moving, :moving] = exponential_jacobian(model, states[:, :moving], voltage, model.sample_time_s)
-    biases = range(moving, order)
-    result[:, biases, biases] = 1.0
-    ends = model.require_motion().ends
-    if ends != (-np.inf, np.inf):  # where a stop holds the body, nothing of its motion goes on
-        moved = _transition(model, states, voltage)
-        stopped = (moved[:, 0] <= ends[0]) | (moved[:, 0] >= ends[1])
-        result[stopped, 0] = 0.0
-        result[stopped & (moved[:, 1] == 0.0), 1] = 0.0
-    return result
 
 
 def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:

@@ -47,8 +47,7 @@ from femfit.estimate.constants import (
 )
 from femfit.estimate.holding import holding_currents
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import currents_by_voltages
-from femfit.model.dynamics import eddy_currents_of, state_derivative
+from femfit.model.dynamics import currents_by_voltages, eddy_currents_of, state_derivative
 from femfit.model.sensors import HALL, reading_of
 
 
@@ -189,7 +188,7 @@ def process_covariance(
     if model.eddy is None:
         steps = np.linalg.inv(magnetic.inductance + model.series_inductances_H) * np.multiply(noise.voltage_V, t)
     else:
-        steps = currents_by_voltages(model, magnetic, t)[:, :circuits] * np.asarray(noise.voltage_V)
+        steps = currents_by_voltages(model, np.asarray(distance), middle, t)[:, :circuits] * np.asarray(noise.voltage_V)
     result[2 : windings.end, 2 : windings.end] = steps @ steps.T
     if model.eddy is not None:
         each = range(2 + circuits, windings.end)
@@ -233,7 +232,7 @@ def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, curre
 
 def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
     """A covariance from :func:`initial_covariance` with eddy currents and states of effects, independent, put in."""
-    spreads = np.zeros(0) if model.dynamics is None else model.dynamics.spreads
+    spreads = np.array([memory.spread for memory in model.memories for _ in memory.names])
     if model.eddy is not None:
         first_currents = np.full(len(model.circuits), FIRST_CURRENT_A)
         carried = eddy_currents_of(model, first_currents, FIRST_VELOCITY_M_S)

@@ -23,7 +23,6 @@ from femfit.model.actuator_model import ActuatorModel
 
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 Measure = Callable[[FloatArray], FloatArray]
-Columns = list[list[float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,16 +34,7 @@ class Output:
     measure: Measure  # h: states (N, n) -> measurements (N,)
     variance: float
     jacobian: Measure | None = None  # dh/dx, shape (N, n); central differences where absent
-    # The reading of a handful of states in Python's floats, one list a state; by arrays where absent
-    columns: Callable[[Columns], list[float]] | None = None
     period: int = 1  # Samples from one reading to the next; those between are missing
-
-    def look(self, columns: Columns) -> list[float]:
-        """The reading of a handful of states, given as one list a state."""
-        if self.columns is not None:
-            return self.columns(columns)
-        result: list[float] = self.measure(np.array(columns).T).tolist()
-        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +50,6 @@ class FilterProcess:
     outputs: tuple[Output, ...]  # All sensors, in the order of a measurement's entries
     process_covariance: FloatArray  # Q, added once a step; shape (n, n)
     transition_jacobian: Transition | None = None  # df/dx, shape (N, n, n); central differences where absent
-    # The same for a handful of states in Python's floats, one list a state, of a process with one input; else by arrays
-    transition_columns: Callable[[Columns, float], Columns] | None = None
     # Range of states that the model can still say something about; shape (n,)
     lower: FloatArray | None = None
     upper: FloatArray | None = None
@@ -69,17 +57,28 @@ class FilterProcess:
     delayed: DelayedSamples | None = None  # States after the others that are values of earlier samples
     inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
     eddies: int = 0  # States that are eddy currents
+    graph: Any = None  # A :class:`femfit.estimate.process_graph.ProcessGraph` that moves all states and reads them
 
     def predicting(self, transition: Transition, jacobian: Transition | None = None) -> "FilterProcess":
         """The same process with another transition of all states but those that are remembered, by arrays."""
         if self.delayed is None:
-            return replace(self, transition=transition, transition_jacobian=jacobian, transition_columns=None)
+            return replace(self, transition=transition, transition_jacobian=jacobian, graph=None)
         return replace(
             self,
             transition=partial(_with_samples, self.delayed, transition),
             transition_jacobian=None if jacobian is None else partial(_slope_with_samples, self.delayed, jacobian),
-            transition_columns=None,
+            graph=None,
         )
+
+    @cached_property
+    def own_graph(self) -> Any:
+        """The graph, where transition and outputs are its own and it is light; None else."""
+        graph: Any = self.graph
+        if graph is None:
+            return None
+        owners = [getattr(self.transition, "__self__", None)]
+        owners += [getattr(getattr(output.measure, "func", None), "__self__", None) for output in self.outputs]
+        return graph if all(owner is graph for owner in owners) and graph.light else None
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""
@@ -88,26 +87,12 @@ class FilterProcess:
             result &= (states[:, k] > low) & (states[:, k] < high)
         return result
 
-    def move(self, columns: Columns, voltage: float | FloatArray) -> Columns:
-        """The transition of a handful of states, given and returned as one list a state."""
-        if self.transition_columns is not None and isinstance(voltage, float):
-            return self.transition_columns(columns, voltage)
-        inputs = np.full((len(columns[0]), *np.shape(voltage)), voltage)
-        result: Columns = self.transition(np.array(columns).T, inputs).T.tolist()
-        return result
-
     def is_plausible(self, state: list[float]) -> bool:
         """Whether one state is finite and plausible."""
         for k, low, high in self._bounds:
             if not low < state[k] < high:
                 return False
         return isfinite(sum(state))
-
-    @cached_property
-    def noise_rows(self) -> list[list[float]]:
-        """Rows of Q."""
-        result: list[list[float]] = self.process_covariance.tolist()
-        return result
 
     @cached_property
     def _bounds(self) -> list[tuple[int, float, float]]:
@@ -271,7 +256,7 @@ def with_delayed_samples(process: FilterProcess, delayed: DelayedSamples | None)
         process_covariance=_joined(process.process_covariance, _delayed_noise(delayed, process.outputs)),
         delayed=delayed,
     )
-    return added.predicting(process.transition, process.transition_jacobian)
+    return added if process.graph is not None else added.predicting(process.transition)
 
 
 def _places(model: ActuatorModel, base: int) -> FloatArray:

@@ -28,8 +28,7 @@ from femfit.estimate.noise import operating_distance
 from femfit.estimate.process import FilterProcess, FilterState
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import blocked_by_diodes
-from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, runge_kutta_step
-from femfit.model.exponential_step import extrapolated_step, motion_steps
+from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, extrapolated_step, motion_steps, runge_kutta_step
 
 
 class Log(NamedTuple):
@@ -201,7 +200,7 @@ def substeps(model: ActuatorModel) -> int:
 
 
 def _extrapolates(model: ActuatorModel) -> bool:
-    return model.eddy is not None and not (model.dynamics is not None and model.dynamics.drives)
+    return model.eddy is not None
 
 
 def _stepped(
@@ -210,8 +209,6 @@ def _stepped(
     """States after a step in so many parts; steps of their own have the shape (N, 1)."""
     if not _extrapolates(model):
         return runge_kutta_step(model, states, voltage, step, count)
-    if isinstance(step, np.ndarray) and len(step) and not np.ptp(step):
-        step = float(step[0, 0])  # by tables
     if isinstance(step, float) and not step:
         return states.copy()
     for _ in range(count):

@@ -1,167 +1,146 @@
-"""One step of one unscented filter, in Python's floats or, of models that move by arrays alone, in those.
+"""One step of one filter, predict and update, as one function: what a control loop calls.
 
-The equations are those of :class:`femfit.estimate.kalman_filter.UnscentedFilter`, with redrawn points, in the same
-order. For three or four states and one run, calls to numpy would cost several times the arithmetic; a target's
-control loop runs one filter. A step in which anything must be named (a lost covariance, a number that is none, an
-estimate outside of the model) is left to the general path, which names it.
+The equations are those of :mod:`femfit.estimate.kalman_filter`, in the same order. A reading that is missing has an
+infinite variance, so that it changes nothing.
 """
 
-from functools import cache
-from itertools import chain
-from math import isnan
-from operator import mul
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 
+from femfit.core.graph import Caller
 from femfit.core.numerics import FloatArray
-from femfit.estimate.cholesky import cholesky_rows
-from femfit.estimate.process import Columns, FilterProcess
+from femfit.estimate.process import FilterProcess
+from femfit.estimate.process_graph import ProcessGraph, scalar_functions
+
+MISSING = 1e200
+"""Numerical: variance of a reading that is missing."""
+
+MOST_WRITTEN = 40_000
+"""Measured: instructions up to which all sigma points are written out; a larger step is called as a function."""
 
 
 class SingleStep(NamedTuple):
     """What one step came to."""
 
-    numbers: FloatArray  # Covariance and factor row by row, then the mean
-    innovations: list[float]  # NaN for a sample that is missing
-    variances: list[float]
+    covariance: FloatArray  # (n, n)
+    factor: FloatArray
+    mean: FloatArray  # (n,)
+    predicted: FloatArray  # The mean before the readings
+    innovations: FloatArray  # Of each sensor
+    variances: FloatArray
 
 
-def single_step(
-    process: FilterProcess,
-    mean: list[float],
-    factor: list[list[float]],
-    voltage: float | FloatArray,
-    measurement: list[float],
-    scaling: tuple[float, float, float],
-) -> SingleStep | None:
-    """Predict and update; None where a run is not healthy.
+class StepFunction:
+    """(mean, covariance or factor, voltages, readings, their variances) -> :class:`SingleStep`.
 
-    Parameters
-    ----------
-    measurement : list of float
-        A reading of each sensor.
-    scaling : (float, float, float)
-        Spread of the points, weight of each, and weight of the squared shift.
+    ``function`` is that of CasADi, whose output has the parts one below the other, matrices column by column.
     """
-    spread, weight, shift_weight = scaling
-    order = len(mean)
-    moved = process.move(_points(mean, factor, spread), voltage)
-    mean, deltas, shifts, covariance = [], [], [], []
-    for column, noise in zip(moved, process.noise_rows, strict=True):
-        centre = column[0]
-        delta = [value - centre for value in column[1:]]
-        shift = weight * sum(delta)
-        scaled = shift_weight * shift
-        mean.append(centre + shift)
-        deltas.append(delta)
-        shifts.append(shift)
-        row = []
-        for other, other_shift, q in zip(deltas, shifts, noise):  # noqa: B905  the lower triangle
-            row.append(weight * sum(map(mul, delta, other)) + scaled * other_shift + q)
-        covariance.append(row)
-    predicted = cholesky_rows(covariance)
-    if predicted is None or not process.is_plausible(mean):
-        return None
+
+    def __init__(self, process: FilterProcess, graph: ProcessGraph, make: Callable[..., list[Any]]) -> None:
+        functions = scalar_functions(graph, [output.name for output in process.outputs])
+        n, m = graph.order, len(process.outputs)
+        points = 1 if make is extended else 2 * n + 1
+        written = points * sum(function.n_instructions() for function in functions[::2]) < MOST_WRITTEN
+        symbol: Any = ca.SX if written and all(function.is_a("SXFunction") for function in functions) else ca.MX
+        shapes = (("x", n), ("P", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
+        given = [symbol.sym(*shape) for shape in shapes]
+        parts = make(functions, ca.DM(process.process_covariance), *given)
+        output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
+        function = ca.Function("step", given, [ca.cse(output) if symbol is ca.SX else output])
+        self.function = function
+        self._call, self._order, self._sensors = Caller(function), n, m
+        self._variances = np.array([output.variance for output in process.outputs])
+
+    def __call__(self, mean: FloatArray, matrix: FloatArray, voltage: Any, readings: FloatArray) -> SingleStep:
+        """One step; ``matrix`` is symmetric, or a factor as its transpose."""
+        n, m = self._order, self._sensors
+        missing = np.isnan(readings)
+        y, r = (
+            (np.where(missing, 0.0, readings), np.where(missing, MISSING, self._variances))
+            if missing.any()
+            else (readings, self._variances)
+        )
+        values = self._call(mean, matrix.ravel(), voltage, y, r)
+        square, ends = n * n, 2 * n * n + 2 * n
+        innovations, variances = values[ends : ends + m], values[ends + m :]
+        if missing.any():
+            innovations, variances = np.where(missing, np.nan, innovations), np.where(missing, np.nan, variances)
+        return SingleStep(
+            values[:square].reshape(n, n),
+            values[square : 2 * square].reshape(n, n).T,
+            values[2 * square : ends - n],
+            values[ends - n : ends],
+            innovations,
+            variances,
+        )
+
+
+def _factor(covariance: Any) -> Any:
+    """L of L L^T, with NaN where there is none."""
+    square = ca.SX.sym("P", *covariance.shape)
+    return ca.Function("factor", [square], [ca.densify(ca.chol(square).T)])(covariance)
+
+
+def extended(functions: Sequence[ca.Function], noise: Any, x: Any, P: Any, u: Any, y: Any, R: Any) -> list[Any]:
+    """The extended filter: the covariance follows the Jacobians; Joseph's form."""
+    step, step_slope, look, look_slope = functions
+    n, m = x.numel(), y.numel()
+    F = ca.reshape(step_slope(x, u), n, n)
+    mean = predicted = step(x, u)
+    covariance = F @ P @ F.T + noise
     innovations, variances = [], []
-    for output, reading in zip(process.outputs, measurement, strict=True):
-        if isnan(reading):
-            innovations.append(reading)
-            variances.append(reading)
-            continue
-        values = output.look(_points(mean, predicted, spread))
-        centre = values[0]
-        delta = [value - centre for value in values[1:]]
-        shift = weight * sum(delta)
-        variance = weight * sum(map(mul, delta, delta)) + shift_weight * shift * shift + output.variance
-        innovation = reading - (centre + shift)
-        # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains.
-        pairs = [weight * spread * (up - down) for up, down in zip(delta[:order], delta[order:], strict=True)]
-        cross, correction = [], innovation / variance
-        for k, row in enumerate(covariance):
-            own = sum(map(mul, predicted[k], pairs))
-            cross.append(own)
-            mean[k] += own * correction
-            for j, other_cross in enumerate(cross):
-                row[j] -= own * other_cross / variance
-        updated = cholesky_rows(covariance)
-        if updated is None or not process.is_plausible(mean):
-            return None
-        predicted = updated
+    for k in range(m):
+        H = ca.reshape(look_slope(mean, u), m, n)[k, :]
+        cross = covariance @ H.T
+        variance = H @ cross + R[k]
+        gain, innovation = cross / variance, y[k] - look(mean, u)[k]
+        mean, kept = mean + gain * innovation, type(x).eye(n) - gain @ H
+        covariance = kept @ covariance @ kept.T + R[k] * gain @ gain.T
+        covariance = 0.5 * (covariance + covariance.T)
         innovations.append(innovation)
         variances.append(variance)
-    for i, row in enumerate(covariance):
-        for below in covariance[i + 1 :]:
-            row.append(below[i])
-    return SingleStep(np.array([*chain(*covariance, *predicted), *mean]), innovations, variances)
+    return [covariance, _factor(covariance), mean, predicted, *innovations, *variances]
 
 
-def single_step_by_arrays(
-    process: FilterProcess,
-    mean: FloatArray,
-    factor: FloatArray,
-    voltage: float | FloatArray,
-    measurement: list[float],
+def unscented(
     scaling: tuple[float, float, float],
-) -> SingleStep | None:
-    """The same of more states; arguments as of :func:`single_step`, in arrays."""
-    spread, weight, shift_weight = scaling
-    order = len(mean)
-    points = _array_points(mean, factor, spread)
-    count = 2 * order + 1
-    inputs = np.full(count, voltage) if isinstance(voltage, float) else np.full((count, *voltage.shape), voltage)
-    moved = process.transition(points.T, inputs).T
-    delta = moved[:, 1:] - moved[:, :1]
-    shift = weight * np.add.reduce(delta, 1)
-    mean = moved[:, 0] + shift
-    covariance = weight * (delta @ delta.T) + shift_weight * (shift[:, None] * shift) + process.process_covariance
+    functions: Sequence[ca.Function],
+    noise: Any,
+    x: Any,
+    S: Any,
+    u: Any,
+    y: Any,
+    R: Any,
+) -> list[Any]:
+    """The unscented filter with redrawn points; S S^T is the covariance."""
+    (spread, weight, shift_weight), (step, _, look, _) = scaling, functions
+    n = x.numel()
+
+    def points(mean: Any, factor: Any) -> list[Any]:
+        return [mean, *(mean + sign * spread * factor[:, k] for sign in (1.0, -1.0) for k in range(n))]
+
+    def moments(values: list[Any]) -> tuple[Any, Any]:
+        delta = ca.horzcat(*(value - values[0] for value in values[1:]))
+        return delta, weight * ca.sum2(delta)
+
+    moved = [step(point, u) for point in points(x, S)]
+    delta, shift = moments(moved)
+    mean = predicted = moved[0] + shift
+    covariance = weight * delta @ delta.T + shift_weight * shift @ shift.T + noise
+    factor = _factor(covariance)
     innovations, variances = [], []
-    try:
-        factor = np.linalg.cholesky(covariance)
-        if not process.is_plausible(mean.tolist()):
-            return None
-        for output, reading in zip(process.outputs, measurement, strict=True):
-            if isnan(reading):
-                innovations.append(reading)
-                variances.append(reading)
-                continue
-            values = output.measure(_array_points(mean, factor, spread).T)
-            seen = values[1:] - values[0]
-            risen = weight * float(seen.sum())
-            variance = weight * float(seen @ seen) + shift_weight * risen * risen + output.variance
-            innovation = reading - (float(values[0]) + risen)
-            cross = factor @ (weight * spread * (seen[:order] - seen[order:]))
-            mean = mean + cross * (innovation / variance)
-            covariance = covariance - cross[:, None] * (cross / variance)
-            factor = np.linalg.cholesky(covariance)
-            if not process.is_plausible(mean.tolist()):
-                return None
-            innovations.append(innovation)
-            variances.append(variance)
-    except np.linalg.LinAlgError:
-        return None
-    return SingleStep(np.concatenate([covariance.ravel(), factor.ravel(), mean]), innovations, variances)
-
-
-@cache
-def _spreads(order: int, spread: float) -> FloatArray:
-    """Sigma points of no mean and a unit factor, the centre first, shape (n, 2 n + 1)."""
-    unit = spread * np.eye(order)
-    return np.concatenate([np.zeros((order, 1)), unit, -unit], axis=1)
-
-
-def _array_points(mean: FloatArray, factor: FloatArray, spread: float) -> FloatArray:
-    return np.asarray(mean[:, None] + factor @ _spreads(len(mean), spread))
-
-
-def _points(mean: list[float], factor: list[list[float]], spread: float) -> Columns:
-    """Sigma points about a mean, the centre first; one list a state."""
-    columns = []
-    for centre, row in zip(mean, factor, strict=True):
-        above, below = [centre], []
-        for entry in row:
-            offset = spread * entry
-            above.append(centre + offset)
-            below.append(centre - offset)
-        columns.append(above + below)
-    return columns
+    for k in range(y.numel()):
+        seen = [look(point, u)[k] for point in points(mean, factor)]
+        delta, shift = moments(seen)
+        variance = weight * delta @ delta.T + shift_weight * shift**2 + R[k]
+        # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains
+        cross = factor @ (weight * spread * (delta[:n] - delta[n:]).T)
+        innovation = y[k] - seen[0] - shift
+        mean, covariance = mean + cross * (innovation / variance), covariance - cross @ cross.T / variance
+        factor = _factor(covariance)
+        innovations.append(innovation)
+        variances.append(variance)
+    return [covariance, factor, mean, predicted, *innovations, *variances]

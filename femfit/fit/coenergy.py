@@ -252,8 +252,9 @@ def halfway(rows: FitRows) -> tuple[FloatArray, FloatArray]:
 
 
 def _quantities(magnetics: CoenergySpline, distance: FloatArray, current: FloatArray) -> list[FloatArray]:
-    slope, flux, inductance = magnetics.coenergy_derivatives(distance, current, ((1, 0), (0, 1), (0, 2)))
-    return [-slope, flux, inductance]
+    currents = current[:, None]
+    at = magnetics.state(distance, currents)
+    return [at.force, magnetics.flux_linkage(distance, currents)[:, 0], at.inductance[:, 0, 0]]
 
 
 def _others(basis: CoenergyBasis, rows: FitRows) -> Iterator[CoenergySpline]:

@@ -171,6 +171,9 @@ own current, as a part of the largest."""
 NETWORK_CURRENTS, NETWORK_DISTANCES = 3, 6
 """Derived: a knee takes three currents beside zero, and a network's ten numbers six distances of them."""
 
+NETWORK_NUMBERS = 10
+"""Derived: numbers of the network: a, four of ln r, two of s, c, two of the leakage."""
+
 NETWORK_OFF = 10.0
 """Numerical: residual of numbers that make no network, ten times the rms of what is fitted."""
 

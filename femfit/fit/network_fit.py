@@ -3,13 +3,23 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 from scipy.optimize import least_squares
 
 from femfit.core.errors import FitError
+from femfit.core.graph import Expression, GraphFunction, building
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.text import amount
-from femfit.fit.constants import NETWORK_CURRENTS, NETWORK_DISTANCES, NETWORK_IDLE, NETWORK_OFF, NETWORK_STARTS
+from femfit.fit.constants import (
+    NETWORK_CURRENTS,
+    NETWORK_DISTANCES,
+    NETWORK_IDLE,
+    NETWORK_NUMBERS,
+    NETWORK_OFF,
+    NETWORK_STARTS,
+)
 from femfit.fit.ranking import Ranking, ranking_folds
 from femfit.fit.rows import FitRows, rms
 from femfit.model.network_magnetics import NETWORK, NetworkMagnetics
@@ -37,10 +47,10 @@ def fit_network(rows: FitRows) -> NetworkFit:
     _require_plunger(rows)
     every = np.ones(len(rows.force), dtype=np.bool_)
     numbers = _best(rows, every, _starts(rows))
-    magnetics = _magnetics(numbers, rows)
+    magnetics = _magnetics(numbers.tolist(), rows)
     errors = []
     for out in ranking_folds(rows):
-        refit = _magnetics(_best(rows, ~out, [numbers]), rows)
+        refit = _magnetics(_best(rows, ~out, [numbers]).tolist(), rows)
         errors.append(refit.force(rows.distance[out], rows.current[out, None]) - rows.force[out])
     fitted = rms(magnetics.force(rows.distance, rows.current[:, None]) - rows.force) / rows.rms_force
     left_out = rms(np.concatenate(errors)) / rows.rms_force if errors else np.inf
@@ -90,11 +100,12 @@ def _starts(rows: FitRows) -> list[FloatArray]:
     ]
 
 
-def _magnetics(numbers: FloatArray, rows: FitRows) -> NetworkMagnetics:
-    a, r0, r1, r2, r3, s0, s1, c, l0, l1 = map(float, numbers)
+def _magnetics(numbers: Expression, rows: FitRows) -> NetworkMagnetics:
+    """The law of numbers, or of an expression's."""
+    a, r0, r1, r2, r3, s0, s1, c, l0, l1 = (numbers[k] for k in range(NETWORK_NUMBERS))
     reference = float(np.median(rows.distances - min(rows.distances[0], 0.0)))
-    shift = reference * float(np.exp(a)) - min(float(rows.distances[0]), 0.0)
-    return NetworkMagnetics(reference, shift, (r0, r1, r2, r3), (s0, s1), float(np.exp(c)), (l0, l1))
+    shift = reference * np.exp(a) - min(float(rows.distances[0]), 0.0)
+    return NetworkMagnetics(reference, shift, (r0, r1, r2, r3), (s0, s1), np.exp(c), (l0, l1))
 
 
 def _best(rows: FitRows, fitted: BoolArray, starts: list[FloatArray]) -> FloatArray:
@@ -103,29 +114,34 @@ def _best(rows: FitRows, fitted: BoolArray, starts: list[FloatArray]) -> FloatAr
     scale = np.array([1.0] * 5 + [abs(first[5])] * 2 + [1.0] + [float(np.exp(-first[1]))] * 2)
     residual = _residual(rows, fitted)
 
-    def scaled(numbers: FloatArray) -> FloatArray:
-        return residual(numbers * scale)
+    def errors(numbers: FloatArray) -> FloatArray:
+        return residual(numbers * scale)[0]
 
-    minima = [least_squares(scaled, start / scale, max_nfev=300) for start in starts]
+    def slopes(numbers: FloatArray) -> FloatArray:
+        return residual(numbers * scale)[1] * scale
+
+    minima = [least_squares(errors, start / scale, slopes, max_nfev=300) for start in starts]
     best = min(minima, key=lambda minimum: float(minimum.cost))
     if not np.isfinite(best.cost) or best.cost >= NETWORK_OFF:
         raise FitError(f"Law {NETWORK} comes to no minimum on this table. Take another law, or the co-energy.")
     return np.asarray(best.x * scale)
 
 
-def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], FloatArray]:
-    d, i, force = rows.distance[fitted], rows.circuit_currents[fitted], rows.force[fitted]
-    flux = rows.linked[fitted, 0]
-    flux_scale = rms(rows.linked)
+def _residual(rows: FitRows, fitted: BoolArray) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    """Errors of force and flux linkage of numbers, and their Jacobian."""
+    points = np.stack([rows.distance[fitted], rows.current[fitted]])
+    measured = np.concatenate([rows.force[fitted], rows.linked[fitted, 0]])
+    scale = np.repeat([rows.rms_force, rms(rows.linked)], points.shape[1])
+    with building():
+        at, numbers = SX.sym("at", 2), SX.sym("numbers", NETWORK_NUMBERS)
+        coenergy = _magnetics(numbers, rows).expression(at[0], at[1])
+        seen = ca.vertcat(-ca.gradient(coenergy, at[0]), ca.gradient(coenergy, at[1]))
+        function = GraphFunction([at, numbers], ca.vertcat(seen, ca.vec(ca.jacobian(seen, numbers))))
 
-    def residual(numbers: FloatArray) -> FloatArray:
-        with np.errstate(all="ignore"):
-            magnetics = _magnetics(numbers, rows)
-            errors = [
-                (magnetics.force(d, i) - force) / rows.rms_force,
-                (magnetics.flux_linkage(d, i)[:, 0] - flux) / flux_scale,
-            ]
-        finite = np.nan_to_num(np.concatenate(errors), nan=NETWORK_OFF)
-        return np.asarray(finite.clip(-NETWORK_OFF, NETWORK_OFF))
+    def residual(numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
+        values = function(points, numbers)
+        errors = np.nan_to_num((values[:2].ravel() - measured) / scale, nan=NETWORK_OFF)
+        slopes = np.nan_to_num(values[2:].reshape(NETWORK_NUMBERS, -1).T / scale[:, None], posinf=0.0, neginf=0.0)
+        return errors.clip(-NETWORK_OFF, NETWORK_OFF), np.where(np.abs(errors) < NETWORK_OFF, slopes.T, 0.0).T
 
     return residual

@@ -21,16 +21,16 @@ The loop's field on its axis is proportional to (s^2 + R^2)^(-3/2), and the forc
 
 from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
-from femfit.laws.law import ForceLaw, ShapeParameter, gradient_of_powers, potential_of_powers
+from femfit.laws.law import ForceLaw, ShapeParameter, potential_of_powers
 
 
-def _columns(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
+def _columns(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
     square = 1.0 / (distance * distance)
-    return np.stack([square * square], axis=-1)
+    return (square * square,)
 
 
 F2E = ForceLaw(
@@ -38,19 +38,18 @@ F2E = ForceLaw(
     formula="c d^-4",
     basis=("d^-4",),
     coefficient_units=("N m^4",),
-    columns=_columns,
-    gradient_columns=partial(gradient_of_powers, ((4.0, ""),)),
-    potential_columns=partial(potential_of_powers, ((4.0, ""),)),
+    terms=_columns,
+    potentials=partial(potential_of_powers, ((4.0, ""),)),
     column_operations=3,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (6)",
     nonnegative=(True,),
 )
 
 
-def _columns_of_f1e(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_f1e(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
     inverse = 1.0 / distance
     square = inverse * inverse
-    return np.stack([square * square, square], axis=-1)
+    return square * square, square
 
 
 F1E = ForceLaw(
@@ -58,19 +57,18 @@ F1E = ForceLaw(
     formula="a d^-4 + b d^-2",
     basis=("d^-4", "d^-2"),
     coefficient_units=("N m^4", "N m^2"),
-    columns=_columns_of_f1e,
-    gradient_columns=partial(gradient_of_powers, ((4.0, ""), (2.0, ""))),
-    potential_columns=partial(potential_of_powers, ((4.0, ""), (2.0, ""))),
+    terms=_columns_of_f1e,
+    potentials=partial(potential_of_powers, ((4.0, ""), (2.0, ""))),
     column_operations=3,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5)",
     nonnegative=(True, True),
 )
 
 
-def _columns_of_shifted_f1e(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_shifted_f1e(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
     square = 1.0 / (first * first)
-    return np.stack([square * square, 1.0 / (second * second)], axis=-1)
+    return square * square, 1.0 / (second * second)
 
 
 SHIFTED_F1E = ForceLaw(
@@ -78,9 +76,8 @@ SHIFTED_F1E = ForceLaw(
     formula="a (d + d1)^-4 + b (d + d2)^-2",
     basis=("(d+d1)^-4", "(d+d2)^-2"),
     coefficient_units=("N m^4", "N m^2"),
-    columns=_columns_of_shifted_f1e,
-    gradient_columns=partial(gradient_of_powers, ((4.0, "shift1_m"), (2.0, "shift2_m"))),
-    potential_columns=partial(potential_of_powers, ((4.0, "shift1_m"), (2.0, "shift2_m"))),
+    terms=_columns_of_shifted_f1e,
+    potentials=partial(potential_of_powers, ((4.0, "shift1_m"), (2.0, "shift2_m"))),
     column_operations=7,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5), with shifted origins",
     shape=(
@@ -90,10 +87,10 @@ SHIFTED_F1E = ForceLaw(
 )
 
 
-def _columns_of_two_dipoles(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_two_dipoles(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
     square1, square2 = 1.0 / (first * first), 1.0 / (second * second)
-    return np.stack([square1 * square1, square2 * square2], axis=-1)
+    return square1 * square1, square2 * square2
 
 
 TWO_DIPOLES = ForceLaw(
@@ -101,9 +98,8 @@ TWO_DIPOLES = ForceLaw(
     formula="a (d + d1)^-4 + b (d + d2)^-4",
     basis=("(d+d1)^-4", "(d+d2)^-4"),
     coefficient_units=("N m^4", "N m^4"),
-    columns=_columns_of_two_dipoles,
-    gradient_columns=partial(gradient_of_powers, ((4.0, "shift1_m"), (4.0, "shift2_m"))),
-    potential_columns=partial(potential_of_powers, ((4.0, "shift1_m"), (4.0, "shift2_m"))),
+    terms=_columns_of_two_dipoles,
+    potentials=partial(potential_of_powers, ((4.0, "shift1_m"), (4.0, "shift2_m"))),
     column_operations=8,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 5.7: force between dipoles",
     shape=(
@@ -113,23 +109,18 @@ TWO_DIPOLES = ForceLaw(
 )
 
 
-def _columns_of_dipole_disk(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_dipole_disk(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     image = distance + shape["shift_m"]
     square = 1.0 / (image * image)
     inverse = 1.0 / (distance * distance + shape["radius_m"] ** 2)
-    return np.stack([square * square, inverse * np.sqrt(inverse)], axis=-1)
+    return square * square, inverse * np.sqrt(inverse)
 
 
-def _gradient_of_dipole_disk(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    square_sum = distance**2 + shape["radius_m"] ** 2
-    return np.stack([-4.0 * (distance + shape["shift_m"]) ** -5.0, -3.0 * distance * square_sum**-2.5], axis=-1)
-
-
-def _potential_of_dipole_disk(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _potential_of_dipole_disk(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     radius = shape["radius_m"]
     root = np.sqrt(distance**2 + radius**2)
     disk = 1.0 / (root * (root + distance))  # (1 - d / root) / R^2 without its cancellation at large d
-    return np.stack([(distance + shape["shift_m"]) ** -3.0 / 3.0, disk], axis=-1)
+    return (distance + shape["shift_m"]) ** -3.0 / 3.0, disk
 
 
 DIPOLE_DISK = ForceLaw(
@@ -137,9 +128,8 @@ DIPOLE_DISK = ForceLaw(
     formula="a (d + d1)^-4 + b (d^2 + R^2)^(-3/2)",
     basis=("(d+d1)^-4", "(d^2+R^2)^(-3/2)"),
     coefficient_units=("N m^4", "N m^3"),
-    columns=_columns_of_dipole_disk,
-    gradient_columns=_gradient_of_dipole_disk,
-    potential_columns=_potential_of_dipole_disk,
+    terms=_columns_of_dipole_disk,
+    potentials=_potential_of_dipole_disk,
     column_operations=9,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), 1.6 (disk) and 5.7 (dipole)",
     shape=(
@@ -149,22 +139,16 @@ DIPOLE_DISK = ForceLaw(
 )
 
 
-def _columns_of_dipole_loop(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_dipole_loop(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     image, loop = distance + shape["shift1_m"], distance + shape["shift2_m"]
     square = 1.0 / (image * image)
     inverse = 1.0 / (loop * loop + shape["radius_m"] ** 2)
-    return np.stack([square * square, loop * inverse * inverse * np.sqrt(inverse)], axis=-1)
+    return square * square, loop * inverse * inverse * np.sqrt(inverse)
 
 
-def _gradient_of_dipole_loop(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _potential_of_dipole_loop(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     image, loop = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    square_sum = loop**2 + shape["radius_m"] ** 2
-    return np.stack([-4.0 * image**-5.0, square_sum**-2.5 - 5.0 * loop**2 * square_sum**-3.5], axis=-1)
-
-
-def _potential_of_dipole_loop(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    image, loop = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    return np.stack([image**-3.0 / 3.0, (loop**2 + shape["radius_m"] ** 2) ** -1.5 / 3.0], axis=-1)
+    return image**-3.0 / 3.0, (loop**2 + shape["radius_m"] ** 2) ** -1.5 / 3.0
 
 
 DIPOLE_LOOP = ForceLaw(
@@ -172,9 +156,8 @@ DIPOLE_LOOP = ForceLaw(
     formula="a (d + d1)^-4 + b s (s^2 + R^2)^(-5/2), s = d + d2",
     basis=("(d+d1)^-4", "loop gradient"),
     coefficient_units=("N m^4", "N m^4"),
-    columns=_columns_of_dipole_loop,
-    gradient_columns=_gradient_of_dipole_loop,
-    potential_columns=_potential_of_dipole_loop,
+    terms=_columns_of_dipole_loop,
+    potentials=_potential_of_dipole_loop,
     column_operations=12,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), 5.5 (loop) and 5.7 (dipole)",
     shape=(

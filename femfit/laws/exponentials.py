@@ -9,27 +9,22 @@ the motional constant Bl(d), and its squares the reluctance force, half of dL/dd
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
 from femfit.laws.law import ForceLaw, ShapeParameter
 
 
-def _columns(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     first = np.exp(-1.0 / shape["length_m"] * distance)
     second = first * first
-    return np.stack([first, second, second * second], axis=-1)
+    return first, second, second * second
 
 
-def _gradient(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _potential(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     length = shape["length_m"]
-    return np.stack([-k / length * np.exp(-k / length * distance) for k in (1.0, 2.0, 4.0)], axis=-1)
-
-
-def _potential(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    length = shape["length_m"]
-    return np.stack([length / k * np.exp(-k / length * distance) for k in (1.0, 2.0, 4.0)], axis=-1)
+    return tuple(length / k * np.exp(-k / length * distance) for k in (1.0, 2.0, 4.0))
 
 
 EXPONENTIAL_HARMONICS = ForceLaw(
@@ -37,9 +32,8 @@ EXPONENTIAL_HARMONICS = ForceLaw(
     formula="a e + b e^2 + c e^4, e = exp(-d / l)",
     basis=("e", "e^2", "e^4"),
     coefficient_units=("N", "N", "N"),
-    columns=_columns,
-    gradient_columns=_gradient,
-    potential_columns=_potential,
+    terms=_columns,
+    potentials=_potential,
     column_operations=23,
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
     passes_face=True,
@@ -47,19 +41,14 @@ EXPONENTIAL_HARMONICS = ForceLaw(
 )
 
 
-def _columns_of_two_exponentials(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_two_exponentials(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     rate1, rate2 = -1.0 / shape["length1_m"], -1.0 / shape["length2_m"]
-    return np.stack([np.exp(rate1 * distance), np.exp(rate2 * distance)], axis=-1)
+    return np.exp(rate1 * distance), np.exp(rate2 * distance)
 
 
-def _gradient_of_two_exponentials(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    rate1, rate2 = -1.0 / shape["length1_m"], -1.0 / shape["length2_m"]
-    return np.stack([rate1 * np.exp(rate1 * distance), rate2 * np.exp(rate2 * distance)], axis=-1)
-
-
-def _potential_of_two_exponentials(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _potential_of_two_exponentials(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     length1, length2 = shape["length1_m"], shape["length2_m"]
-    return np.stack([length1 * np.exp(-distance / length1), length2 * np.exp(-distance / length2)], axis=-1)
+    return length1 * np.exp(-distance / length1), length2 * np.exp(-distance / length2)
 
 
 TWO_EXPONENTIALS = ForceLaw(
@@ -67,9 +56,8 @@ TWO_EXPONENTIALS = ForceLaw(
     formula="a exp(-d / l1) + b exp(-d / l2)",
     basis=("exp(-d/l1)", "exp(-d/l2)"),
     coefficient_units=("N", "N"),
-    columns=_columns_of_two_exponentials,
-    gradient_columns=_gradient_of_two_exponentials,
-    potential_columns=_potential_of_two_exponentials,
+    terms=_columns_of_two_exponentials,
+    potentials=_potential_of_two_exponentials,
     column_operations=42,
     reference="H. A. Haus and J. R. Melcher, Electromagnetic Fields and Energy (Prentice Hall, 1989), 5.4",
     passes_face=True,
@@ -84,19 +72,15 @@ HIGHEST = 6
 """Power of the distance: a coil that leaves its gap on both sides has a Bl(d) with a top and two bends."""
 
 
-def _columns_of_moving_coil(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    powers = [np.ones_like(distance), distance]
+def _columns_of_moving_coil(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
+    powers = [1.0, distance]
     while len(powers) <= HIGHEST:
         powers.append(powers[-1] * distance)
-    return np.stack(powers, axis=-1)
+    return tuple(powers)
 
 
-def _gradient_of_moving_coil(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([k * distance ** max(k - 1, 0) for k in range(HIGHEST + 1)], axis=-1)
-
-
-def _potential_of_moving_coil(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
-    return np.stack([-(distance ** (k + 1)) / (k + 1) for k in range(HIGHEST + 1)], axis=-1)
+def _potential_of_moving_coil(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
+    return tuple(-(distance ** (k + 1)) / (k + 1) for k in range(HIGHEST + 1))
 
 
 MOVING_COIL = ForceLaw(
@@ -104,9 +88,8 @@ MOVING_COIL = ForceLaw(
     formula="sum_k c_k d^k, k = 0..6",
     basis=("1", "d", *(f"d^{k}" for k in range(2, HIGHEST + 1))),
     coefficient_units=("N", "N m^-1", *(f"N m^-{k}" for k in range(2, HIGHEST + 1))),
-    columns=_columns_of_moving_coil,
-    gradient_columns=_gradient_of_moving_coil,
-    potential_columns=_potential_of_moving_coil,
+    terms=_columns_of_moving_coil,
+    potentials=_potential_of_moving_coil,
     column_operations=HIGHEST - 1,
     reference="W. Klippel, J. Audio Eng. Soc. 54 (2006) 907, section 1 (Bl(x), L(x) and the reluctance force)",
     passes_face=True,

@@ -8,6 +8,7 @@ law therefore gives flux linkage, motional constant and inductance as well, and 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -26,22 +27,17 @@ class ShapeParameter:
     description: str
 
 
-Columns = Callable[[FloatArray, Mapping[str, float]], FloatArray]
+Columns = Callable[[Any, Mapping[str, Any]], tuple[Any, ...]]
+"""(d, shape parameters) -> a value of each column, of arrays and of expressions."""
 
 Powers = tuple[tuple[float, str], ...]
 """Columns (d + shift)^-k, each as k and the name of its shift; empty for none."""
 
 
-def gradient_of_powers(powers: Powers, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    """The slopes of inverse powers; as of :attr:`ForceLaw.gradient_columns`."""
+def potential_of_powers(powers: Powers, distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
+    """The integrals of inverse powers; as of :attr:`ForceLaw.potentials`."""
     shifted = [(k, distance + shape[name] if name else distance) for k, name in powers]
-    return np.stack([-k * s ** (-k - 1.0) for k, s in shifted], axis=-1)
-
-
-def potential_of_powers(powers: Powers, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    """The integrals of inverse powers; as of :attr:`ForceLaw.potential_columns`."""
-    shifted = [(k, distance + shape[name] if name else distance) for k, name in powers]
-    return np.stack([s ** (1.0 - k) / (k - 1.0) for k, s in shifted], axis=-1)
+    return tuple(s ** (1.0 - k) / (k - 1.0) for k, s in shifted)
 
 
 @dataclass(frozen=True)
@@ -53,9 +49,8 @@ class ForceLaw:
     basis: tuple[str, ...]  # Name of each column, for example ``d^-4``
     # Unit of each column's coefficient at current power zero; each power of current divides by A
     coefficient_units: tuple[str, ...]
-    columns: Columns  # (d of shape (n,), shape parameters) -> phi of shape (n, k), in 1/coefficient unit times N
-    gradient_columns: Columns
-    potential_columns: Columns  # The same for Phi(d), the integral of phi from d to infinity or zero
+    terms: Columns  # phi(d), in N over the coefficient's unit
+    potentials: Columns  # Phi(d), the integral of phi from d to infinity or zero
     # Floating-point operations of the columns at one distance: each addition, multiplication, division and square
     # root counts one (division and square root take the same time on common microcontrollers), exp counts 20
     column_operations: int
@@ -64,6 +59,14 @@ class ForceLaw:
     nonnegative: tuple[bool, ...] = field(default=())  # Which coefficients are bounded below by zero at each current
     passes_face: bool = False  # Whether the columns are finite at all distances, zero and below included
     decays: bool = True  # Whether the columns are positive and vanish at infinity
+
+    def columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+        """The columns phi at distances (n,) in m, of shape (n, k)."""
+        return np.stack(np.broadcast_arrays(*self.terms(distance, shape)), axis=-1)
+
+    def potential_columns(self, distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+        """Their integrals Phi at distances (n,) in m, of shape (n, k)."""
+        return np.stack(self.potentials(distance, shape), axis=-1)
 
     @property
     def operations(self) -> int:

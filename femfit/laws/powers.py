@@ -9,18 +9,18 @@ A shifted dipole and a rational bell: a (d + d1)^-4 + b (d^2 + R^2)^-2, without 
 
 from collections.abc import Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from femfit.core.numerics import FloatArray
-from femfit.laws.law import ForceLaw, ShapeParameter, gradient_of_powers, potential_of_powers
+from femfit.laws.law import ForceLaw, ShapeParameter, potential_of_powers
 
 
-def _columns(distance: FloatArray, _shape: Mapping[str, float]) -> FloatArray:
+def _columns(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
     inverse = 1.0 / distance
     square = inverse * inverse
     fourth = square * square
-    return np.stack([square, square * inverse, fourth, fourth * inverse], axis=-1)
+    return square, square * inverse, fourth, fourth * inverse
 
 
 INVERSE_POWERS = ForceLaw(
@@ -28,19 +28,18 @@ INVERSE_POWERS = ForceLaw(
     formula="a d^-2 + b d^-3 + c d^-4 + e d^-5",
     basis=("d^-2", "d^-3", "d^-4", "d^-5"),
     coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
-    columns=_columns,
-    gradient_columns=partial(gradient_of_powers, tuple((k, "") for k in (2.0, 3.0, 4.0, 5.0))),
-    potential_columns=partial(potential_of_powers, tuple((k, "") for k in (2.0, 3.0, 4.0, 5.0))),
+    terms=_columns,
+    potentials=partial(potential_of_powers, tuple((k, "") for k in (2.0, 3.0, 4.0, 5.0))),
     column_operations=5,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
 )
 
 
-def _columns_of_shifted_powers(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_shifted_powers(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     inverse = 1.0 / (distance + shape["shift_m"])
     square = inverse * inverse
     fourth = square * square
-    return np.stack([square, square * inverse, fourth, fourth * inverse], axis=-1)
+    return square, square * inverse, fourth, fourth * inverse
 
 
 SHIFTED_POWERS = ForceLaw(
@@ -48,20 +47,19 @@ SHIFTED_POWERS = ForceLaw(
     formula="a s^-2 + b s^-3 + c s^-4 + e s^-5, s = d + d1",
     basis=("s^-2", "s^-3", "s^-4", "s^-5"),
     coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
-    columns=_columns_of_shifted_powers,
-    gradient_columns=partial(gradient_of_powers, tuple((k, "shift_m") for k in (2.0, 3.0, 4.0, 5.0))),
-    potential_columns=partial(potential_of_powers, tuple((k, "shift_m") for k in (2.0, 3.0, 4.0, 5.0))),
+    terms=_columns_of_shifted_powers,
+    potentials=partial(potential_of_powers, tuple((k, "shift_m") for k in (2.0, 3.0, 4.0, 5.0))),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
     shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 5e-3, "depth of the expansion's centre behind the face"),),
 )
 
 
-def _columns_of_shifted_multipoles(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_shifted_multipoles(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     inverse = 1.0 / (distance + shape["shift_m"])
     square = inverse * inverse
     fourth = square * square
-    return np.stack([fourth, fourth * inverse, fourth * square], axis=-1)
+    return fourth, fourth * inverse, fourth * square
 
 
 SHIFTED_MULTIPOLES = ForceLaw(
@@ -69,31 +67,25 @@ SHIFTED_MULTIPOLES = ForceLaw(
     formula="a s^-4 + b s^-5 + c s^-6, s = d + d1",
     basis=("s^-4", "s^-5", "s^-6"),
     coefficient_units=("N m^4", "N m^5", "N m^6"),
-    columns=_columns_of_shifted_multipoles,
-    gradient_columns=partial(gradient_of_powers, tuple((k, "shift_m") for k in (4.0, 5.0, 6.0))),
-    potential_columns=partial(potential_of_powers, tuple((k, "shift_m") for k in (4.0, 5.0, 6.0))),
+    terms=_columns_of_shifted_multipoles,
+    potentials=partial(potential_of_powers, tuple((k, "shift_m") for k in (4.0, 5.0, 6.0))),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
     shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 10e-3, "depth of the multipoles' centre behind the face"),),
 )
 
 
-def _columns_of_rational(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _columns_of_rational(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     image = distance + shape["shift_m"]
     square = 1.0 / (image * image)
     bell = 1.0 / (distance * distance + shape["radius_m"] ** 2)
-    return np.stack([square * square, bell * bell], axis=-1)
+    return square * square, bell * bell
 
 
-def _gradient_of_rational(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
-    bell = 1.0 / (distance**2 + shape["radius_m"] ** 2)
-    return np.stack([-4.0 * (distance + shape["shift_m"]) ** -5.0, -4.0 * distance * bell**3], axis=-1)
-
-
-def _potential_of_rational(distance: FloatArray, shape: Mapping[str, float]) -> FloatArray:
+def _potential_of_rational(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     radius = shape["radius_m"]
     tail = np.arctan2(radius, distance) - radius * distance / (distance**2 + radius**2)
-    return np.stack([(distance + shape["shift_m"]) ** -3.0 / 3.0, tail / (2.0 * radius**3)], axis=-1)
+    return (distance + shape["shift_m"]) ** -3.0 / 3.0, tail / (2.0 * radius**3)
 
 
 RATIONAL = ForceLaw(
@@ -101,9 +93,8 @@ RATIONAL = ForceLaw(
     formula="a (d + d1)^-4 + b (d^2 + R^2)^-2",
     basis=("(d+d1)^-4", "(d^2+R^2)^-2"),
     coefficient_units=("N m^4", "N m^4"),
-    columns=_columns_of_rational,
-    gradient_columns=_gradient_of_rational,
-    potential_columns=_potential_of_rational,
+    terms=_columns_of_rational,
+    potentials=_potential_of_rational,
     column_operations=8,
     reference="I. S. Gradshteyn and I. M. Ryzhik, Table of Integrals (Academic Press, 2007), 2.103 (potential)",
     shape=(

@@ -10,17 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.graph import Memo
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C, Conditions
-from femfit.effects.effect import AddedEffect
+from femfit.effects.effect import AddedEffect, Memory
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.eddy_currents import EddyCurrents, EddyHall
-from femfit.model.eddy_magnetics import EddyMagnetics
-from femfit.model.effect_dynamics import EffectDynamics
+from femfit.model.eddy_currents import EddyCurrents, EddyMagnetics
+from femfit.model.equations import Equations
 from femfit.model.hall import HallSensor, OtherSensor
 from femfit.model.impedance import SmallSignal, checked_frequency, following_share
 from femfit.model.magnetics import Magnetics
@@ -55,8 +55,6 @@ class ActuatorModel(Printed):
     base : ActuatorModel or None
         The model without its effects: magnetics, circuits, motion and sensor above are this one's, as the effects
         change them. None where there are no effects.
-    dynamics : EffectDynamics or None
-        The effects at work while something moves or changes; None where there are none, or several circuits.
     conditions : Conditions or None
         Under which plant and filters have the effects act; None where there are none.
     coil_temperature_C, magnet_temperature_C : float
@@ -97,7 +95,6 @@ class ActuatorModel(Printed):
     covariance: FloatArray | None = None
     effects: tuple[AddedEffect, ...] = ()
     base: "ActuatorModel | None" = None
-    dynamics: EffectDynamics | None = None
     conditions: Conditions | None = None
     coil_temperature_C: float = REFERENCE_TEMPERATURE_C
     magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
@@ -248,8 +245,17 @@ class ActuatorModel(Printed):
         """The model of a device whose parts conduct nothing; itself where it has no eddy currents."""
         if self.eddy is None:
             return self
-        dynamics = self.dynamics and replace(self.dynamics, eddy=None)
-        return replace(self, eddy=None, base=self.base and self.base.without_eddies, dynamics=dynamics)
+        return replace(self, eddy=None, base=self.base and self.base.without_eddies)
+
+    @cached_property
+    def resting(self) -> Memo:
+        """What :mod:`femfit.model.at_rest` derived of it."""
+        return Memo()
+
+    @cached_property
+    def equations(self) -> Equations:
+        """The equations of its motion."""
+        return Equations(self)
 
     @property
     def has_magnet(self) -> bool:
@@ -317,7 +323,17 @@ class ActuatorModel(Printed):
     @property
     def memory_names(self) -> tuple[str, ...]:
         """States that effects add to (distance, velocity, currents, eddy currents)."""
-        return self.dynamics.names if self.dynamics is not None else ()
+        return tuple(name for memory in self.memories for name in memory.names)
+
+    @property
+    def effects_drive(self) -> bool:
+        """Whether the equations of motion and current differ from those of the model's W', R and m."""
+        return bool(self.memories) or any(added.effect.force or added.effect.circuit for added in self.effects)
+
+    @property
+    def memories(self) -> tuple[Memory, ...]:
+        """Those of effects whose parameters need states."""
+        return tuple(added.memory for added in self.effects if added.memory is not None)
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -340,11 +356,6 @@ class ActuatorModel(Printed):
         series = np.zeros((len(resistances),) * 2)
         series[:n, :n] = self.series_inductances_H
         return Windings(EddyMagnetics(self.magnetics, eddy), resistances, series, n)
-
-    @cached_property
-    def eddy_hall(self) -> EddyHall | None:
-        """The field at the Hall element beside eddy currents; None without them."""
-        return None if self.eddy is None else EddyHall(self.eddy, self.require_sensor().field)
 
     @property
     def travel_m(self) -> tuple[float, float]:

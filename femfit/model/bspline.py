@@ -1,160 +1,35 @@
-"""Tensor-product B-splines in two variables, evaluated as piecewise polynomials with numpy alone.
+"""Tensor-product B-splines, evaluated as piecewise polynomials.
 
-A spline is stored by knots and coefficients (what the fit finds and the model file keeps) and converted once to one
-polynomial a cell, S = sum_ab P[a, b] s^a t^b with s, t counted from the cell's lower corner, because a filter evaluates
-it millions of times. Beyond the knots in y a spline continues as a parabola, or as a straight line: a cubic's last
-piece would bend on, and a co-energy's inductance, its second derivative, would become negative there. For derivatives
-that are asked for again and again, the polynomials in s before the powers of t are laid out once, so that one gather
-and one Horner scheme in s serve all of them; a second one in t follows.
-
-B-spline basis functions as one polynomial a cell, for those who evaluate them at a few points again and again.
-
-The recursion of de Boor takes a dozen array operations a degree, whatever the number of points; a closed loop asks for
-a handful of points a million times. The polynomials are Taylor's at the lower corner of each cell between two knots.
+A spline is stored by knots and coefficients (what the fit finds and the model file keeps) and enters an expression as
+one polynomial a cell, in powers of the way from the cell's middle. Beyond the knots of a current it continues as
+a parabola, or as a straight line: a cubic's last piece would bend on, and a co-energy's inductance, its second
+derivative, would become negative there.
 
 References
 ----------
 C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
 """
 
-from bisect import bisect_right
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
-from math import factorial, perm
+from __future__ import annotations
 
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from math import factorial
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import casadi as ca
 import numpy as np
+from casadi import SX
 
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.graph import Expression, GraphFunction, Memo, building, row_of
+from femfit.core.numerics import FloatArray
 
 PARABOLA, LINE = 2, 1
 """Degrees of what continues a co-energy beyond its currents, with the inductance at the last, and a field."""
 
 Orders = tuple[tuple[int, int], ...]
-FloatFunction = Callable[[list[float], list[float]], list[list[float]]]
-
-
-@dataclass(frozen=True, eq=False)
-class _Plan:
-    """What some derivatives need."""
-
-    table: FloatArray  # Each row is a polynomial in s, the lowest power first; shape (powers of s, rows, cells)
-    # For each derivative the rows before the powers of t, the highest power first
-    terms: tuple[tuple[tuple[int, float], ...], ...]
-
-    def in_lists(self) -> list[list[list[list[float]]]]:
-        """For each cell and derivative, its rows times their factors, the highest powers first."""
-        _, _, cells = self.table.shape
-        return [
-            [[(factor * self.table[::-1, row, cell]).tolist() for row, factor in rows] for rows in self.terms]
-            for cell in range(cells)
-        ]
-
-
-@dataclass(frozen=True, eq=False)
-class CellPolynomials:
-    """A piecewise polynomial."""
-
-    x_breaks: FloatArray
-    y_breaks: FloatArray
-    polynomials: FloatArray
-    _plans: dict[Orders, _Plan] = field(default_factory=dict, init=False, repr=False)
-
-    def derivatives(self, x: FloatArray, y: FloatArray, orders: Orders) -> list[FloatArray]:
-        """Partial derivatives at points of shape (n,); outside, the polynomials of the outermost cells are continued.
-
-        Parameters
-        ----------
-        orders : tuple of (int, int)
-            Order in x and in y of each; (0, 0) is the value.
-        """
-        plan = self._planned(orders)
-        cell = across = self.x_breaks[1:-1].searchsorted(x, "right")
-        s = x - self.x_breaks[across]
-        if len(self.y_breaks) == 2:
-            t = y - self.y_breaks[0]
-        else:
-            along = self.y_breaks[1:-1].searchsorted(y, "right")
-            t, cell = y - self.y_breaks[along], across * (len(self.y_breaks) - 1) + along
-        coefficients = plan.table.take(cell, axis=2)
-        rows = coefficients[-1]
-        for lower in coefficients[-2::-1]:
-            rows *= s
-            rows += lower
-        result = []
-        for terms in plan.terms:
-            if not terms:
-                result.append(np.zeros_like(s))
-                continue
-            (row, factor), *lower_terms = terms
-            value = factor * rows[row]
-            for row, factor in lower_terms:
-                value *= t
-                value += rows[row] if factor == 1.0 else factor * rows[row]
-            result.append(value)
-        return result
-
-    def in_floats(self, orders: Orders) -> FloatFunction:
-        """The same derivatives at a handful of points in Python's floats: numpy's calls would cost more.
-
-        Returns
-        -------
-        callable
-            (list of x, list of y) -> one list of derivatives a point.
-        """
-        cells = self._planned(orders).in_lists()
-        x_breaks, y_breaks = self.x_breaks.tolist(), self.y_breaks.tolist()
-        x_inner, y_inner, width = x_breaks[1:-1], y_breaks[1:-1], len(y_breaks) - 1
-
-        def polynomials(x: float, along: int) -> list[list[float]]:
-            """For each derivative, the polynomial in t at one x, the highest power first."""
-            across, result = bisect_right(x_inner, x), []
-            s = x - x_breaks[across]
-            for rows in cells[across * width + along]:
-                polynomial = []
-                for row in rows:
-                    value = 0.0
-                    for coefficient in row:
-                        value = value * s + coefficient
-                    polynomial.append(value)
-                result.append(polynomial)
-            return result
-
-        def evaluate(x: list[float], y: list[float]) -> list[list[float]]:
-            known: dict[tuple[float, int], list[list[float]]] = {}  # sigma points share their distances
-            result = []
-            for one_x, one_y in zip(x, y, strict=True):
-                along = bisect_right(y_inner, one_y)
-                place = (one_x, along)
-                if place not in known:
-                    known[place] = polynomials(one_x, along)
-                t, values = one_y - y_breaks[along], []
-                for polynomial in known[place]:
-                    value = 0.0
-                    for coefficient in polynomial:
-                        value = value * t + coefficient
-                    values.append(value)
-                result.append(values)
-            return result
-
-        return evaluate
-
-    def _planned(self, orders: Orders) -> _Plan:
-        if orders in self._plans:
-            return self._plans[orders]
-        cells, x_count, y_count = self.polynomials.shape
-        needed = dict.fromkeys((a, power) for a, b in orders for power in range(b, y_count))
-        table = np.zeros((max([1, *(x_count - a for a, _ in orders)]), len(needed), cells))
-        for row, (a, power) in enumerate(needed):
-            for k in range(a, x_count):
-                table[k - a, row] = perm(k, a) * self.polynomials[:, k, power]
-        index = {key: row for row, key in enumerate(needed)}
-        terms = tuple(
-            tuple((index[a, power], float(perm(power, b))) for power in range(y_count - 1, b - 1, -1))
-            for a, b in orders
-        )
-        plan = self._plans[orders] = _Plan(table, terms)
-        return plan
 
 
 def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int = 0) -> FloatArray:
@@ -211,22 +86,42 @@ class TensorSpline:
     coefficients: FloatArray  # C; shape (len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1)
     beyond: int = PARABOLA  # Degree of what continues it in y
 
+    def expression(self, x: Expression, y: Expression) -> SX:
+        """The value of an expression's x and y."""
+        return cell_table(self, self._cells).at(x, y)[0]
+
+    def _cells(self) -> CellTable:
+        axes = cells_of(self.x_knots, self.x_degree), cells_of(self.y_knots, self.y_degree, self.beyond)
+        return CellTable(axes, self.coefficients[..., None])
+
     @cached_property
-    def _cells(self) -> CellPolynomials:
-        """One polynomial a cell, from the Taylor coefficients of the basis at its corner."""
-        x_breaks = np.unique(self.x_knots)
-        x_taylor = taylor_rows(x_breaks[:-1], self.x_knots, self.x_degree)
-        y_breaks, y_taylor = continued_rows(self.y_knots, self.y_degree, self.beyond)
-        cells = np.einsum("xai,ij,ybj->xyab", x_taylor, self.coefficients, y_taylor)
-        return CellPolynomials(x_breaks, y_breaks, cells.reshape(-1, self.x_degree + 1, self.y_degree + 1))
+    def _derivatives(self) -> dict[Orders, GraphFunction]:
+        return Memo()
 
-    def derivatives(self, x: FloatArray, y: FloatArray, orders: tuple[tuple[int, int], ...]) -> list[FloatArray]:
+    @cached_property
+    def in_distance(self) -> dict[Hashable, GraphFunction]:
+        """Its derivatives in the distance, by coordinate and orders."""
+        return Memo()
+
+    def derivatives(self, x: FloatArray, y: FloatArray, orders: Orders) -> list[FloatArray]:
         """Partial derivatives of orders (in x, in y) at points (n,), continued outwards."""
-        return self._cells.derivatives(x, y, orders)
+        if orders not in self._derivatives:
+            with building():
+                at = SX.sym("at", 2)
+                self._derivatives[orders] = GraphFunction([at], partials(self.expression(at[0], at[1]), at, orders))
+        return list(self._derivatives[orders](np.stack([x, y])))
 
-    def in_floats(self, orders: tuple[tuple[int, int], ...]) -> FloatFunction:
-        """The same for a handful of points in Python's floats: (list of x, list of y) -> one list a point."""
-        return self._cells.in_floats(orders)
+
+def partials(value: SX, at: SX, orders: Orders) -> SX:
+    """Partial derivatives of orders (in the first variable, in the second)."""
+    found = []
+    for order in orders:
+        one = value
+        for k, count in enumerate(order):
+            for _ in range(count):
+                one = ca.gradient(one, at[k])
+        found.append(one)
+    return ca.vertcat(*found)
 
 
 def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
@@ -235,62 +130,76 @@ def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArra
     return np.stack(rows, axis=1)
 
 
-def continued_rows(knots: FloatArray, degree: int, beyond: int | None) -> tuple[FloatArray, FloatArray]:
-    """Breaks and the :func:`taylor_rows` at the lower ends of all cells.
+Cells = tuple[FloatArray, FloatArray, FloatArray]
+"""Of one axis: the borders between its cells, where each one's polynomials count from, and their Taylor coefficients,
+shape (cells, degree + 1, functions)."""
 
-    Where the degree is above ``beyond``, there is one cell below the knots and one above, without an end: they count
-    from the first and the last knot, and end with that power.
+
+def cells_of(knots: FloatArray, degree: int, beyond: int | None = None) -> Cells:
+    """The cells of an axis; outside of its knots the polynomials at their ends go on, at most of degree ``beyond``.
+
+    They count from their middles: from an end, powers of a whole cell's width would cancel. Where the degree is above
+    ``beyond``, there is one cell below the knots and one above, which count from the first and the last knot.
     """
     breaks = np.unique(knots)
+    middles = 0.5 * (breaks[1:] + breaks[:-1])
     if beyond is None or degree <= beyond:
-        return breaks, taylor_rows(breaks[:-1], knots, degree)
-    rows = taylor_rows(breaks[[0, *range(len(breaks))]], knots, degree)
+        return breaks[1:-1], middles, taylor_rows(middles, knots, degree)
+    origins = np.concatenate([breaks[:1], middles, breaks[-1:]])
+    rows = taylor_rows(origins, knots, degree)
     rows[[0, -1], beyond + 1 :] = 0.0
-    return breaks[[0, *range(len(breaks)), -1]], rows
+    return breaks, origins, rows
 
 
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Points on one axis: the cell that each lies in, and the powers of its distance from the cell's lower corner."""
+class CellTable:
+    """A tensor spline as one polynomial a cell, for expressions.
 
-    cell: IntArray  # (n,)
-    powers: FloatArray  # (n, degree + 1), the lowest first
-
-
-@dataclass(frozen=True, eq=False)
-class BasisPolynomials:
-    """All basis functions of one axis; outside of the knots the polynomials at their ends are continued.
-
-    With a degree ``beyond`` below that of the spline, only as far as that.
+    Parameters
+    ----------
+    axes : sequence of Cells
+    coefficients : array, shape (functions of the first axis, .., entries)
     """
 
-    knots: FloatArray  # Clamped
-    degree: int
-    beyond: int | None = None
+    def __init__(self, axes: Sequence[Cells], coefficients: FloatArray) -> None:
+        table, n = coefficients, len(axes)
+        for *_, rows in axes:  # each axis' functions become its cells and powers, at the end of the table's axes
+            table = np.tensordot(table, rows, axes=(0, 2))
+        entries, *pairs = range(table.ndim)
+        table = table.transpose(*pairs[0::2], entries, *pairs[1::2])
+        origins = np.stack(np.meshgrid(*(origins for _, origins, _ in axes), indexing="ij"), axis=-1)
+        self._entries, self._powers = table.shape[n], table.shape[n + 1 :]
+        self._rows = np.concatenate([origins, table.reshape(*table.shape[:n], -1)], axis=n)
+        self._borders = [borders for borders, *_ in axes]
 
-    @cached_property
-    def _breaks_and_rows(self) -> tuple[FloatArray, FloatArray]:
-        return continued_rows(self.knots, self.degree, self.beyond)
+    def at(self, *coordinates: Expression) -> list[SX]:
+        """The entries at an expression's coordinates."""
+        row, polynomial = row_of(self._rows, self._borders, coordinates), _polynomial(self._powers)
+        origins, *each = ca.vertsplit(row, [0, *range(len(coordinates), row.numel() + 1, int(np.prod(self._powers)))])
+        local = ca.vertcat(*coordinates) - origins
+        return [polynomial(one, local) for one in each]
 
-    @cached_property
-    def _tables(self) -> dict[int, FloatArray]:
-        return {}
 
-    def places(self, x: FloatArray) -> Places:
-        """Where points of shape (n,) lie."""
-        breaks, _ = self._breaks_and_rows
-        cell = breaks[1:-1].searchsorted(x, "right")
-        powers = np.ones((len(x), self.degree + 1))
-        powers[:, 1:] = (x - breaks[cell])[:, None]
-        return Places(cell, np.multiply.accumulate(powers, axis=1))
+@cache
+def _polynomial(powers: tuple[int, ...]) -> ca.Function:
+    """(coefficients, variables) -> value by Horner's scheme, the first variable's powers outermost, lowest first."""
+    coefficients, at = SX.sym("c", int(np.prod(powers))), SX.sym("x", len(powers))
 
-    def values(self, at: Places, derivative: int = 0) -> FloatArray:
-        """Basis functions or their derivatives at places, of shape (n, functions)."""
-        if derivative > self.degree:
-            return np.zeros((len(at.cell), len(self.knots) - self.degree - 1))
-        if derivative not in self._tables:
-            rows = self._breaks_and_rows[1][:, derivative:]
-            factors = [perm(power, derivative) for power in range(derivative, self.degree + 1)]
-            self._tables[derivative] = rows * np.array(factors, dtype=np.float64)[:, None]
-        powers = at.powers[:, None, : self.degree + 1 - derivative]
-        return np.asarray((powers @ self._tables[derivative].take(at.cell, axis=0))[:, 0])
+    def value(part: SX, variables: list[SX], sizes: tuple[int, ...]) -> SX:
+        if not variables:
+            return part
+        result = SX(0.0)
+        for one in reversed(ca.vertsplit(part, part.numel() // sizes[0])):
+            result = result * variables[0] + value(one, variables[1:], sizes[1:])
+        return result
+
+    return ca.Function("polynomial", [coefficients, at], [value(coefficients, ca.vertsplit(at), powers)])
+
+
+_TABLES: WeakKeyDictionary[Any, CellTable] = WeakKeyDictionary()
+
+
+def cell_table(owner: Any, make: Callable[[], CellTable]) -> CellTable:
+    """The table of what owns it, made once."""
+    if owner not in _TABLES:
+        _TABLES[owner] = make()
+    return _TABLES[owner]

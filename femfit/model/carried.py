@@ -13,15 +13,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from casadi import SX
 
+from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Effect, EffectParameter, Parameters
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
-from femfit.model.bspline import TensorSpline, basis_matrix
-from femfit.model.coenergy_table import taylor
+from femfit.effects.effect import Coenergy, Effect, EffectParameter, Parameters
+from femfit.model.bspline import CellTable, TensorSpline, basis_matrix, cells_of
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.impedance import ImpedanceChange
+from femfit.model.magnetics import current_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +37,10 @@ class FieldTerm:
     # Whether it goes with a / (1 + a) in place of a: with the reciprocal of what a is a share of
     reciprocal: bool = False
 
-    def size(self, p: Parameters) -> float:
+    def size(self, p: Parameters) -> Expression:
         """What its splines are multiplied by."""
         value = p[self.parameter]
-        return float((value / (1.0 + value) if self.reciprocal else value) ** self.power)
+        return (value / (1.0 + value) if self.reciprocal else value) ** self.power
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,28 +56,28 @@ class FieldChange:
 
     def __call__(
         self,
-        inner: CoenergySeries,
-        distance: FloatArray,
-        current: FloatArray,
-        in_distance: int,
-        in_current: int,
+        inner: Coenergy,
+        distance: Expression,
+        current: Expression,
+        hall: Expression,
         conditions: Conditions,  # noqa: ARG002  a stage's signature
         p: Parameters,
-    ) -> TaylorSeries:
-        """The changed co-energy at points (n,)."""
-        result = inner(distance, current, in_distance, in_current).coefficients.copy()
-        orders = tuple((a, b) for a in range(in_distance + 1) for b in range(in_current + 1))
+    ) -> Expression:
+        """The changed co-energy."""
+        value = inner(distance, current, hall)
         for term in self.terms:
-            size = term.size(p)
-            for k, spline in enumerate((term.coenergy, term.hall)):
-                if spline is not None and size != 0.0:
-                    values = term.coordinate.partial_derivatives(spline, distance, current, orders)
-                    result[k] += size * taylor(values, in_distance, in_current)
-        if self.gap_m and (shift := self.gap_m * p[self.terms[0].parameter]):
-            drawn = inner(distance, current, in_distance + 1, in_current)
-            beyond = inner(distance - shift, current, in_distance, in_current) - drawn + shift * drawn.along_distance()
-            result[0] += beyond.coefficients[0]
-        return TaylorSeries(result)
+            for spline, share in ((term.coenergy, 1.0), (term.hall, hall)):
+                if spline is not None:
+                    at = term.coordinate.of(distance), current_of(SX(current))
+                    value += term.size(p) * share * spline.expression(*at)
+        if self.gap_m:
+            shift = self.gap_m * p[self.terms[0].parameter]
+
+            def still(d: Expression) -> Expression:
+                return inner(d, current, 0.0)
+
+            value += still(distance - shift) - still(distance) + shift * slope(still, distance)
+        return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +89,13 @@ class Curve:
     degree: int
     coefficients: FloatArray
 
-    def at(self, x: FloatArray, p: Parameters) -> FloatArray:
-        """Values at points of any shape."""
-        inside = np.clip(np.ravel(x), self.knots[0], self.knots[-1])
-        values = basis_matrix(inside, self.knots, self.degree) @ self.coefficients
+    def at(self, x: Expression, p: Parameters) -> Expression:
+        """Values at points of any shape, or of an expression."""
+        inside = np.clip(x, self.knots[0], self.knots[-1])
+        if isinstance(x, SX):
+            table = CellTable([cells_of(self.knots, self.degree)], self.coefficients[:, None])
+            return p[self.parameter] * table.at(inside)[0]
+        values = basis_matrix(np.ravel(inside), self.knots, self.degree) @ self.coefficients
         return np.asarray(p[self.parameter] * values.reshape(np.shape(x)))
 
 
@@ -153,7 +157,7 @@ class Brake:
     def __call__(self, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:  # noqa: ARG002
         """Towards the electromagnet where the body falls away."""
         v = like(conditions.velocity_m_s, d)
-        return np.asarray(np.tanh(v / self.rounded_m_s) * np.maximum(self.against.at(np.abs(v), p), 0.0))
+        return np.tanh(v / self.rounded_m_s) * np.maximum(self.against.at(np.abs(v), p), 0.0)
 
 
 @dataclass(frozen=True, eq=False)

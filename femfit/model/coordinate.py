@@ -3,19 +3,16 @@
 Any number of functions of the distance: splines with common knots in one coordinate, evaluated together.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
-from math import comb, factorial
+from functools import cached_property
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 
-from femfit.core.errors import DomainError
-from femfit.core.numerics import FloatArray, IntArray
-from femfit.model.bspline import TensorSpline, taylor_rows
-
-Orders = tuple[tuple[int, int], ...]
-FloatPlaces = Callable[[list[float]], tuple[list[float], list[float]]]
+from femfit.core.graph import Expression, GraphFunction, Memo, building
+from femfit.core.numerics import FloatArray
+from femfit.model.bspline import CellTable, Orders, TensorSpline, cell_table, cells_of, partials
 
 
 @dataclass(frozen=True)
@@ -33,9 +30,12 @@ class DistanceCoordinate:
     inverse: bool = True
     stretch_m: float | None = None  # h, where the coordinate is the one for two gaps; several circuits alone have it
 
-    def of(self, distance: FloatArray) -> FloatArray:
-        """The coordinate u at distances in m."""
-        return self.with_slopes(distance)[0]
+    def of(self, distance: Expression) -> Expression:
+        """The coordinate u at distances in m, of arrays and of expressions."""
+        d_0 = self.reference_distance_m
+        if self.stretch_m is not None:
+            return np.sinh((distance - d_0) / self.stretch_m)
+        return d_0 / (distance + self.distance_shift_m) if self.inverse else distance / d_0
 
     def distance(self, u: FloatArray) -> FloatArray:
         """Distances in m at coordinates u."""
@@ -64,63 +64,14 @@ class DistanceCoordinate:
     def partial_derivatives(
         self, spline: TensorSpline, distance: FloatArray, current: FloatArray, orders: Orders
     ) -> list[FloatArray]:
-        """Partial derivatives, of orders (in d, in i), of a spline in (u, i) at flat arrays of d and i.
-
-        du/dd = -u^2 / d_0 of the inverse, so that d^n/dd^n = (-1 / d_0)^n sum_k L(n, k) u^(n + k) d^k/du^k with the
-        Lah numbers L(n, k) = C(n - 1, k - 1) n! / k!.
-
-        References
-        ----------
-        L. Comtet, Advanced Combinatorics (Reidel, 1974), section 3.3, for the Lah numbers.
-        """
-        self._require_one_gap()
-        d_0 = self.reference_distance_m
-        if not self.inverse:
-            values = spline.derivatives(distance / d_0, current, orders)
-            return [(1.0 / d_0) ** a * value if a else value for (a, _), value in zip(orders, values, strict=True)]
-        shifted = distance + self.distance_shift_m
-        u = d_0 / shifted
-        wanted = _inner_orders(orders)
-        inner = dict(zip(wanted, spline.derivatives(u, current, wanted), strict=True))
-        return [_in_distance(inner, u, shifted, a, b) for a, b in orders]
-
-    def in_floats(self) -> FloatPlaces:
-        """A function from distances to u and -du/dd, for a handful of points in Python's floats."""
-        self._require_one_gap()
-        d_0, shift = self.reference_distance_m, self.distance_shift_m
-
-        def inverse(distances: list[float]) -> tuple[list[float], list[float]]:
-            shifted = [d + shift for d in distances]
-            u = [d_0 / one for one in shifted]
-            return u, [one / d for one, d in zip(u, shifted, strict=True)]
-
-        def plain(distances: list[float]) -> tuple[list[float], list[float]]:
-            return [d / d_0 for d in distances], [-1.0 / d_0] * len(distances)
-
-        return inverse if self.inverse else plain
-
-    def _require_one_gap(self) -> None:
-        if self.stretch_m is not None:
-            raise DomainError("The coordinate of two gaps is that of several circuits; use one of a single gap here.")
-
-
-@cache
-def _inner_orders(orders: Orders) -> Orders:
-    """Orders (in u, in i) that the chain rule needs."""
-    return tuple(dict.fromkeys((k, b) for a, b in orders for k in range(min(a, 1), a + 1)))
-
-
-def _in_distance(
-    inner: dict[tuple[int, int], FloatArray], u: FloatArray, shifted: FloatArray, a: int, b: int
-) -> FloatArray:
-    if a == 0:
-        return inner[0, b]
-    if a == 1:
-        return (-u / shifted) * inner[1, b]
-    total = np.zeros_like(u)
-    for k in range(1, a + 1):
-        total += comb(a - 1, k - 1) * (factorial(a) // factorial(k)) * u**k * inner[k, b]
-    return np.asarray((-1.0 / shifted) ** a * total)
+        """Partial derivatives, of orders (in d, in i), of a spline in (u, i) at flat arrays of d and i."""
+        known = spline.in_distance
+        if (self, orders) not in known:
+            with building():
+                at = SX.sym("at", 2)
+                value = spline.expression(self.of(at[0]), at[1])
+                known[self, orders] = GraphFunction([at], partials(value, at, orders))
+        return list(known[self, orders](np.stack([distance, current])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,53 +83,27 @@ class DistanceSplines:
     degree: int
     coefficients: FloatArray  # c, shape (functions N, entries)
 
+    def expression(self, distance: Expression) -> list[SX]:
+        """All entries at an expression's distance."""
+        return cell_table(self, self._cells).at(self.coordinate.of(distance))
+
+    def _cells(self) -> CellTable:
+        return CellTable([cells_of(self.knots, self.degree)], self.coefficients)
+
     def derivatives(self, distance: FloatArray, *orders: int) -> list[FloatArray]:
-        """Derivatives in d of zeroth to second order of all entries at distances (...), each (..., entries)."""
+        """Derivatives in d of all entries at distances (...), each (..., entries)."""
         distance = np.asarray(distance, dtype=np.float64)
-        u, first, second = self.coordinate.with_slopes(distance.ravel())
-        inner = self._breaks[1:-1].searchsorted(u, "right")
-        powers = (u - self._breaks[inner])[:, None] ** np.arange(self.degree + 1)
-        weights = np.empty((len(u), len(orders), self.degree + 1))
-        for row, order in enumerate(orders):
-            if order == 0:
-                weights[:, row] = powers
-                continue
-            weights[:, row] = powers @ self._slope
-            if order == 1:
-                weights[:, row] *= first[:, None]
-            else:
-                weights[:, row] *= second[:, None]
-                weights[:, row] += (first**2)[:, None] * (powers @ self._slope @ self._slope)
-        found = products_by_cell(weights, self._cells, inner)
-        shape = (*distance.shape, found.shape[2])
-        return [found[:, row].reshape(shape) for row in range(len(orders))]
+        if orders not in self._known:
+            with building():
+                d = SX.sym("d")
+                value, found = ca.vertcat(*self.expression(d)), []
+                for _ in range(max(orders) + 1):
+                    found.append(value)
+                    value = ca.jacobian(value, d)
+                self._known[orders] = GraphFunction([d], ca.vertcat(*(found[order] for order in orders)))
+        values = self._known[orders](distance.reshape(1, -1)).T
+        return [part.reshape(*distance.shape, -1) for part in np.split(values, len(orders), axis=1)]
 
     @cached_property
-    def _slope(self) -> FloatArray:
-        """The matrix D of (1, s, s^2, ..)' = (1, s, s^2, ..) D."""
-        return np.diag(np.arange(1.0, self.degree + 1), 1)
-
-    @cached_property
-    def _breaks(self) -> FloatArray:
-        return np.unique(self.knots)
-
-    @cached_property
-    def _cells(self) -> FloatArray:
-        """One polynomial a cell and entry, the lowest power first: shape (cells, powers, entries)."""
-        return np.asarray(taylor_rows(self._breaks[:-1], self.knots, self.degree) @ self.coefficients)
-
-
-FEW = 64
-"""Measured: up to so many points, one product a point is quicker than one a cell."""
-
-
-def products_by_cell(weights: FloatArray, cells: FloatArray, cell: IntArray) -> FloatArray:
-    """Weights (N, orders, powers) times the polynomials (cells, powers, entries) of each point's cell."""
-    if len(cell) <= FEW:
-        return np.asarray(weights @ cells[cell])
-    orders, powers = weights.shape[1:]
-    result = np.empty((len(cell), orders, cells.shape[2]))
-    for one in np.flatnonzero(np.bincount(cell)):
-        points = np.flatnonzero(cell == one)
-        result[points] = (weights[points].reshape(-1, powers) @ cells[one]).reshape(len(points), orders, -1)
-    return result
+    def _known(self) -> dict[tuple[int, ...], GraphFunction]:
+        return Memo()

@@ -17,8 +17,7 @@ import numpy as np
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.device.electrics import Circuit
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.magnetics import MagneticState
-from femfit.model.windings import decay_of
+from femfit.model.dynamics import currents_by_voltages
 
 
 def command_limits(circuit: Circuit, *, current: bool | None = None) -> tuple[float, float]:
@@ -76,14 +75,6 @@ def circuit_terms(
     return at.force, at.motional_constant, at.inductance + model.series_inductances_H
 
 
-def currents_by_voltages(model: ActuatorModel, at: MagneticState, step: float) -> FloatArray:
-    """How far voltages held over a step in s move all windings' currents, in A/V, (..., n + r, n + r)."""
-    windings = model.windings
-    inductance = at.inductance + windings.series_H
-    decay = decay_of(inductance, windings.resistances_ohm, step)
-    return step * decay.applied(np.asarray(np.linalg.inv(inductance)))[0]
-
-
 def blocked_by_diodes(model: ActuatorModel, states: FloatArray) -> FloatArray:
     """States (N, order) whose currents do not turn round where a diode feeds the winding; changes its argument.
 
@@ -125,7 +116,7 @@ def _amplifiers(circuits: tuple[Circuit, ...], step: float) -> tuple[FloatArray,
 def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray, step: float) -> FloatArray:
     """Voltage across each winding in V, held over a step in s, for which amplifiers come to their targets.
 
-    As one of :mod:`femfit.model.exponential_step` takes it: an exact plant corrects it by what is left.
+    As one of :mod:`femfit.model.dynamics` takes it: an exact plant corrects it by what is left.
 
     Parameters
     ----------
@@ -149,7 +140,7 @@ def winding_voltage(model: ActuatorModel, state: FloatArray, command: FloatArray
         against = windings.resistances_ohm * currents - at.motional_constant * velocity[..., None]
         drives = np.flatnonzero(amplified)
         others = np.setdiff1d(np.arange(windings.count), drives)
-        gain = currents_by_voltages(model, at, step) / step
+        gain = currents_by_voltages(model, state[..., 0], currents, step) / step
         rate = (current_targets(model, currents[..., :n], command, step) - currents[..., :n])[..., drives] / step
         if len(others):  # what voltage sources and eddy currents beside it bring about
             own = (windings.voltages(volts) - against)[..., others]
@@ -172,7 +163,7 @@ def _hold_off(model: ActuatorModel, state: FloatArray, volts: FloatArray, diodes
         return
     at = windings.magnetics.state(state[..., 0], currents)
     driving = at.motional_constant * state[..., 1:2] - windings.resistances_ohm * currents
-    gain = currents_by_voltages(model, at, step)
+    gain = currents_by_voltages(model, state[..., 0], currents, step)
     for k, off in zip(diodes, idle, strict=True):
         others = windings.voltages(volts) + driving
         others[..., k] = driving[..., k]

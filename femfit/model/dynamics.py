@@ -1,34 +1,30 @@
-"""The equations of motion that plant and filters share.
-
-State (d, v, i_1..i_n): d' = v, v' = g + (springs and load - friction - F(d, i)) / m, and from U = R i + L_s i' +
-d(flux linkage)/dt with d(flux linkage)/dt = L i' - k_m v, (L + L_s) i' = U - R i + k_m v, with what is in series
-with each coil in the diagonal L_s. Eddy currents are further windings without a voltage
-(:mod:`femfit.model.windings`). Stops are left to :mod:`femfit.simulation`.
+"""The motion of plant and filters: :mod:`femfit.model.equations` at many states, and steps made of it.
 
 In all functions ``state`` has the shape (..., order): distance in m, velocity in m/s (positive: falling away), the
 currents in A in the order of ``model.circuits``, those of ``model.eddy_names``, and after them ``model.memory_names``.
-``voltage``, across each
-circuit in V, has the shape (..., n), and (...) of one circuit; ``disturbance``, a further force along growing distance
-in N, has the shape (...). Both are held over a step. Jacobians have the shape (..., order, order): row, component of
-the result; column, component of the state.
+``voltage``, across each circuit in V, has the shape (..., n), and (...) of one circuit; ``disturbance``, a further
+force along growing distance in N, has the shape (...). Both are held over a step. Jacobians have the shape
+(..., order, order): row, component of the result; column, component of the state. Stops are left to
+:mod:`femfit.simulation`.
 
 References
 ----------
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (2) and (3), with 1/m, the sign of the current's force and
 the back-EMF that their (32) lacks.
+E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I (Springer, 1993), section II.9:
+extrapolation of a method of first order, eqs. (9.2) and (9.10) with the harmonic sequence.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
-
 import numpy as np
+from scipy.linalg import expm
 
-from femfit.core.numerics import FloatArray, central_differences
+from femfit.core.graph import GraphFunction
+from femfit.core.numerics import FloatArray
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.magnetics import MagneticSlopes, MagneticState
-from femfit.model.sensed_effects import ReadField
-from femfit.model.windings import solved
+
+LONGEST_MOTION = 0.5
+"""Chosen: extrapolated step times the rate of the motion; where that is fastest, one such step is off by 3e-4 of the
+change of speed, and two of half the length by a fifteenth of this."""
 
 LONGEST_STEP = 1.0
 """Derived: step of a Runge-Kutta method of fourth order over a decaying current's time constant; it is stable up to
@@ -42,32 +38,68 @@ def state_derivative(
     model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
 ) -> FloatArray:
     """Time derivative of (distance, velocity, currents), and of the states that the model's effects add."""
-    motion, windings = model.require_motion(), model.windings
-    if model.circuits and model.dynamics is not None and model.dynamics.drives:
-        return model.dynamics.derivative(state, voltage, disturbance, motion, model.sample_time_s)
-    end = windings.end
-    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    magnetic = windings.magnetics.state(distance, currents)
-    rates = np.zeros(state.shape[::-1]).T  # a component's values together
-    rates[..., 0] = velocity
-    rates[..., 1] = motion.acceleration(distance, velocity, magnetic.force - disturbance, model.sample_time_s)
-    if end > 2:
-        rates[..., 2:end] = current_rates(model, magnetic, velocity, currents, voltage)
-    return rates
+    return evaluated(model, model.equations.rates, state, voltage, disturbance)
 
 
-def current_rates(
-    model: ActuatorModel,
-    magnetic: MagneticState,
-    velocity: FloatArray,
-    currents: FloatArray,
-    voltage: FloatArray,
+def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
+    """Jacobian of :func:`state_derivative` with respect to the state."""
+    return _slopes(state, evaluated(model, model.equations.rates_slope, state, voltage))
+
+
+def exponential_step(
+    model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: FloatArray | float
 ) -> FloatArray:
-    """The derivatives (L + L_s)^-1 (U - R i + k_m v) of all windings' currents, of shape (..., n + r)."""
-    windings = model.windings
-    volts = windings.voltages(np.asarray(voltage)[..., None] if windings.circuits == 1 else np.asarray(voltage))
-    driving = volts - windings.resistances_ohm * currents + magnetic.motional_constant * velocity[..., None]
-    return solved(magnetic.inductance + windings.series_H, driving[..., None])[..., 0]
+    """States (..., order) one step of :mod:`femfit.model.equations` later; steps of their own have the shape (..., 1).
+
+    Exact for a current that decays at rest, however fast, and of second order in the motion and what it induces.
+    """
+    length = None if isinstance(step, np.ndarray) else float(step)
+    return evaluated(model, model.equations.step(length), state, voltage, step=step)
+
+
+def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
+    """Jacobian of :func:`exponential_step`."""
+    return _slopes(state, evaluated(model, model.equations.step_slope(step), state, voltage, step=step))
+
+
+def currents_by_voltages(model: ActuatorModel, distance: FloatArray, currents: FloatArray, step: float) -> FloatArray:
+    """How far voltages held over a step in s move all windings' currents (..., n + r), in A/V, (..., n + r, n + r)."""
+    windings, m = model.windings, model.windings.count
+    inductance = windings.magnetics.inductance(distance, currents) + windings.series_H
+    # (1 - exp(-h L^-1 R)) R^-1, as the exponential of a matrix of blocks
+    blocks = np.zeros((*inductance.shape[:-2], 2 * m, 2 * m))
+    blocks[..., :m, :m] = -step * np.linalg.solve(inductance, np.diag(windings.resistances_ohm))
+    blocks[..., :m, m:] = step * np.linalg.inv(inductance)
+    return np.asarray(expm(blocks)[..., :m, m:])
+
+
+def evaluated(
+    model: ActuatorModel,
+    function: GraphFunction,
+    state: FloatArray,
+    voltage: FloatArray | None = None,
+    disturbance: FloatArray | float = 0.0,
+    step: FloatArray | float = 0.0,
+    time: FloatArray | float = 0.0,
+) -> FloatArray:
+    """Values (..., entries) of one of the model's equations."""
+    n, points = len(model.circuits), state.shape[:-1]
+    volts: FloatArray = np.zeros(n)
+    if voltage is not None and n:
+        given = np.asarray(voltage, dtype=np.float64)[..., None] if n == 1 else np.asarray(voltage, dtype=np.float64)
+        volts = np.broadcast_to(given, (*points, n)).reshape(-1, n).T
+    step = step[..., 0] if isinstance(step, np.ndarray) and step.ndim else step
+    others = np.empty((3, *points))
+    others[0], others[1], others[2] = disturbance, step, time
+    x = state.reshape(-1, state.shape[-1]).T
+    values = function(x, volts, others.reshape(3, -1), model.magnetics.given_values)
+    return values.T.reshape(*points, len(values))
+
+
+def _slopes(state: FloatArray, values: FloatArray) -> FloatArray:
+    """Matrices (..., order, order) from their columns, one after the other."""
+    order = state.shape[-1]
+    return np.swapaxes(values.reshape(*state.shape[:-1], order, order), -1, -2)
 
 
 def runge_kutta_step(
@@ -89,6 +121,51 @@ def runge_kutta_step(
     return state
 
 
+def extrapolated_step(
+    model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: FloatArray | float
+) -> FloatArray:
+    """States one step later with an error of third order, as exact for a current that decays at rest.
+
+    One step holds inductance and motional constant at its first currents, an error of first order where they change.
+    From one, two and three steps over the same time follows what infinitely many would come to.
+    """
+    result = np.zeros_like(state)
+    for count, weight in ((1, 0.5), (2, -4.0), (3, 4.5)):
+        moved = state
+        for _ in range(count):
+            moved = exponential_step(model, moved, voltage, step / count)
+        result += weight * moved
+    return result
+
+
+def motion_steps(model: ActuatorModel) -> int:
+    """Extrapolated steps in a sample, which follow the body's motion over the validity domain."""
+    return max(1, int(np.ceil(model.sample_time_s * _motion_rate(model) / LONGEST_MOTION)))
+
+
+def _motion_rate(model: ActuatorModel) -> float:
+    """Fastest rate in 1/s of the body's motion over the validity domain, from its stiffness at constant flux.
+
+    The stiffness at held currents, with k_m L^-1 k_m of the currents that keep the flux.
+    """
+    windings, motion = model.windings, model.require_motion()
+    d, i = model.validity.grid(5, 5, several=3)
+    currents = np.zeros((len(d), windings.count))
+    currents[:, : windings.circuits] = i[:, : windings.circuits]
+    at = windings.magnetics.slopes(d, currents)
+    answers = np.linalg.solve(at.inductance + windings.series_H, at.motional_constant[..., None])[..., 0]
+    stiffness = np.abs(motion.static_gradient(d)) + np.abs(at.force_gradient)
+    stiffness = stiffness + (at.motional_constant * answers).sum(axis=-1)
+    return float(np.sqrt(stiffness.max() / motion.mass_kg))
+
+
+def half_way(state: FloatArray, step: float) -> FloatArray:
+    """States whose bodies have drifted for half a step."""
+    middle = np.array(state)
+    middle[..., 0] += 0.5 * step * middle[..., 1]
+    return middle
+
+
 def currents_of_same_flux(
     model: ActuatorModel, currents: FloatArray, before: FloatArray, after: FloatArray
 ) -> FloatArray:
@@ -103,80 +180,17 @@ def currents_of_same_flux(
     wanted, result = linked(before, currents), currents
     for _ in range(FLUX_STEPS):
         inductance = windings.magnetics.state(after, result).inductance + windings.series_H
-        change = solved(inductance, (wanted - linked(after, result))[..., None])[..., 0]
+        change = np.linalg.solve(inductance, (wanted - linked(after, result))[..., None])[..., 0]
         result = result + change
         if np.abs(change).max(initial=0.0) <= FLUX_CHANGE * np.abs(result).max(initial=0.0):
             break
     return result
 
 
-def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
-    """Jacobian of :func:`state_derivative` with respect to the state.
-
-    With F and k_m = dF/di, and dk_m,j/di_k = -dL_jk/dd by reciprocity, for L i' = N and N = U - R i + k_m v:
-    L di'/dd = dk_m/dd v - dL/dd i', L di'/dv = k_m, L di'/di_k = -R_k e_k - dL/dd e_k v - dL/di_k i', L with what is
-    in series. Central differences where effects change these equations.
-    """
-    model.require_motion(), model.require_circuits()
-    if model.dynamics is not None and model.dynamics.drives:
-        return by_differences(partial(state_derivative, model), model, state, voltage)
-    windings = model.windings
-    end = windings.end
-    distance, velocity, currents = state[..., 0], state[..., 1], state[..., 2:end]
-    slopes = windings.magnetics.slopes(distance, currents)
-    result = np.zeros((*state.shape, state.shape[-1]))
-    result[..., 0, 1] = 1.0
-    result[..., 1, :end] = acceleration_slopes(model, state, slopes)
-    if end > 2:
-        rate = current_rates(model, slopes, velocity, currents, voltage)
-        result[..., 2:end, :end] = current_slopes(model, slopes, velocity, rate)
-    return result
-
-
-def acceleration_slopes(model: ActuatorModel, state: FloatArray, slopes: MagneticSlopes) -> FloatArray:
-    """Derivatives of the acceleration by distance, velocity and currents, of shape (..., 2 + n + r)."""
-    motion, distance, velocity = model.require_motion(), state[..., 0], state[..., 1]
-    result = np.empty((*distance.shape, model.windings.end))
-    result[..., 0] = motion.static_gradient(distance) - slopes.force_gradient
-    result[..., 1] = motion.friction_slope(velocity, model.sample_time_s)
-    result[..., 2:] = -slopes.motional_constant
-    return np.asarray(result / motion.mass_kg)
-
-
-def current_slopes(model: ActuatorModel, slopes: MagneticSlopes, velocity: FloatArray, rate: FloatArray) -> FloatArray:
-    """Derivatives of currents' rates (..., n + r) by distance, velocity and currents, (..., n + r, 2 + n + r)."""
-    v, windings = velocity[..., None], model.windings
-    right = np.empty((*rate.shape, windings.end))
-    right[..., 0] = slopes.motional_gradient * v - np.einsum("...jk,...k->...j", slopes.inductance_gradient, rate)
-    right[..., 1] = slopes.motional_constant
-    right[..., 2:] = (
-        -np.diag(windings.resistances_ohm)
-        - slopes.inductance_gradient * v[..., None]
-        - np.einsum("...jkl,...k->...jl", slopes.inductance_slope, rate)
-    )
-    return solved(slopes.inductance + windings.series_H, right)
-
-
-def by_differences(
-    function: Callable[[FloatArray, FloatArray], FloatArray],
-    model: ActuatorModel,
-    state: FloatArray,
-    voltage: FloatArray,
-) -> FloatArray:
-    """Jacobian of a function of states and voltages by central differences as wide as a sample moves a state."""
-    order = state.shape[-1]
-    circuits = () if len(model.circuits) == 1 else (len(model.circuits),)
-    flat = state.reshape(-1, order)
-    volts = np.broadcast_to(voltage, (*state.shape[:-1], *circuits)).reshape(-1, *circuits)
-    slopes = central_differences(
-        lambda points: function(points, np.concatenate([volts] * (2 * order))), flat, state_scale(model)
-    )
-    return slopes.reshape(*state.shape, order)
-
-
 def state_scale(model: ActuatorModel) -> FloatArray:
     """What is large for each state: a body takes some hundred samples through its stroke."""
-    box, memory = model.validity, model.dynamics.spreads if model.dynamics is not None else np.zeros(0)
+    box = model.validity
+    memory = [one.spread for one in model.memories for _ in one.names]
     stroke = box.distance_max_m - box.distance_min_m
     widths = np.ptp(box.current_limits_A, axis=1)[: len(model.circuits)]
     speed = 0.01 * stroke / model.sample_time_s
@@ -200,17 +214,3 @@ def eddy_currents_of(
     there = windings.magnetics.state(np.asarray(at), middle)
     left = np.abs(there.inductance[n:, :n]) @ np.asarray(jumps) / np.diag(there.inductance)[n:]
     return np.hypot(left, there.motional_constant[n:] * speed / windings.resistances_ohm[n:])
-
-
-def hall_voltage(model: ActuatorModel, state: FloatArray, time: FloatArray | float = 0.0) -> FloatArray:
-    """Output of the Hall element in V before noise and rounding; the time since the start matters to drifts alone."""
-    sensor = model.require_sensor()
-    if model.dynamics is None:
-        if model.eddy_hall is None:
-            if isinstance(sensor.field, ReadField):
-                sensor = replace(sensor, field=sensor.field.after(time))
-            return sensor.output(state[..., 0], model.currents_of(state))
-        flat = state.reshape(-1, state.shape[-1])
-        field = model.eddy_hall.field(flat[:, 0], flat[:, 2 : model.windings.end])
-        return sensor.quiescent_V + sensor.sensitivity_V_per_T * field.reshape(state.shape[:-1])
-    return model.dynamics.hall_voltage(state, sensor.quiescent_V, sensor.sensitivity_V_per_T, time)

@@ -12,10 +12,6 @@ where W_s is convex and Q positive definite.
 
 Distances have the shape (...), n circuits' currents (..., n), r patterns' (..., r).
 
-The field at a Hall element beside eddy currents, B_s(d, u) + h(d) . e with u = i + C e.
-
-Where B_s is linear in the currents, the whole is B_0(d) + b(d) . (i, e), which a table holds.
-
 References
 ----------
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 3.1 (several terminal pairs).
@@ -23,16 +19,19 @@ A. Odabasioglu, M. Celik and L. T. Pileggi, IEEE Trans. CAD 17 (1998) 645: proje
 keeps them passive.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
+from itertools import combinations_with_replacement
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.model.coordinate import DistanceCoordinate, DistanceSplines
-from femfit.model.distance_table import DistanceTable, distance_table
-from femfit.model.hall import HallField, HallSpline, SensedField
+from femfit.model.magnetics import Magnetics
 
 
 @dataclass(frozen=True)
@@ -153,6 +152,35 @@ class EddyCurrents:
             flux_linkages_Wb=magnets * self.flux_linkages_Wb,
         )
 
+    def expression(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
+        """W'(d, i, e) of all currents, from the static W_s(d, u)."""
+        coupling, linkage, _, inductance = self._entries(distance)
+        i, e = ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
+        own = SX(0.0)
+        for place, (j, k) in enumerate(combinations_with_replacement(range(self.count), 2)):
+            own += (0.5 if j == k else 1.0) * inductance[place] * e[j] * e[k]
+        return inner(distance, i + coupling @ e) + ca.dot(linkage, e) + own
+
+    def field(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
+        """B(d, i, e) at the Hall element, from the static B_s(d, u)."""
+        coupling, _, hall, _ = self._entries(distance)
+        i, e = ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
+        return inner(distance, i + coupling @ e) + ca.dot(hall, e)
+
+    def acting(self, distance: SX, currents: SX) -> SX:
+        """The circuits' currents u = i + C e that act in the static field."""
+        i, e = ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
+        return i + self._entries(distance)[0] @ e
+
+    def _entries(self, distance: SX) -> tuple[SX, SX, SX, SX]:
+        """C, lambda, h, and the entries of Q above the diagonal, row by row."""
+        n, r = len(self.circuits), self.count
+        entries = ca.vertcat(*self._splines.expression(distance))
+        coupling, linkage, hall, inductance = ca.vertsplit(
+            entries, [0, n * r, (n + 1) * r, (n + 2) * r, entries.numel()]
+        )
+        return ca.reshape(coupling, r, n).T, linkage, hall, inductance
+
     @cached_property
     def _places(self) -> IntArray:
         """Which entry of Q stands at (j, k), shape (r, r)."""
@@ -170,60 +198,27 @@ class EddyCurrents:
 
 
 @dataclass(frozen=True, eq=False)
-class EddyHall:
-    """The field of the module's head; currents are (i, e) of shape (N, n + r), distances (N,)."""
+class EddyMagnetics(Magnetics):
+    """W'(d, i, e) of the module's head; currents are (i_1..i_n, e_1..e_r)."""
 
+    static: Magnetics
     eddy: EddyCurrents
-    static: HallField
 
-    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """B in T, of shape (N,)."""
-        table = self._table
-        if table is None:
-            return self._exact(distance, currents)
-        beyond, inside, cell = table.in_order(distance)
-        at = table.values(distance[inside], cell)
-        found = np.asarray(at[0] + np.einsum("jn,jn->n", at[1:], currents.T[:, inside]))
-        if isinstance(inside, slice):
-            return found
-        result = np.empty(len(distance))
-        result[inside] = found
-        if len(beyond):
-            result[beyond] = self._exact(distance[beyond], currents[beyond])
-        return result
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the circuits, then of the patterns."""
+        return (*self.eddy.circuits, *self.eddy.names)
 
-    def acting(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """The circuits' currents u (N, n) whose static field is there."""
-        return np.asarray((self.eddy.whole_forms(distance)[0].coupling @ currents[..., None])[..., 0])
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """W' of an expression's distance and currents."""
+        return self.eddy.expression(self.static.expression, distance, currents)
 
-    def _exact(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        (at,) = self.eddy.whole_forms(distance)
-        u = (at.coupling @ currents[..., None])[..., 0]
-        return np.asarray(self.static.field(distance, u) + (at.hall * currents).sum(axis=1))
+    @property
+    def given(self) -> SX:
+        """As of the static magnetics."""
+        return self.static.given
 
-    @cached_property
-    def _table(self) -> DistanceTable | None:
-        """B_0 in T, and b in T/A."""
-        spline = _spline(self.static)
-        if spline is None:
-            return None
-        kinds = [np.ones(count) for count in (1, len(self.eddy.circuits), self.eddy.count) if count]
-        return distance_table(self._entries, ((self.eddy.coordinate, self.eddy.u_knots), spline), kinds)
-
-    def _entries(self, distance: FloatArray) -> FloatArray:
-        (at,), n = self.eddy.whole_forms(distance), len(self.eddy.circuits)
-        value, _, by_circuit = self.static.derivatives(distance, np.zeros((len(distance), n)))
-        by_winding = (by_circuit[:, None] @ at.coupling)[:, 0] + at.hall
-        return np.concatenate([value[:, None], by_winding], axis=1)
-
-
-def _spline(field: HallField) -> tuple[DistanceCoordinate, FloatArray] | None:
-    """Coordinate and knots of a field that is linear in the currents; None of others."""
-    if isinstance(field, HallSpline):
-        axes, knots = [(field.spline.y_degree, field.spline.y_knots)], field.spline.x_knots
-    elif isinstance(field, SensedField):
-        axes, knots = list(zip(field.current_degrees, field.current_knots_A, strict=True)), field.u_knots
-    else:
-        return None
-    linear = all(degree <= 1 and len(np.unique(own)) == 2 for degree, own in axes)
-    return (field.coordinate, knots) if linear else None
+    @property
+    def given_values(self) -> FloatArray:
+        """As of the static magnetics."""
+        return self.static.given_values

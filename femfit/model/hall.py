@@ -24,68 +24,73 @@ The sensors of a model beside the Hall element.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
+from functools import cached_property
 from typing import Literal, TypeAlias
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 
 from femfit.core.errors import DomainError
+from femfit.core.graph import Memo, Part, derived
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
-from femfit.model.bspline import TensorSpline, basis_matrix
+from femfit.model.bspline import CellTable, TensorSpline, cell_table, cells_of
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import Orders, only_current
+from femfit.model.magnetics import current_of
 
 
 class HallField(ABC):
     """B_z(d, i_1..i_n) at the Hall element; distances (...) in m and currents (..., n) in A broadcast."""
 
     @abstractmethod
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """B_z in T of an expression's distance and currents (n,)."""
+
+    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:  # noqa: ARG002
+        """The field itself, what effects do to its reading apart, where the states of effects are these."""
+        return self.expression
+
     def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """B_z in T, of shape (...)."""
+        return derived(self._known, self.expression, _value, distance, currents)[0]
 
-    @abstractmethod
     def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """B_z in T and dB_z/dd in T/m, both (...), and dB_z/di_k in T/A, of shape (..., n)."""
+        value, in_distance, in_currents = derived(self._known, self.expression, _gradients, distance, currents)
+        return value, in_distance, in_currents
+
+    @property
+    def several(self) -> bool:
+        """Whether it is of several circuits."""
+        return False
+
+    @cached_property
+    def _known(self) -> Memo:
+        return Memo()
 
 
-class OneCurrentField(HallField):
-    """B_z(d, i) of one current, or of none: written without the axis that its users give and get."""
+def _value(field: SX, _distance: SX, _currents: SX) -> list[Part]:
+    return [(field, 0)]
 
-    @abstractmethod
-    def _partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        """Partial derivatives of B_z at flat arrays."""
 
-    def partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        """Partial derivatives of the field at distances and currents (...), in T / m^a / A^b."""
-        if np.ndim(distance) == 1 and np.shape(distance) == np.shape(current):  # what plant and filters ask for
-            return self._partials(np.asarray(distance, np.float64), np.asarray(current, np.float64), orders)
-        distance, current = np.broadcast_arrays(
-            np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-        )
-        return [value.reshape(distance.shape) for value in self._partials(distance.ravel(), current.ravel(), orders)]
-
-    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """B_z in T, of shape (...)."""
-        return self.partials(distance, only_current(currents), ((0, 0),))[0]
-
-    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """B_z and its slopes along the distance and the current, the last of shape (..., n)."""
-        value, in_d, in_i = self.partials(distance, only_current(currents), ((0, 0), (1, 0), (0, 1)))
-        return value, in_d, in_i[..., None][..., : currents.shape[-1]]
+def _gradients(field: SX, distance: SX, currents: SX) -> list[Part]:
+    return [(field, 0), (ca.gradient(field, distance), 0), (ca.gradient(field, currents), 1)]
 
 
 @dataclass(frozen=True, eq=False)
-class HallSpline(OneCurrentField):
-    """B_z(d, i) at the Hall element as a tensor B-spline."""
+class HallSpline(HallField):
+    """B_z(d, i) at the Hall element as a tensor B-spline, of one current or of none."""
 
     coordinate: DistanceCoordinate
     spline: TensorSpline  # In (u, i), in T; a polynomial in the current is a spline with one cell
 
-    def _partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        return self.coordinate.partial_derivatives(self.spline, distance, current, orders)
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """B_z of an expression's distance and current."""
+        return self.spline.expression(self.coordinate.of(distance), current_of(currents))
 
 
 # Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
@@ -116,8 +121,8 @@ class HallSensor:
 
     def voltage(self, distance: FloatArray, current: FloatArray) -> FloatArray:
         """As :meth:`output`; the current of the only circuit, or of none, has no axis."""
-        several = isinstance(self.field, SensedField) and len(self.field.current_knots_A) > 1
-        return self.output(np.asarray(distance), np.asarray(current) if several else np.asarray(current)[..., None])
+        current = np.asarray(current)
+        return self.output(np.asarray(distance), current if self.field.several else current[..., None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,52 +136,31 @@ class SensedField(HallField):
     current_degrees: tuple[int, ...]
     coefficients: FloatArray  # Shape (functions of u, functions of i_1, ..)
 
-    def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """The value at distances and currents, shape (...)."""
-        return self._values(distance, currents, slopes=False)[0]
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """The value of an expression's distance and currents."""
+        n = len(self.current_knots_A)
+        if n and currents.numel() != n:
+            raise DomainError(
+                f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
+                f"order; instead received (..., {currents.numel()})."
+            )
+        return cell_table(self, self._cells).at(self.coordinate.of(distance), *ca.vertsplit(currents)[:n])[0]
 
-    def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Value, slope along the distance, both (...), and slopes along the currents, (..., n)."""
-        value, in_distance, *in_currents = self._values(distance, currents, slopes=True)
-        empty = np.zeros((*value.shape, 0))
-        return value, in_distance, np.stack(in_currents, axis=-1) if in_currents else empty
+    def _cells(self) -> CellTable:
+        along = zip(self.current_knots_A, self.current_degrees, strict=True)
+        axes = [cells_of(self.u_knots, self.u_degree), *(cells_of(*axis) for axis in along)]
+        return CellTable(axes, self.coefficients[..., None])
+
+    @property
+    def several(self) -> bool:
+        """Whether it is of several circuits."""
+        return len(self.current_knots_A) > 1
 
     def scaled(self, magnets: float, currents: Sequence[float]) -> "SensedField":
         """The field with magnets and currents scaled: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in both."""
         scales = [one / magnets for one in currents]
         knots = tuple(one / s for one, s in zip(self.current_knots_A, scales, strict=False))  # or of no current
         return replace(self, current_knots_A=knots, coefficients=magnets * self.coefficients)
-
-    def _values(self, distance: FloatArray, currents: FloatArray, *, slopes: bool) -> list[FloatArray]:
-        """The value and, where asked for, its slopes along the distance and each current."""
-        n, currents = len(self.current_knots_A), np.asarray(currents, dtype=np.float64)
-        if n and currents.shape[-1:] != (n,):
-            raise DomainError(
-                f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
-                f"order; instead received the shape {currents.shape}."
-            )
-        shape = np.broadcast_shapes(np.shape(distance), currents.shape[:-1])
-        along = [np.asarray(distance, dtype=np.float64), *(currents[..., k] for k in range(n))]
-        flat = [np.broadcast_to(values, shape).ravel() for values in along]
-        u, rate, _ = self.coordinate.with_slopes(flat[0])
-        axes = list(zip(flat[1:], self.current_knots_A, self.current_degrees, strict=True))
-        places = [basis_matrix(*axis) for axis in axes]
-        at = np.tensordot(basis_matrix(u, self.u_knots, self.u_degree), self.coefficients, axes=1)
-        found = [_contracted(at, places)]
-        if slopes:
-            risen = np.tensordot(basis_matrix(u, self.u_knots, self.u_degree, 1), self.coefficients, axes=1)
-            found.append(rate * _contracted(risen, places))
-            for k, axis in enumerate(axes):
-                rising = [*places[:k], basis_matrix(*axis, 1), *places[k + 1 :]]
-                found.append(_contracted(at, rising))
-        return [value.reshape(shape) for value in found]
-
-
-def _contracted(values: FloatArray, bases: list[FloatArray]) -> FloatArray:
-    """Sum over the axes after the first, one circuit's functions after the other."""
-    for basis in bases:
-        values = np.einsum("pi,pi...->p...", basis, values)
-    return values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -125,7 +125,7 @@ SCHEMA_VERSION = 3
 FIRST_AND_FURTHER = 2
 """Last schema whose circuits stand under two keys, the first under ``circuit``, the others in ``further_circuits``."""
 
-_WORKED_OUT = {"base", "dynamics", "conditions"}
+_WORKED_OUT = {"base", "conditions"}
 """Fields of a model that follow from its base and its effects: the file holds the base itself."""
 
 
@@ -305,7 +305,7 @@ def _faults(model: ActuatorModel) -> Iterator[str]:
                 f"{coordinate.distance_shift_m:g} it is not"
             )
     limits = domain.current_limits_A
-    names = getattr(model.magnetics, "names", ("coil",) * len(limits))
+    names = getattr(model.without_effects.magnetics, "names", ("coil",) * len(limits))
     if not (len(names) == len(limits) and len(circuits) in {0, len(limits)}):
         yield (
             f"magnetics, circuits and validity must be of as many circuits; instead received {len(names)}, "

@@ -1,13 +1,8 @@
 """The magnetic half of the model: force and flux linkage from one co-energy W'(d, i_1..i_n).
 
 F = -dW'/dd (on the moving part, positive towards the electromagnet), flux linkage = dW'/di, motional constant
-k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one function
+k_m = dF/di = -d(flux linkage)/dd, inductance L = d(flux linkage)/di. Deriving all of them from one expression
 makes reciprocity hold to rounding, whatever was fitted.
-
-Stored is a spline in i and a coordinate of the distance (``bspline``, ``coordinate``), or a law; ``Magnetics`` gives
-any derivative in d and i.
-Effects change W' as a function, so they take and give Taylor series about each point (``effects.taylor_series``), which
-``coenergy_table`` keeps on a grid, because filters ask for the same changed W' millions of times.
 
 References
 ----------
@@ -19,9 +14,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
+from casadi import SX
 
 from femfit.core.errors import DomainError
+from femfit.core.graph import Caller, Derive, Memo, Part, derived
 from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -59,24 +57,51 @@ class Magnetics(ABC):
     """A co-energy W'(d, i_1..i_n); distances (...) in m and currents (..., n) in A broadcast, and n may be none."""
 
     @abstractmethod
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """W' in J, up to a constant, of an expression's distance and currents (n,)."""
+
+    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:  # noqa: ARG002
+        """The same where the states of effects are these."""
+        return self.expression
+
+    @property
+    def given(self) -> SX:
+        """Symbols (k,) of the expression whose values belong to each point, as a factor of each run; none here."""
+        return SX(0, 1)
+
+    @property
+    def given_values(self) -> FloatArray:
+        """Their values, (k,) or (k, points)."""
+        return np.zeros(0)
+
     def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-
-    @abstractmethod
-    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """dW'/di_k in Wb, of shape (..., n)."""
-
-    @abstractmethod
-    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
-        """Force, motional constants and inductances together, at the price of little more than one."""
-
-    @abstractmethod
-    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
-        """The same with their slopes along the distance and the currents."""
+        return self._derived(_value, distance, currents)[0]
 
     def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, positive towards the electromagnet, of shape (...)."""
-        return self.state(distance, currents).force
+        return self._derived(_force, distance, currents)[0]
+
+    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
+        """dW'/di_k in Wb, of shape (..., n)."""
+        return self._derived(_flux_linkage, distance, currents)[0]
+
+    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
+        """Force, motional constants and inductances together, at the price of little more than one."""
+        return MagneticState(*self._derived(_state, distance, currents))
+
+    def at_point(self, distance: float, currents: FloatArray) -> MagneticState:
+        """The state at one distance and currents (n,): as :meth:`state`, at the price of a few microseconds."""
+        n = len(currents)
+        if n not in self._points:
+            self.state(np.zeros(1), np.zeros((1, n)))
+            self._points[n] = Caller(self._known[_state, n][1].at_a_point)
+        values = self._points[n](np.append(distance, currents), self.given_values)
+        return MagneticState(values[0], values[1 : 1 + n], values[1 + n :].reshape(n, n))
+
+    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
+        """The same with their slopes along the distance and the currents."""
+        return MagneticSlopes(*self._derived(_slopes, distance, currents))
 
     def motional_constant(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """k_m = dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
@@ -99,9 +124,41 @@ class Magnetics(ABC):
 
         return force
 
+    def _derived(self, derive: Derive, distance: FloatArray, currents: FloatArray) -> list[FloatArray]:
+        return derived(self._known, self.expression, derive, distance, currents, self.given, self.given_values)
 
-Orders = tuple[tuple[int, int], ...]
-"""Orders of derivatives (in d, in i)."""
+    @cached_property
+    def _known(self) -> Memo:
+        return Memo()
+
+    @cached_property
+    def _points(self) -> Memo:
+        return Memo()
+
+
+def _value(value: SX, _distance: SX, _currents: SX) -> list[Part]:
+    return [(value, 0)]
+
+
+def _force(coenergy: SX, distance: SX, _currents: SX) -> list[Part]:
+    return [(-ca.gradient(coenergy, distance), 0)]
+
+
+def _flux_linkage(coenergy: SX, _distance: SX, currents: SX) -> list[Part]:
+    return [(ca.gradient(coenergy, currents), 1)]
+
+
+def _state(coenergy: SX, distance: SX, currents: SX) -> list[Part]:
+    linkage = ca.gradient(coenergy, currents)
+    motional, inductance = -ca.jacobian(linkage, distance), ca.jacobian(linkage, currents)
+    return [(-ca.gradient(coenergy, distance), 0), (motional, 1), (inductance, 2)]
+
+
+def _slopes(coenergy: SX, distance: SX, currents: SX) -> list[Part]:
+    state = _state(coenergy, distance, currents)
+    along = [(ca.jacobian(ca.vec(part), distance), axes) for part, axes in state]
+    inductance, axes = state[-1]
+    return [*state, *along, (ca.jacobian(ca.vec(inductance), currents), axes + 1)]
 
 
 def only_current(currents: FloatArray) -> FloatArray:
@@ -119,82 +176,29 @@ def only_current(currents: FloatArray) -> FloatArray:
     return np.zeros(currents.shape[:-1])
 
 
-class OneCurrentMagnetics(Magnetics):
-    """A co-energy W'(d, i) of one current, or of none: written without the axis that its users give and get."""
+def current_of(currents: SX) -> SX:
+    """The only current of an expression's; zero where there is none.
 
-    @abstractmethod
-    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        """Partial derivatives of W' at flat arrays."""
-
-    def coenergy_derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        """Partial derivatives of the co-energy at distances and currents (...), in J / m^a / A^b."""
-        if np.ndim(distance) == 1 and np.shape(distance) == np.shape(current):  # what plant and filters ask for
-            return self._derivatives(np.asarray(distance, np.float64), np.asarray(current, np.float64), orders)
-        distance, current = np.broadcast_arrays(
-            np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64)
-        )
-        values = self._derivatives(distance.ravel(), current.ravel(), orders)
-        return [value.reshape(distance.shape) for value in values]
-
-    def _state(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Force, motional constant and inductance, each of shape (...)."""
-        d_w, di_w, ii_w = self.coenergy_derivatives(distance, current, ((1, 0), (1, 1), (0, 2)))
-        return -d_w, -di_w, ii_w
-
-    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """W' in J, up to a constant, of shape (...)."""
-        return self.coenergy_derivatives(distance, only_current(currents), ((0, 0),))[0]
-
-    def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """F = -dW'/dd in N, of shape (...), without what else belongs to the state."""
-        return -self.coenergy_derivatives(distance, only_current(currents), ((1, 0),))[0]
-
-    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """dW'/di in Wb, of shape (..., n)."""
-        (value,) = self.coenergy_derivatives(distance, only_current(currents), ((0, 1),))
-        return value[..., None][..., : currents.shape[-1]]
-
-    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
-        """Force, motional constants and inductances."""
-        force, motional, inductance = self._state(distance, only_current(currents))
-        if n := currents.shape[-1]:
-            return MagneticState(force, motional[..., None], inductance[..., None, None])
-        return MagneticState(force, np.zeros((*force.shape, n)), np.zeros((*force.shape, n, n)))
-
-    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
-        """The same with their slopes."""
-        orders = ((1, 0), (1, 1), (0, 2), (2, 0), (2, 1), (1, 2), (0, 3))
-        values = self.coenergy_derivatives(distance, only_current(currents), orders)
-        d_w, di_w, ii_w, dd_w, ddi_w, dii_w, iii_w = values
-        each = slice(None, currents.shape[-1])
-        return MagneticSlopes(
-            force=-d_w,
-            motional_constant=-di_w[..., None][..., each],
-            inductance=ii_w[..., None, None][..., each, each],
-            force_gradient=-dd_w,
-            motional_gradient=-ddi_w[..., None][..., each],
-            inductance_gradient=dii_w[..., None, None][..., each, each],
-            inductance_slope=iii_w[..., None, None, None][..., each, each, each],
-        )
+    Raises
+    ------
+    DomainError
+        If there are more.
+    """
+    if currents.numel() > 1:
+        raise DomainError(f"Currents must have the shape (..., 1); instead received (..., {currents.numel()}).")
+    return currents if currents.numel() else SX(0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class CoenergySpline(OneCurrentMagnetics):
-    """W'(d, i) as a tensor B-spline in a coordinate u(d) and i."""
+class CoenergySpline(Magnetics):
+    """W'(d, i) as a tensor B-spline in a coordinate u(d) and i, of one current or of none."""
 
     coordinate: DistanceCoordinate
     spline: TensorSpline  # In (u, i), in J
 
-    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        return self.coordinate.partial_derivatives(self.spline, distance, current, orders)
-
-    def _state(self, distance: FloatArray, current: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """As the base class's; du/dd is worked out once, where points come as one array."""
-        if np.ndim(distance) != 1 or np.shape(distance) != np.shape(current):
-            return super()._state(distance, current)
-        u, per_metre, _ = self.coordinate.with_slopes(distance)
-        slope, mixed, inductance = self.spline.derivatives(u, current, ((1, 0), (1, 1), (0, 2)))
-        return -per_metre * slope, -per_metre * mixed, inductance
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """W' of an expression's distance and current."""
+        return self.spline.expression(self.coordinate.of(distance), current_of(currents))
 
 
 @dataclass(frozen=True)
@@ -211,7 +215,7 @@ class Coefficient:
 
 
 @dataclass(frozen=True, eq=False)
-class LawMagnetics(OneCurrentMagnetics):
+class LawMagnetics(Magnetics):
     """A force law with polynomial coefficient functions, and the flux linkage that reciprocity leaves open.
 
     W'(d, i) = sum_k,n c_kn i^n (Phi_k(d) - Phi_k(d_ref)) + flux_linkage_ref i + L_ref i^2 / 2. Force data say nothing
@@ -232,64 +236,13 @@ class LawMagnetics(OneCurrentMagnetics):
         """The law's data and functions."""
         return law_by_name(self.law_name)
 
-    @cached_property
-    def _powers(self) -> FloatArray:
-        """C of shape (columns, highest power of current + 1)."""
-        table = np.zeros((len(self.law.basis), 1 + max(c.current_power for c in self.coefficients)))
-        for c in self.coefficients:
-            table[self.law.basis.index(c.basis), c.current_power] += c.value
-        return table
-
-    @cached_property
-    def _potential_at_reference(self) -> FloatArray:
-        if self.reference_distance_m is None:
-            return np.zeros(len(self.law.basis))
-        return np.asarray(self.law.potential_columns(np.array([self.reference_distance_m]), self.shape)[0])
-
-    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        columns = {}
-        for a in {order[0] for order in orders}:
-            if a == 0:
-                columns[a] = self.law.potential_columns(distance, self.shape) - self._potential_at_reference
-            elif a == 1:
-                columns[a] = -self.law.columns(distance, self.shape)
-            else:
-                columns[a] = -self._higher_columns(distance, a)
-        result = []
-        for a, b in orders:
-            coefficient = np.polynomial.polynomial.polyval(current, self._slopes(b))  # (columns, n)
-            value = np.einsum("nk,kn->n", columns[a], coefficient)
-            if a == 0:
-                value = value + self._constant_part(current, b)
-            result.append(value)
-        return result
-
-    def _slopes(self, order: int) -> FloatArray:
-        """The coefficients' derivatives in the current, shape (powers, columns); worked out once."""
-        while len(self._known_slopes) <= order:
-            self._known_slopes.append(np.asarray(np.polynomial.polynomial.polyder(self._known_slopes[-1])))
-        return self._known_slopes[order]
-
-    @cached_property
-    def _known_slopes(self) -> list[FloatArray]:
-        return [self._powers.T]
-
-    def _higher_columns(self, distance: FloatArray, order: int) -> FloatArray:
-        """Derivative of order - 1 >= 1 of the columns in d; from 2 on by differences of the law's own gradient.
-
-        Central differences over steps of 0.2 % of the distance: relative error about 1e-5 for powers of d. Of laws that
-        pass the face, whose lengths are millimetres and more, over 10 um.
-        """
-        if order == 2:
-            return self.law.gradient_columns(distance, self.shape)
-        step = np.full_like(distance, 1e-5) if self.law.passes_face else 2e-3 * distance
-        rise = self._higher_columns(distance + step, order - 1) - self._higher_columns(distance - step, order - 1)
-        return rise / (2.0 * step[:, None])
-
-    def _constant_part(self, current: FloatArray, order: int) -> FloatArray:
-        flux, inductance = self.constant_flux_linkage_Wb, self.constant_inductance_H
-        if order == 0:
-            return flux * current + 0.5 * inductance * current**2
-        if order == 1:
-            return flux + inductance * current
-        return np.full_like(current, inductance) if order == 2 else np.zeros_like(current)
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """W' of an expression's distance and current."""
+        i = current_of(currents)
+        there = self.law.potentials(distance, self.shape)
+        held = (0.0,) * len(there)
+        if self.reference_distance_m is not None:
+            held = self.law.potentials(self.reference_distance_m, self.shape)
+        potential = {name: a - b for name, a, b in zip(self.law.basis, there, held, strict=True)}
+        value = sum(c.value * i**c.current_power * potential[c.basis] for c in self.coefficients)
+        return value + self.constant_flux_linkage_Wb * i + 0.5 * self.constant_inductance_H * i**2

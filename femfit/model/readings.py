@@ -1,7 +1,6 @@
 """What a bench would read of an actuator model: the one prediction of compare, diagnose, add and suggest."""
 
 from collections.abc import Collection, Iterable, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -9,19 +8,12 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, resistance_column, voltage_columns
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import CHANNELS, AddedEffect
-from femfit.effects.stages import (
-    changed_coenergy,
-    hall_field,
-    recorded,
-    true_setting,
-    with_further_force,
-)
-from femfit.effects.taylor_series import CoenergySeries
+from femfit.effects.stages import hall_point, recorded, true_setting, with_further_force
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.at_rest import AtRest, at_rest
 from femfit.model.impedance import following_share, impedances_by_column, induced_impedance, with_further_impedance
 from femfit.model.magnetics import only_current
-from femfit.model.sensed_effects import hall_with_effects
-from femfit.model.with_effects import base_coenergy, eddy_with_sources, resistance_of, with_sources
+from femfit.model.with_effects import eddy_with_sources, resistance_of
 
 LOW_HZ = 1e-6
 """Numerical: of an impedance at no frequency; its eddy currents have died out, and a winding that is shorted carries
@@ -35,7 +27,6 @@ def predict_readings(
     conditions: Conditions,
     effects: Iterable[AddedEffect] | None = None,
     channels: Collection[str] = CHANNELS,
-    coenergy: CoenergySeries | None = None,
 ) -> dict[str, FloatArray]:
     """Readings of a body held at rest.
 
@@ -52,8 +43,6 @@ def predict_readings(
         What is wanted beside the usual channels: inductance_H and resistance_ohm, in series, as an LCR meter reads them
         at the frequency of the conditions; where that is NaN it is low. Of several circuits as of
         :func:`femfit.model.impedance.impedances_by_column`.
-    coenergy : callable or None
-        The base model's, from a caller who keeps what it gave.
 
     Returns
     -------
@@ -65,59 +54,37 @@ def predict_readings(
     d, i = np.asarray(distance, dtype=np.float64), base.validity.with_axis(np.asarray(current, dtype=np.float64))
     d, i = true_setting(added, d, i, conditions)
     bridge = base.has_winding and any(name.startswith(("inductance", "resistance")) for name in channels)
-    seen = (
-        _seen_of_circuits if conditions.nominal.circuits else partial(_seen_of_series, coenergy or base_coenergy(base))
-    )
-    force, flux, field, low = seen(base, d, i, added, conditions, bridge)
+    seen = at_rest(base, d, i, added, conditions, slopes=bridge)
     first = only_current(i[:, :1])
-    values = {"force_N": with_further_force(added, force, d, first, conditions)}
-    values |= dict(zip(flux_columns(base.current_names), flux.T, strict=True))
+    values = {"force_N": with_further_force(added, seen.force.copy(), d, first, conditions)}
+    values |= dict(zip(flux_columns(base.current_names), seen.flux_linkage.T.copy(), strict=True))
     if base.sensor is not None:
+        field = hall_seen(base, seen, d, i, added, conditions)
         values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     # What the driver does to a commanded voltage does not show: a bench reads across the winding
     ohms = [resistance_of(circuit, added, i[:, k], conditions) for k, circuit in enumerate(base.circuits)]
     values |= {name: ohms[k] * i[:, k] for k, name in enumerate(voltage_columns(base.circuit_names))}
     if bridge:
         known = np.stack(ohms, axis=1) if ohms else np.full(i.shape, np.nan)
-        shown = _impedances(base, d, i, conditions, added, low, known)
+        shown = _impedances(base, d, i, conditions, added, seen.inductance, known)
         values |= {name: shown[name] for name in shown if ohms or not name.startswith("resistance")}
     return recorded(added, values, d, first, conditions)
 
 
-Seen = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-"""Force (rows,) in N, flux linkages (rows, n) in Wb, field at the Hall element in T, inductances (rows, n, n) in H."""
-
-
-def _seen_of_series(
-    coenergy: CoenergySeries,
+def hall_seen(
     base: ActuatorModel,
-    d: FloatArray,
-    i: FloatArray,
-    added: tuple[AddedEffect, ...],
+    seen: AtRest,
+    distance: FloatArray,
+    currents: FloatArray,
+    effects: Sequence[AddedEffect],
     conditions: Conditions,
-    bridge: bool,
-) -> Seen:
-    """What there is of one current, or none; the inductance is worked out for a bridge alone."""
-    current, n = only_current(i), i.shape[1]
-    series = changed_coenergy(coenergy, added, conditions)(d, current, 1, 2 if bridge else 1)
-    field = np.zeros_like(d) if base.sensor is None else hall_field(series, coenergy, added, d, current, conditions)
-    low = series.derivative(0, 2)[:, None, None] if bridge else np.zeros((len(d), n, n))
-    return -series.derivative(1, 0), series.derivative(0, 1)[:, None][:, :n], field, low
-
-
-def _seen_of_circuits(
-    base: ActuatorModel,
-    d: FloatArray,
-    i: FloatArray,
-    added: tuple[AddedEffect, ...],
-    conditions: Conditions,  # noqa: ARG001  as of one current
-    bridge: bool,  # noqa: ARG001
-) -> Seen:
-    """The same of several."""
-    magnetics, sensor = with_sources(base, added), hall_with_effects(base.sensor, added, base.current_names)
-    state = magnetics.state(d, i)
-    field = np.zeros_like(d) if sensor is None else sensor.field.field(d, i)
-    return state.force, magnetics.flux_linkage(d, i), field, state.inductance
+) -> FloatArray:
+    """Field in T that a Hall reading shows: that of these points, or of earlier ones where it is late."""
+    if not any(added.effect.hall_point for added in effects):
+        return seen.hall_T
+    then_d, then_i = hall_point(effects, distance, currents[:, 0], conditions)
+    then = np.concatenate([then_i[:, None], currents[:, 1:]], axis=1)
+    return at_rest(base, then_d, then, effects, conditions, slopes=False).hall_T
 
 
 def _impedances(

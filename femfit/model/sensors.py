@@ -1,11 +1,4 @@
-"""What the sensors of a model read in a state, beside the Hall element's voltage: one prediction for all of them.
-
-A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
-d'', which is zero at rest, or d'' - g where it reads gravity, as accelerometers of silicon do; a force sensor the
-magnetic force, and a pickup coil the voltage that its flux linkage induces. Distance, current and force are those that
-the effects of the model have recorded. Delays are the samples' affair: see :mod:`femfit.model.sensors`.
-
-What the samples of a sensor are made of: the values of a few states at this sample and at earlier ones.
+"""Sensors by name, and what their samples are made of: the values of a few states at this sample and at earlier ones.
 
 reading_k = sum over j of c_j g(x_(k-j)). For a sensor that is late by a part of a sample, g is interpolated between two
 samples. A pickup coil's g is its flux linkage, and its reading the mean voltage over the sample.
@@ -14,20 +7,17 @@ samples. A pickup coil's g is its flux linkage, and its reading the mean voltage
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor
-from typing import TypeAlias
 
 import numpy as np
 
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.sweep_columns import circuit_currents
-from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import hall_voltage, state_derivative
+from femfit.model.dynamics import evaluated
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
-from femfit.model.sensed_effects import recorded_force, recorded_state
-
-AnySensor: TypeAlias = HallSensor | OtherSensor
+from femfit.model.sensing import AnySensor, current_index, require_no_eddies
 
 HALL = "hall"
 """Name of the Hall element of a model."""
@@ -95,25 +85,6 @@ def names_or_kinds(model: ActuatorModel, sensors: Sequence[str]) -> tuple[str, .
     return tuple(dict.fromkeys(found))
 
 
-def current_index(model: ActuatorModel, sensor: CurrentSensor) -> int:
-    """Which state of a model a current sensor reads; that of the only circuit, whatever it is called.
-
-    Raises
-    ------
-    MissingPartError
-        If the model has no circuit of that name.
-    """
-    names = model.circuit_names
-    if len(names) == 1:
-        return 2
-    if sensor.circuit not in names:
-        raise MissingPartError(
-            f"Model {model.name!r} must have the circuit {sensor.circuit!r} for its current sensor {sensor.name!r}; it "
-            f"has {', '.join(names) or 'none'}. Name one of them in [sensors.{sensor.name}], and fit again."
-        )
-    return 2 + names.index(sensor.circuit)
-
-
 def reading_of(model: ActuatorModel, name: str) -> Reading:
     """Unit, column, noise, range and timing of a sensor of a model."""
     sensor = sensor_named(model, name)
@@ -174,49 +145,21 @@ def predict_sensor(
         Across the circuits, as of :func:`femfit.model.dynamics.state_derivative`; it reaches pickup coils alone. What
         holds the currents where None.
     """
-    if isinstance(sensor, HallSensor):
-        return hall_voltage(model, state, time)
-    if isinstance(sensor, CurrentSensor):
-        seen = recorded_state(model, state, time)
-        return np.asarray(sensor.gain * seen[..., current_index(model, sensor)] + sensor.offset)
-    if isinstance(sensor, PositionSensor):
-        return characteristic(sensor, recorded_state(model, state, time)[..., 0])
-    if isinstance(sensor, ForceSensor):
-        return recorded_force(model, state, time)
-    if isinstance(sensor, PickupSensor):
-        require_no_eddies(model, f"what pickup coil {sensor.name!r} reads")
-    currents = model.currents_of(state)
-    holding = model.resistances_ohm * currents
-    holding = holding[..., 0] if len(model.circuits) == 1 else holding
-    rates = state_derivative(model, state, holding if voltage is None else voltage)
-    if isinstance(sensor, PickupSensor):
-        return sensor.voltage(state[..., 0], currents, state[..., 1], model.currents_of(rates))
-    motion, found = model.require_motion(), rates[..., 1]
-    if motion.near_stop is not None:  # which carries what presses the body to it
-        found = np.where(state[..., 0] <= motion.near_stop.distance_m, np.maximum(found, 0.0), found)
-    if motion.far_stop is not None:
-        found = np.where(state[..., 0] >= motion.far_stop.distance_m, np.minimum(found, 0.0), found)
-    weighed = isinstance(sensor, AccelerationSensor) and sensor.reads_gravity
-    return np.asarray(found - motion.gravity_m_s2 if weighed else found)
+    if voltage is None:
+        holding = model.resistances_ohm * model.currents_of(state)
+        voltage = holding[..., 0] if len(model.circuits) == 1 else holding
+    return evaluated(model, model.equations.reading(sensor), state, voltage, time=time)[..., 0]
 
 
-def require_no_eddies(model: ActuatorModel, what: str) -> None:
-    """Refuse what is not known of a model with eddy currents."""
-    if model.eddy is not None:
-        raise MissingPartError(
-            f"The eddy currents of model {model.name!r} do not say {what}, which they change. Leave that out, or fit "
-            "the model without eddy currents: take frequency_Hz out of [solver]."
-        )
-
-
-def characteristic(sensor: PositionSensor, distance: FloatArray) -> FloatArray:
-    """Reading at distances in m, continued with the slope of the last piece, so that an estimate is led back."""
-    at, read, piece = np.asarray(sensor.distances_m), np.asarray(sensor.readings), _piece(sensor, distance)
-    return np.asarray(read[piece] + piece_slope(sensor, distance) * (distance - at[piece]))
+def reading_slope(model: ActuatorModel, sensor: AnySensor, state: FloatArray) -> FloatArray:
+    """Gradient of :func:`predict_sensor` by the state, (..., n), the voltages held."""
+    holding = model.resistances_ohm * model.currents_of(state)
+    voltage = holding[..., 0] if len(model.circuits) == 1 else holding
+    return evaluated(model, model.equations.reading_slope(sensor), state, voltage)
 
 
 def piece_slope(sensor: PositionSensor, distance: FloatArray) -> FloatArray:
-    """Slope of :func:`characteristic`."""
+    """Slope of :func:`femfit.model.sensing.characteristic`."""
     slope = np.diff(sensor.readings) / np.diff(sensor.distances_m)
     return np.asarray(slope[_piece(sensor, distance)])
 
@@ -250,7 +193,7 @@ def sampled_value(
 ) -> FloatArray:
     """The g of the module's head, of shape (...): a flux linkage in Wb, or what the sensor reads without its delay."""
     if isinstance(sensor, PickupSensor):
-        require_no_eddies(model, f"what pickup coil {sensor.name!r} reads")
+        require_no_eddies(model, sensor)
         return sensor.flux.field(state[..., 0], model.currents_of(state))
     return predict_sensor(model, sensor, state, time)
 

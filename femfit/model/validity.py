@@ -108,7 +108,9 @@ class ValidityBox:
         if not np.all(inside):
             where = np.flatnonzero(~np.atleast_1d(inside).ravel())[0]
             d = np.broadcast_to(distance, inside.shape).ravel()[where]
-            i = np.broadcast_to(currents, (*inside.shape, np.shape(currents)[-1])).reshape(-1, np.shape(currents)[-1])
+            i = np.broadcast_to(currents, (*inside.shape, np.shape(currents)[-1])).reshape(
+                inside.size, np.shape(currents)[-1]
+            )
             spans = [f"{1e3 * self.distance_min_m:g}..{1e3 * self.distance_max_m:g} mm"]
             spans += [", ".join(f"{low:g}..{high:g} A" for low, high in self.current_limits_A)]
             point = [f"{1e3 * d:g} mm", ", ".join(f"{current:g} A" for current in i[where])]

@@ -1,30 +1,25 @@
-"""A model with added effects: the base's parts, as the effects change them.
+"""A model with added effects: the base's parts, as the effects change them."""
 
-Of several circuits a number of turns scales its circuit's current in W' and, as a derivative of the one W', the flux
-linkage with it. Where nothing saturates W' is a quadratic form of (1, i_1 .. i_n), and a remanence scales the 1.
-"""
-
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from casadi import SX
 
-from femfit.core.errors import DomainError, MissingPartError
+from femfit.core.errors import MissingPartError
+from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
 from femfit.effects.catalogue import OF_THE_WHOLE, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
-from femfit.effects.effect import AddedEffect, Effect
-from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, stops_of
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.effects.effect import AddedEffect, Coenergy, Effect
+from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_table import CoenergyTable, ModelCoenergy
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.effect_dynamics import EffectDynamics
-from femfit.model.hall import OneCurrentField
-from femfit.model.magnetics import Magnetics, OneCurrentMagnetics, Orders
-from femfit.model.sensed_effects import hall_as_read, hall_with_effects, pickups_with_effects
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
+from femfit.model.hall import HallField
+from femfit.model.magnetics import Magnetics
+from femfit.model.sensed_effects import pickups_with_effects
+from femfit.model.several_magnetics import CoenergyTensor
 
 
 def nominal_of(model: ActuatorModel) -> Nominal:
@@ -64,6 +59,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         voltage_driver=circuit is None or circuit.drive.kind == "voltage",
         stops_m=base.motion.ends if base.motion is not None else (-np.inf, np.inf),
         springs=base.motion.energy_of_springs if base.motion is not None and base.motion.springs else None,
+        push_of_springs=base.motion.push_of_springs if base.motion is not None and base.motion.springs else None,
         circuits=base.circuit_names if len(limits) > 1 else (),
         magnets_apart=not isinstance(base.magnetics, CoenergyTensor),
         drawn=tuple(one.effect for one in base.drawn),
@@ -71,69 +67,65 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     )
 
 
-def base_coenergy(model: ActuatorModel) -> ModelCoenergy:
-    """The base model's co-energy and Hall field as a series.
-
-    Returns
-    -------
-    callable
-        (distances, currents, A, B) -> :class:`femfit.effects.taylor_series.TaylorSeries`.
-    """
+def coenergy_of(model: ActuatorModel) -> Coenergy:
+    """W'(d, i, h) of a model's magnetics and of the field at its Hall element, without effects."""
     base = model.without_effects
-    return ModelCoenergy(base.magnetics, base.sensor.field if base.sensor else None)
+    field = None if base.sensor is None else base.sensor.field
+
+    def coenergy(d: Expression, i: Expression, h: Expression) -> Expression:
+        at = SX(d), SX(i)
+        value = base.magnetics.expression(*at)
+        return value if field is None else value + h * field.expression(*at)
+
+    return coenergy
 
 
 @dataclass(frozen=True, eq=False)
-class EffectMagnetics(OneCurrentMagnetics):
+class EffectMagnetics(Magnetics):
     """The co-energy of a base model as effects change it, under fixed conditions."""
 
-    series: CoenergySeries
+    base: ActuatorModel
+    effects: tuple[AddedEffect, ...]
+    conditions: Conditions
 
-    def _derivatives(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        expansion = self.series(distance, current, max(a for a, _ in orders), max(b for _, b in orders))
-        return [expansion.derivative(a, b) for a, b in orders]
+    def changed(self, memory: Mapping[str, SX]) -> Coenergy:
+        """W'(d, i, h) where the states of effects are these."""
+        at = replace(self.conditions, memory=memory)
+        return changed_coenergy(coenergy_of(self.base), self.effects, at)
+
+    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
+        """W' of an expression's distance and currents where the states of effects are these."""
+        coenergy = self.changed(memory)
+        return lambda d, i: SX(coenergy(d, i, 0.0))
+
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """W' of an expression's distance and currents, all states at rest."""
+        return self.with_memory({})(distance, currents)
 
 
 @dataclass(frozen=True, eq=False)
-class EffectHallField(OneCurrentField):
+class EffectHallField(HallField):
     """The field that a Hall element at rest seems to show, as effects on field and reading change it."""
 
-    dynamics: EffectDynamics
-    # Quiescent voltage and sensitivity, by which a reading is converted to a field
-    quiescent_V: float
-    sensitivity_V_per_T: float
+    magnetics: EffectMagnetics
 
-    def _partials(self, distance: FloatArray, current: FloatArray, orders: Orders) -> list[FloatArray]:
-        series = changed_coenergy(self.dynamics.hall_coenergy, self.dynamics.later, self.dynamics.at)(
-            distance, current, max(a for a, _ in orders), max(b for _, b in orders)
-        )
-        if not any(added.effect.readings for added in self.dynamics.effects):
-            return [series.derivative(a, b, 1) for a, b in orders]
-        return [self._of_reading(series, distance, current, order) for order in orders]
+    @property
+    def several(self) -> bool:
+        """Whether it is of several circuits."""
+        return len(self.magnetics.conditions.nominal.circuits) > 1
 
-    def _of_reading(
-        self, series: TaylorSeries, distance: FloatArray, current: FloatArray, order: tuple[int, int]
-    ) -> FloatArray:
-        """The reading, or its first derivative by the chain rule with a central difference of the sensor alone."""
-        field = series.derivative(0, 0, 1)
-        if order == (0, 0):
-            return self._apparent(field, distance, current)
-        if sum(order) > 1:
-            raise DomainError(
-                "A Hall reading under effects has no derivatives of second order; use those of its field."
-            )
-        slope, steps = series.derivative(*order, 1), (1e-6 * order[0], 1e-5 * order[1])
-        scale = max(steps)
-        ends = [
-            self._apparent(field + s * scale * slope, distance + s * steps[0], current + s * steps[1])
-            for s in (1.0, -1.0)
-        ]
-        return np.asarray((ends[0] - ends[1]) / (2.0 * scale))
+    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
+        """The field itself, dW'/dh."""
+        coenergy = self.magnetics.changed(memory)
+        return lambda d, i: slope(lambda h: coenergy(d, i, h), 0.0)
 
-    def _apparent(self, field: FloatArray, distance: FloatArray, current: FloatArray) -> FloatArray:
-        volts = self.quiescent_V + self.sensitivity_V_per_T * field
-        read = self.dynamics.read(volts, distance, current, self.dynamics.at)
-        return np.asarray((read - self.quiescent_V) / self.sensitivity_V_per_T)
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """B_z of an expression's distance and currents."""
+        sensor, at = self.magnetics.base.require_sensor(), self.magnetics
+        volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * self.with_memory({})(distance, currents)
+        first = currents[0] if currents.numel() else SX(0.0)
+        read = recorded(at.effects, {"hall_V": volts}, distance, first, at.conditions)["hall_V"]
+        return (read - sensor.quiescent_V) / sensor.sensitivity_V_per_T
 
 
 def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> ActuatorModel:
@@ -166,39 +158,21 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     )
     if at.nominal.circuits:
         _require_of_circuits(base, effects)
-        sensor = hall_as_read(hall_with_effects(base.sensor, effects, base.circuit_names), effects, at)
-        return replace(changed, magnetics=with_sources(base, effects), sensor=sensor)
-    return _at_work(changed, base, at)
-
-
-def _at_work(changed: ActuatorModel, base: ActuatorModel, at: Conditions) -> ActuatorModel:
-    """The model of one current with what its effects make of co-energy and Hall field, and at work in motion."""
-    effects, coenergy = changed.effects, base_coenergy(base)
-    acting = tuple(added for added in effects if added.effect.coenergy is not None)
-    static = tuple(added for added in acting if added.memory is None)
-    hall_coenergy = changed_coenergy(coenergy, static, at)
-    moving = changed_coenergy(ModelCoenergy(coenergy.magnetics, None), static, at)
-    dynamics = EffectDynamics(
-        motion_coenergy=CoenergyTable(moving, at.nominal, hall=False) if static else moving,
-        hall_coenergy=CoenergyTable(hall_coenergy, at.nominal, hall=True) if acting else hall_coenergy,
-        effects=effects,
-        later=tuple(added for added in acting if added.memory is not None),
-        at=at,
-        resistance_ohm=base.circuit.resistance_ohm if base.circuit else float("nan"),
-        series_H=base.circuit.inductance_H if base.circuit else 0.0,
-        eddy=changed.eddy,
-    )
-    magnetics, sensor = base.magnetics, base.sensor
-    if acting:
-        magnetics = EffectMagnetics(changed_coenergy(dynamics.motion_coenergy, dynamics.later, at))
-    if sensor is not None and (acting or any(added.effect.readings for added in effects)):
-        field = EffectHallField(dynamics, sensor.quiescent_V, sensor.sensitivity_V_per_T)
-        sensor = replace(sensor, field=field)
-    return replace(changed, magnetics=magnetics, sensor=sensor, dynamics=dynamics)
+    magnetics, sensor = EffectMagnetics(base, effects, at), base.sensor
+    seen = any(added.effect.coenergy is not None for added in effects)
+    if sensor is not None and (seen or any(added.effect.readings for added in effects)):
+        sensor = replace(sensor, field=EffectHallField(magnetics))
+    return replace(changed, magnetics=magnetics if seen else base.magnetics, sensor=sensor)
 
 
 def _require_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, ...]) -> None:
-    """Refuse effects that are written for one current."""
+    """Refuse effects that are written for one current, and magnets that do not stand apart."""
+    apart = [added.effect.name for added in effects if added.effect.name == "remanence"]
+    if apart and isinstance(base.magnetics, CoenergyTensor):
+        raise MissingPartError(
+            f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
+            "saturates, it does not stand apart. Take remanence out of the model's effects."
+        )
     unknown = [added.effect.name for added in effects if not _of_circuits(added.effect)]
     unseen = [one.key for one in base.drawn if one.at_rest and one.key in unknown]
     if unseen:
@@ -217,23 +191,6 @@ def _of_circuits(effect: Effect) -> bool:
     """Whether an effect is one that several circuits can have: theirs, the device's, or of the eddy currents alone."""
     of_eddies = effect.coenergy is None and (effect.impedance is not None or effect.eddy is not None)
     return bool(effect.of) or effect.name in OF_THE_WHOLE or of_eddies
-
-
-def with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Magnetics:
-    """The co-energy of several circuits as effects scale magnets and turns: W'(d, s_1 i_1 .. s_n i_n)."""
-    magnetics = base.magnetics
-    assert isinstance(magnetics, CoenergyMatrix | CoenergyTensor)  # noqa: S101  there are no others of several circuits
-    scales = np.array(source_scales(effects, magnetics.names))
-    if isinstance(magnetics, CoenergyMatrix):
-        first, second = np.triu_indices(len(scales))
-        return replace(magnetics, coefficients=magnetics.coefficients * (scales[first] * scales[second]))
-    if scales[0] != 1.0:
-        raise MissingPartError(
-            f"A remanence scales the magnets' part of a co-energy; in that of model {base.name!r}, whose iron "
-            "saturates, it does not stand apart. Take remanence out of the model's effects."
-        )
-    knots = tuple(one / scale for one, scale in zip(magnetics.current_knots_A, scales[1:], strict=True))
-    return replace(magnetics, current_knots_A=knots)
 
 
 def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> EddyCurrents | None:

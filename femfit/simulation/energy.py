@@ -19,9 +19,9 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.device.mechanics import Mechanics
+from femfit.model import equations
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.effect_dynamics import EffectDynamics
-from femfit.model.float_steps import PointMagnetics, point_magnetics
+from femfit.model.magnetics import Magnetics
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,8 @@ class Equations:
     smooth: Mechanics  # The model's, without dry friction
     resistance_ohm: FloatArray
     series_H: FloatArray  # In series with the coils, outside of the field, on the diagonal of shape (n, n)
-    magnetics: PointMagnetics
-    effects: EffectDynamics | None  # Where effects change the equations themselves
-    sample_time_s: float
+    magnetics: Magnetics
+    effects: equations.Equations | None  # Where effects change the equations themselves
 
     @property
     def windings(self) -> int:
@@ -115,8 +114,10 @@ class Equations:
     def point(self, state: FloatArray) -> Point:
         """Forces and circuits at (distance, velocity, currents, states of effects)."""
         d, v = float(state[0]), float(state[1])
-        force, motional, inductance = self.magnetics(d, state[2 : 2 + self.windings])
-        return Point(self._force_beside(d, v) - force, motional * v, inductance + self.series_H)
+        at = self.magnetics.at_point(state[0], state[2 : 2 + self.windings])
+        return Point(
+            self._force_beside(d, v) - float(at.force), at.motional_constant * v, at.inductance + self.series_H
+        )
 
     def _force_beside(self, distance: float, velocity: float) -> float:
         smooth = self.smooth
@@ -139,9 +140,10 @@ class Equations:
     ) -> tuple[float, FloatArray, FloatArray]:
         """Under effects: net force, i', and the rates of their states; that of the circuit is ``rate`` if a number."""
         assert self.effects is not None  # noqa: S101  asked for by its callers
-        rates = self.effects.derivative(
-            state[None, :], voltage[:1], 0.0, self.smooth, self.sample_time_s, current_rate=rate
-        )[0]
+        function, driving = (
+            (self.effects.rates, voltage[:1]) if rate is None else (self.effects.driven_rates, np.array([rate]))
+        )
+        rates = function(state, driving, np.zeros(3), np.zeros(0))[:, 0]
         end = 2 + self.windings
         return float(self.smooth.mass_kg * rates[1]), rates[2:end], rates[end:]
 
@@ -150,12 +152,11 @@ def equations_of(model: ActuatorModel) -> Equations:
     """The equations of a model."""
     motion = model.require_motion()
     model.require_dynamics()
-    effects = model.dynamics if model.dynamics is not None and model.dynamics.drives else None
+    smooth = replace(motion, coulomb_N=0.0)
     return Equations(
-        smooth=replace(motion, coulomb_N=0.0),
+        smooth=smooth,
         resistance_ohm=model.windings.resistances_ohm,
         series_H=model.windings.series_H,
-        magnetics=point_magnetics(model.windings.magnetics),
-        effects=effects,
-        sample_time_s=model.sample_time_s,
+        magnetics=model.windings.magnetics,
+        effects=replace(model, motion=smooth).equations if model.effects_drive else None,
     )

@@ -19,7 +19,8 @@ from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, current_targets, is_plain, voltage_limits, winding_voltage
 from femfit.model.hall import HallSensor
-from femfit.model.sensors import characteristic, sensor_named
+from femfit.model.sensing import characteristic
+from femfit.model.sensors import sensor_named
 from femfit.simulation.operating_point import OperatingPoint
 
 

@@ -194,7 +194,7 @@ class OpenLoop(Printed):
             f"{name} {amount(value / total, '')}" for name, value in shares.items() if value > _LEAST_SHARE * total
         ]
         line = f"Of {amount(total, 'J', 3)} went to: {', '.join(printed)}."
-        if self.model.dynamics is not None and self.model.dynamics.drives:
+        if self.model.effects_drive:
             return [line, f"The model's effects took {amount(energy.remainder_J, 'J')}."]
         return [line, f"The balance closes to {abs(energy.remainder_J) / total:.1g} of it."]
 

@@ -7,25 +7,16 @@ x = (distance, velocity, i_1 .. i_n) and the viscous friction c,
 
 S = F_d - F_0' < 0 makes the point unstable: the mechanical pole without back-EMF and friction is sqrt(-S/m).
 
-The discrete algebraic Riccati equation, by doubling; numpy alone.
-
-    X = A^T X A - A^T X B (R + B^T X B)^-1 B^T X A + Q
-
-Each step of the structure-preserving doubling algorithm takes as many steps of the recursion as all before together:
-
-    W = (I + G H)^-1,    A' = A W A,    G' = G + A W G A^T,    H' = H + A^T H W A,    H -> X.
-
 References
 ----------
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 5.1.
 C. F. Van Loan, IEEE Trans. Automat. Contr. 23 (1978) 395, for the matrix exponential of (A, B).
-E. K.-W. Chu, H.-Y. Fan, W.-W. Lin and C.-S. Wang, Int. J. Control 77 (2004) 767: structure-preserving algorithms for
-periodic discrete-time algebraic Riccati equations.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import expm, solve_discrete_are
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
@@ -149,28 +140,17 @@ def usable_coil_pole(model: ActuatorModel, point: OperatingPoint) -> float:
 
 
 def zero_order_hold(A: FloatArray, B: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-    """Discretise x' = A x + B u with u held: exp of [[A, B], [0, 0]] by scaling, Taylor series and squaring.
+    """Discretise x' = A x + B u with u held: exp of [[A, B], [0, 0]].
 
     Parameters
     ----------
     B : array, shape (n,) or (n, inputs)
     """
     n, columns = len(B), B.reshape(len(B), -1)
-    inputs = columns.shape[1]
-    M = np.zeros((n + inputs, n + inputs))
+    M = np.zeros((n + columns.shape[1],) * 2)
     M[:n, :n], M[:n, n:] = A * step, columns * step
-    squarings = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(M, 1)), 1e-300)))) + 4)
-    M = M / 2.0**squarings
-    term, result = np.eye(n + inputs), np.eye(n + inputs)
-    for k in range(1, 13):  # |M| <= 1/16: the 13th term is below 1e-24
-        term = term @ M / k
-        result = result + term
-    for _ in range(squarings):
-        result = result @ result
+    result = expm(M)
     return result[:n, :n], result[:n, n:].reshape(B.shape)
-
-
-_DOUBLINGS = 60
 
 
 def solve_riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:
@@ -186,34 +166,17 @@ def solve_riccati(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) ->
     DomainError
         If there is none: an unstable state cannot be moved, or is not weighed.
     """
-    n = len(A)
     # States of about equal weight, so that metres and volts do not hide each other
     scale = 1.0 / np.sqrt(np.maximum(np.diag(Q), 1e-12 * float(np.diag(Q).max())))
-    a, h = A * scale / scale[:, None], Q * scale * scale[:, None]
-    b = B / scale[:, None]
-    g = b @ np.linalg.solve(R, b.T)
-    first, weight = a, g
-    with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(_DOUBLINGS):
-            try:
-                w = np.linalg.inv(np.eye(n) + g @ h)
-            except np.linalg.LinAlgError:
-                break
-            more = a.T @ h @ w @ a
-            a, g, h = a @ w @ a, g + a @ w @ g @ a.T, h + 0.5 * (more + more.T)
-            g = 0.5 * (g + g.T)
-            if not np.all(np.isfinite(h)):
-                break
-            if float(np.abs(more).max()) <= 1e-13 * float(np.abs(h).max()):
-                # What is not weighed is left as it is, so that the doubling converges on a loop that still grows
-                closed = np.linalg.solve(np.eye(n) + weight @ h, first)
-                if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:
-                    break
-                return np.asarray(h / scale / scale[:, None])
-    raise DomainError(
-        "The Riccati equation must have a stabilising solution; a state that grows cannot be moved by the drivers or "
-        "is not weighed. Choose another point of rest, or other sensors."
-    )
+    a, b, q = A * scale / scale[:, None], B / scale[:, None], Q * scale * scale[:, None]
+    try:
+        solution = solve_discrete_are(a, b, q, R)
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise DomainError(
+            "The Riccati equation must have a stabilising solution; a state that grows cannot be moved by the drivers "
+            "or is not weighed. Choose another point of rest, or other sensors."
+        ) from error
+    return np.asarray(solution / scale / scale[:, None])
 
 
 def feedback_gain(A: FloatArray, B: FloatArray, Q: FloatArray, R: FloatArray) -> FloatArray:

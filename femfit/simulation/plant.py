@@ -7,28 +7,32 @@ References
 A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, eqs. (2) and (3), corrected in femfit.model.dynamics.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from casadi import SX
 
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
 from femfit.estimate.levitation import fastest_time_constant, kept_between_stops
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.bspline import basis_matrix
 from femfit.model.drive import (
     blocked_by_diodes,
     commands_currents,
     current_targets,
-    currents_by_voltages,
     is_plain,
     voltage_limits,
     winding_voltage,
 )
-from femfit.model.dynamics import LONGEST_STEP, runge_kutta_step
-from femfit.model.exponential_step import extrapolated_step, motion_steps
-from femfit.model.magnetics import CoenergySpline, Magnetics, MagneticSlopes, MagneticState
+from femfit.model.dynamics import (
+    LONGEST_STEP,
+    currents_by_voltages,
+    extrapolated_step,
+    motion_steps,
+    runge_kutta_step,
+)
+from femfit.model.magnetics import Magnetics
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,70 +44,35 @@ class ScaledForce(Magnetics):
     """
 
     base: Magnetics
-    scale: FloatArray  # s, one factor a run; shape (runs,)
+    scale: FloatArray  # s, one factor a run, or one for all; shape (runs,) or ()
     reference_distance_m: float
 
-    def alike(self, scale: float) -> Magnetics:
-        """The magnetics of runs with one scale: of a spline again one, since its functions of the distance add to 1."""
-        base = self.base
-        if scale == 1.0:
-            return base
-        if type(base) is CoenergySpline:
-            spline, u = base.spline, base.coordinate.of(np.array([self.reference_distance_m]))
-            held = basis_matrix(u, spline.x_knots, spline.x_degree) @ spline.coefficients
-            coefficients = scale * spline.coefficients + (1.0 - scale) * held
-            return replace(base, spline=replace(spline, coefficients=coefficients))
-        return replace(self, scale=np.array(scale))
+    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:
+        """W' of an expression's distance and currents where the states of effects are these."""
+        inner, scale = self.base.with_memory(memory), self.given if np.ndim(self.scale) else float(self.scale)
 
-    def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """W' in J, of shape (...)."""
-        reference = np.full_like(distance, self.reference_distance_m)
-        return self._mixed(self.base.coenergy(distance, currents), self.base.coenergy(reference, currents), 0)
+        def coenergy(distance: SX, currents: SX) -> SX:
+            held = inner(SX(self.reference_distance_m), currents)
+            return scale * (inner(distance, currents) - held) + held
 
-    def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
-        """dW'/di_k in Wb, of shape (..., n)."""
-        reference = np.full_like(distance, self.reference_distance_m)
-        return self._mixed(self.base.flux_linkage(distance, currents), self.base.flux_linkage(reference, currents), 1)
+        return coenergy
 
-    def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
-        """Force, motional constants and inductances together."""
-        there, reference = self.base.state(distance, currents), np.full_like(distance, self.reference_distance_m)
-        inductance, scale = self.base.inductance(reference, currents), np.asarray(self.scale)
-        inductance = self._mixed(there.inductance, inductance, 2)
-        return MagneticState(scale * there.force, scale[..., None] * there.motional_constant, inductance)
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """W' of an expression's distance and currents."""
+        return self.with_memory({})(distance, currents)
 
-    def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
-        """The same with their slopes."""
-        there, reference = self.base.slopes(distance, currents), np.full_like(distance, self.reference_distance_m)
-        scale, held = np.asarray(self.scale), self.base.slopes(reference, currents).inductance_slope
-        return MagneticSlopes(
-            **vars(self.state(distance, currents)),
-            force_gradient=scale * there.force_gradient,
-            motional_gradient=scale[..., None] * there.motional_gradient,
-            inductance_gradient=scale[..., None, None] * there.inductance_gradient,
-            inductance_slope=self._mixed(there.inductance_slope, held, 3),
-        )
+    @cached_property
+    def given(self) -> SX:
+        """The scale as a symbol; none where it is one for all runs."""
+        return SX.sym("scale", int(np.ndim(self.scale) > 0))
 
-    def _mixed(self, there: FloatArray, at_reference: FloatArray, axes: int) -> FloatArray:
-        """What no scale changes at the reference distance, with so many axes of circuits."""
-        scale = np.asarray(self.scale)[(..., *[None] * axes)]
-        return np.asarray(scale * there + (1.0 - scale) * at_reference)
+    @property
+    def given_values(self) -> FloatArray:
+        """The scale of each run, (1, runs), or (0,)."""
+        return self.scale[None] if np.ndim(self.scale) else np.zeros(0)
 
-
-@dataclass(frozen=True, eq=False)
-class ScaledSeries:
-    """The same of the co-energy that effects change, called as :data:`femfit.effects.taylor_series.CoenergySeries`."""
-
-    base: CoenergySeries
-    scale: FloatArray
-    reference_distance_m: float
-
-    def __call__(self, distance: FloatArray, current: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-        """Taylor coefficients at points (n,) in m and A."""
-        coefficients = self.scale * self.base(distance, current, in_distance, in_current).coefficients
-        reference = np.full_like(distance, self.reference_distance_m)
-        coefficients[:, 0] += (1.0 - self.scale) * self.base(reference, current, 0, in_current).coefficients[:, 0]
-        return TaylorSeries(coefficients)
+    def __reduce__(self) -> tuple[type["ScaledForce"], tuple[Magnetics, FloatArray, float]]:
+        return ScaledForce, (self.base, self.scale, self.reference_distance_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,27 +138,28 @@ class Plant:
         magnetic = model.windings.magnetics.state(state[:, 0], state[:, 2 : model.windings.end])
         if model.eddy is None:
             return (magnetic.inductance + model.series_inductances_H) / step
-        return np.asarray(np.linalg.inv(currents_by_voltages(model, magnetic, step)[:, :n, :n]))
+        return np.asarray(
+            np.linalg.inv(currents_by_voltages(model, state[:, 0], state[:, 2 : model.windings.end], step)[:, :n, :n])
+        )
 
     def _integrated(self, state: FloatArray, volts: FloatArray, step: float) -> FloatArray:
         voltage = volts[:, 0] if len(self.model.circuits) == 1 else volts
         if self.model.eddy is None:
             return runge_kutta_step(self.model, state, voltage, step)
-        if len(self._parts) == 1:
-            return extrapolated_step(self._parts[0][1], state, voltage, step)
         result = np.empty_like(state)
         for runs, model in self._parts:
             result[runs] = extrapolated_step(model, state[runs], voltage[runs], step)
         return result
 
     @cached_property
-    def _parts(self) -> list[tuple[BoolArray, ActuatorModel]]:
+    def _parts(self) -> list[tuple[BoolArray | slice, ActuatorModel]]:
         """Runs of one force each, and their models: what has one co-energy for all steps by tables."""
-        model, magnetics = self.model, self.model.magnetics
-        if not isinstance(magnetics, ScaledForce) or model.dynamics is not None:
-            return [(np.ones(1, dtype=np.bool_), model)]
+        magnetics = self.model.magnetics
+        if not isinstance(magnetics, ScaledForce):
+            return [(slice(None), self.model)]
         scales = np.atleast_1d(magnetics.scale)
-        return [(scales == factor, replace(model, magnetics=magnetics.alike(factor))) for factor in np.unique(scales)]
+        each = [(scales == factor, replace(magnetics, scale=np.array(factor))) for factor in np.unique(scales)]
+        return [(slice(None) if len(each) == 1 else runs, replace(self.model, magnetics=one)) for runs, one in each]
 
 
 def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> ActuatorModel:
@@ -202,7 +172,4 @@ def with_force_scale(model: ActuatorModel, scale: FloatArray | float) -> Actuato
     """
     box = model.validity
     middle, factor = 0.5 * (box.distance_min_m + box.distance_max_m), np.asarray(scale, dtype=np.float64)
-    dynamics = model.dynamics
-    if dynamics is not None:
-        dynamics = replace(dynamics, motion_coenergy=ScaledSeries(dynamics.motion_coenergy, factor, middle))
-    return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle), dynamics=dynamics)
+    return replace(model, magnetics=ScaledForce(model.magnetics, factor, middle))

@@ -24,7 +24,8 @@ from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import PickupSensor
-from femfit.model.sensors import WHOLE, AnySensor, Reading, reading_of, readings_span, sampled_value, sensor_named
+from femfit.model.sensing import AnySensor
+from femfit.model.sensors import WHOLE, Reading, reading_of, readings_span, sampled_value, sensor_named
 from femfit.simulation.constants import UNKNOWN_NOISE_PART
 
 

@@ -1,1 +1,1 @@
-"""Packages that run a model without the fitting half of femfit."""
+"""What runs a model without femfit: a file of Python, C for a microcontroller."""

@@ -1,26 +1,19 @@
 """What a model can be exported to: one tuple, and the one function that does it."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from femfit.core.errors import UsageError
 from femfit.core.files import path_of
 from femfit.core.results import Printed
-from femfit.core.text import counted
+from femfit.core.text import amount, counted
+from femfit.estimate.kalman_filter import FilterKind
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+from femfit.targets.c_code import Real, export_c
 from femfit.targets.estimator import export_estimator
-
-
-@dataclass(frozen=True)
-class ExportTarget:
-    """One kind of export."""
-
-    name: str
-    description: str
-    export: Callable[[ActuatorModel, Path], tuple[Path, ...]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,23 +31,38 @@ class Export(Printed):
     target: str
     directory: Path
     files: tuple[Path, ...]
+    # By how much the distance in single precision differs from that in double along a simulated motion; None in double
+    single_precision_m: float | None = None
 
     def __str__(self) -> str:
-        example = self.directory / "example.py"
-        return f"{self.directory}: {self.target}, {counted(len(self.files), 'file')}; try python {example}"
+        files = counted(len(self.files), "file")
+        done = f"{self.directory}: {self.target}, {files}; read {self.directory / 'README.md'}"
+        if self.single_precision_m is None:
+            return done
+        return f"{done}\nSingle precision is off by {amount(self.single_precision_m, 'm')} along a simulated motion."
 
     def to_dict(self) -> dict[str, Any]:
         """JSON-ready; the files relative to the directory."""
         files = [str(file.relative_to(self.directory)) for file in self.files]
-        return {"target": self.target, "directory": str(self.directory), "files": files}
+        facts: dict[str, Any] = {"target": self.target, "directory": str(self.directory), "files": files}
+        return facts if self.single_precision_m is None else facts | {"single_precision_m": self.single_precision_m}
 
 
-TARGETS: tuple[ExportTarget, ...] = (
-    ExportTarget("estimator", "A Python package with filters and simulator that needs numpy alone.", export_estimator),
-)
+TARGETS = {
+    "estimator": "Filters and simulator as one file of plain Python.",
+    "c": "A filter as C99 for a microcontroller, with a program that follows a record.",
+}
 
 
-def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str = "estimator") -> Export:
+def export(
+    model: ActuatorModel | str | Path,
+    directory: str | Path,
+    *,
+    to: str = "estimator",
+    filter: str = "ukf",  # noqa: A002  as the command's option
+    real: str = "double",
+    sensors: Sequence[str] | None = None,
+) -> Export:
     """Export a model to something that runs without femfit.
 
     Parameters
@@ -64,12 +72,18 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
     directory : path
         Absent, empty, or an earlier export, whose files are replaced.
     to : str
-        Name of one of :data:`TARGETS`.
+        Name of one of :data:`TARGETS`: ``estimator`` or ``c``.
+    filter : {'ukf', 'ekf'}
+        Of C: unscented or extended. The file of Python has both.
+    real : {'double', 'float'}
+        Precision of C; what single precision costs along a simulated motion is said.
+    sensors : sequence of str or None
+        Sensors that the filter reads; the Hall element where None, or all where there is none.
 
     Raises
     ------
     UsageError
-        If there is no such target.
+        If there is no such target, filter or precision.
     MissingPartError
         If the model lacks what it needs.
 
@@ -77,11 +91,16 @@ def export(model: ActuatorModel | str | Path, directory: str | Path, *, to: str 
     --------
     >>> import femfit as ff
     >>> print(ff.export("model.json", "build"))
-    build: estimator, ... files; try python build/example.py
+    build: estimator, 4 files; read build/README.md
     """
-    target = next((target for target in TARGETS if target.name == to), None)
-    if target is None:
-        known = "; ".join(f"{target.name} ({target.description[:-1]})" for target in TARGETS)
-        raise UsageError(f"Export target must be one of: {known}; instead received {to!r}.")
-    place = path_of(directory, "The directory of an export")
-    return Export(target.name, place, target.export(model_of(model), place))
+    given = {"target": (to, tuple(TARGETS)), "filter": (filter, ("ukf", "ekf")), "real": (real, ("double", "float"))}
+    for what, (value, allowed) in given.items():
+        if value not in allowed:
+            known = "; ".join(f"{name} ({text[:-1]})" for name, text in TARGETS.items())
+            wanted = known if what == "target" else " or ".join(allowed)
+            raise UsageError(f"Export {what} must be one of: {wanted}; instead received {value!r}.")
+    place, read = path_of(directory, "The directory of an export"), model_of(model)
+    if to == "estimator":
+        return Export(to, place, export_estimator(read, place, sensors))
+    files, single = export_c(read, place, sensors, cast("FilterKind", filter), cast("Real", real))
+    return Export(to, place, files, single)

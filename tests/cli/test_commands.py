@@ -102,7 +102,7 @@ def test_a_fem_model_becomes_an_actuator_file_that_says_where_it_comes_from(case
 def test_an_export_lists_its_files(case):
     data = result(case, "export")
     assert data["target"] == "estimator"
-    assert {"model.json", "example.py", "README.md"} <= set(data["files"])
+    assert {"model.json", "estimator.py", "README.md"} <= set(data["files"])
     assert all((case.folder / "package" / name).is_file() for name in data["files"])
 
 

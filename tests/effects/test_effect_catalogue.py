@@ -20,6 +20,7 @@ from femfit.effects.zeros_and_scales import HALL_OFFSET
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import usual
+from support.coenergies import partials
 from support.effects_page import PAGE, page
 
 STAGES = {"bench", "magnetics", "force", "circuit", "motion", "sensor"}
@@ -110,10 +111,10 @@ def test_force_and_flux_linkage_stay_reciprocal(effect, levitation_model, points
 def test_an_effect_in_the_coenergy_changes_higher_derivatives_alike(effect, levitation_model, points):
     d, i = points
     magnetics, h_i, h_d = with_effects(levitation_model, [usual(effect, 0.3)]).magnetics, 1e-5, 1e-7
-    iii, dii, ddi = magnetics.coenergy_derivatives(d, i, ((0, 3), (1, 2), (2, 1)))
-    up, down = (magnetics.coenergy_derivatives(d, i + s * h_i, ((0, 2),))[0] for s in (1, -1))
+    iii, dii, ddi = partials(magnetics.expression, d, i, ((0, 3), (1, 2), (2, 1)))
+    up, down = (partials(magnetics.expression, d, i + s * h_i, ((0, 2),))[0] for s in (1, -1))
     np.testing.assert_allclose(iii, (up - down) / (2 * h_i), atol=1e-4 * np.abs(iii).max() + 1e-8)
-    up, down = (magnetics.coenergy_derivatives(d + s * h_d, i, ((0, 2), (1, 1))) for s in (1, -1))
+    up, down = (partials(magnetics.expression, d + s * h_d, i, ((0, 2), (1, 1))) for s in (1, -1))
     np.testing.assert_allclose(dii, (up[0] - down[0]) / (2 * h_d), atol=1e-4 * np.abs(dii).max() + 1e-8)
     np.testing.assert_allclose(ddi, (up[1] - down[1]) / (2 * h_d), atol=1e-4 * np.abs(ddi).max())
 

@@ -2,21 +2,23 @@
 
 import dataclasses
 
+import casadi as ca
 import magpylib
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
+from femfit.core.graph import row_of
 from femfit.device.parts import LinearMaterial
 from femfit.effects.catalogue import effect_by_name
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
-from femfit.effects.taylor_series import TaylorSeries
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
+from support.coenergies import partials
 from support.saturating import LIBRARY, rig_with_core
 
 QUICK = SolverSettings(order=3, corner_fraction=0.25)
@@ -49,23 +51,13 @@ def solved(core, remanence=1.0):
 def linear_coenergy(table):
     """W' of a linear solution at its own distances: quadratic in the current, its slope the solved force."""
     force, flux, hall = (np.polynomial.polynomial.polyfit(CURRENTS, table[n].T, 2) for n in SCALES)
+    rows = np.column_stack([DISTANCES, flux[0], 0.5 * flux[1], *force, hall[0], hall[1]])
+    between = 0.5 * (np.array(DISTANCES[1:]) + DISTANCES[:-1])
 
-    def evaluate(d, i, n_d, n_i):
-        k = np.searchsorted(np.array(DISTANCES), d - 1e-9)
-        result = np.zeros((2, n_d + 1, n_i + 1, len(d)))
-        powers = {
-            (0, 0): [0 * flux[0], flux[0], 0.5 * flux[1]],  # up to what depends on the distance alone
-            (0, 1): [-force[0], -force[1], -force[2]],
-            (1, 0): [hall[0], hall[1], 0 * hall[0]],
-        }
-        for (c, a), terms in powers.items():
-            if a <= n_d:
-                polynomial = np.array([term[k] for term in terms])
-                for b in range(min(n_i, 2) + 1):
-                    factor = [1.0, 1.0, 0.5][b]
-                    slope = np.polynomial.polynomial.polyder(polynomial, b) if b else polynomial
-                    result[c, a, b] = factor * sum(s * i**n for n, s in enumerate(slope))
-        return TaylorSeries(result)
+    def evaluate(d, i, h):
+        at, flux_0, flux_1, force_0, force_1, force_2, hall_0, hall_1 = ca.vertsplit(row_of(rows, [between], [d]))
+        force = force_0 + force_1 * i + force_2 * i**2
+        return flux_0 * i + flux_1 * i**2 - (d - at) * force + h * (hall_0 + hall_1 * i)
 
     return evaluate
 
@@ -89,17 +81,24 @@ def nominal(linear, levitation_model):
 GRID = [x.ravel() for x in np.meshgrid(DISTANCES, CURRENTS, indexing="ij")]
 
 
+def acting(effect, base, conditions, parameters):
+    """W'(d, i, h) under the effect."""
+    values = effect.null() | parameters
+    return lambda d, i, h: effect.coenergy(base, d, i, h, conditions, values)
+
+
+def slope(coenergy, d, i, *order):
+    """One partial derivative in d, i and h."""
+    return partials(coenergy, d, i, (order,))[0]
+
+
 def read(coenergy):
-    return {
-        "force_N": -coenergy.derivative(1, 0),
-        "flux_linkage_Wb": coenergy.derivative(0, 1),
-        "hall_T": coenergy.derivative(0, 0, 1),
-    }
+    by_d, linkage, field = partials(coenergy, *GRID, ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
+    return {"force_N": -by_d, "flux_linkage_Wb": linkage, "hall_T": field}
 
 
 def changed(effect, base, nominal, parameters):
-    d, i = GRID
-    return read(effect.coenergy(base, d, i, 1, 1, Conditions(nominal), effect.null() | parameters))
+    return read(acting(effect, base, Conditions(nominal), parameters))
 
 
 @pytest.mark.nightly
@@ -128,9 +127,8 @@ def test_the_family_of_core_saturation_describes_a_nonlinear_field_solution(line
     ],
 )
 def test_a_weaker_magnet_is_the_field_solution_with_less_remanence(name, parameters, linear, nominal):
-    effect, d = effect_by_name(name), GRID[0]
-    at = Conditions(nominal, magnet_temperature_C=np.full(len(d), 40.0))
-    found = read(effect.coenergy(linear_coenergy(linear), *GRID, 1, 1, at, effect.null() | parameters))
+    at = Conditions(nominal, magnet_temperature_C=40.0)
+    found = read(acting(effect_by_name(name), linear_coenergy(linear), at, parameters))
     for channel, values in solved(LINEAR, remanence=0.92).items():
         # Linear iron is exactly homogeneous; the solver's rounding is left
         np.testing.assert_allclose(found[channel], values.ravel(), atol=1e-6 * np.abs(values).max())
@@ -138,20 +136,15 @@ def test_a_weaker_magnet_is_the_field_solution_with_less_remanence(name, paramet
 
 def on_axis(d, height, radius=0.0055, remanence=1.45):
     """B_z on the axis at the distance d from a cylinder magnet's face (closed form)."""
-    return 0.5 * remanence * ((d + height) / np.hypot(d + height, radius) - d / np.hypot(d, radius))
+    far = d + height
+    return 0.5 * remanence * (far / np.sqrt(far**2 + radius**2) - d / np.sqrt(d**2 + radius**2))
 
 
 def test_a_demagnetised_layer_is_the_field_of_the_rest_of_the_magnet(nominal):
-    effect = effect_by_name("magnet_demagnetisation")
-
-    def base(d, i, n_d, n_i):
-        result = np.zeros((2, n_d + 1, n_i + 1, len(d)))
-        result[1, 0, 0] = on_axis(d, 0.005)
-        return TaylorSeries(result)
-
-    d = np.linspace(0.015, 0.045, 7)
-    values = effect.null() | {"layer_m": 5e-4, "magnet_height_m": 0.005}
-    found = effect.coenergy(base, d, np.zeros(7), 0, 0, Conditions(nominal), values).derivative(0, 0, 1)
+    effect, d = effect_by_name("magnet_demagnetisation"), np.linspace(0.015, 0.045, 7)
+    values = {"layer_m": 5e-4, "magnet_height_m": 0.005}
+    coenergy = acting(effect, lambda d, i, h: h * on_axis(d, 0.005), Conditions(nominal), values)
+    found = slope(coenergy, d, 0.0, 0, 0, 1)
     exact, whole = on_axis(d + 5e-4, 0.0045), on_axis(d, 0.005)
     # At three times its height a magnet is a dipole to within (height / distance)^2, 11 %, of this change's own half
     np.testing.assert_allclose(found - whole, exact - whole, rtol=0.05)
@@ -175,25 +168,30 @@ def test_a_lateral_offset_is_the_superposition_of_loops_in_three_dimensions(nomi
         np.polynomial.chebyshev.Chebyshev.fit(nodes, column, 11, domain=[0.013, 0.047]) for column in axis.T
     )
 
-    def base(d, i, n_d, n_i):
-        result = np.zeros((2, n_d + 1, n_i + 1, len(d)))
-        factorial = np.cumprod([1.0, *range(1, n_d + 1)])
-        for a in range(n_d + 1):
-            if a:
-                slope = -(force.deriv(a - 1) if a > 1 else force)(d) / factorial[a]
-                result[0, a, 0] = i * slope
-                if n_i:
-                    result[0, a, 1] = slope
-            result[1, a, 0] = (field.deriv(a) if a else field)(d) / factorial[a]
-        return TaylorSeries(result)
-
+    work = force.integ()
+    coenergy = acting(
+        effect,
+        lambda d, i, h: h * evaluated(field, d) - i * evaluated(work, d),
+        Conditions(nominal),
+        {"offset_squared_m2": e**2},
+    )
     d = np.array([0.016, 0.020, 0.028, 0.040])
-    values = effect.null() | {"offset_squared_m2": e**2}
-    found = effect.coenergy(base, d, np.ones(4), 1, 1, Conditions(nominal), values)
     exact = np.array([offset_magnet(x, e) for x in d]) - np.stack([force(d), field(d)], axis=1)
     # The next term of the expansion is (e/d)^2 / 2 of this one at the smallest distance
-    np.testing.assert_allclose(-found.derivative(1, 0) - force(d), exact[:, 0], rtol=0.03)
-    np.testing.assert_allclose(found.derivative(0, 0, 1) - field(d), exact[:, 1], rtol=0.03)
+    np.testing.assert_allclose(-slope(coenergy, d, 1.0, 1, 0, 0) - force(d), exact[:, 0], rtol=0.03)
+    np.testing.assert_allclose(slope(coenergy, d, 1.0, 0, 0, 1) - field(d), exact[:, 1], rtol=0.03)
+
+
+def evaluated(series, x):
+    """A Chebyshev series at an expression."""
+    offset, scale = series.mapparms()
+    t = offset + scale * x
+    before, last = 1.0, t
+    value = series.coef[0] + series.coef[1] * t
+    for coefficient in series.coef[2:]:
+        before, last = last, 2.0 * t * last - before
+        value += coefficient * last
+    return value
 
 
 def test_a_small_cores_attraction_falls_off_the_axis_as_the_image_share_says():
@@ -210,11 +208,8 @@ def test_the_family_of_inductance_describes_a_small_iron_body_before_a_coil(nomi
     effect, d = effect_by_name("position_dependent_inductance"), np.linspace(0.015, 0.045, 16)
     seen = 0.01**4 / (0.01**2 + (d + 0.0075) ** 2) ** 3
 
-    def base(d, i, n_d, n_i):
-        return TaylorSeries(np.zeros((2, n_d + 1, n_i + 1, len(d))))
-
     columns = [
-        effect.coenergy(base, d, np.ones(16), 0, 1, Conditions(nominal), effect.null() | {p.name: 1.0}).derivative(0, 1)
+        slope(acting(effect, lambda *_: 0.0, Conditions(nominal), {p.name: 1.0}), d, 1.0, 0, 1, 0)
         for p in effect.amplitudes
     ]
     fit = lsq_linear(np.stack(columns, axis=1), seen)
@@ -241,19 +236,13 @@ def test_a_plunger_beside_its_axis_is_a_gap_of_less_reluctance_in_series(nominal
     d, i = np.array([0.016, 0.021, 0.032]), np.array([0.4, 0.9, 1.3])
     series, bore = 4.0 + 1000.0 * d, 0.02  # reluctances over N^2: working gap and the rest, change of the bore's
 
-    def base(d, i, n_d, n_i):  # W' = i^2 / (2 R(d))
-        r = 4.0 + 1000.0 * d
-        along = np.stack([1.0 / r, -1e3 / r**2, 1e6 / r**3, -1e9 / r**4])[: n_d + 1, None]
-        bent = np.stack([0.5 * i**2, i, 0.5 + 0 * i, 0 * i])[: n_i + 1]
-        return TaylorSeries(np.stack([along * bent, 0.0 * along * bent]))
-
     gap = bore * plunger.flux_linkage_Wb / plunger.peak_current_A
-    coenergy = effect.coenergy(base, d, i, 1, 1, Conditions(plunger), effect.null() | {"gap_all": gap})
+    plain = acting(effect, lambda d, i, h: 0.5 * i**2 / (4.0 + 1000.0 * d), Conditions(plunger), {"gap_all": gap})
     # First order in 0.02 of 20 and more: the next is a thousandth of it
-    np.testing.assert_allclose(coenergy.derivative(0, 1) - i / series, i / (series - bore) - i / series, rtol=2e-3)
+    np.testing.assert_allclose(slope(plain, d, i, 0, 1, 0) - i / series, i / (series - bore) - i / series, rtol=2e-3)
     change = -0.5 * i**2 * 1000.0 * (1.0 / (series - bore) ** 2 - 1.0 / series**2)
     base_slope = -0.5 * i**2 * 1000.0 / series**2
-    np.testing.assert_allclose(coenergy.derivative(1, 0) - base_slope, change, rtol=3e-3)
+    np.testing.assert_allclose(slope(plain, d, i, 1, 0, 0) - base_slope, change, rtol=3e-3)
 
 
 def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
@@ -265,14 +254,15 @@ def test_the_family_of_hysteresis_describes_a_sum_of_play_operators(nominal):
     loop = played(fine, (0.05, 0.15, 0.4), (0.5, 0.3, 0.2))[seen] - i
     at = Conditions(nominal, branch=branch, current_turn_A=(-1.4, 1.4))
 
-    def base(d, i, n_d, n_i):  # lambda = i
-        return TaylorSeries(
-            np.stack([np.stack([[0.5 * i**2, i, 0 * i + 0.5, 0 * i][: n_i + 1]] * 1), np.zeros((1, n_i + 1, len(i)))])
-        )
-
     def column(name):
-        linkage = effect.coenergy(base, i, i, 0, 1, at, effect.null() | {name: 1.0}).derivative(0, 1)
-        return linkage - i
+        p = effect.null() | {name: 1.0}
+        states = effect.memory.steady_state(i, i, at, p)
+        linkage = []
+        for k, current in enumerate(i):
+            held = Conditions(nominal, memory={name: z[k] for name, z in states.items()})
+            coenergy = acting(effect, lambda d, i, h: 0.5 * i**2, held, p)  # lambda = i
+            linkage.append(slope(coenergy, 0.0, current, 0, 1, 0))
+        return np.array(linkage) - i
 
     # A straight line is the base's own
     columns = np.stack([*(column(p.name) for p in effect.amplitudes), i, np.ones(30)], axis=1)

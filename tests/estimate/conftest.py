@@ -73,7 +73,6 @@ def as_the_plant_moves(levitation_model):
             process,
             transition=lambda x, u: runge_kutta_step(levitation_model, x, u, t),
             transition_jacobian=None,
-            transition_columns=None,
         )
 
     return moved

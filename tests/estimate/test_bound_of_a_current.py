@@ -10,19 +10,17 @@ from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along, error_bound
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise
-from femfit.model.magnetics import OneCurrentMagnetics
+from femfit.model.magnetics import Magnetics
 from tests.support.solenoids import LEAKAGE_H, REACH_H_M, SHIFT_M, inductance, solenoid
 
 SIGMA_A, STEP_S = 4e-3, 2e-5
 
 
-class Flat(OneCurrentMagnetics):
+class Flat(Magnetics):
     """A winding whose inductance no distance changes."""
 
-    def _derivatives(self, _, current, orders):
-        values = {(0, 0): 0.5 * LEAKAGE_H * current**2, (0, 1): LEAKAGE_H * current}
-        values[0, 2] = np.full_like(current, LEAKAGE_H)
-        return [np.asarray(values.get(order, np.zeros_like(current))) for order in orders]
+    def expression(self, _, currents):
+        return 0.5 * LEAKAGE_H * currents[0] ** 2
 
 
 SILENT = FilterNoise(acceleration_density=1e-24, voltage_V=1e-9, hall_V=1.0)

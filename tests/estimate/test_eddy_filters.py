@@ -67,7 +67,7 @@ def test_sigma_points_lie_as_far_out_as_without_eddy_currents(levitation_model, 
             asked.append(np.ptp(states[:, 0]))
             return move(states, volts)
 
-        filter_ = UnscentedFilter(replace(process, transition=transition, transition_columns=None))
+        filter_ = UnscentedFilter(replace(process, transition=transition))
         moved = filter_.predict(filter_.start(resting(one)), 1.0)
         assert not moved.outcome.any()
         reached += asked

@@ -10,7 +10,7 @@ from femfit.device.electrics import CurrentSensor
 from femfit.estimate.error_bound import bound_along, error_bound
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.noise import FilterNoise
-from femfit.model.exponential_step import exponential_step
+from femfit.model.dynamics import exponential_step
 from support.readings import LASER, predict_sensors
 from support.solenoids import solenoid
 

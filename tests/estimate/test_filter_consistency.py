@@ -156,7 +156,7 @@ def test_compensating_the_coil_by_the_resting_current_costs_what_the_hall_voltag
     rest = np.array([[0.022, 0.0, 0.32]])
     (hall,) = through_volts.outputs
     slope = through_volts.output_jacobian(rest, hall)[0, 0]
-    inverted = replace(hall, measure=lambda x: x[:, 0], columns=None, variance=hall.variance / slope**2)
+    inverted = replace(hall, measure=lambda x: x[:, 0], variance=hall.variance / slope**2)
     of_distance = replace(through_volts, outputs=(inverted,))
 
     def error_rms(process, values):

@@ -1,4 +1,4 @@
-"""A filter that breaks down is named, run by run, and one run in floats is one of many."""
+"""A filter that breaks down is named, run by run, and one run alone is one of many."""
 
 from dataclasses import replace
 
@@ -11,7 +11,6 @@ from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalma
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import initial_covariance
 from femfit.estimate.process import FilterOutcome, FilterProcess, Output
-from femfit.model.bspline import CellPolynomials
 from femfit.model.json_file import write_model
 
 ALL = [UnscentedFilter, ExtendedFilter]
@@ -135,9 +134,6 @@ def test_states_are_never_changed_in_place(process, record):
     np.testing.assert_array_equal(state.covariance, before[1])
 
 
-RANDOM = np.random.default_rng(5)
-
-
 def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
     filter_ = kalman_filter(levitation_model)
     monkeypatch.setattr(Filter, "predict", None)  # the general path would need it
@@ -181,17 +177,21 @@ def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(le
         kalman_filter(levitation_model, "kf")
 
 
-def test_a_piecewise_polynomial_in_floats_is_the_one_in_arrays():
-    """Cells in both directions, points outside of them, and an order beyond the degree."""
-    cells = CellPolynomials(np.array([0.0, 0.4, 1.0]), np.array([0.0, 1.0, 3.0, 4.0]), RANDOM.normal(size=(6, 5, 4)))
-    x, y = RANDOM.uniform(-0.2, 1.2, 40), RANDOM.uniform(-0.5, 4.5, 40)
-    orders = ((0, 0), (1, 0), (1, 1), (0, 2), (2, 3), (1, 4), (5, 0))
-    arrays = np.array(cells.derivatives(x, y, orders)).T
-    np.testing.assert_allclose(cells.in_floats(orders)(x.tolist(), y.tolist()), arrays, rtol=1e-12, atol=1e-12)
-    for point, (one_x, one_y) in enumerate(zip(x, y, strict=True)):
-        k, j = int(one_x >= 0.4), int(one_y >= 1.0) + int(one_y >= 3.0)
-        exact = np.polynomial.polynomial.polyval2d(
-            one_x - cells.x_breaks[k], one_y - cells.y_breaks[j], cells.polynomials[3 * k + j]
-        )
-        assert arrays[point, 0] == pytest.approx(exact, rel=1e-12)
-    assert not arrays[:, 5:].any()
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_a_step_reads_the_outputs_that_stand_in_the_place_of_its_own(levitation_model, kind):
+    built = kalman_filter(levitation_model, kind)
+    (output,) = built.process.outputs
+    off = replace(output, measure=lambda states: output.measure(states) + 0.5)
+    changed = replace(built, process=replace(built.process, outputs=(off,)))
+    state = changed.start([0.022, 0.0, 0.4])
+    stepped, updated = changed.step(state, 1.1, 2.7), changed.update(changed.predict(state, 1.1), 2.7)
+    np.testing.assert_array_equal(stepped.innovation, updated.innovation)
+    assert abs(stepped.innovation[0] - built.step(state, 1.1, 2.7).innovation[0]) > 0.4
+
+
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_a_reading_without_measure_is_named_in_one_run_as_in_many(levitation_model, kind):
+    built = kalman_filter(levitation_model, kind)
+    for runs in (1, 2):
+        state = built.step(built.start([0.022, 0.0, 0.4], runs=runs), 1.1, 1e160)
+        assert state.outcomes()[0] is FilterOutcome.LEFT_MODEL

@@ -9,7 +9,8 @@ import pytest
 import femfit as ff
 from femfit.device.electrics import AccelerationSensor, PositionSensor
 from femfit.estimate.record import distance_of, with_distance
-from femfit.model.sensors import characteristic, predict_sensor, reading_of
+from femfit.model.sensing import characteristic
+from femfit.model.sensors import predict_sensor, reading_of
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.measurement_file import read_measurement
 from support.replays import TRUE, damped, logs

@@ -15,7 +15,7 @@ from femfit.estimate.kalman_filter import kalman_filter
 from femfit.estimate.levitation import fastest_time_constant
 from femfit.estimate.noise import unstable_pole
 from femfit.fit.build import fit_model
-from femfit.model.exponential_step import exponential_step
+from femfit.model.dynamics import exponential_step
 from femfit.simulation.allocation import current_ranges, currents_for_force
 from support.bearing import hall_field, table_of, table_with_hall
 from support.eddies import magnets_alone

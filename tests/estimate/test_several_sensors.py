@@ -8,7 +8,7 @@ import pytest
 from femfit.core.errors import FilterError, MissingPartError
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
 from femfit.estimate.kalman_filter import kalman_filter
-from femfit.model.exponential_step import exponential_step
+from femfit.model.dynamics import exponential_step
 from support.readings import LASER, predict_sensors
 from support.solenoids import solenoid
 

@@ -352,9 +352,9 @@ def test_more_turns_of_one_circuit_are_more_of_its_current_in_the_one_coenergy()
     changed, d = with_effects(model, [AddedEffect(turns, {"turns_error": 0.1})]), np.linspace(0.3e-3, 0.7e-3, 5)
     i = np.tile([0.8, -0.4], (5, 1))
     scaled = i * [1.1, 1.0]
-    np.testing.assert_allclose(flat(changed.magnetics).force(d, i), flat(model.magnetics).force(d, scaled), rtol=1e-9)
-    linked = flat(model.magnetics).flux_linkage(d, scaled) * [1.1, 1.0]
-    np.testing.assert_allclose(flat(changed.magnetics).flux_linkage(d, i), linked, rtol=1e-9)
+    np.testing.assert_allclose(changed.magnetics.force(d, i), model.magnetics.force(d, scaled), rtol=1e-9)
+    linked = model.magnetics.flux_linkage(d, scaled) * [1.1, 1.0]
+    np.testing.assert_allclose(changed.magnetics.flux_linkage(d, i), linked, rtol=1e-9)
     with pytest.raises(MissingPartError, match="remanence"):
         with_effects(model, [AddedEffect(effect_by_name("remanence"), {"remanence_error": 0.1})])
 

@@ -203,7 +203,7 @@ def test_a_law_that_fails_leaves_the_ranking_to_the_others(monkeypatch):
         raise ValueError("distances above 40 mm are not supported")
 
     def pole(distance, _shape):
-        return np.stack([1.0 / (distance - distance[0]), distance], axis=-1)
+        return 1.0 / (distance - distance[0]), distance
 
     right, rows = bounded_qp.nnls, rows_of_table(force_table(lambda d, i: 6e-9 * d**-4 + 4.5e-6 * i * d**-2))
 
@@ -216,9 +216,9 @@ def test_a_law_that_fails_leaves_the_ranking_to_the_others(monkeypatch):
     broken = {
         "broken": (columns, "distances above 40 mm are not supported"),
         "pole": (pole, "finite"),
-        "twice": (lambda d, _: np.stack([d**-4.0, d**-4.0], axis=-1), "do not determine d^-4"),
+        "twice": (lambda d, _: (d**-4.0, d**-4.0), "do not determine d^-4"),
     }
-    laws = [replace(F1E, name=name, columns=law) for name, (law, _) in broken.items()]
+    laws = [replace(F1E, name=name, terms=law) for name, (law, _) in broken.items()]
     with np.errstate(divide="ignore"):
         ranking = rank_laws((*laws, F2E, F1E), rows)
     assert ranking.recommended.law is F1E

@@ -300,34 +300,30 @@ def drawn(name):
 
 
 EXPORTED = """
-import json, sys, numpy as np
-from femfit_runtime.estimate.kalman_filter import kalman_filter
-from femfit_runtime.model.json_file import read_model
-from femfit_runtime.simulation.plant import Plant
-model = read_model("model.json")
-box, n = model.validity, len(model.circuits)
-currents = box.current_limits_A.mean(axis=1)[:n]
-first = np.array([[0.5 * (box.distance_min_m + box.distance_max_m), 0.0, *currents]])
-plant, state = Plant(model), None
-state = plant.start(first)
+import json, sys, estimator as e
+first, n = json.loads(sys.argv[1]), len(e.CIRCUITS)
+plant = e.Plant(first)
 for _ in range(5):
-    state = plant.step(state, np.full((1, n), 1.0))
-found = {"file": sys.modules["femfit_runtime"].__file__, "state": state[0].tolist()}
+    plant.step([1.0] * n)
+found = {"file": e.__file__, "state": plant.state}
 for kind in ("ekf", "ukf"):
-    tracker = kalman_filter(model, kind)
-    now = tracker.start(first[0])
+    tracker = e.Filter(kind)
+    tracker.start(first)
     for _ in range(5):
-        now = tracker.step(now, np.full(n, 1.0) if n > 1 else 1.0, np.zeros(len(tracker.process.outputs)))
-    found[kind] = [now.mean[0].tolist(), np.sqrt(np.diag(now.covariance[0])).tolist()]
+        tracker.step([1.0] * n, [0.0] * len(e.SENSORS))
+    found[kind] = [tracker.mean, tracker.deviations()]
 print(json.dumps(found))
 """
 
 
 def exported(name, directory):
     """Numbers of an exported model, in a process that does not see this package."""
-    done = ff.export(model(name), directory)
+    one = model(name)
+    done, box = ff.export(one, directory), one.validity
+    currents = box.current_limits_A.mean(axis=1)[: len(one.circuits)].tolist()
+    first = json.dumps([0.5 * (box.distance_min_m + box.distance_max_m), 0.0, *currents])
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    run = [sys.executable, "-c", EXPORTED]
+    run = [sys.executable, "-c", EXPORTED, first]
     found = json.loads(subprocess.run(run, cwd=directory, env=environment, check=True, capture_output=True).stdout)
     assert Path(found.pop("file")).is_relative_to(Path(directory).resolve())
     return {"target": done.target, "numbers": found}

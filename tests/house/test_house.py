@@ -42,7 +42,7 @@ NO_DECISION = {
     "fit/printed.py": "how many labels a sentence lists",
     "fit/result.py": "how finely a sentence's ranges are looked for",
     "identify/comparison/misfit.py": "what a picture shows",
-    "identify/series/balances.py": "orders of a Taylor series, and how many motions, that are kept for use again",
+    "identify/series/balances.py": "how many motions are kept for use again",
 }
 
 

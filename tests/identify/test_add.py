@@ -21,10 +21,11 @@ from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.refit.filter_fall import _unread, filter_fall, less_likely, lost_runs
 from femfit.identify.refit.refit import refit, starting_point
 from femfit.model.readings import predict_readings
-from femfit.model.with_effects import base_coenergy, nominal_of, with_effects
+from femfit.model.with_effects import coenergy_of, nominal_of, with_effects
 from femfit.report.motion_figures import write_before_after
 from support.campaign import LARGE, NOISE, campaign, hidden, without
 from support.closed_loop import closed_loop, recorded
+from support.coenergies import partials
 from support.solenoids import solenoid
 from support.switching import logged, switched
 
@@ -111,15 +112,16 @@ def test_a_magnet_two_per_cent_too_strong_is_the_bases_and_does_not_bend_the_eff
 def test_the_base_amplitudes_scale_the_sources_of_a_linear_field(levitation_model):
     """Magnet and current both s times as strong: fields times s, forces and energies times s squared."""
     s, d, i = 1.02, np.array([0.017, 0.03, 0.04]), np.array([0.1, 0.7, 1.3])
-    base = base_coenergy(levitation_model)
+    base = coenergy_of(levitation_model)
     at = Conditions(nominal_of(levitation_model))
-    strong = changed_coenergy(base, [hidden("remanence", remanence_error=s - 1.0)], at)(d, s * i, 1, 2)
-    plain, turned = base(d, i, 1, 2), base(d, s * i, 1, 2)
+    strong = changed_coenergy(base, [hidden("remanence", remanence_error=s - 1.0)], at)
+    more = changed_coenergy(base, [hidden("turns", turns_error=s - 1.0)], at)
     for order, power in {(1, 0, 0): 2, (0, 1, 0): 1, (0, 0, 1): 1}.items():
-        np.testing.assert_allclose(strong.derivative(*order), s**power * plain.derivative(*order), rtol=1e-12)
-    more = changed_coenergy(base, [hidden("turns", turns_error=s - 1.0)], at)(d, i, 1, 2)
-    for order, power in {(1, 0): 0, (0, 2): 2}.items():
-        np.testing.assert_allclose(more.derivative(*order), s**power * turned.derivative(*order), rtol=1e-12)
+        (found,), (plain,) = partials(strong, d, s * i, (order,)), partials(base, d, i, (order,))
+        np.testing.assert_allclose(found, s**power * plain, rtol=1e-12)
+    for order, power in {(1, 0, 0): 0, (0, 2, 0): 2}.items():
+        (found,), (turned,) = partials(more, d, i, (order,)), partials(base, d, s * i, (order,))
+        np.testing.assert_allclose(found, s**power * turned, rtol=1e-12)
 
 
 def test_the_model_runs_at_the_recorded_temperatures_unless_told_otherwise(both, levitation_model):

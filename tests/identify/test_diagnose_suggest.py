@@ -28,7 +28,7 @@ FORCE_SCALE = Effect(
 )  # fmt: skip
 PULL_SCALE = Effect(
     "pull_scale", "The whole actuator is stronger.", ("magnetics",), (AMPLITUDE,), ("force_N|flux_linkage_Wb",), "", "",
-    coenergy=lambda base, d, i, a, b, conditions, p: (1.0 + p["gain"]) * base(d, i, a, b),
+    coenergy=lambda base, d, i, h, conditions, p: (1.0 + p["gain"]) * base(d, i, h),
 )  # fmt: skip
 PAIR = (FORCE_SCALE, PULL_SCALE)
 FORCE = {"force_N": NOISE["force_N"]}

@@ -28,7 +28,7 @@ from femfit.identify.series.samples import between_samples, held_from, take_samp
 from femfit.identify.series.views import local_polynomials
 from femfit.identify.series.weights import Windows, held_weights, window_weights
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.eddy_magnetics import EddyMagnetics
+from femfit.model.eddy_currents import EddyMagnetics
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.measurement_file import read_measurement
 from support.campaign import hidden, without

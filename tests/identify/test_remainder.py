@@ -1,7 +1,6 @@
 """What no effect explains: found where it acts, learnt to the noise, nothing on clean data, and run in filters."""
 
-import subprocess
-import sys
+import runpy
 
 import numpy as np
 import pytest
@@ -23,7 +22,8 @@ from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
-from femfit.targets.estimator import RUNTIME
+from femfit.simulation.plant import Plant
+from femfit.targets.estimator import FILE
 from support.campaign import NOISE, campaign, hidden
 from support.closed_loop import closed_loop, recorded
 from support.one_current import flat
@@ -312,14 +312,10 @@ def test_the_loop_closes_and_the_export_runs_with_it(learnt_from_record, tmp_pat
     loop = ff.close_loop(learnt_from_record.model, runs=1, seconds=0.3, rng=1)
     assert "lost" not in str(loop).splitlines()[0]
     ff.export(learnt_from_record.model, tmp_path / "package")
-    d, i = "np.array([0.024, 0.9])", "np.array([0.3, 2.0])"
-    code = (
-        f"import numpy as np; from {RUNTIME}.model.json_file import read_model; "
-        f"m = read_model('model.json'); print(repr(m.force({d}, {i}, extrapolate=True).tolist()))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=tmp_path / "package", capture_output=True, text=True, check=True
-    )
-    inside, far = np.array([0.024, 0.9]), np.array([0.3, 2.0])
-    force = learnt_from_record.model.force(inside, far, extrapolate=True)
-    np.testing.assert_array_equal(eval(done.stdout), force)  # noqa: S307  our own
+    plant, ours = runpy.run_path(str(tmp_path / "package" / FILE))["Plant"], Plant(learnt_from_record.model)
+    for distance, current in ((0.024, 0.3), (0.9, 2.0)):  # inside of the sweep and far beyond
+        state = [distance, 0.0, current]
+        moved, wanted = plant(state), ours.start(np.array([state]))
+        for _ in range(20):
+            found, wanted = moved.step([1.1]), ours.step(wanted, np.full((1, 1), 1.1))
+        np.testing.assert_allclose(found, wanted[0], rtol=1e-9, atol=1e-12)

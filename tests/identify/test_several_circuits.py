@@ -18,8 +18,8 @@ from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.suggest import suggest
 from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.series.observations import series_observations
+from femfit.identify.signatures import why_untestable
 from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.dynamics import hall_voltage
 from femfit.model.json_file import read_model, write_model
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
@@ -32,6 +32,7 @@ from support.conductivities import KEY, with_conductivity
 from support.eddies import with_eddies
 from support.halves import NAMES, cut_in_two, halves_with_eddies
 from support.impedances import FREQUENCIES
+from support.readings import hall_voltage
 
 NOISE = {"force_N": 0.3, "flux_linkage": 2e-5, "voltage": 2e-3}
 
@@ -343,6 +344,18 @@ def test_a_wrong_conductivity_is_named_from_whatever_was_read(levitation_model, 
     (added,) = add_effects(eddied, tmp_path / "z.csv", [KEY]).model.effects
     ((low, high),) = added.ci95.values()
     assert 0.0 < low < 0.08 < high
+
+
+def test_a_number_whose_field_is_not_followed_to_a_hall_element_is_looked_for_in_other_readings(
+    levitation_model, eddied, tmp_path
+):
+    permeability = DrawnEffect("materials.core.relative_permeability", (), "the core", 200.0, "", 0.1, (), at_rest=True)
+    model = with_hall(eddied, levitation_model, np.linspace(0.01, 0.05, 12), [-1.5, 0.0, 1.5])
+    model = replace(model, drawn=(*model.drawn, permeability))
+    path = impedance_bench(eddied, tmp_path / "z.csv", EACH)
+    found = diagnose(model, path, bootstrap=0)
+    assert "hall_V" not in found.observations.channels
+    assert not why_untestable(permeability.effect, found.observations)
 
 
 @pytest.mark.parametrize(

@@ -282,8 +282,9 @@ def bridge_file(model, path, effects=(), seed=1):
 
 
 def test_the_inductance_is_the_slope_of_the_flux_linkage(levitation_model):
-    at = conditions_of(settings(levitation_model, runs=1).assign(elapsed=0.0), nominal_of(levitation_model))
-    d, i, step = np.full(140, 0.02), np.full(140, 0.6), 1e-3
+    rows = settings(levitation_model, runs=1).assign(elapsed=0.0)
+    at, step = conditions_of(rows, nominal_of(levitation_model)), 1e-3
+    d, i = np.full(len(rows), 0.02), np.full(len(rows), 0.6)
     read = predict_readings(levitation_model, d, i, at, channels=BOTH)
     ahead, behind = (predict_readings(levitation_model, d, i + s, at)["flux_linkage_Wb"] for s in (step, -step))
     np.testing.assert_allclose(read["inductance_H"], (ahead - behind) / (2.0 * step), rtol=1e-6)

@@ -1,4 +1,4 @@
-"""The equations of motion of every kind of model: power balance, slopes, exact decays, orders of convergence, twins."""
+"""The equations of motion of every kind of model: power balance, slopes, exact decays, orders of convergence."""
 
 from dataclasses import replace
 
@@ -14,10 +14,7 @@ from femfit.effects.catalogue import BUILT_IN
 from femfit.estimate.holding import holding_current
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise, default_noise
-from femfit.model.dynamics import currents_of_same_flux, hall_voltage, runge_kutta_step
-from femfit.model.exponential_step import extrapolated_step
-from femfit.model.float_steps import float_step
-from femfit.model.windings import decay_of, decay_shares
+from femfit.model.dynamics import currents_of_same_flux, extrapolated_step, runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.allocation import currents_for_acceleration
 from femfit.simulation.controllers import design_backstepping
@@ -41,6 +38,7 @@ from support.model_kinds import (
     voltage_of,
 )
 from support.one_current import flat
+from support.readings import hall_voltage
 from support.solenoids import solenoid
 
 LINEAR = [name for name in KINDS if name not in {"law", "saturating"}]
@@ -161,8 +159,7 @@ def test_runge_kutta_converges_with_the_fourth_order(levitation_model):
     assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.4)
 
 
-def test_twins_for_speed_take_the_same_step(model):
-    """Many points at once, each alone, points in any shape, and a circuit in floats where that covers the model."""
+def test_points_take_the_same_step_together_alone_and_in_any_shape(model):
     states, volts = states_of(model, 6)
     seconds = model.sample_time_s
     wanted = step(model, states, volts, seconds)
@@ -171,17 +168,14 @@ def test_twins_for_speed_take_the_same_step(model):
     if model.circuits:
         shaped = step(model, states.reshape(2, 3, -1), volts.reshape(2, 3, -1), seconds)
         np.testing.assert_array_equal(shaped.reshape(wanted.shape), wanted)
-    floats = None if model.eddy or len(model.circuits) != 1 else float_step(model)
-    if floats is not None:
-        stepped = [
-            np.ravel(floats([[value] for value in state], fed[0])) for state, fed in zip(states, volts, strict=True)
-        ]
-        np.testing.assert_allclose(stepped, wanted, rtol=1e-13)
 
 
-@pytest.mark.parametrize(("name", "covered"), [("one circuit", True), ("choke", True), ("springs", False)])
-def test_floats_cover_one_circuit_on_straight_springs(name, covered, model_kind):
-    assert (float_step(model_kind(name)) is not None) is covered  # a table of forces goes by arrays
+def test_a_lost_run_leaves_the_others_their_states(model):
+    states, volts = states_of(model, 3)
+    wanted, states[1, 0] = step(model, states, volts, 1e-3), np.nan
+    found = step(model, states, volts, 1e-3)
+    np.testing.assert_array_equal(found[[0, 2]], wanted[[0, 2]])
+    assert np.isnan(found[1, :2]).all()
 
 
 def test_force_and_motional_constants_at_distances_that_stay_are_those_of_the_state(model):
@@ -255,20 +249,6 @@ def test_a_circuit_beside_an_amplifier_decays_as_one_alone_does(levitation_model
     assert moved[0, 2] == pytest.approx(0.5 * np.exp(-1.5), rel=1e-6)
     remaining = np.exp(-2.0 * np.pi * 100.0 * model.sample_time_s)
     assert moved[0, 3] == pytest.approx(0.31 - 0.01 * remaining, rel=1e-9)
-
-
-def test_the_shares_of_a_decay_are_its_integrals():
-    """At ends and mean of exp(-z s): 1 - z/2 + .. and 1/2 - z/6 + .. for a slow coil, 1/z of a settled one."""
-    first, second = decay_shares(np.array([1e-3, 1.0, 1e6, -1.0]))
-    np.testing.assert_allclose(first[:3], [1.0 - 5e-4 + 1e-6 / 6.0, 1.0 - np.exp(-1.0), 1e-6], rtol=1e-9)
-    np.testing.assert_allclose(second[:3], [0.5 - 1e-3 / 6.0 + 1e-6 / 24.0, np.exp(-1.0), 1e-6], rtol=2e-6)
-    np.testing.assert_allclose([first[3], second[3]], [1.0, 0.5], rtol=1e-6)  # a co-energy beyond its table
-
-
-def test_a_lost_run_leaves_the_others_their_currents():
-    inductance = np.array([np.full((2, 2), np.nan), np.diag([1e-3, 2e-3])])
-    z = decay_of(inductance, np.ones(2), 1e-3).z
-    np.testing.assert_allclose(np.sort(z[1]), [0.5, 1.0])
 
 
 def springs_and_load(distance):

@@ -19,7 +19,7 @@ from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyBias
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
-from femfit.model.magnetics import Coefficient, LawMagnetics, OneCurrentMagnetics
+from femfit.model.magnetics import Coefficient, LawMagnetics, Magnetics
 from femfit.model.validity import ActuatorKind, ProcessNoise
 from femfit.model.with_effects import with_effects
 from support.added_effects import added
@@ -293,11 +293,11 @@ def test_a_missing_file_is_refused(tmp_path):
         read_model(tmp_path / "absent.json")
 
 
-class Unknown(OneCurrentMagnetics):
+class Unknown(Magnetics):
     """A co-energy without a form in the file."""
 
-    def _derivatives(self, distance, current, orders):  # noqa: ARG002  # as the base asks
-        return [np.zeros_like(distance) for _ in orders]
+    def expression(self, distance, currents):  # noqa: ARG002  # as the base asks
+        return 0.0
 
 
 def test_a_model_that_json_cannot_hold_is_refused_and_the_old_file_kept(levitation_model, tmp_path):

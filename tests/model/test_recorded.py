@@ -2,9 +2,12 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
+from casadi import SX
 
+from femfit.core.graph import GraphFunction, building
 from femfit.device.electrics import CurrentSensor, ForceSensor, PositionSensor
 from femfit.effects.catalogue import all_effects, effect_by_name
 from femfit.effects.conditions import Conditions
@@ -55,11 +58,15 @@ def test_what_is_recorded_leads_back_to_the_truth(name):
     effect = effect_by_name(name)
     one = AddedEffect(effect, {p.name: p.plausible[1] for p in effect.parameters})
     conditions = Conditions(nominal_of(solenoid()), velocity_m_s=STATES[:, 1])
-    read = recorded_setting([one], STATES[:, 0], STATES[:, 2], conditions)
-    assert np.abs(np.concatenate(read) - np.concatenate([STATES[:, 0], STATES[:, 2]])).max() > 1e-6
-    again = true_setting([one], *read, conditions)
+    with building():
+        x = SX.sym("x", 3)
+        read = recorded_setting([one], x[0], x[2], replace(conditions, velocity_m_s=x[1]))
+        function = GraphFunction([x], ca.vertcat(*read))
+    distance, current = function(STATES.T)
+    assert np.abs([distance - STATES[:, 0], current - STATES[:, 2]]).max() > 1e-6
+    again = true_setting([one], distance, current[:, None], conditions)
     np.testing.assert_allclose(again[0], STATES[:, 0], rtol=1e-9)
-    np.testing.assert_allclose(again[1], STATES[:, 2], rtol=1e-9)
+    np.testing.assert_allclose(again[1][:, 0], STATES[:, 2], rtol=1e-9)
 
 
 def test_the_extended_filter_sees_the_slope_of_an_ammeter_that_reads_too_little():

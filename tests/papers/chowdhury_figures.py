@@ -32,6 +32,7 @@ from femfit.report.model_figures import hall_figure
 from femfit.report.rating import sweep_grid
 from femfit.report.style import BLUE, CATEGORIES, INK, MUTED, VERMILION, new_figure, style
 from femfit.tables.sweep_table import read_sweep_table
+from support.coenergies import partials
 from support.one_current import flat
 
 MM = 1e3
@@ -70,7 +71,7 @@ def local_exponents(magnetics: Magnetics, rows: FitRows) -> dict[str, tuple[Floa
         force, slope = flat(magnetics).force(d, low), flat(magnetics).force_gradient(d, low)
         if np.all(force > 1e-6 * largest):
             found["current-free force F(d, 0)"] = (d, -d * slope / force)
-    constant, gradient = (-value for value in magnetics.coenergy_derivatives(d, 0.5 * (low + high), ((1, 1), (2, 1))))
+    constant, gradient = (-value for value in partials(magnetics.expression, d, 0.5 * (low + high), ((1, 1), (2, 1))))
     if np.all(constant > 0.0):
         found["force per current ∂F/∂i"] = (d, -d * gradient / constant)
     return found

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from femfit.device.electrics import Drive
-from femfit.model.dynamics import runge_kutta_step
-from femfit.model.exponential_step import extrapolated_step
+from femfit.model.dynamics import extrapolated_step, runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.design import design_loop
 from femfit.simulation.linear_loop import linear_plant

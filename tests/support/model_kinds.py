@@ -8,8 +8,7 @@ from femfit.core.numerics import central_differences
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
-from femfit.model.dynamics import state_derivative, state_jacobian, state_scale
-from femfit.model.exponential_step import exponential_jacobian, exponential_step
+from femfit.model.dynamics import exponential_jacobian, exponential_step, state_derivative, state_jacobian, state_scale
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two

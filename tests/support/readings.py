@@ -12,6 +12,11 @@ LASER_10_V = PositionSensor(
 """The same noise of 20 um as a voltage through a converter."""
 
 
+def hall_voltage(model, states, time=0.0):
+    """Output of the Hall element in V without noise and rounding."""
+    return predict_sensor(model, model.require_sensor(), states, time)
+
+
 def predict_sensors(model, state, names=None):
     """Without noise, clipping and rounding, of shape (..., sensors); of all sensors where none is named."""
     chosen = tuple(sensors_of(model)) if names is None else names

@@ -7,7 +7,7 @@ from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import CoenergySpline, OneCurrentMagnetics
+from femfit.model.magnetics import CoenergySpline, Magnetics
 from femfit.model.validity import ValidityBox
 
 LEAKAGE_H, REACH_H_M, SHIFT_M, REFERENCE_M = 5e-3, 3e-5, 1e-3, 2e-3
@@ -46,27 +46,18 @@ def solenoid(mechanics: Mechanics | None = None, drive: Drive | None = None, cel
     )
 
 
-class NoField(OneCurrentMagnetics):
+class NoField(Magnetics):
     """A winding of 10 mH that pulls nothing."""
 
-    def _derivatives(self, _, current, orders):
-        values = {(0, 0): 0.005 * current**2, (0, 1): 0.01 * current, (0, 2): np.full_like(current, 0.01)}
-        return [values.get(order, np.zeros_like(current)) for order in orders]
+    def expression(self, _, currents):
+        return 0.005 * currents[0] ** 2
 
 
-class LinearInductance(OneCurrentMagnetics):
+class LinearInductance(Magnetics):
     """L(d) = L_0 - a d with a constant slope: F = a i^2 / 2."""
 
     def __init__(self, at_zero_H=0.05, slope_H_m=5.0):
         self.at_zero, self.slope = at_zero_H, slope_H_m
 
-    def _derivatives(self, distance, current, orders):
-        whole = self.at_zero - self.slope * distance
-        values = {
-            (0, 0): 0.5 * whole * current**2,
-            (1, 0): -0.5 * self.slope * current**2,
-            (0, 1): whole * current,
-            (1, 1): -self.slope * current,
-            (0, 2): whole,
-        }
-        return [np.asarray(values.get(order, np.zeros_like(current))) for order in orders]
+    def expression(self, distance, currents):
+        return 0.5 * (self.at_zero - self.slope * distance) * currents[0] ** 2

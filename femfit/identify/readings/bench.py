@@ -13,7 +13,7 @@ import pandas as pd
 
 from femfit.core.errors import TableError
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.core.results import Finding, remembered
+from femfit.core.results import Finding
 from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
@@ -32,9 +32,8 @@ from femfit.identify.readings.settings import (
 from femfit.identify.series.observations import series_observations
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.coenergy_table import RepeatedCoenergy
 from femfit.model.readings import predict_readings
-from femfit.model.with_effects import base_coenergy, nominal_of
+from femfit.model.with_effects import nominal_of
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import OF_RUNS, BenchTable, Measurement, TimeSeries
 from femfit.tables.measurement_checks import STILL_CURRENT
@@ -153,19 +152,12 @@ class _BenchPrediction:
         return self._predicted(self.distance_m + distance_m, self.current_A + current_A, self.model.effects)
 
     def _predicted(self, d: FloatArray, i: FloatArray, effects: tuple[AddedEffect, ...]) -> FloatArray:
-        channels, coenergy = tuple(self.rows), _coenergy(self)
-        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects, channels, coenergy))
+        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects, tuple(self.rows)))
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """Values of the rows as one vector, channel after channel."""
         weighed = {name: values[name] * self.weight[name] for name in self.weight}
         return np.concatenate([weighed.get(name, values[name])[piece] for name, piece in self.rows.items()])
-
-
-@remembered
-def _coenergy(prediction: _BenchPrediction) -> RepeatedCoenergy:
-    """The base model's."""
-    return RepeatedCoenergy(base_coenergy(prediction.model))
 
 
 def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.DataFrame:

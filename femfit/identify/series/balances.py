@@ -19,7 +19,6 @@ G. E. Blelloch, IEEE Transactions on Computers 38 (1989) 1526: linear recurrence
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -29,23 +28,16 @@ from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
-from femfit.effects.stages import (
-    changed_coenergy,
-    circuit_of,
-    hall_field,
-    moving_mass,
-    recorded,
-    true_setting,
-    with_further_force,
-)
-from femfit.effects.taylor_series import CoenergySeries, TaylorSeries
+from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
 from femfit.identify.series.constants import SLOWEST
 from femfit.identify.series.noise import EddiesAlong, induced_along, pull_of
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.at_rest import AtRest, at_rest
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.sensed_effects import hall_with_effects
-from femfit.model.with_effects import eddy_with_sources, with_sources
+from femfit.model.magnetics import only_current
+from femfit.model.readings import hall_seen
+from femfit.model.with_effects import eddy_with_sources
 
 FORCE_BALANCE = "force_balance_N"
 
@@ -75,12 +67,11 @@ class _Point:
     """A motion as effects make it: the true setting, the conditions, the force, and one flux linkage a circuit."""
 
     distance: FloatArray
-    current: FloatArray
+    currents: FloatArray  # (N, circuits)
     at: Conditions
     force: FloatArray
-    flux: FloatArray  # (n, circuits)
-    series: TaylorSeries | None  # The co-energy's of one current
-    seen_T: FloatArray | float = 0.0  # The Hall element's field beside that of the series
+    seen: AtRest  # Of the currents that act, eddy currents beside them
+    induced_T: FloatArray  # What eddy currents add to the field at the Hall element
 
 
 def model_balances(
@@ -92,12 +83,14 @@ def model_balances(
         share, inertia = _inertia(base.motion, motion, weights, point.distance, effects)
         result[FORCE_BALANCE] = share * (weights.mean @ point.force) + inertia
     for k, (circuit, name) in enumerate(zip(base.circuits, voltage_balances(base), strict=True)):
-        several = bool(point.at.nominal.circuits)
-        current, volts = (values[:, k] if several else values for values in (point.current, motion.voltage_V))
+        several, current = bool(point.at.nominal.circuits), point.currents[:, k]
+        volts = motion.voltage_V[:, k] if several else motion.voltage_V
         of_circuit = [added for added in effects if added.effect.of == circuit.name] if several else effects
         ohms, applied = circuit_of(of_circuit, np.full_like(current, circuit.resistance_ohm), volts, current, point.at)
         drop = ohms * current + volts - applied  # with what the driver loses of its command
-        result[name] = weights.mean @ drop + weights.slope @ (point.flux[:, k] + circuit.inductance_H * current)
+        result[name] = weights.mean @ drop + weights.slope @ (
+            point.seen.flux_linkage[:, k] + circuit.inductance_H * current
+        )
     return result
 
 
@@ -108,70 +101,47 @@ def model_readings(
 
     Where a body rests, the recorded distance is that of the stop less the error of the recorded distance.
     """
-    base, coenergy, point = points.base, points.coenergy, points.at(motion, effects)
+    base, point = points.base, points.at(motion, effects)
     readings = {"force_N": point.force}
     if base.sensor is not None:
-        field = np.asarray(point.seen_T)
-        if point.series is not None:
-            field = field + hall_field(point.series, coenergy, tuple(effects), point.distance, point.current, point.at)
+        field = point.induced_T + hall_seen(base, point.seen, point.distance, point.currents, effects, point.at)
         readings["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
     if base.motion is not None:
         near, far = base.motion.ends
         d = motion.distance_m
         stop = np.where(np.abs(d - near) < np.abs(d - far), near, far)
         readings[REST] = np.where(np.isfinite(stop), stop, 0.0) - (point.distance - d)
-    readings = recorded(effects, readings, point.distance, _first(point.current), point.at)
+    readings = recorded(effects, readings, point.distance, _first(point.currents), point.at)
     return {name: weights.mean @ reading for name, reading in readings.items()}
 
 
 def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[AddedEffect]) -> _Point:
-    base, coenergy, conditions = points.base, points.coenergy, motion.at
-    d, i = _true_setting(motion, effects)
-    eddy = eddy_with_sources(base, effects)
-    if conditions.nominal.circuits:
-        magnetics, u, pull, seen_T = with_sources(base, effects), i, np.zeros_like(d), np.zeros_like(d)
-        if eddy is not None:
-            inductance = magnetics.inductance(d, i)
-            along = points.eddies(eddy, d)
-            induced = induced_along(along, motion.time_s, motion.first, magnetics.flux_linkage(d, i), inductance)
-            u = along.acting(i, induced)
-            pull = pull_of(along, magnetics.flux_linkage(d, u), induced)
-            seen_T = (along.forms.hall * induced).sum(axis=1)
-        sensor = hall_with_effects(base.sensor, effects, base.current_names)
-        seen_T = seen_T if sensor is None else seen_T + sensor.field.field(d, u)
-        force = with_further_force(effects, magnetics.force(d, u) + pull, d, _first(i), conditions)
-        return _Point(d, i, conditions, force, magnetics.flux_linkage(d, u), None, seen_T)
-    constant = -coenergy(d, i, 1, 1).derivative(1, 1) if any(added.memory for added in effects) else np.zeros_like(d)
-    memory: dict[str, FloatArray] = {}
-    for added in effects:
-        memory |= states_along(added, motion.time_s, d, i, constant, conditions, motion.first)
-    conditions = replace(conditions, memory=memory)
-    changed = changed_coenergy(coenergy, effects, conditions)
+    base, conditions = points.base, motion.at
+    d, i = true_setting(effects, motion.distance_m, base.validity.with_axis(motion.current_A), motion.at)
+    first = _first(i)
+    if any(added.memory for added in effects):
+        constant = at_rest(base, d, i, (), conditions).motional_constant[:, 0]
+        memory: dict[str, FloatArray] = {}
+        for added in effects:
+            memory |= states_along(added, motion.time_s, d, first, constant, conditions, motion.first)
+        conditions = replace(conditions, memory=memory)
+    u, pull, induced_T, eddy = i, np.zeros_like(d), np.zeros_like(d), eddy_with_sources(base, effects)
     if eddy is not None:
-        still = changed(d, i, 0, 2)
-        flux, inductance = still.derivative(0, 1)[:, None], still.derivative(0, 2)[:, None, None]
-        along = points.eddies(eddy, d)
-        induced = induced_along(along, motion.time_s, motion.first, flux, inductance)
-        u = along.acting(i[:, None], induced)[:, 0]
-        series, seen_T = changed(d, u, 1, 1), (along.forms.hall * induced).sum(axis=1)
-        pull = pull_of(along, series.derivative(0, 1)[:, None], induced)
-    else:
-        series, pull, seen_T = changed(d, i, 1, 1), np.zeros_like(d), np.zeros_like(d)
-    conditions = replace(conditions, motional_V=-series.derivative(1, 1) * np.asarray(conditions.velocity_m_s))
-    force = with_further_force(effects, -series.derivative(1, 0) + pull, d, i, conditions)
-    return _Point(d, i, conditions, force, series.derivative(0, 1)[:, None], series, seen_T)
+        still, along = at_rest(base, d, i, effects, conditions), points.eddies(eddy, d)
+        induced = induced_along(along, motion.time_s, motion.first, still.flux_linkage, still.inductance)
+        u, induced_T = along.acting(i, induced), (along.forms.hall * induced).sum(axis=1)
+    seen = at_rest(base, d, u, effects, conditions)
+    if eddy is not None:
+        pull = pull_of(along, seen.flux_linkage, induced)
+    if i.shape[1] == 1:
+        conditions = replace(conditions, motional_V=seen.motional_constant[:, 0] * np.asarray(conditions.velocity_m_s))
+    force = with_further_force(effects, seen.force + pull, d, first, conditions)
+    return _Point(d, i, conditions, force, seen, induced_T)
 
 
-def _true_setting(motion: Motion, effects: Sequence[AddedEffect]) -> tuple[FloatArray, FloatArray]:
-    """True distances and currents, in the shape of the motion's own; those very arrays where nothing changes them."""
-    recorded_A = motion.current_A if motion.current_A.ndim > 1 else motion.current_A[:, None]
-    d, i = true_setting(effects, motion.distance_m, recorded_A, motion.at)
-    return d, motion.current_A if i is recorded_A else i.reshape(motion.current_A.shape)
-
-
-def _first(current: FloatArray) -> FloatArray:
-    """The current (n,) that effects without a circuit of their own are told."""
-    return current if current.ndim == 1 else current[:, 0]
+def _first(currents: FloatArray) -> FloatArray:
+    """The current (N,) of currents (N, n) that effects without a circuit of their own are told."""
+    return only_current(currents[:, :1])
 
 
 def _inertia(
@@ -248,31 +218,6 @@ def _recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
     return total
 
 
-_ORDERS = (2, 3)
-"""In distance and current, up to which effects ask for the base's series."""
-
-
-@dataclass(frozen=True, eq=False)
-class RememberedCoenergy:
-    """A co-energy that is evaluated once at the points that most effects ask for: these very arrays."""
-
-    coenergy: CoenergySeries
-    distance: FloatArray
-    current: FloatArray
-
-    @cached_property
-    def _series(self) -> TaylorSeries:
-        series = self.coenergy(self.distance, self.current, *_ORDERS)
-        series.coefficients.flags.writeable = False
-        return series
-
-    def __call__(self, d: FloatArray, i: FloatArray, in_distance: int, in_current: int) -> TaylorSeries:
-        """Taylor coefficients at points (n,) in m and A."""
-        if d is self.distance and i is self.current and in_distance <= _ORDERS[0] and in_current <= _ORDERS[1]:
-            return self._series.truncated(in_distance, in_current)
-        return self.coenergy(d, i, in_distance, in_current)
-
-
 _LAST_POINTS = 4
 """Numerical: motions that are kept; derivatives of a fit return to the one that they start from."""
 
@@ -282,7 +227,6 @@ class RememberedPoints:
     """A motion as effects make it, kept while only effects on mass, circuit or readings change."""
 
     base: ActuatorModel
-    coenergy: CoenergySeries
     # By motion and parameters, with the effects themselves, so that their addresses stay theirs
     known: dict[Hashable, tuple[Motion, Sequence[AddedEffect], _Point]] = field(default_factory=dict)
     still: list[EddiesAlong] = field(default_factory=list)  # The last eddy currents and distances

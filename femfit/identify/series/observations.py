@@ -30,7 +30,6 @@ from femfit.identify.noise.whitening import orthonormal_basis
 from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
-    RememberedCoenergy,
     RememberedPoints,
     model_balances,
     model_readings,
@@ -51,7 +50,7 @@ from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.with_effects import base_coenergy, nominal_of
+from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import TimeSeries
 
 
@@ -221,12 +220,7 @@ class _SeriesPrediction:
 
     @cached_property
     def _points(self) -> list[RememberedPoints]:
-        base = self.model.without_effects
-        coenergy = base_coenergy(base)
-        return [
-            RememberedPoints(base, RememberedCoenergy(coenergy, view.motion.distance_m, view.motion.current_A))
-            for view in self.views
-        ]
+        return [RememberedPoints(self.model.without_effects) for _ in self.views]
 
 
 def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:

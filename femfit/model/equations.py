@@ -1,0 +1,301 @@
+"""The equations of a model in motion as one expression, from which steps, slopes and readings are derived.
+
+State (d, v, w, z): w are all windings' currents, the circuits' and after them the eddy patterns', which are windings
+that are short-circuited; z are the states of effects. With W'(d, w, z),
+
+    F = -dW'/dd,  L w' + (d^2 W'/dw dz) z' = U - R w + k_m v,  k_m = -d^2 W'/dw dd,
+
+and z' grows linearly with the rate u' of the current that a core sees, for each of its signs: u = i, and beside eddy
+currents u = i + C e, so that u' = G w' + C' e v. The bracket L + (dl/dz) (dz'/du') keeps the sign of the right side.
+
+A step of the filters lets the body drift half the way before and after, and the currents decay exactly: of
+w' = r - L^-1 R (w - w_0) a step of h ends at w_0 + h f1(M) r and has the mean w_0 + h f2(M) r, with M = h L^-1 R,
+f1(z) = (1 - exp(-z)) / z and f2(z) = (1 - f1(z)) / z. Of several windings these are rational functions with common
+poles (:data:`POLES`), which hold at any stiffness. The step is of second order in the motion and what that induces.
+
+References
+----------
+H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), sections 3.1 and 5.1.
+M. Hochbruck and A. Ostermann, Acta Numerica 19 (2010) 209, eqs. (2.3) to (2.6): exponential Euler for the currents.
+E. Hairer, C. Lubich and G. Wanner, Geometric Numerical Integration (Springer, 2006), section I.1.4: drift, kick, drift.
+T. Schmelzer and L. N. Trefethen, Electronic Transactions on Numerical Analysis 29 (2007) 1: common poles of exp and f.
+"""
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+import casadi as ca
+import numpy as np
+from casadi import SX
+
+from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable
+from femfit.effects.conditions import Conditions, Nominal
+from femfit.effects.stages import circuit_of, with_further_force
+from femfit.model.decay import decayed, eliminated
+from femfit.model.responses import ResponseTable
+from femfit.model.sensing import AnySensor, reading_expression
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
+
+_LEAKAGE = 0.05
+"""Least part of the inductance that a changing state leaves: leakage flux passes air, whatever the core does."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Symbols:
+    """What the equations are written in."""
+
+    state: SX
+    voltage: SX
+    disturbance: SX
+    step: SX
+    time: SX
+
+    @property
+    def inputs(self) -> list[SX]:
+        """As every function of the equations takes them."""
+        return [self.state, self.voltage, ca.vertcat(self.disturbance, self.step, self.time)]
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The equations of a model; functions of (state, voltage of each circuit, (disturbance, step, time), given).
+
+    What is given is as of the magnetics: a force's scale, one a run.
+    """
+
+    model: "ActuatorModel"
+
+    @cached_property
+    def rates(self) -> GraphFunction:
+        """Time derivative of the state."""
+        return self._function(lambda at: self._rates(at.state, at))
+
+    @cached_property
+    def driven_rates(self) -> GraphFunction:
+        """The same where the first circuit's current has the rate that stands in the voltage's place, in A/s."""
+        return self._function(lambda at: self._rates(at.state, at, current_rate=at.voltage[0]))
+
+    @cached_property
+    def rates_slope(self) -> GraphFunction:
+        """Jacobian of :attr:`rates` by the state, column after column."""
+        return self._function(lambda at: ca.vec(ca.jacobian(self._rates(at.state, at), at.state)))
+
+    def step(self, length: float | None) -> GraphFunction:
+        """The state one step later; of one length in s, or of any that is given with each state where None."""
+        return self._of_step("step", length, lambda after, _: after)
+
+    def step_slope(self, length: float) -> GraphFunction:
+        """Jacobian of :meth:`step` by the state, column after column."""
+        return self._of_step("slope", length, lambda after, at: ca.vec(ca.jacobian(after, at.state)))
+
+    def _of_step(self, what: str, length: float | None, derive: Callable[[SX, _Symbols], SX]) -> GraphFunction:
+        length = length if self.linear else None
+        if (what, length) not in self._known:
+            self._known[what, length] = None, self._function(lambda at: derive(self._step(at, length), at))
+        return self._known[what, length][1]
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether there are eddy currents, and the inductances of all windings depend on the distance alone."""
+        model = self.model
+        if model.eddy is None or self.memories or model.magnetics.given.numel():
+            return False
+        with building():
+            d, w = SX.sym("d"), SX.sym("w", model.windings.count)
+            inductance = ca.hessian(self.coenergy({})(d, w), w)[0]
+            return GraphFunction([d, w], ca.vec(inductance)).leaves_out(w)
+
+    @property
+    def memories(self) -> bool:
+        """Whether effects bring states of their own."""
+        return bool(self.model.memories)
+
+    def _responses(self, length: float) -> ResponseTable:
+        if length not in self._tables:
+            box, windings = self.model.validity, self.model.windings
+            self._tables[length] = ResponseTable(
+                lambda d: windings.magnetics.inductance(d, np.zeros((len(d), windings.count))) + windings.series_H,
+                windings.resistances_ohm,
+                length,
+                (box.distance_min_m, box.distance_max_m),
+            )
+        return self._tables[length]
+
+    @cached_property
+    def _tables(self) -> dict[float, ResponseTable]:
+        return Memo()
+
+    @cached_property
+    def _known(self) -> dict[Hashable, tuple[Any, GraphFunction]]:
+        return Memo()
+
+    def reading(self, sensor: AnySensor) -> GraphFunction:
+        """What a sensor reads."""
+        return self._of_sensor("reading", sensor, lambda value, _: value)
+
+    def reading_slope(self, sensor: AnySensor) -> GraphFunction:
+        """Gradient of :meth:`reading` by the state."""
+        return self._of_sensor("slope", sensor, lambda value, at: ca.gradient(value, at.state))
+
+    def _of_sensor(self, what: str, sensor: AnySensor, derive: Callable[[SX, _Symbols], SX]) -> GraphFunction:
+        key = what, id(sensor)
+        if key not in self._known:  # beside the sensor itself, so that its address stays its
+            self._known[key] = (
+                sensor,
+                self._function(lambda at: derive(reading_expression(self, sensor, at.state, at.voltage, at.time), at)),
+            )
+        return self._known[key][1]
+
+    def rates_at(self, state: SX, voltage: SX) -> SX:
+        """Time derivative of an expression's state."""
+        zero = SX(0.0)
+        return self._rates(state, _Symbols(state, voltage, zero, zero, zero))
+
+    def any_step_of(self, state: SX, voltage: SX, step: SX) -> SX:
+        """An expression's state a step of any length later."""
+        return self._step(_Symbols(state, voltage, SX(0.0), step, SX(0.0)), None)
+
+    def step_of(self, state: SX, voltage: SX, step: float) -> SX:
+        """An expression's state one step later."""
+        return self._step(_Symbols(state, voltage, SX(0.0), SX(step), SX(0.0)), step if self.linear else None)
+
+    def _function(self, make: Any) -> GraphFunction:
+        with building():
+            at = self._symbols
+            return GraphFunction([*at.inputs, self.model.magnetics.given], make(at))
+
+    @cached_property
+    def _symbols(self) -> _Symbols:
+        at = (SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)))
+        return _Symbols(*at, *(SX.sym(name) for name in ("disturbance", "step", "time")))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Equations, (self.model,)
+
+    def parts(self, state: SX) -> tuple[SX, SX, SX, dict[str, SX]]:
+        """Distance, velocity, currents of all windings, and states of effects by name."""
+        end, names = self.model.windings.end, self.model.memory_names
+        return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
+
+    def _step(self, at: _Symbols, length: float | None) -> SX:
+        h, state = at.step, at.state
+        middle = ca.vertcat(state[0] + 0.5 * h * state[1], state[1:])
+        after = state + h * of_variable(lambda x: self._rates(x, at, mean_over=h, length=length), middle)
+        return ca.vertcat(state[0] + 0.5 * h * (state[1] + after[1]), after[1:])
+
+    def _rates(
+        self,
+        state: SX,
+        at: _Symbols,
+        *,
+        mean_over: SX | None = None,
+        length: float | None = None,
+        current_rate: SX | None = None,
+    ) -> SX:
+        """Rates of the state; of velocity and currents their means over a step at a held distance.
+
+        Parameters
+        ----------
+        length : float or None
+            The step in s, where a table says what it makes of the currents.
+        """
+        model, motion, windings = self.model, self.model.require_motion(), self.model.windings
+        d, v, w, memory = self.parts(state)
+        z = ca.vertcat(SX(0, 1), *memory.values())
+        coenergy = self.coenergy(memory)(d, w)
+        linkage = ca.gradient(coenergy, w)
+        force, motional_constant = -ca.gradient(coenergy, d), -ca.jacobian(linkage, d)
+        inductance = ca.jacobian(linkage, w) + windings.series_H
+        first = w[0] if w.numel() else SX(0.0)
+        motional = motional_constant * v
+        conditions = self.conditions(v, memory, motional)
+        force = with_further_force(model.effects, force, d, first, conditions)
+        acceleration = motion.acceleration(d, v, force - at.disturbance, model.sample_time_s)
+        if not w.numel():
+            return ca.vertcat(v, acceleration)
+        if mean_over is not None:
+            motional = motional_constant * (v + 0.5 * mean_over * acceleration)
+            conditions = self.conditions(v, memory, motional)
+        resistances, volts = self._circuits(at.voltage, first, conditions)
+        driving = volts + motional - resistances * w
+        core, turns, drift = self._core(d, v, w)
+        if memory:
+            along = ca.jacobian(linkage[0], z).T  # G's first entry is 1
+            still = self._memory_rates(memory, core, SX(0.0), conditions)
+            driving -= turns * ca.dot(along, still)
+            both = eliminated(inductance, ca.horzcat(driving, turns))
+            free, share = ca.dot(turns, both[:, 0]), ca.dot(turns, both[:, 1])
+            imposed = free if current_rate is None else current_rate
+            sign = ca.if_else(imposed + drift < 0.0, -1.0, 1.0)
+            slope = sign * (self._memory_rates(memory, core, sign, conditions) - still)
+            taken = ca.fmax(ca.dot(along, slope), (_LEAKAGE - 1.0) / share)
+            driving -= turns * (taken * drift)
+            inductance += taken * turns @ turns.T
+        if mean_over is None:
+            rate = eliminated(inductance, driving)
+        else:
+            if length is not None:
+                rate, lever = (response @ driving for response in self._responses(length).at(d))
+            else:
+                rate, lever = decayed(inductance, resistances, driving, mean_over)
+            acceleration -= mean_over / motion.mass_kg * ca.dot(motional_constant, lever)
+        if current_rate is not None:  # the voltage is whatever holds it
+            by_volt = eliminated(inductance, SX.eye(w.numel())[:, 0])
+            rate += by_volt / by_volt[0] * (current_rate - rate[0])
+        followed = self._memory_rates(memory, core, ca.dot(turns, rate) + drift, conditions, (first, rate[0]))
+        return ca.vertcat(v, acceleration, rate, followed)
+
+    def coenergy(self, memory: Mapping[str, SX]) -> Any:
+        """W'(d, w) of all windings."""
+        magnetics, eddy = self.model.magnetics.with_memory(memory), self.model.eddy
+        return magnetics if eddy is None else lambda d, w: eddy.expression(magnetics, d, w)
+
+    def _core(self, d: SX, v: SX, w: SX) -> tuple[SX, SX, SX]:
+        """The current u that the first circuit's core sees, G, and u' at held currents."""
+        eddy = self.model.eddy
+        if not self.model.circuits:
+            return SX(0.0), SX.zeros(w.numel()), SX(0.0)
+        if eddy is None:
+            return w[0], ca.vertcat(1.0, SX.zeros(w.numel() - 1)), SX(0.0)
+        u = eddy.acting(d, w)[0]
+        return u, ca.gradient(u, w), ca.gradient(u, d) * v
+
+    def _circuits(self, voltage: SX, first: SX, conditions: Conditions) -> tuple[SX, SX]:
+        """Resistances of all windings, and the voltages at them."""
+        model, windings = self.model, self.model.windings
+        resistances = SX(windings.resistances_ohm)
+        volts = ca.vertcat(voltage, SX.zeros(windings.count - voltage.numel()))
+        if len(model.circuits) == 1:
+            base = model.without_effects.circuits[0]
+            resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], first, conditions)
+        return resistances, volts
+
+    def conditions(self, v: SX, memory: Mapping[str, SX], motional: SX | None = None) -> Conditions:
+        """What effects are told of an expression's velocity, states and motional voltages."""
+        at = self.model.conditions
+        if at is None:
+            return Conditions(cast("Nominal", None))  # no effect asks for its facts
+        volts = motional[0] if motional is not None and motional.numel() else SX(0.0)
+        return replace(at, velocity_m_s=v, memory=memory, motional_V=volts)
+
+    def _memory_rates(
+        self,
+        memory: Mapping[str, SX],
+        current: SX,
+        current_rate: SX,
+        conditions: Conditions,
+        of_circuit: tuple[SX, SX] | None = None,
+    ) -> SX:
+        """Rates z', where a sensor's states follow the circuit's current and its rate, and a core's its own."""
+        rates: dict[str, Expression] = {}
+        for added in self.model.effects:
+            if added.memory is None:
+                continue
+            of_core = of_circuit is None or added.effect.coenergy is not None
+            now, rate = of_circuit if of_circuit and not of_core else (current, current_rate)
+            rates |= added.memory.rate(memory, now, replace(conditions, current_rate_A_s=rate), added.parameters)
+        return ca.vertcat(SX(0, 1), *(rates[name] for name in memory))

@@ -1,0 +1,136 @@
+"""What the sensors of a model read in a state, as expressions.
+
+A position sensor reads its characteristic of the distance, a current sensor gain i + offset, an acceleration sensor
+d'', which is zero at rest, or d'' - g where it reads gravity, as accelerometers of silicon do; a force sensor the
+magnetic force, and a pickup coil the voltage that its flux linkage induces. Distance, current and force are those that
+the effects of the model have recorded.
+"""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+from casadi import SX
+
+from femfit.core.errors import MissingPartError
+from femfit.core.graph import Expression, row_of
+from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.effects.stages import hall_point, recorded, recorded_setting, with_further_force
+from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
+    from femfit.model.equations import Equations
+
+AnySensor = HallSensor | OtherSensor
+
+
+def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, voltage: SX, time: SX) -> SX:
+    """The reading of a sensor in its unit, without delay, noise, clipping and rounding.
+
+    Parameters
+    ----------
+    voltage : SX, shape (n,)
+        Across the circuits; it reaches pickup coils and acceleration sensors alone.
+    """
+    model = equations.model
+    if isinstance(sensor, HallSensor):
+        return _hall_voltage(equations, state, time)
+    if isinstance(sensor, CurrentSensor | PositionSensor):
+        distance, currents = _recorded(equations, state, time)
+        if isinstance(sensor, PositionSensor):
+            return characteristic(sensor, distance)
+        return sensor.gain * currents[current_index(model, sensor) - 2] + sensor.offset
+    if isinstance(sensor, ForceSensor):
+        return _recorded_force(equations, state, time)
+    if isinstance(sensor, PickupSensor):
+        flux = pickup_flux(model, sensor, state)
+        return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))
+    motion, found = model.require_motion(), equations.rates_at(state, voltage)[1]
+    if motion.near_stop is not None:  # which carries what presses the body to it
+        found = ca.if_else(state[0] <= motion.near_stop.distance_m, ca.fmax(found, 0.0), found)
+    if motion.far_stop is not None:
+        found = ca.if_else(state[0] >= motion.far_stop.distance_m, ca.fmin(found, 0.0), found)
+    weighed = isinstance(sensor, AccelerationSensor) and sensor.reads_gravity
+    return found - motion.gravity_m_s2 if weighed else found
+
+
+def pickup_flux(model: "ActuatorModel", sensor: PickupSensor, state: SX) -> SX:
+    """The flux linkage of a pickup coil in Wb."""
+    require_no_eddies(model, sensor)
+    return sensor.flux.expression(state[0], state[2 : 2 + len(model.circuits)])
+
+
+def require_no_eddies(model: "ActuatorModel", sensor: PickupSensor) -> None:
+    """Refuse a pickup coil beside eddy currents."""
+    if model.eddy is not None:
+        raise MissingPartError(
+            f"The eddy currents of model {model.name!r} do not say what pickup coil {sensor.name!r} reads, which they "
+            "change. Leave that out, or fit the model without eddy currents: take frequency_Hz out of [solver]."
+        )
+
+
+def characteristic(sensor: PositionSensor, distance: Expression) -> Expression:
+    """Reading at distances in m, continued with the slope of the last piece, so that an estimate is led back."""
+    at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
+    pieces = np.stack([at[:-1], read[:-1], np.diff(read) / np.diff(at)], axis=1)
+    if isinstance(distance, SX):
+        row = row_of(pieces, [at[1:-1]], [distance])
+        return row[1] + row[2] * (distance - row[0])
+    start, first, slope = np.moveaxis(pieces[at[1:-1].searchsorted(distance, "right")], -1, 0)
+    return np.asarray(first + slope * (distance - start))
+
+
+def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
+    """Which state of a model a current sensor reads; that of the only circuit, whatever it is called.
+
+    Raises
+    ------
+    MissingPartError
+        If the model has no circuit of that name.
+    """
+    names = model.circuit_names
+    if len(names) == 1:
+        return 2
+    if sensor.circuit not in names:
+        raise MissingPartError(
+            f"Model {model.name!r} must have the circuit {sensor.circuit!r} for its current sensor {sensor.name!r}; it "
+            f"has {', '.join(names) or 'none'}. Name one of them in [sensors.{sensor.name}], and fit again."
+        )
+    return 2 + names.index(sensor.circuit)
+
+
+def _hall_voltage(equations: "Equations", state: SX, time: SX) -> SX:
+    model = equations.model
+    sensor, eddy = model.without_effects.require_sensor(), model.eddy
+    d, v, w, memory = equations.parts(state)
+    conditions = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
+    first = w[0] if w.numel() else SX(0.0)
+    then_d, then_i = hall_point(model.effects, d, first, conditions)
+    then = ca.vertcat(then_i, *ca.vertsplit(w)[1:]) if w.numel() else w
+    field = model.require_sensor().field.with_memory(memory)
+    value = field(then_d, then) if eddy is None else eddy.field(field, then_d, then)
+    volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * value
+    return SX(recorded(model.effects, {"hall_V": volts}, d, first, conditions)["hall_V"])
+
+
+def _recorded(equations: "Equations", state: SX, time: SX) -> tuple[SX, SX]:
+    """The distance and the circuits' currents that are recorded."""
+    model = equations.model
+    d, v, w, memory = equations.parts(state)
+    currents = ca.vertcat(SX(0, 1), *ca.vertsplit(w)[: len(model.circuits)])
+    if all(added.effect.setting is None for added in model.effects):
+        return d, currents
+    at = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
+    return recorded_setting(model.effects, d, currents, at)
+
+
+def _recorded_force(equations: "Equations", state: SX, time: SX) -> SX:
+    model = equations.model
+    d, v, w, memory = equations.parts(state)
+    first = w[0] if w.numel() else SX(0.0)
+    force = -ca.gradient(equations.coenergy(memory)(d, w), d)
+    at = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
+    force = with_further_force(model.effects, force, d, first, at)
+    return SX(recorded(model.effects, {"force_N": force}, d, first, at)["force_N"])

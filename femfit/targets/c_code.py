@@ -1,0 +1,237 @@
+"""Export a model's filter as C99: generated arithmetic, and around it a shell that is written by hand."""
+
+import re
+import shutil
+import subprocess
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from femfit.core.errors import DomainError, UsageError
+from femfit.core.graph import GraphFunction, building
+from femfit.core.text import amount
+from femfit.estimate.holding import holding_currents
+from femfit.estimate.kalman_filter import FilterKind, kalman_filter
+from femfit.estimate.process_graph import ProcessGraph
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sensors import predict_sensor, reading_of, sensor_named
+from femfit.simulation.plant import Plant
+from femfit.targets.directory import write_directory
+from femfit.targets.estimator import rendered, words_of
+
+Real = Literal["double", "float"]
+
+ARITHMETIC = "femfit_arithmetic.c"
+
+TEMPLATES = ("femfit_model.h", "femfit_filter.c", "replay.c", "Makefile")
+
+_NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:e[+-]?\d+)?|\d+e[+-]?\d+)(?![\w.])")
+_CALL = re.compile(
+    r"(?<!\w)(exp|expm1|log|log1p|pow|sqrt|sin|cos|tan|atan|atan2|sinh|cosh|tanh|asinh|fabs|fmax|fmin|floor|copysign)\("
+)
+
+MISSING = {"double": "1e200", "float": "1e30f"}
+"""Numerical: variance of a reading that is missing."""
+
+SAMPLES = 400
+"""Chosen: of the simulated motion along which single precision is compared."""
+
+
+def export_c(
+    model: ActuatorModel,
+    directory: Path,
+    sensors: Sequence[str] | None = None,
+    kind: FilterKind = "ukf",
+    real: Real = "double",
+) -> tuple[tuple[Path, ...], float | None]:
+    """Write the filter, a program that follows a record with it, and a description.
+
+    Returns
+    -------
+    tuple of (paths, float or None)
+        The files, and by how much the distance in m differs in single precision along a simulated motion.
+
+    Raises
+    ------
+    MissingPartError
+        If the model lacks circuit, motion, sensor or inductance.
+    RunDirectoryError
+        If the directory holds other files than an earlier export.
+    """
+    if len(model.circuits) < 2:
+        model.require_circuit()  # there is nothing to control without a winding
+    words = words_of(model, kalman_filter(model, kind, sensors=sensors).process)
+    identifiers = [re.sub(r"\W", "_", name).upper() for name in (*words["states"], *words["sensors"])]
+    if len(set(identifiers)) < len(identifiers):
+        raise UsageError(
+            f"Names of sensors must differ in more than case and signs to be names in C; instead received "
+            f"{', '.join(words['sensors'])}. Rename one in the model file."
+        )
+    difference = _single_precision(model, words, kind, sensors) if real == "float" else None
+    texts = _texts(model, words, kind, real, sensors, difference)
+    return write_directory(model, directory, texts, "femfit_model.h"), difference
+
+
+def _texts(
+    model: ActuatorModel,
+    words: dict[str, Any],
+    kind: FilterKind,
+    real: Real,
+    sensors: Sequence[str] | None,
+    difference: float | None = None,
+) -> dict[str, str]:
+    """All files by their names."""
+    built = kalman_filter(model, kind, sensors=sensors)
+    process, start = built.process, built.process.require_start_covariance()
+    source, sizes = _arithmetic(built.single(process.graph).function, process.graph, real)
+    size = {"double": 8, "float": 4}[real]
+    words = words | {
+        "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
+        "real": real,
+        "suffix": "f" if real == "float" else "",
+        "units": [reading_of(model, output.name).unit for output in process.outputs],
+        "all_sensors": 2 ** len(process.outputs) - 1,
+        "variances": _listed(words["variances"], real),
+        "start_covariance": _listed(start.ravel(), real),
+        "start_factor": _listed(np.linalg.cholesky(start).ravel("F"), real),
+        "lower": _listed(process.lower, real),
+        "upper": _listed(process.upper, real),
+        "missing": MISSING[real],
+        "matrix": "covariance" if kind == "ekf" else "factor",
+        "first_values": _listed(words["first"], real),
+        "first_states": ", ".join(words["states"][: len(words["first"])]),
+        "difference": "" if difference is None else amount(difference, "m"),
+        "memory_kB": f"{1e-3 * size * (sizes['work'] + process.order * (2 * process.order + 1)):.1f}",
+        **sizes,
+    }
+    texts = {name: rendered(f"{name}.jinja", words) for name in TEMPLATES}
+    return texts | {ARITHMETIC: source, "README.md": rendered("c_readme.md.jinja", words)}
+
+
+def _arithmetic(function: ca.Function, graph: ProcessGraph, real: Real) -> tuple[str, dict[str, int]]:
+    """The generated source, and how much room it wants."""
+    symbols = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
+    with building():
+        first = ca.SX.sym("first", 2 + len(graph.model.circuits))
+        begun = GraphFunction([first], graph.begun(first)).at_a_point
+    at_rest = begun.sx_in() if begun.is_a("SXFunction") else begun.mx_in()
+    functions = [
+        ca.Function("femfit_begun", at_rest, [begun(*at_rest)]),
+        ca.Function("femfit_arithmetic", symbols, [function(*symbols)]),
+    ]
+    options = {"casadi_real": real, "casadi_int": "int", "with_header": False, "indent": 2}
+    generator = ca.CodeGenerator("femfit_arithmetic", options)
+    for one in functions:
+        generator.add(one)
+    source = _trimmed(generator.dump())
+    if real == "float":  # CasADi leaves constants and functions in double precision
+        source = _CALL.sub(r"\1f(", _NUMBER.sub(r"\1f", source))
+    sizes = {
+        "arguments": max(5, *(one.sz_arg() for one in functions)),
+        "results": max(one.sz_res() for one in functions),
+        "work": max(1, *(one.sz_w() for one in functions)),
+        "places": max(1, *(one.sz_iw() for one in functions)),
+    }
+    return source, sizes
+
+
+def _trimmed(source: str) -> str:
+    """What the filter's shell calls, and what that needs, without a warning of a strict compiler."""
+    head = source[: source.index("/* Configuration this file")]
+    head = re.sub(r"^(casadi_real casadi_\w+\()", r"static \1", head, flags=re.MULTILINE)
+    parts = {
+        "constant": r"^static const casadi_(?:int|real) (\w+)\[.*?\};\n",
+        "function": r"^(static int casadi_f\d+\(.*?^\}\n)",
+        "entry": r"^(CASADI_SYMBOL_EXPORT int femfit_(?:begun|arithmetic)\(.*?\n\}\n)",
+    }
+    found = {what: list(re.finditer(form, source, re.MULTILINE | re.DOTALL)) for what, form in parts.items()}
+    functions = "\n".join(match[1] for match in found["function"])
+    constants = [match[0] for match in found["constant"] if re.search(rf"\b{match[1]}\b", functions)]
+    unused = "  (void)arg; (void)res; (void)iw; (void)w; (void)mem;"
+    functions = re.sub(r"^(static int casadi_f\d+\(.*\{)$", r"\1\n{UNUSED}", functions, flags=re.MULTILINE)
+    entries = "\n".join(match[1] for match in found["entry"])
+    return _HEAD + "\n".join([head, *constants, _declared_first(functions, unused), entries])
+
+
+def _declared_first(source: str, unused: str) -> str:
+    """The statements that use what a function does not, behind its declarations."""
+    lines, waiting = [], False
+    for line in source.splitlines():
+        if line == "{UNUSED}":
+            waiting = True
+            continue
+        if waiting and not re.match(r"\s+(const )?casadi_(real|int)\b", line):
+            lines.append(unused)
+            waiting = False
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+_HEAD = """\
+/* Written by femfit from its model's equations, by CasADi: not to be read, and not to be edited. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wconversion"
+#endif
+"""
+
+
+def _listed(values: Any, real: Real) -> str:
+    """Numbers as C writes them; infinite ones as large as they come."""
+    largest, suffix = (3e38, "f") if real == "float" else (1e300, "")
+    numbers = [min(max(float(x), -largest), largest) for x in values]
+    return ", ".join(f"{x!r}{suffix}" if "e" in repr(x) or "." in repr(x) else f"{x!r}.0{suffix}" for x in numbers)
+
+
+def _single_precision(model: ActuatorModel, words: dict[str, Any], kind: FilterKind, sensors: Any) -> float | None:
+    """By how much the distance in single precision differs from that in double, along a motion of the simulator.
+
+    Both programs are compiled and follow the same record; None without a compiler.
+    """
+    compiler = shutil.which("cc")
+    if compiler is None:
+        return None
+    with TemporaryDirectory() as place:
+        record = Path(place) / "record.csv"
+        _write_motion(model, words, record)
+        followed = []
+        for real in ("double", "float"):
+            directory = Path(place) / real
+            directory.mkdir()
+            for name, text in _texts(model, words, kind, real, sensors).items():
+                (directory / name).write_text(text, encoding="utf-8")
+            sources = ["replay.c", "femfit_filter.c", ARITHMETIC]
+            made = [compiler, "-std=c99", "-O1", "-o", "replay", *sources, "-lm"]
+            subprocess.run(made, cwd=directory, check=True, capture_output=True)  # noqa: S603  our own files
+            run = [directory / "replay", record]
+            done = subprocess.run(run, check=True, capture_output=True, text=True)  # noqa: S603
+            followed.append(np.loadtxt(done.stdout.splitlines()[1:], delimiter=",")[:, 1])
+    return float(np.abs(followed[0] - followed[1]).max())
+
+
+def _write_motion(model: ActuatorModel, words: dict[str, Any], path: Path) -> None:
+    """A record of the simulated actuator under voltages that swing about what holds it, until it leaves the model."""
+    plant, box, ohms = Plant(model), model.validity, model.resistances_ohm
+    named = [sensor_named(model, name) for name in words["sensors"]]
+    distance = words["first"][0]
+    held = box.current_limits_A.mean(axis=1)[: len(ohms)]
+    with suppress(DomainError):  # what nothing holds swings about the middle of its currents
+        held = holding_currents(model, distance)
+    state = plant.start(np.array([[distance, 0.0, *held]]))
+    rows: list[list[float]] = []
+    first = [distance, 0.0, *held]
+    while len(rows) < SAMPLES and box.distance_min_m <= state[0, 0] <= box.distance_max_m:
+        volts = ohms * held * (1.0 + 0.02 * np.sin(0.3 * len(rows)))
+        readings = [float(predict_sensor(model, sensor, state)[0]) for sensor in named]
+        rows.append([len(rows) * model.sample_time_s, *volts, *readings, *first])
+        state = plant.step(state, volts[None])
+    columns = ["time_s", *words["commands"], *words["reading_columns"]]
+    begin = [k for k, name in enumerate(words["states"][: len(first)]) if name not in columns]
+    kept = [*range(len(columns)), *(len(columns) + k for k in begin)]
+    names = [*columns, *(words["states"][k] for k in begin)]
+    values = np.array(rows)[:, kept]
+    np.savetxt(path, values, delimiter=",", header=",".join(names), comments="", fmt="%.17g")

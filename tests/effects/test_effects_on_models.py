@@ -1,0 +1,144 @@
+"""Every effect on every kind of model that can have it: one co-energy, and many points as one alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import MissingPartError
+from femfit.core.numerics import central_differences
+from femfit.effects.catalogue import BUILT_IN, OF_EACH, effect_by_name, of_circuit
+from femfit.effects.conditions import Conditions
+from femfit.effects.stages import changed_coenergy
+from femfit.model.with_effects import coenergy_of, nominal_of, with_effects
+from support.added_effects import under_effects, usual
+from support.coenergies import partials
+from support.model_kinds import rates, states_of
+from support.readings import hall_voltage
+
+CHOSEN = ("one circuit", "solenoid", "saturating", "law", "halves", "magnets", "eddies", "halves with eddies")
+OF_A_CURRENT, OF_A_SENSOR = ("core_saturation", "hysteresis"), ("external_field",)
+"""Scaled by the largest current, and by the winding's field at the Hall element."""
+
+IN_THE_FIELD = [effect for effect in BUILT_IN if effect.coenergy is not None]
+
+
+@pytest.fixture(params=CHOSEN)
+def model(request, model_kind):
+    found = model_kind(request.param)
+    if request.param == "law":  # a magnet that falls, instead of one that pulls with a meganewton
+        far, *near = found.magnetics.coefficients
+        found = replace(found, magnetics=replace(found.magnetics, coefficients=(replace(far, value=4e-9), *near)))
+    return found
+
+
+def changed(model, effect, share=0.3):
+    """The model under the effect; of several circuits under the first one's, where it is of one."""
+    if (not model.circuits and effect.name in OF_A_CURRENT) or (model.sensor is None and effect.name in OF_A_SENSOR):
+        pytest.skip("not of this kind")
+    several = len(model.circuits) > 1 and effect.name in OF_EACH
+    own = of_circuit(effect, model.circuit_names[0]) if several else effect
+    try:
+        return with_effects(model, [usual(own, share)])
+    except MissingPartError:
+        pytest.skip("not of this kind")
+
+
+def close(found, wanted, tolerance):
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=tolerance * np.abs(wanted).max(initial=0.0))
+
+
+@pytest.mark.parametrize("effect", IN_THE_FIELD, ids=lambda e: e.name)
+def test_force_and_flux_linkages_have_one_coenergy_at_many_points_and_at_one(effect, model):
+    magnetics = changed(model, effect).windings.magnetics
+    states, _ = states_of(model, 40)
+    d, w = states[:, 0], states[:, 2:]
+    scale = np.array([1e-2, *np.ones(w.shape[1])])
+
+    def slope(function):
+        return central_differences(
+            lambda x: function(x[:, 0], x[:, 1:]).reshape(len(x), -1), np.column_stack([d, w]), scale
+        )
+
+    state, of_force, of_flux = magnetics.state(d, w), slope(magnetics.force), slope(magnetics.flux_linkage)
+    close(state.motional_constant, of_force[:, 0, 1:], 1e-6)
+    close(-state.motional_constant, of_flux[:, :, 0], 1e-6)
+    close(state.inductance, of_flux[:, :, 1:], 1e-6)
+    close(-state.force, slope(magnetics.coenergy)[:, 0, 0], 1e-6)
+    alone = [magnetics.state(d[k : k + 1], w[k : k + 1]) for k in range(40)]
+    for name in ("force", "motional_constant", "inductance"):
+        close(np.concatenate([getattr(one, name) for one in alone]), getattr(state, name), 1e-12)
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
+def test_an_effect_at_its_null_leaves_the_motion_as_it_is_and_points_move_alone_as_together(effect, model):
+    same, moved = changed(model, effect, 0.0), changed(model, effect)
+    states, volts = states_of(model, 20)
+    close(rates(same, states, volts), rates(model, states, volts), 1e-11)
+    states, volts = states_of(moved, 20)
+    together = rates(moved, states, volts)
+    alone = [rates(moved, states[k : k + 1], volts[k : k + 1]) for k in range(20)]
+    close(np.concatenate(alone), together, 1e-11)
+    if model.sensor is not None:
+        seen = hall_voltage(moved, states)
+        close(np.concatenate([hall_voltage(moved, states[k : k + 1]) for k in range(20)]), seen, 1e-12)
+
+
+@pytest.mark.parametrize("name", ["eddy_current_lag", "hysteresis"])
+def test_the_lag_of_states_is_what_their_coenergy_does(name, levitation_model):
+    added = usual(effect_by_name(name))
+    memory, at = added.effect.memory, Conditions(nominal_of(levitation_model))
+    d, i = np.array([0.018, 0.024, 0.033]), np.array([0.3, 0.6, 1.0])
+    states = {name: 0.05 * (1 + k) for k, name in enumerate(memory.names)}
+    lag, base = memory.lag(at, added.parameters), coenergy_of(levitation_model)
+    current, taper = (sum(lag[name][k] * states[name] for name in memory.names) for k in range(2))
+    acting = changed_coenergy(base, [added], replace(at, memory=states))
+    orders = ((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    # W' = V - t lambda^2 / 2 with V = W'(d, i - c z) and lambda = dV/di
+    value, by_d, linkage, inductance, motional = partials(base, d, i - current, (*orders, (0, 2, 0), (1, 1, 0)))
+    wanted = (
+        value - 0.5 * taper * linkage**2,
+        by_d - taper * linkage * motional,
+        linkage - taper * linkage * inductance,
+    )
+    np.testing.assert_allclose(partials(acting, d, i, orders), wanted, rtol=1e-12)
+
+
+def test_a_lag_is_outermost_in_whatever_order_effects_are_added(levitation_model):
+    both = [usual(effect_by_name(name)) for name in ("eddy_current_lag", "core_saturation")]
+    one, other = (with_effects(levitation_model, order) for order in (both, both[::-1]))
+    states, volts = states_of(one, 20)
+    np.testing.assert_allclose(*(rates(model, states, volts) for model in (one, other)), rtol=1e-12, atol=1e-12)
+
+
+def test_a_stop_that_gives_way_pushes_from_its_reach_on_alone(levitation_model):
+    """On either side of the kink the effect itself holds, at the kink the plain model."""
+    model = with_effects(levitation_model, [usual(effect_by_name("end_stop_contact"))])
+    box = levitation_model.validity
+    reach = box.distance_min_m + 0.1 * (box.distance_max_m - box.distance_min_m)
+    d, i = reach + np.array([-2e-4, 0.0, 2e-4]), np.full((3, 1), 0.5)
+    push = levitation_model.magnetics.force(d, i) - model.magnetics.force(d, i)
+    assert push[0] > 1e-6
+    np.testing.assert_allclose(push[1:], 0.0, atol=1e-15)
+
+
+def test_a_stop_that_is_not_touched_leaves_what_bends_the_coenergy_alone(levitation_model):
+    bent = usual(effect_by_name("lateral_misalignment"), 0.3)
+    both = with_effects(levitation_model, [usual(effect_by_name("end_stop_contact")), bent])
+    d, i = np.linspace(0.02, 0.04, 9), np.full((9, 1), 0.5)
+    force = with_effects(levitation_model, [bent]).magnetics.force(d, i)
+    np.testing.assert_allclose(both.magnetics.force(d, i), force, rtol=1e-12)
+
+
+def test_a_point_that_is_no_number_gives_none(levitation_model):
+    magnetics = with_effects(levitation_model, [usual(effect_by_name("core_saturation"))]).magnetics
+    for count in (1, 2000):
+        force = magnetics.force(np.r_[np.nan, np.full(count, 0.02)], np.full((count + 1, 1), 0.5))
+        assert np.isnan(force).tolist() == [True, *[False] * count]
+
+
+def test_an_effect_at_its_null_leaves_the_states_of_others_alone(levitation_model):
+    lag = ("eddy_current_lag", {"ring_share": 0.2})
+    alone, beside = under_effects(levitation_model, lag), under_effects(levitation_model, ("hysteresis", {}), lag)
+    states, volts = states_of(alone, 5)
+    np.testing.assert_array_equal(rates(beside, states, volts), rates(alone, states, volts))

@@ -1,0 +1,155 @@
+"""The exported C follows a record as femfit's own filter does, keeps no NaN, and compiles without a warning."""
+
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import UsageError
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.targets.c_code import export_c
+from femfit.targets.estimator import words_of
+from femfit.targets.targets import export
+from support.readings import LASER
+
+COMPILER = shutil.which("cc")
+
+pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler: cc was not found")
+
+STRICT = "-O1 -Wconversion -Wdouble-promotion -pedantic -Werror"
+
+RECOVERING = """
+#include "femfit_model.h"
+#include <math.h>
+#include <stdio.h>
+
+int main(void)
+{
+    static femfit_filter filter;
+    const femfit_real first[] = { FIRST }, volts[] = { 1 };
+    femfit_real reading[] = { READING };
+    int k, status[6];
+    femfit_init(&filter, first);
+    status[0] = femfit_step(&filter, volts, reading, 1u);
+    status[1] = femfit_step(&filter, volts, reading, 0u);
+    reading[0] = (femfit_real)NAN;
+    status[2] = femfit_step(&filter, volts, reading, 1u);
+    filter.factor[0] = filter.covariance[0] = (femfit_real)NAN;
+    status[3] = femfit_step(&filter, volts, reading, 1u);
+    reading[0] = READING;
+    status[4] = femfit_step(&filter, volts, reading, 1u);
+    filter.mean[0] = 1;
+    status[5] = femfit_step(&filter, volts, reading, 0u);
+    for (k = 0; k < 6; k++)
+        printf("%d ", status[k]);
+    for (k = 0; k < FEMFIT_STATES; k++)
+        printf("%d ", isfinite(filter.mean[k]) && isfinite(filter.covariance[k * FEMFIT_STATES + k]));
+    return 0;
+}
+"""
+
+
+def compiled(directory):
+    """The program of an export."""
+    make = ["make", "-s", f"CFLAGS={STRICT}", f"CC={COMPILER}"]
+    done = subprocess.run(make, check=False, cwd=directory, capture_output=True, text=True)
+    assert not done.stderr
+    assert done.returncode == 0
+    return directory / "replay"
+
+
+def record_of(path, filter_, first, samples):
+    """A written record with missing readings, and what femfit's filter makes of it: means beside deviations."""
+    process, generator = filter_.process, np.random.default_rng(0)
+    words = words_of(process.graph.model, process)
+    columns = [*words["commands"], *words["reading_columns"]]
+    given = [k for k, name in enumerate(words["states"][: len(first)]) if name not in columns]
+    state, rows, estimates, before = filter_.start(first), [], [], None
+    still = np.array([output.measure(state.mean)[0] for output in process.outputs])
+    noise = np.array([output.variance**0.5 for output in process.outputs])
+    for k in range(samples):
+        volts = 0.5 + 0.4 * np.sin(0.1 * k + np.arange(process.inputs))
+        readings = still + noise * generator.standard_normal(len(noise))
+        readings = (
+            np.where(np.array(words["reading_columns"]) == words["states"][0], first[0], readings)
+            if k == 0
+            else readings
+        )
+        readings[0] = np.nan if k % 7 == 3 else readings[0]
+        if before is not None:
+            state = filter_.step(state, before if process.inputs > 1 else float(before[0]), readings)
+        before = volts
+        known = [first[j] if k == 0 else np.nan for j in given]
+        rows.append([k * process.step_s, *volts, *readings, *known])
+        estimates.append(np.stack([state.mean[0], np.sqrt(np.diag(state.covariance[0]))], axis=1).ravel())
+    assert state.outcome[0] in (0, 4)  # readings that no body makes leave their band
+    names = ["time_s", *columns, *(words["states"][j] for j in given)]
+    lines = [",".join("" if np.isnan(x) else f"{x:.17g}" for x in row) for row in rows]
+    path.write_text("\n".join([",".join(names), *lines]) + "\n")
+    return np.array(estimates)
+
+
+def replayed(program, record):
+    done = subprocess.run([program, record], capture_output=True, text=True, check=True)
+    return np.loadtxt(done.stdout.splitlines()[1:], delimiter=",", ndmin=2)[:, 1:]
+
+
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_a_record_is_followed_as_by_femfit(levitation_model, tmp_path, kind):
+    model = replace(levitation_model, other_sensors=(replace(LASER, delay_s=2.5 * levitation_model.sample_time_s),))
+    sensors = ("hall", LASER.name)
+    export_c(model, tmp_path / "c", sensors, kind)
+    wanted = record_of(tmp_path / "record.csv", kalman_filter(model, kind, sensors=sensors), [0.022, 0.0, 0.4], 400)
+    found = replayed(compiled(tmp_path / "c"), tmp_path / "record.csv")
+    np.testing.assert_allclose(found, wanted, rtol=1e-11, atol=1e-13)
+
+
+def test_single_precision_is_as_near_as_the_export_says(levitation_model, tmp_path):
+    done = export(levitation_model, tmp_path / "c", to="c", filter="ekf", real="float")
+    assert 0.0 < done.single_precision_m < 1e-6
+    assert "Single precision is off by" in str(done)
+    wanted = record_of(tmp_path / "record.csv", kalman_filter(levitation_model, "ekf"), [0.022, 0.0, 0.4], 300)
+    found = replayed(compiled(tmp_path / "c"), tmp_path / "record.csv")
+    assert np.abs(found[:, 0] - wanted[:, 0]).max() < 10.0 * done.single_precision_m
+    assert "double" not in (tmp_path / "c/femfit_arithmetic.c").read_text()
+
+
+@pytest.mark.parametrize("kind", ["ekf", "ukf"])
+def test_a_filter_that_breaks_down_says_so_and_goes_on(levitation_model, tmp_path, kind):
+    export_c(levitation_model, tmp_path, None, kind)
+    reading = float(kalman_filter(levitation_model).process.outputs[0].measure(np.array([[0.022, 0.0, 0.4, 0.0]]))[0])
+    (tmp_path / "replay.c").write_text(RECOVERING.replace("FIRST", "0.022, 0, 0.4").replace("READING", f"{reading!r}"))
+    done = subprocess.run([compiled(tmp_path)], capture_output=True, text=True, check=True)
+    status = list(map(int, done.stdout.split()))
+    missing, broken, left = 8, 2, 4
+    assert status[:3] == [0, missing, missing]
+    assert status[3] & broken or status[3] & 1
+    assert status[4] == 0
+    assert status[5] & left
+    assert all(status[6:])
+
+
+def test_a_record_without_a_column_is_refused_by_its_name(levitation_model, tmp_path):
+    export_c(levitation_model, tmp_path)
+    (tmp_path / "record.csv").write_text("time_s,voltage_V\n0,1\n")
+    done = subprocess.run([compiled(tmp_path), tmp_path / "record.csv"], check=False, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "must have the column hall_V" in done.stderr
+
+
+def test_an_unknown_filter_or_precision_is_refused(levitation_model, tmp_path):
+    with pytest.raises(UsageError, match="filter must be one of: ukf or ekf"):
+        export(levitation_model, tmp_path / "c", to="c", filter="kf")
+    with pytest.raises(UsageError, match="real must be one of: double or float"):
+        export(levitation_model, tmp_path / "c", to="c", real="half")
+
+
+def test_names_with_signs_are_names_in_c_and_those_that_are_alike_are_refused(levitation_model, tmp_path):
+    laser = replace(LASER, name="laser-1")
+    export_c(replace(levitation_model, other_sensors=(laser,)), tmp_path / "c", ("laser-1",))
+    compiled(tmp_path / "c")
+    alike = replace(levitation_model, other_sensors=(laser, replace(LASER, name="Laser_1")))
+    with pytest.raises(UsageError, match="more than case and signs"):
+        export_c(alike, tmp_path / "alike", ("laser-1", "Laser_1"))

@@ -1,0 +1,304 @@
+"""The exported file runs where only Python is, and gives femfit's numbers, for one body and for many."""
+
+import ast
+import csv
+import io
+import json
+import runpy
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from femfit.core.errors import MissingPartError, RunDirectoryError, UsageError
+from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.estimate.kalman_filter import kalman_filter
+from femfit.model.json_file import write_model
+from femfit.simulation.plant import Plant
+from femfit.targets import directory
+from femfit.targets.directory import NEW
+from femfit.targets.estimator import FILE, export_estimator
+from femfit.targets.targets import TARGETS, export
+from support.added_effects import under_effects
+from support.eddies import with_eddies
+from support.halves import cut_in_two
+from support.readings import LASER, predict_sensors
+
+FILES = {FILE, "README.md", "model.json", "LICENSE"}
+
+IN_THE_BARE_ENVIRONMENT = """
+import json, runpy, sys
+try:
+    import numpy
+except ModuleNotFoundError:
+    made = runpy.run_path(sys.argv[1])
+else:
+    raise SystemExit("numpy is importable: the environment is not bare")
+given = json.load(open(sys.argv[2]))
+followed = []
+for kind in ("ukf", "ekf"):
+    filter_ = made["Filter"](kind)
+    filter_.start(given["start"])
+    for volts, readings in zip(given["volts"], given["readings"]):
+        filter_.step(volts, [float("nan") if value is None else value for value in readings])
+        followed.append([*filter_.mean, *filter_.deviations(), filter_.status & ~8])
+plant = made["Plant"](given["start"])
+moved = [list(plant.step(volts)) for volts in given["volts"]]
+json.dump([followed, moved], sys.stdout)
+"""
+
+
+def halves(model):
+    sensors = (LASER, CurrentSensor(name="shunt", noise=2e-3, circuit="inner"))
+    return cut_in_two(replace(model, sensor=None, other_sensors=sensors))
+
+
+def under_several(model):
+    changed = (
+        ("core_saturation", {"mmf_loss_3": 0.03}),
+        ("eddy_current_lag", {"ring_share": 0.03}),
+        ("hall_saturation", {"cubic_loss": 0.03}),
+        ("coulomb_friction", {"level": 0.02}),
+    )
+    return under_effects(model, *changed)
+
+
+KINDS = {
+    "as fitted": lambda model: model,
+    "under effects": under_several,
+    "with eddy currents": with_eddies,
+    "two circuits": halves,
+}
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def model(request, levitation_model):
+    return KINDS[request.param](levitation_model)
+
+
+@pytest.fixture(scope="module")
+def exported(model, tmp_path_factory):
+    place = tmp_path_factory.mktemp("export") / "estimator"
+    export_estimator(model, place)
+    return place
+
+
+def run_bare(place, *arguments, code=None):
+    """Python without site-packages and environment."""
+    command = [sys.executable, "-I", "-S", "-W", "error", *(["-c", code] if code else []), *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=place)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def a_motion(model, steps=60, runs=1):
+    """Start, voltages (steps, runs, n) and readings (steps, runs, sensors) of bodies that fall a little."""
+    generator, n = np.random.default_rng(3), len(model.circuits)
+    start = np.zeros((runs, model.order))
+    start[:, 0], start[:, 2 : 2 + n] = 0.022 + 1e-4 * np.arange(runs), 0.32
+    volts = np.full(n, 0.32) * model.resistances_ohm + generator.uniform(-0.2, 0.2, (steps, runs, n))
+    plant, states, readings = Plant(model), start, []
+    names = tuple(output.name for output in kalman_filter(model).process.outputs)
+    for given in volts:
+        states = plant.step(states, given)
+        readings.append(predict_sensors(model, states, names) + 1e-3 * generator.normal(size=(runs, len(names))))
+    readings = np.array(readings)
+    readings[3::7, :, 0] = np.nan
+    return start, volts, readings
+
+
+def of_femfit(model, kind, start, volts, readings):
+    """Means with deviations, and the outcome, after every step; (steps, runs, 2 states + 1)."""
+    filter_ = kalman_filter(model, kind)
+    first = np.zeros((len(start), filter_.process.order))
+    first[:, : start.shape[1]] = start
+    state, found = filter_.start(first), []
+    for given, read in zip(volts, readings, strict=True):
+        state = filter_.step(state, given[:, 0] if given.shape[1] == 1 else given, read)
+        deviations = np.sqrt(np.diagonal(state.covariance, axis1=1, axis2=2))
+        found.append(np.column_stack([state.mean, deviations, state.outcome]))
+    return np.array(found)
+
+
+def of_plant(model, start, volts):
+    plant, states, found = Plant(model), start, []
+    for given in volts:
+        states = plant.step(states, given)
+        found.append(states)
+    return np.array(found)
+
+
+def assert_alike(found, wanted, tolerance=1e-9):
+    """Relative to the largest value of each number."""
+    size = np.abs(wanted).max(axis=tuple(range(wanted.ndim - 1))) + 1e-12
+    assert np.abs((found - wanted) / size).max() < tolerance
+
+
+def test_without_any_library_one_body_is_followed_and_moved_as_by_femfit(model, exported, tmp_path):
+    start, volts, readings = a_motion(model)
+    sheet = np.where(np.isfinite(readings[:, 0]), readings[:, 0], None).tolist()
+    given = {"start": start[0].tolist(), "volts": volts[:, 0].tolist(), "readings": sheet}
+    (tmp_path / "given.json").write_text(json.dumps(given))
+    followed, moved = json.loads(
+        run_bare(exported, exported / FILE, tmp_path / "given.json", code=IN_THE_BARE_ENVIRONMENT)
+    )
+    wanted = np.concatenate([of_femfit(model, kind, start, volts, readings)[:, 0] for kind in ("ukf", "ekf")])
+    assert not wanted[:, -1].any()
+    assert_alike(np.array(followed), wanted)
+    assert_alike(np.array(moved), of_plant(model, start, volts)[:, 0])
+
+
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+def test_many_bodies_are_followed_and_moved_together_where_numpy_is(model, exported, kind):
+    start, volts, readings = a_motion(model, steps=30, runs=4)
+    made = runpy.run_path(str(exported / FILE))
+    filter_, plant = made["Filter"](kind), made["Plant"](list(start.T))
+    filter_.start(list(start.T))
+    followed, moved = [], []
+    for given, read in zip(volts, readings, strict=True):
+        filter_.step(list(given.T), list(read.T))
+        followed.append(np.array([*filter_.mean, *filter_.deviations(), np.asarray(filter_.status) & ~8]).T)
+        moved.append(np.array(plant.step(list(given.T))).T)
+    assert_alike(np.array(followed), of_femfit(model, kind, start, volts, readings))
+    assert_alike(np.array(moved), of_plant(model, start, volts))
+
+
+def test_a_record_is_followed_from_the_command_line(model, exported, tmp_path):
+    start, volts, readings = a_motion(model)
+    made = runpy.run_path(str(exported / FILE))
+    known = made["STATES"][: 2 + len(made["CIRCUITS"])]
+    columns = list(dict.fromkeys(["time_s", *known, *made["COMMANDS"], *made["COLUMNS"]]))
+    with (tmp_path / "record.csv").open("w", newline="") as file:
+        out = csv.DictWriter(file, columns)
+        out.writeheader()
+        for k, (given, read) in enumerate(zip(volts[:, 0], readings[:, 0], strict=True)):
+            row = {"time_s": k * model.sample_time_s} | (dict(zip(known, start[0], strict=False)) if k == 0 else {})
+            row |= dict(zip(made["COMMANDS"], given, strict=True))
+            row |= {name: "" if np.isnan(x) else x for name, x in zip(made["COLUMNS"], read, strict=True)}
+            if k == 0:  # what is read is where the filter starts
+                start[0, : len(known)] = [row[name] for name in known]
+            out.writerow(row)
+    rows = list(csv.reader(io.StringIO(run_bare(exported, exported / FILE, tmp_path / "record.csv"))))
+    assert rows[0][:3] == ["time_s", "distance_m", "distance_m_sd"]
+    found = np.array(rows[1:], dtype=float)[1:, 1:]
+    wanted = of_femfit(model, "ukf", start, volts[:-1], readings[1:])[:, 0]
+    n = wanted.shape[1] // 2
+    assert_alike(found[:, 0::2], wanted[:, :n])
+    assert_alike(found[:, 1::2], wanted[:, n : 2 * n])
+
+
+def test_the_file_imports_nothing_but_the_library_of_python_and_numpy_where_it_is(exported):
+    tree = ast.parse((exported / FILE).read_text(encoding="utf-8"))
+    imported = {one.name for node in ast.walk(tree) if isinstance(node, ast.Import) for one in node.names}
+    imported |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert imported - sys.stdlib_module_names == {"numpy"}
+
+
+def test_a_filter_that_is_lost_begins_again_from_the_last_good_estimate_and_says_so(levitation_model, tmp_path):
+    export_estimator(levitation_model, tmp_path)
+    made = runpy.run_path(str(tmp_path / FILE))
+    far = made["Filter"]("ukf")
+    far.start([0.2, 0.0, 0.3])
+    far.step([0.86], [2.9])
+    assert far.status == 4
+    broken = made["Filter"]("ekf")
+    mean = list(broken.start([0.022, 0.0, 0.32]))
+    assert broken.step([float("inf")], [2.9]) == mean
+    assert broken.status == 2
+    broken.step([0.86], [2.9])
+    assert broken.status == 0  # it goes on
+    broken.step([0.86], [float("nan")])
+    assert broken.status == 8
+    with pytest.raises(ValueError, match="'ukf' or 'ekf'"):
+        made["Filter"]("kf")
+
+
+def test_the_description_names_the_sensors_of_a_model_without_hall_element_in_their_order(levitation_model, tmp_path):
+    laser = PositionSensor(name="laser", distances_m=(0.0, 0.1), readings=(0.0, 10.0), noise=2e-3)
+    shunt = CurrentSensor(name="shunt", circuit=levitation_model.circuit_names[0], noise=1e-3)
+    export_estimator(replace(levitation_model, sensor=None, other_sensors=(shunt, laser)), tmp_path)
+    words = (tmp_path / "README.md").read_text(encoding="utf-8")
+    assert "shunt, laser" in words
+    assert "Hall" not in words
+
+
+@pytest.fixture
+def earlier(levitation_model, tmp_path):
+    """A directory with an export and a file of the user's."""
+    export_estimator(levitation_model, tmp_path / "kept")
+    (tmp_path / "kept" / "my_controller.py").write_text("mine")
+    return tmp_path / "kept"
+
+
+def test_exporting_again_replaces_an_earlier_export_and_nothing_else(levitation_model, earlier):
+    export_estimator(replace(levitation_model, name="second"), earlier)
+    assert (earlier / "my_controller.py").read_text() == "mine"
+    assert '"second"' in (earlier / "model.json").read_text()
+    assert {file.name for file in earlier.iterdir()} == FILES | {"my_controller.py"}
+
+
+def test_what_an_interrupted_export_left_does_not_block_the_next(levitation_model, tmp_path):
+    (tmp_path / NEW).mkdir()
+    (tmp_path / NEW / "half.py").write_text("")
+    export_estimator(levitation_model, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == FILES
+
+
+def test_an_export_that_fails_leaves_nothing_and_keeps_an_earlier_one(levitation_model, earlier, monkeypatch):
+    before = {file.name: file.read_bytes() for file in earlier.iterdir()}
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(directory, "write_model", full)
+    for place in (earlier, earlier.parent / "new"):
+        with pytest.raises(OSError, match="No space") as caught:
+            export_estimator(replace(levitation_model, name="second"), place)
+        assert caught.value.filename == str(place)
+    assert {file.name: file.read_bytes() for file in earlier.iterdir()} == before
+    assert [file.name for file in earlier.parent.iterdir()] == ["kept"]
+
+
+def test_a_directory_with_other_files_is_refused_and_left_alone(levitation_model, tmp_path):
+    (tmp_path / "README.md").write_text("mine")
+    with pytest.raises(RunDirectoryError, match="other files"):
+        export_estimator(levitation_model, tmp_path)
+    assert (tmp_path / "README.md").read_text() == "mine"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_package_of_earlier_versions_counts_as_an_earlier_export(levitation_model, tmp_path):
+    (tmp_path / "femfit_runtime").mkdir()
+    (tmp_path / "femfit_runtime" / "__init__.py").write_text("")
+    export_estimator(levitation_model, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} >= FILES
+
+
+@pytest.mark.parametrize(("part", "absent"), [("circuits", ()), ("motion", None), ("sensor", None)])
+def test_a_model_without_a_part_is_refused_before_anything_is_written(levitation_model, tmp_path, part, absent):
+    with pytest.raises(MissingPartError, match=part.rstrip("s")):
+        export_estimator(replace(levitation_model, **{part: absent}), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_model_file_is_exported_and_the_result_says_what_to_read(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    result = export(str(tmp_path / "model.json"), str(tmp_path / "out"))
+    assert str(tmp_path / "out" / "README.md") in str(result)
+    assert set(result.files) == {file for file in (tmp_path / "out").rglob("*") if file.is_file()}
+
+
+def test_an_unknown_target_lists_the_known_ones():
+    with pytest.raises(UsageError, match=r"one of: estimator .*instead received 'fmu'"):
+        export("model.json", "out", to="fmu")
+    assert set(TARGETS) == {"estimator", "c"}
+
+
+def test_a_name_cannot_become_a_part_of_the_program(levitation_model, tmp_path):
+    export_estimator(replace(levitation_model, name='x"""\nraise SystemExit("ran")\n"""\\u'), tmp_path / "odd")
+    assert runpy.run_path(str(tmp_path / "odd" / FILE))["SENSORS"] == ["hall"]
+    odd = replace(levitation_model, sensor=None, other_sensors=(replace(LASER, name='a"; b'),))
+    with pytest.raises(UsageError, match="must begin with a letter"):
+        export_estimator(odd, tmp_path / "refused")
