@@ -30,7 +30,7 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable
+from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable, slope
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
 from femfit.model.decay import decayed, eliminated
@@ -74,10 +74,20 @@ class Equations:
         """Time derivative of the state."""
         return self._function(lambda at: self._rates(at.state, at))
 
-    @cached_property
-    def driven_rates(self) -> GraphFunction:
-        """The same where the first circuit's current has the rate that stands in the voltage's place, in A/s."""
-        return self._function(lambda at: self._rates(at.state, at, current_rate=at.voltage[0]))
+    def flow(self, driven: tuple[int, ...] = ()) -> GraphFunction:
+        """Time derivative of the state without dry friction, and after it the voltages that the circuits' drivers give.
+
+        Parameters
+        ----------
+        driven : tuple of int
+            The circuits whose currents have the rates in A/s that stand in the place of their voltages.
+        """
+        if ("flow", driven) not in self._known:
+            self._known["flow", driven] = (
+                None,
+                self._function(lambda at: ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))),
+            )
+        return self._known["flow", driven][1]
 
     @cached_property
     def rates_slope(self) -> GraphFunction:
@@ -187,23 +197,30 @@ class Equations:
         after = state + h * of_variable(lambda x: self._rates(x, at, mean_over=h, length=length), middle)
         return ca.vertcat(state[0] + 0.5 * h * (state[1] + after[1]), after[1:])
 
-    def _rates(
+    def _rates(self, state: SX, at: _Symbols, **options: Any) -> SX:
+        return self._flow(state, at, **options)[0]
+
+    def _flow(
         self,
         state: SX,
         at: _Symbols,
         *,
         mean_over: SX | None = None,
         length: float | None = None,
-        current_rate: SX | None = None,
-    ) -> SX:
-        """Rates of the state; of velocity and currents their means over a step at a held distance.
+        driven: tuple[int, ...] = (),
+        dry_friction: bool = True,
+    ) -> tuple[SX, SX]:
+        """Rates of the state, of velocity and currents their means over a step at a held distance; the voltages given.
 
         Parameters
         ----------
         length : float or None
             The step in s, where a table says what it makes of the currents.
+        driven : tuple of int
+            Circuits whose currents have the rates that stand in the voltages' places, at each moment.
         """
         model, motion, windings = self.model, self.model.require_motion(), self.model.windings
+        motion = motion if dry_friction else replace(motion, coulomb_N=0.0)
         d, v, w, memory = self.parts(state)
         z = ca.vertcat(SX(0, 1), *memory.values())
         coenergy = self.coenergy(memory)(d, w)
@@ -216,38 +233,39 @@ class Equations:
         force = with_further_force(model.effects, force, d, first, conditions)
         acceleration = motion.acceleration(d, v, force - at.disturbance, model.sample_time_s)
         if not w.numel():
-            return ca.vertcat(v, acceleration)
+            return ca.vertcat(v, acceleration), at.voltage
         if mean_over is not None:
             motional = motional_constant * (v + 0.5 * mean_over * acceleration)
             conditions = self.conditions(v, memory, motional)
-        resistances, volts = self._circuits(at.voltage, first, conditions)
+        places = list(driven)
+        commanded, imposed = SX(at.voltage), at.voltage[places]
+        commanded[places] = 0.0
+        resistances, volts = self._circuits(commanded, first, conditions)
         driving = volts + motional - resistances * w
         core, turns, drift = self._core(d, v, w)
         if memory:
             along = ca.jacobian(linkage[0], z).T  # G's first entry is 1
             still = self._memory_rates(memory, core, SX(0.0), conditions)
             driving -= turns * ca.dot(along, still)
-            both = eliminated(inductance, ca.horzcat(driving, turns))
-            free, share = ca.dot(turns, both[:, 0]), ca.dot(turns, both[:, 1])
-            imposed = free if current_rate is None else current_rate
-            sign = ca.if_else(imposed + drift < 0.0, -1.0, 1.0)
-            slope = sign * (self._memory_rates(memory, core, sign, conditions) - still)
-            taken = ca.fmax(ca.dot(along, slope), (_LEAKAGE - 1.0) / share)
+            share = ca.dot(turns, eliminated(inductance, turns))
+            rate, _ = _imposed(inductance, driving, places, imposed)
+            sign = ca.if_else(ca.dot(turns, rate) + drift < 0.0, -1.0, 1.0)
+            change = sign * (self._memory_rates(memory, core, sign, conditions) - still)
+            taken = ca.fmax(ca.dot(along, change), (_LEAKAGE - 1.0) / share)
             driving -= turns * (taken * drift)
             inductance += taken * turns @ turns.T
         if mean_over is None:
-            rate = eliminated(inductance, driving)
+            rate, more = _imposed(inductance, driving, places, imposed)
+            if driven:
+                commanded[places] = self._commanded(volts[places] + more, first, conditions)
         else:
             if length is not None:
                 rate, lever = (response @ driving for response in self._responses(length).at(d))
             else:
                 rate, lever = decayed(inductance, resistances, driving, mean_over)
             acceleration -= mean_over / motion.mass_kg * ca.dot(motional_constant, lever)
-        if current_rate is not None:  # the voltage is whatever holds it
-            by_volt = eliminated(inductance, SX.eye(w.numel())[:, 0])
-            rate += by_volt / by_volt[0] * (current_rate - rate[0])
         followed = self._memory_rates(memory, core, ca.dot(turns, rate) + drift, conditions, (first, rate[0]))
-        return ca.vertcat(v, acceleration, rate, followed)
+        return ca.vertcat(v, acceleration, rate, followed), commanded
 
     def coenergy(self, memory: Mapping[str, SX]) -> Any:
         """W'(d, w) of all windings."""
@@ -274,6 +292,18 @@ class Equations:
             resistances[0], volts[0] = circuit_of(model.effects, base.resistance_ohm, voltage[0], first, conditions)
         return resistances, volts
 
+    def _commanded(self, applied: SX, first: SX, conditions: Conditions) -> SX:
+        """The voltages to command so that these are applied, from beyond a driver's dead zone on."""
+        model = self.model
+        if len(model.circuits) > 1 or not any(added.effect.circuit for added in model.effects):
+            return applied
+        far = applied + ca.if_else(applied < 0.0, -1.0, 1.0) * conditions.nominal.voltage_V
+
+        def driver(voltage: SX) -> SX:
+            return SX(circuit_of(model.effects, SX(0.0), voltage, first, conditions)[1])
+
+        return far + (applied - driver(far)) / slope(driver, far)
+
     def conditions(self, v: SX, memory: Mapping[str, SX], motional: SX | None = None) -> Conditions:
         """What effects are told of an expression's velocity, states and motional voltages."""
         at = self.model.conditions
@@ -299,3 +329,13 @@ class Equations:
             now, rate = of_circuit if of_circuit and not of_core else (current, current_rate)
             rates |= added.memory.rate(memory, now, replace(conditions, current_rate_A_s=rate), added.parameters)
         return ca.vertcat(SX(0, 1), *(rates[name] for name in memory))
+
+
+def _imposed(inductance: SX, driving: SX, places: list[int], rates: SX) -> tuple[SX, SX]:
+    """Currents' rates L^-1 b where those at some places are given, and the voltages that these need beside b."""
+    if not places:
+        return eliminated(inductance, driving), SX(0, 1)
+    both = eliminated(inductance, ca.horzcat(driving, SX.eye(driving.numel())[:, places]))
+    rate, by_volt = both[:, 0], both[:, 1:]
+    more = eliminated(by_volt[places, :], rates - rate[places])
+    return rate + by_volt @ more, more

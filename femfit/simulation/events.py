@@ -189,12 +189,12 @@ class _Walk:
         return result
 
     def _fastest_rate(self) -> float:
-        system = self.system
-        point = system.feed.equations.point(self.state[: system.size])
+        system, windings = self.system, self.system.feed.model.windings
         rate = system.feed.bandwidth
-        if system.feed.equations.windings:
-            stored = np.linalg.inv(point.inductance_H)
-            rate = max(rate, float(np.abs(stored @ np.diag(system.feed.equations.resistance_ohm)).sum(axis=1).max()))
+        if windings.count:
+            magnetic = windings.magnetics.state(self.state[0], self.state[2 : windings.end])
+            decay = np.linalg.solve(magnetic.inductance + windings.series_H, np.diag(windings.resistances_ohm))
+            rate = max(rate, float(np.abs(decay).sum(axis=1).max()))
         stop = None if self.mode.touching is None else system.stop(self.mode.touching)
         if stop is not None and stop.stiffness_N_per_m is not None:
             rate = max(rate, float(np.sqrt(stop.stiffness_N_per_m / system.mechanics.mass_kg)))

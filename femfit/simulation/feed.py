@@ -9,22 +9,20 @@ at_max       it is behind the command, at its largest voltage
 at_min       it is ahead of the command, at its smallest voltage
 ===========  ==========================================================================================
 
-Each circuit has a mode of its own. With the voltages of some (V) and the rates of the others (I) given,
-L_VV i'_V = U_V - R i_V + k_m v - L_VI i'_I, and the voltages of the others follow. Eddy currents stand behind the
-circuits with a voltage of 0.
+Each circuit has a mode of its own: of some the voltages are given, of the others the rates of their currents, and their
+voltages follow from :meth:`femfit.model.equations.Equations.flow`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import pi
 
 import numpy as np
 
-from femfit.core.numerics import BoolArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import command_limits
-from femfit.simulation.energy import Equations, Point
 
 CONDUCTING, BLOCKED, FOLLOWING, AT_MAX, AT_MIN = "conducting", "blocked", "following", "at_max", "at_min"
 
@@ -51,13 +49,10 @@ class Line:
 class Flow:
     """What circuits, eddy currents and the body's net force are at one moment."""
 
-    net_N: float
-    voltage_V: FloatArray
-    current_rate_A_s: FloatArray
-    effect_rates: FloatArray
-    diode_V: (
-        FloatArray  # Of the diodes that currents go on through, 0 elsewhere; the source of such a one gives nothing
-    )
+    net_N: float  # On the body along growing distance, without stops and dry friction
+    voltage_V: FloatArray  # That the circuits' drivers give
+    rates: FloatArray  # Of the state, without stops and dry friction
+    diode_V: FloatArray  # Of the diodes that currents go on through, 0 elsewhere; the source of such a one gives nothing
 
 
 @dataclass(frozen=True)
@@ -88,6 +83,10 @@ class Winding:
         """Larger of its two ends."""
         return max(abs(self.circuit.voltage_max_V), abs(self.circuit.voltage_min_V))
 
+    def within(self, voltage: float) -> float:
+        """The voltage, as far as the driver gives it."""
+        return min(max(voltage, self.circuit.voltage_min_V), self.circuit.voltage_max_V)
+
     def given(self, mode: str, line: Line, time: float, current: float) -> tuple[float, bool, float]:
         """Its voltage or its current's rate, whether it is the rate, and the drop of its diode where that conducts."""
         if mode == BLOCKED:
@@ -108,7 +107,7 @@ class Winding:
 class Feed:
     """All circuits of an actuator and what drives them."""
 
-    equations: Equations
+    model: ActuatorModel
     windings: tuple[Winding, ...]
 
     @property
@@ -118,59 +117,28 @@ class Feed:
 
     def flow(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Flow:
         """Currents and net force in a mode; ``state`` is (distance, velocity, currents, states of effects)."""
-        point = self.equations.point(state)
-        currents = state[2 : 2 + self.equations.windings]
-        values, rated, drops = np.zeros(len(currents)), np.zeros(len(currents), dtype=np.bool_), self._no_diode
-        for k, (winding, mode, line) in enumerate(zip(self.windings, modes, lines, strict=True)):  # no eddy currents
-            values[k], rated[k], drop = winding.given(mode, line, time, float(currents[k]))
-            if drop:
-                drops = drops.copy()
-                drops[k] = drop
-        flow = self._solved(point, state, values, rated, drops)
-        limited = [
-            k for k, winding in enumerate(self.windings) if rated[k] and winding.commands_current and winding.bandwidth
+        given = [
+            winding.given(mode, line, time, current)
+            for winding, mode, line, current in zip(self.windings, modes, lines, state[2:].tolist(), strict=False)
         ]
+        values, driven = [value for value, _, _ in given], [k for k, (_, is_rate, _) in enumerate(given) if is_rate]
+        drops = np.array([drop for _, _, drop in given])
+        flow = self._solved(state, values, driven, drops)
+        limited = [k for k in driven if self.windings[k].bandwidth]
         for _ in limited:  # an amplifier gives no more than its voltage, which the others then feel
-            low, high = self._ends
-            over = [k for k in limited if rated[k] and not low[k] <= flow.voltage_V[k] <= high[k]]
-            if not over:
+            volts = {k: self.windings[k].within(float(flow.voltage_V[k])) for k in limited if k in driven}
+            if not (over := {k: volt for k, volt in volts.items() if volt != flow.voltage_V[k]}):
                 break
-            values[over], rated[over] = np.clip(flow.voltage_V, low, high)[over], False
-            flow = self._solved(point, state, values, rated, drops)
+            values = [over.get(k, value) for k, value in enumerate(values)]
+            driven = [k for k in driven if k not in over]
+            flow = self._solved(state, values, driven, drops)
         return flow
 
-    @cached_property
-    def _no_diode(self) -> FloatArray:
-        return np.zeros(self.equations.windings)
-
-    @cached_property
-    def _ends(self) -> FloatArray:
-        """Least and largest voltages, shape (2, n)."""
-        return np.array([(winding.circuit.voltage_min_V, winding.circuit.voltage_max_V) for winding in self.windings]).T
-
-    def _solved(self, point: Point, state: FloatArray, values: FloatArray, rated: BoolArray, drops: FloatArray) -> Flow:
-        """The flow where each circuit's voltage is given, or its current's rate where ``rated``."""
-        equations, currents = self.equations, state[2 : 2 + self.equations.windings]
-        if not rated.any():
-            if equations.effects is not None:
-                return Flow(*_net_voltage_rates(equations, state, values, None), drops)
-            rate = equations.current_rate(point, currents, values)
-            return Flow(point.net_N, values, rate, rate[:0], drops)
-        if rated.all():
-            rate = values
-        else:
-            rate = np.where(rated, values, 0.0)
-            free, driven = np.flatnonzero(~rated), np.flatnonzero(rated)
-            driving = values - equations.resistance_ohm * currents + point.motional_V
-            driving = driving[free] - point.inductance_H[np.ix_(free, driven)] @ rate[driven]
-            rate[free] = np.linalg.solve(point.inductance_H[np.ix_(free, free)], driving)
-        voltage = np.where(rated, equations.voltage(point, currents, rate), values)
-        if equations.effects is None:
-            return Flow(point.net_N, voltage, rate, rate[:0], drops)
-        # Effects change the voltage that the rate needs; one secant finds it, for the rate is linear in it
-        ends = [equations.with_effects(state, voltage + step, None)[1] for step in (0.0, 1.0)]
-        voltage[0] += (rate[0] - ends[0][0]) / (ends[1][0] - ends[0][0])
-        return Flow(*_net_voltage_rates(equations, state, voltage, float(rate[0])), drops)
+    def _solved(self, state: FloatArray, values: list[float], driven: list[int], drops: FloatArray) -> Flow:
+        """The flow where the circuits' voltages are given, and the currents' rates of those that are driven."""
+        found = self.model.equations.flow(tuple(driven))(state, np.array(values), np.zeros(3), np.zeros(0))[:, 0]
+        rates, volts = found[: self.model.order], found[self.model.order :]
+        return Flow(float(self.model.require_motion().mass_kg * rates[1]), volts, rates, drops)
 
     def settled(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Modes:
         """The modes that hold from now on, where a command may have jumped."""
@@ -205,13 +173,7 @@ class Feed:
 
     def conducts(self, modes: Modes, k: int, lines: Sequence[Line], time: float, state: FloatArray) -> float:
         """Above zero where source or diode of a blocked circuit would drive a positive current, in V."""
-        flow = self.flow((*modes[:k], CONDUCTING, *modes[k + 1 :]), lines, time, state)
-        inductance = self.equations.point(state).inductance_H[k, k]
-        return float(flow.current_rate_A_s[k] * inductance) - _TINY * self.windings[k].voltage_scale_V
-
-
-def _net_voltage_rates(
-    equations: Equations, state: FloatArray, voltage: FloatArray, rate: float | None
-) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    net, current_rate, effect_rates = equations.with_effects(state, voltage, rate)
-    return net, voltage, current_rate, effect_rates
+        winding = self.windings[k]
+        source, _, _ = winding.given(CONDUCTING, lines[k], time, float(state[2 + k]))
+        needed = float(self.flow(modes, lines, time, state).voltage_V[k])
+        return source - needed - _TINY * winding.voltage_scale_V

@@ -14,7 +14,7 @@ from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import state_scale
 from femfit.model.json_file import model_of
-from femfit.simulation.energy import balance, equations_of
+from femfit.simulation.energy import balance
 from femfit.simulation.events import Run, Stretch, run
 from femfit.simulation.feed import CONDUCTING, Feed, Winding
 from femfit.simulation.open_result import OpenLoop
@@ -135,12 +135,12 @@ def _duration(asked_s: float | None, profiles: Sequence[Profile]) -> float:
 
 def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
     mechanics, box = model.require_motion(), model.validity
-    equations = equations_of(model)
+    model.require_dynamics()
     d, i = box.grid(15, 15, several=5)
     pairs = zip(model.circuits, profiles, strict=True)
     force = float(np.abs(model.magnetics.force(d, i)).max() + np.abs(mechanics.static_force(d)).max())
     return System(
-        feed=Feed(equations, tuple(Winding(circuit, profile.kind == "current") for circuit, profile in pairs)),
+        feed=Feed(model, tuple(Winding(circuit, profile.kind == "current") for circuit, profile in pairs)),
         mechanics=mechanics,
         domain=box,
         size=model.order,

@@ -138,23 +138,20 @@ class System:
     def rates(self, mode: Mode, lines: Lines) -> Callable[[float, FloatArray], FloatArray]:
         """The derivative of the state in a mode."""
         size, mechanics, n = self.size, self.mechanics, len(self.feed.windings)
-        end = 2 + self.feed.equations.windings
-        resistance, friction = self.feed.equations.resistance_ohm, mode.sliding * mechanics.coulomb_N
+        windings, friction = self.feed.model.windings, mode.sliding * mechanics.coulomb_N
 
         def derivative(time: float, state: FloatArray) -> FloatArray:
             flow = self.feed.flow(mode.feed, lines, time, state[:size])
-            contact = self.contact(mode, state)
-            velocity, currents = 0.0 if mode.held else float(state[1]), state[2:end]
+            contact, velocity = self.contact(mode, state), 0.0 if mode.held else float(state[1])
+            currents = state[2 : windings.end]
             result = np.zeros_like(state)
-            if not mode.held:
-                result[0] = velocity
-                result[1] = (flow.net_N + contact - friction) / mechanics.mass_kg
-            result[2:end] = flow.current_rate_A_s
-            result[end:size] = flow.effect_rates
-            lost = resistance * currents**2
-            result[size] = float(np.where(flow.diode_V == 0.0, flow.voltage_V, 0.0) @ currents)
+            result[:size] = flow.rates
+            result[0] = velocity
+            result[1] = 0.0 if mode.held else (flow.net_N + contact - friction) / mechanics.mass_kg
+            lost = windings.resistances_ohm * currents**2
+            result[size] = float(np.where(flow.diode_V == 0.0, flow.voltage_V, 0.0) @ currents[:n])
             result[size + 1], result[size + 2] = float(lost[:n].sum()), float(lost[n:].sum())
-            result[size + 3] = float(flow.diode_V @ currents)
+            result[size + 3] = float(flow.diode_V @ currents[:n])
             result[size + 4] = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity
             result[size + 5] = -contact * velocity
             return result
