@@ -27,6 +27,11 @@ LONGEST_FILES = ("test_house.py", "test_notebooks.py", "test_commands.py", "test
 """They take from half a minute to two each: begun first, they leave no worker alone at the end."""
 
 
+def pytest_configure(config):
+    """Compiled functions go beside pytest's own cache, not to the user's."""
+    os.environ["XDG_CACHE_HOME"] = str(config.rootpath / ".pytest_cache")
+
+
 def pytest_addoption(parser):
     parser.addoption("--renew", action="store_true", help="write expected results anew; each test that did fails once")
 

@@ -17,12 +17,14 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from math import inf
 from typing import Any, TypeAlias
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
+from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
 
 Expression: TypeAlias = Any
@@ -36,6 +38,9 @@ WORK, LEAST_BLOCK, LARGEST_BLOCK = 2_000_000, 512, 16_384
 
 FEW_CELLS = 16
 """Measured: up to so many cells comparisons are quicker than a look-up."""
+
+OFTEN, ASKED = 5000, 500
+"""Chosen: calls from which a function is compiled, and between two looks at whether that is done."""
 
 ALIKE = 12
 """Numerical: operations deep to which coordinates are compared; deeper ones count as different."""
@@ -283,11 +288,12 @@ class GraphFunction:
         """By the interpreter, one point after the other."""
         result = np.empty((self._output.numel(), count))
         for k in range(count):
-            result[:, k] = self._call(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
+            result[:, k] = self.point(*(x if x.ndim == 1 else x[:, min(k, x.shape[1] - 1)] for x in inputs))
         return result
 
     @cached_property
-    def _call(self) -> "Caller":
+    def point(self) -> "Caller":
+        """The function of one point: the output (entries,) of inputs (entries,)."""
         return Caller(self.at_a_point)
 
     def _in_numpy(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
@@ -325,14 +331,22 @@ _OPERATIONS = {getattr(ca, f"OP_{name}"): function for name, function in _UFUNCS
 
 
 class Caller:
-    """A call of a function of vectors at one point, without allocation, on arrays of its own for each thread."""
+    """A call of a function of vectors at one point, without allocation, on arrays of its own for each thread.
+
+    A function that is called often is compiled (:mod:`femfit.core.compiled`).
+    """
 
     def __init__(self, function: ca.Function) -> None:
         self._function = function
         self._buffers: dict[int, Any] = {}
+        self._compilation = Compilation(function)
+        self._calls, self._next = 0, float(OFTEN)
 
     def __call__(self, *inputs: Any) -> FloatArray:
         """The output (entries,) of inputs (entries,)."""
+        self._calls += 1
+        if self._calls > self._next:
+            self._compile()
         known = self._buffers.get(threading.get_ident())
         if known is None:
             known = self._buffers[threading.get_ident()] = self._bind()
@@ -341,6 +355,12 @@ class Caller:
             own[:] = x
         run()
         return value.copy()
+
+    def _compile(self) -> None:
+        quicker = self._compilation.result()
+        self._next = self._calls + ASKED if quicker is None else inf
+        if quicker is not None and quicker is not self._function:
+            self._function, self._buffers = quicker, {}
 
     def _bind(self) -> Any:
         function = self._function

@@ -320,7 +320,7 @@ class ActuatorModel(Printed):
         """States of the eddy currents, after those of the circuits."""
         return tuple(f"{name}_A" for name in self.eddy.names) if self.eddy is not None else ()
 
-    @property
+    @cached_property
     def memory_names(self) -> tuple[str, ...]:
         """States that effects add to (distance, velocity, currents, eddy currents)."""
         return tuple(name for memory in self.memories for name in memory.names)
@@ -330,7 +330,7 @@ class ActuatorModel(Printed):
         """Whether the equations of motion and current differ from those of the model's W', R and m."""
         return bool(self.memories) or any(added.effect.force or added.effect.circuit for added in self.effects)
 
-    @property
+    @cached_property
     def memories(self) -> tuple[Memory, ...]:
         """Those of effects whose parameters need states."""
         return tuple(added.memory for added in self.effects if added.memory is not None)
@@ -341,7 +341,7 @@ class ActuatorModel(Printed):
         currents = circuit_currents(self.circuit_names)
         return ("distance_m", "velocity_m_s", *currents, *self.eddy_names, *self.memory_names)
 
-    @property
+    @cached_property
     def order(self) -> int:
         """Number of these states."""
         return 2 + self.windings.count + len(self.memory_names)

@@ -19,7 +19,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import Caller, Derive, Memo, Part, derived
+from femfit.core.graph import Derive, Memo, Part, derived
 from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
@@ -90,15 +90,6 @@ class Magnetics(ABC):
         """Force, motional constants and inductances together, at the price of little more than one."""
         return MagneticState(*self._derived(_state, distance, currents))
 
-    def at_point(self, distance: float, currents: FloatArray) -> MagneticState:
-        """The state at one distance and currents (n,): as :meth:`state`, at the price of a few microseconds."""
-        n = len(currents)
-        if n not in self._points:
-            self.state(np.zeros(1), np.zeros((1, n)))
-            self._points[n] = Caller(self._known[_state, n][1].at_a_point)
-        values = self._points[n](np.append(distance, currents), self.given_values)
-        return MagneticState(values[0], values[1 : 1 + n], values[1 + n :].reshape(n, n))
-
     def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """The same with their slopes along the distance and the currents."""
         return MagneticSlopes(*self._derived(_slopes, distance, currents))
@@ -129,10 +120,6 @@ class Magnetics(ABC):
 
     @cached_property
     def _known(self) -> Memo:
-        return Memo()
-
-    @cached_property
-    def _points(self) -> Memo:
         return Memo()
 
 

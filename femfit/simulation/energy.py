@@ -76,4 +76,3 @@ def balance(
     magnetic, kinetic, strain, potential = (float(ends_J[1] - ends_J[0]) for ends_J in stored)
     gone_to = (copper, eddy, diode, friction, impact, magnetic, kinetic, strain, potential)
     return EnergyBalance(source, *gone_to, source - sum(gone_to))
-

@@ -17,8 +17,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 
-import numpy as np
-
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
 from femfit.model.actuator_model import ActuatorModel
@@ -50,9 +48,9 @@ class Flow:
     """What circuits, eddy currents and the body's net force are at one moment."""
 
     net_N: float  # On the body along growing distance, without stops and dry friction
-    voltage_V: FloatArray  # That the circuits' drivers give
+    voltage_V: list[float]  # That the circuits' drivers give
     rates: FloatArray  # Of the state, without stops and dry friction
-    diode_V: FloatArray  # Of the diodes that currents go on through, 0 elsewhere; the source of such a one gives nothing
+    diode_V: list[float]  # Of the diodes that currents go on through, else 0; the source of such a one gives nothing
 
 
 @dataclass(frozen=True)
@@ -122,11 +120,11 @@ class Feed:
             for winding, mode, line, current in zip(self.windings, modes, lines, state[2:].tolist(), strict=False)
         ]
         values, driven = [value for value, _, _ in given], [k for k, (_, is_rate, _) in enumerate(given) if is_rate]
-        drops = np.array([drop for _, _, drop in given])
+        drops = [drop for _, _, drop in given]
         flow = self._solved(state, values, driven, drops)
         limited = [k for k in driven if self.windings[k].bandwidth]
         for _ in limited:  # an amplifier gives no more than its voltage, which the others then feel
-            volts = {k: self.windings[k].within(float(flow.voltage_V[k])) for k in limited if k in driven}
+            volts = {k: self.windings[k].within(flow.voltage_V[k]) for k in limited if k in driven}
             if not (over := {k: volt for k, volt in volts.items() if volt != flow.voltage_V[k]}):
                 break
             values = [over.get(k, value) for k, value in enumerate(values)]
@@ -134,10 +132,10 @@ class Feed:
             flow = self._solved(state, values, driven, drops)
         return flow
 
-    def _solved(self, state: FloatArray, values: list[float], driven: list[int], drops: FloatArray) -> Flow:
+    def _solved(self, state: FloatArray, values: list[float], driven: list[int], drops: list[float]) -> Flow:
         """The flow where the circuits' voltages are given, and the currents' rates of those that are driven."""
-        found = self.model.equations.flow(tuple(driven))(state, np.array(values), np.zeros(3), np.zeros(0))[:, 0]
-        rates, volts = found[: self.model.order], found[self.model.order :]
+        found = self.model.equations.flow(tuple(driven)).point(state, values, (0.0, 0.0, 0.0), ())
+        rates, volts = found[: self.model.order], found[self.model.order :].tolist()
         return Flow(float(self.model.require_motion().mass_kg * rates[1]), volts, rates, drops)
 
     def settled(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Modes:
@@ -152,7 +150,7 @@ class Feed:
                 if settled[k] == BLOCKED and self.conducts(tuple(settled), k, lines, time, state) > 0.0:
                     settled[k] = CONDUCTING
                 elif settled[k] == FOLLOWING:
-                    needed = float(self.flow(tuple(settled), lines, time, state).voltage_V[k])
+                    needed = self.flow(tuple(settled), lines, time, state).voltage_V[k]
                     above, below = needed > winding.circuit.voltage_max_V, needed < winding.circuit.voltage_min_V
                     settled[k] = AT_MAX if above else AT_MIN if below else FOLLOWING
             if tuple(settled) == before:
@@ -175,5 +173,5 @@ class Feed:
         """Above zero where source or diode of a blocked circuit would drive a positive current, in V."""
         winding = self.windings[k]
         source, _, _ = winding.given(CONDUCTING, lines[k], time, float(state[2 + k]))
-        needed = float(self.flow(modes, lines, time, state).voltage_V[k])
+        needed = self.flow(modes, lines, time, state).voltage_V[k]
         return source - needed - _TINY * winding.voltage_scale_V

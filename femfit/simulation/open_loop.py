@@ -216,7 +216,7 @@ def _voltages(system: System, stretch: Stretch, time: FloatArray, states: FloatA
         return np.array(rows).reshape(len(rows), len(time))
     return np.array(
         [
-            feed.flow(modes, stretch.lines, t, state[: system.size]).voltage_V[: len(feed.windings)]
+            feed.flow(modes, stretch.lines, t, state[: system.size]).voltage_V
             for t, state in zip(time, states.T, strict=True)
         ]
     ).T

@@ -138,22 +138,22 @@ class System:
     def rates(self, mode: Mode, lines: Lines) -> Callable[[float, FloatArray], FloatArray]:
         """The derivative of the state in a mode."""
         size, mechanics, n = self.size, self.mechanics, len(self.feed.windings)
-        windings, friction = self.feed.model.windings, mode.sliding * mechanics.coulomb_N
+        resistances, friction = self.feed.model.windings.resistances_ohm.tolist(), mode.sliding * mechanics.coulomb_N
 
         def derivative(time: float, state: FloatArray) -> FloatArray:
             flow = self.feed.flow(mode.feed, lines, time, state[:size])
-            contact, velocity = self.contact(mode, state), 0.0 if mode.held else float(state[1])
-            currents = state[2 : windings.end]
-            result = np.zeros_like(state)
+            contact = self.contact(mode, state)
+            _, speed, *currents = state[: 2 + len(resistances)].tolist()
+            velocity = 0.0 if mode.held else speed
+            lost = [ohm * i**2 for ohm, i in zip(resistances, currents, strict=True)]
+            by_source = [i * u for i, u, drop in zip(currents, flow.voltage_V, flow.diode_V, strict=False) if not drop]
+            by_diode = sum(i * drop for i, drop in zip(currents, flow.diode_V, strict=False))
+            rubbed, given = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity, -contact * velocity
+            result = np.empty(size + len(ENERGIES))
             result[:size] = flow.rates
             result[0] = velocity
             result[1] = 0.0 if mode.held else (flow.net_N + contact - friction) / mechanics.mass_kg
-            lost = windings.resistances_ohm * currents**2
-            result[size] = float(np.where(flow.diode_V == 0.0, flow.voltage_V, 0.0) @ currents[:n])
-            result[size + 1], result[size + 2] = float(lost[:n].sum()), float(lost[n:].sum())
-            result[size + 3] = float(flow.diode_V @ currents[:n])
-            result[size + 4] = (mechanics.viscous_N_s_per_m * velocity + friction) * velocity
-            result[size + 5] = -contact * velocity
+            result[size:] = sum(by_source), sum(lost[:n]), sum(lost[n:]), by_diode, rubbed, given
             return result
 
         return derivative
@@ -212,7 +212,7 @@ class System:
         if state_of_drive == FOLLOWING:
 
             def volts(time: float, state: FloatArray) -> float:
-                return float(feed.flow(mode.feed, lines, time, state[:size]).voltage_V[k])
+                return feed.flow(mode.feed, lines, time, state[:size]).voltage_V[k]
 
             slack = 1e-9 * winding.voltage_scale_V
             return [
