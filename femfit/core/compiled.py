@@ -1,8 +1,9 @@
-"""Functions of one point as machine code, where the machine has a C compiler.
+"""Functions as machine code, where the machine has a C compiler.
 
-CasADi writes the function as C, a compiler translates it beside the interpreter, which goes on until that is done and
-for good where nothing comes of it. Both do the same operations on doubles in the same order (none are contracted), so
-that their results agree to the bit and it does not matter which of them gave a number.
+CasADi writes what is called often as C, a compiler translates it in the background; what runs it today goes on until
+that is done, and for good where nothing comes of it. All do the same operations on doubles in the same order (none are
+contracted) with the system's library of mathematics, so that their results agree to the bit and it does not matter which
+of them gave a number.
 
 What was compiled is kept under the hash of its source and command, in the user's cache folder: ``femfit`` in
 ``XDG_CACHE_HOME`` or ``LOCALAPPDATA``, else in ``~/.cache``. The environment's ``FEMFIT_COMPILER`` names another
@@ -10,6 +11,7 @@ compiler than ``cc``, ``gcc`` or ``clang``; where it is empty, nothing is compil
 """
 
 import atexit
+import ctypes
 import hashlib
 import os
 import platform
@@ -17,17 +19,76 @@ import shutil
 import subprocess
 import threading
 import warnings
+from collections.abc import Sequence
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import casadi as ca
+import numpy as np
+
+from femfit.core.numerics import FloatArray
 
 FLAGS = ("-O1", "-ffp-contract=off", "-shared", "-fPIC", "-x", "c", "-", "-lm")
 """Measured: more optimisation takes twice the time and makes nothing quicker."""
 
+OFTEN, ASKED = 50_000, 5_000
+"""Chosen: points in arrays from which a function is compiled, and between two looks at whether that is done."""
+
+ALONE = 10
+"""Measured: as many points in arrays cost what one point alone does."""
+
 KEPT = 200
 """Conventional: compiled functions that stay in the cache; the one not used for longest goes first."""
+
+
+_POINTS = """
+CASADI_SYMBOL_EXPORT int f_points(casadi_int n, const double** x, const casadi_int* strides, double* y,
+    const double** arg, double** res, casadi_int* iw, double* w) {{
+  static const casadi_int sizes[] = {{ {sizes} }};
+  double in[{total}], out[{rows}];
+  casadi_int i, j, k;
+  for (k = 0; k < n; k++) {{
+    double* to = in;
+    for (i = 0; i < {count}; i++) {{
+      const double* from = x[i] + k * strides[2 * i + 1];
+      arg[i] = to;
+      for (j = 0; j < sizes[i]; j++, from += strides[2 * i]) *to++ = *from;
+    }}
+    res[0] = out;
+    if (f(arg, res, iw, w, 0)) return 1;
+    for (j = 0; j < {rows}; j++) y[j * n + k] = out[j];
+  }}
+  return 0;
+}}
+"""
+
+
+class Library:
+    """A compiled function of vectors."""
+
+    def __init__(self, path: Path, rows: int) -> None:
+        self.function = ca.external("f", str(path))
+        self._rows, library = rows, ctypes.CDLL(str(path))
+        sizes = (ctypes.c_longlong * 4)()
+        library.f_work(*(ctypes.byref(sizes, 8 * k) for k in range(4)))
+        self._points, self._work = library.f_points, tuple(int(size) + 1 for size in sizes)
+        self._points.argtypes = [ctypes.c_longlong, *[ctypes.c_void_p] * 7]
+
+    def __call__(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
+        """The output (entries, count) of inputs (entries, count), or (entries,) where one holds for all points."""
+        inputs = [np.asarray(x, dtype=np.float64) for x in inputs]
+        places = np.array([x.ctypes.data for x in inputs], dtype=np.int64)
+        strides = [x.strides if x.ndim == 2 and x.shape[1] > 1 else (x.strides[0], 0) for x in inputs]
+        steps, result = np.array(strides, dtype=np.int64) // 8, np.empty((self._rows, count))
+        work = [np.empty(size) for size in self._work]  # eight bytes each: pointers, integers, doubles
+        arrays = [places, steps, result, *work]
+        if self._points(count, *(array.ctypes.data for array in arrays)):
+            raise FloatingPointError(
+                "A compiled function could not be worked out."
+            )  # CasADi's functions of SX always can
+        return result
 
 
 class Compilation:
@@ -36,38 +97,43 @@ class Compilation:
     Parameters
     ----------
     function : casadi.Function
+        Of vectors, with one vector as its output, all dense; its name is f.
     """
 
     def __init__(self, function: ca.Function) -> None:
         self._function = function
         self._compiler: subprocess.Popen[str] | None = None
         self._lock = threading.Lock()
+        self._library: Library | None = None
+        self._points, self._next = 0, float(OFTEN)
 
-    def result(self) -> ca.Function | None:
-        """The compiled function; the function itself where it stays interpreted; None as long as that is open.
+    def after(self, points: int) -> Library | None:
+        """The library, as soon as there is one, after so many more points."""
+        self._points += points
+        if self._points >= self._next and self._lock.acquire(blocking=False):  # else another thread sees to it
+            try:
+                self._look()
+            finally:
+                self._lock.release()
+        return self._library
 
-        The first call begins.
-        """
-        if self._command is None:
-            return self._function
-        if not self._lock.acquire(blocking=False):  # another thread sees to it
-            return None
+    def _look(self) -> None:
+        """Begin, or see whether it is done."""
+        self._next = inf
         try:
-            return self._looked_for()
+            if self._command is None:
+                return
+            if self._target.exists():
+                self._stop()
+                self._library = self._loaded()
+            elif self._compiler is None:
+                self._begin()
+            elif self._compiler.poll() is not None:
+                self._library = self._kept(self._compiler.returncode)
+            if self._library is None:
+                self._next = self._points + ASKED
         except (OSError, RuntimeError) as error:  # the cache cannot be written, what lies there is not a library
-            return self._failed(str(error))
-        finally:
-            self._lock.release()
-
-    def _looked_for(self) -> ca.Function | None:
-        if self._target.exists():
-            self._stop()
-            return self._loaded()
-        if self._compiler is None:
-            self._begin()
-        elif self._compiler.poll() is not None:
-            return self._kept(self._compiler.returncode)
-        return None
+            self._warn(str(error))
 
     @cached_property
     def _command(self) -> list[str] | None:
@@ -80,7 +146,11 @@ class Compilation:
     def _source(self) -> str:
         generator = ca.CodeGenerator("f.c")
         generator.add(self._function)
-        return generator.dump()
+        f = self._function
+        sizes = [f.nnz_in(k) for k in range(f.n_in())]
+        facts = {"sizes": ", ".join(map(str, sizes)), "count": len(sizes)}
+        facts |= {"total": sum(sizes) + 1, "rows": f.nnz_out(0)}
+        return str(generator.dump()) + _POINTS.format(**facts)
 
     @cached_property
     def _target(self) -> Path:
@@ -102,32 +172,33 @@ class Compilation:
             )
         atexit.register(self._stop)
 
-    def _kept(self, code: int) -> ca.Function:
+    def _kept(self, code: int) -> Library:
         """What the compiler made, moved to where all find it whole or not at all."""
         place = Path(self._workplace.name)
         said = (place / "said.txt").read_text(encoding="utf-8", errors="replace").strip()
         if code == 0:
             (place / "f.so").replace(self._target)
         self._stop()
-        return self._loaded() if code == 0 else self._failed(said or f"it ended with code {code}")
+        if code:
+            raise OSError(said or f"it ended with code {code}")
+        return self._loaded()
 
-    def _loaded(self) -> ca.Function:
-        function = ca.external(self._function.name(), str(self._target))
+    def _loaded(self) -> Library:
+        library = Library(self._target, self._function.nnz_out(0))
         os.utime(self._target)
         used = sorted(self._target.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
         for path in used[:-KEPT]:
             path.unlink(missing_ok=True)
-        return function
+        return library
 
-    def _failed(self, cause: str) -> ca.Function:
+    def _warn(self, cause: str) -> None:
         warnings.warn(
-            f"A function stays interpreted, about ten times slower, as the C compiler {(self._command or ['?'])[0]} "
-            f"must make a library of it in {self._target.parent}: {cause[:300]}. Set FEMFIT_COMPILER to another "
-            "compiler, or to nothing to do without.",
+            f"A function is not compiled, and about ten times slower, as the C compiler {(self._command or ['?'])[0]} "
+            f"must make a library of it in the cache folder: {cause[:300]}. Set FEMFIT_COMPILER to another compiler, "
+            "or to nothing to do without.",
             RuntimeWarning,
             stacklevel=2,
         )
-        return self._function
 
     def _stop(self) -> None:
         """Leave neither a compiler at work nor what it wrote."""

@@ -10,14 +10,12 @@ J. A. E. Andersson et al., CasADi: a software framework for nonlinear optimizati
 Programming Computation 11 (2019) 1.
 """
 
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from math import inf
 from typing import Any, TypeAlias
 
 import casadi as ca
@@ -26,6 +24,7 @@ from casadi import SX
 
 from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
+from femfit.core.tape import Caller, Tape
 
 Expression: TypeAlias = Any
 """An SX of CasADi, or a number where nothing depends on anything."""
@@ -38,9 +37,6 @@ WORK, LEAST_BLOCK, LARGEST_BLOCK = 2_000_000, 512, 16_384
 
 FEW_CELLS = 16
 """Measured: up to so many cells comparisons are quicker than a look-up."""
-
-OFTEN, ASKED = 5000, 500
-"""Chosen: calls from which a function is compiled, and between two looks at whether that is done."""
 
 ALIKE = 12
 """Numerical: operations deep to which coordinates are compared; deeper ones count as different."""
@@ -231,14 +227,14 @@ class GraphFunction:
         return not ca.depends_on(ca.vertcat(self._output, *cells), symbol)
 
     @cached_property
-    def stages(self) -> list[tuple["_Tape", list[_Row]]]:
+    def stages(self) -> list[tuple[Tape, list[_Row]]]:
         """Tapes of the rows' coordinates, level by level, and of the output."""
         stages, known, rest = [], list(self._inputs), list(self._rows)
         while rest:
             ready = [row for row in rest if not any(ca.depends_on(row.coordinates, o.symbol) for o in rest)]
-            stages.append((_Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
+            stages.append((Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
             known, rest = [*known, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
-        return [*stages, (_Tape(known, self._output), [])]
+        return [*stages, (Tape(known, self._output), [])]
 
     @cached_property
     def at_a_point(self) -> ca.Function:
@@ -273,6 +269,8 @@ class GraphFunction:
         """The output (entries, N) of inputs (entries, N), or (entries,) where one holds for all points."""
         counts = [x.shape[1] for x in inputs if x.ndim == 2]
         count = max(counts, default=1) if 0 not in counts else 0
+        if (library := self._compilation.after(count)) is not None:
+            return library(inputs, count)
         if count <= self._few:
             return self._at_points(inputs, count)
         if count <= (block := self._block):
@@ -292,9 +290,13 @@ class GraphFunction:
         return result
 
     @cached_property
-    def point(self) -> "Caller":
+    def point(self) -> Caller:
         """The function of one point: the output (entries,) of inputs (entries,)."""
-        return Caller(self.at_a_point)
+        return Caller(self.at_a_point, self._compilation)
+
+    @cached_property
+    def _compilation(self) -> Compilation:
+        return Compilation(self.at_a_point)
 
     def _in_numpy(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
         known = list(inputs)
@@ -304,116 +306,6 @@ class GraphFunction:
                 known.append(row.in_numpy(value[first : first + len(row.inner)]))
                 first += len(row.inner)
         return value
-
-
-def _twice(x: FloatArray, out: FloatArray) -> None:
-    np.add(x, x, out=out)
-
-
-def _assign(x: FloatArray, out: FloatArray) -> None:
-    np.copyto(out, x)
-
-
-def _if_else_zero(condition: FloatArray, value: FloatArray, out: FloatArray) -> None:
-    out[:] = np.where(condition, value, 0.0)
-
-
-_UFUNCS: dict[str, Callable[..., Any]] = {
-    "ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide, "NEG": np.negative, "SQ": np.square,
-    "EXP": np.exp, "EXPM1": np.expm1, "LOG": np.log, "LOG1P": np.log1p, "SQRT": np.sqrt, "TANH": np.tanh,
-    "SIN": np.sin, "COS": np.cos, "TAN": np.tan, "ATAN": np.arctan, "ATAN2": np.arctan2, "FLOOR": np.floor,
-    "SINH": np.sinh, "COSH": np.cosh, "ASINH": np.arcsinh, "FABS": np.abs, "FMAX": np.fmax, "FMIN": np.fmin,
-    "SIGN": np.sign, "POW": np.power, "CONSTPOW": np.power, "LE": np.less_equal, "LT": np.less, "EQ": np.equal,
-    "NE": np.not_equal, "NOT": np.logical_not, "AND": np.logical_and, "OR": np.logical_or, "INV": np.reciprocal,
-    "COPYSIGN": np.copysign, "TWICE": _twice, "ASSIGN": _assign, "IF_ELSE_ZERO": _if_else_zero,
-}  # fmt: skip
-_OPERATIONS = {getattr(ca, f"OP_{name}"): function for name, function in _UFUNCS.items()}
-
-
-class Caller:
-    """A call of a function of vectors at one point, without allocation, on arrays of its own for each thread.
-
-    A function that is called often is compiled (:mod:`femfit.core.compiled`).
-    """
-
-    def __init__(self, function: ca.Function) -> None:
-        self._function = function
-        self._buffers: dict[int, Any] = {}
-        self._compilation = Compilation(function)
-        self._calls, self._next = 0, float(OFTEN)
-
-    def __call__(self, *inputs: Any) -> FloatArray:
-        """The output (entries,) of inputs (entries,)."""
-        self._calls += 1
-        if self._calls > self._next:
-            self._compile()
-        known = self._buffers.get(threading.get_ident())
-        if known is None:
-            known = self._buffers[threading.get_ident()] = self._bind()
-        _, run, given, value = known
-        for own, x in zip(given, inputs, strict=True):
-            own[:] = x
-        run()
-        return value.copy()
-
-    def _compile(self) -> None:
-        quicker = self._compilation.result()
-        self._next = self._calls + ASKED if quicker is None else inf
-        if quicker is not None and quicker is not self._function:
-            self._function, self._buffers = quicker, {}
-
-    def _bind(self) -> Any:
-        function = self._function
-        buffer, run = function.buffer()
-        given, value = [np.zeros(function.nnz_in(k)) for k in range(function.n_in())], np.zeros(function.nnz_out(0))
-        for k, x in enumerate(given):
-            if len(x):
-                buffer.set_arg(k, memoryview(x))  # type: ignore[arg-type, call-arg]
-        buffer.set_res(0, memoryview(value))  # type: ignore[arg-type, call-arg]
-        return buffer, run, given, value
-
-
-class _Tape:
-    """The instructions of an expression, each at once for many points."""
-
-    def __init__(self, inputs: Sequence[SX], output: SX) -> None:
-        self.function = ca.Function("f", inputs, [ca.cse(output)])
-        self._local = threading.local()
-
-    def __call__(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
-        """The output (entries, count), overwritten by the next call, of inputs (entries, count) or (entries,)."""
-        bound: dict[int, Any] = self._local.__dict__.setdefault("bound", {})  # of this thread alone
-        if count not in bound:
-            while len(bound) > 1:
-                bound.pop(next(iter(bound)))
-            bound[count] = self._bind(count)
-        given, instructions, result = bound[count]
-        for row, x in zip(given, inputs, strict=True):
-            np.copyto(row, x if x.ndim == 2 else x[:, None])
-        with np.errstate(all="ignore"):
-            for do, operands, out in instructions:
-                do(*operands, out=out)
-        return result
-
-    def _bind(self, count: int) -> tuple[list[FloatArray], list[Any], FloatArray]:
-        """The instructions with the arrays that they read and write."""
-        f = self.function
-        given = [np.zeros((f.size1_in(k), count)) for k in range(f.n_in())]
-        work, result = np.zeros((f.sz_w(), count)), np.zeros((f.size1_out(0), count))
-        held: dict[int, Any] = {}
-        instructions: list[Any] = []
-        for k in range(f.n_instructions()):
-            operation, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-            if operation == ca.OP_CONST:
-                held[to[0]] = f.instruction_constant(k)
-            elif operation == ca.OP_INPUT:
-                held[to[0]] = given[of[0]][of[1]]
-            elif operation == ca.OP_OUTPUT:
-                instructions.append((np.positive, (held[of[0]],), result[to[1]]))
-            else:
-                instructions.append((_OPERATIONS[operation], tuple(held[j] for j in of), work[to[0]]))
-                held[to[0]] = work[to[0]]
-        return given, instructions, result
 
 
 Part: TypeAlias = tuple[SX, int]

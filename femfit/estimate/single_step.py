@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from femfit.core.graph import Caller
+from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
+from femfit.core.tape import Caller
 from femfit.estimate.process import FilterProcess
 from femfit.estimate.process_graph import ProcessGraph, scalar_functions
 
@@ -51,7 +52,7 @@ class StepFunction:
         output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
         function = ca.Function("step", given, [ca.cse(output) if symbol is ca.SX else output])
         self.function = function
-        self._call, self._order, self._sensors = Caller(function), n, m
+        self._call, self._order, self._sensors = Caller(function, Compilation(function)), n, m
         self._variances = np.array([output.variance for output in process.outputs])
 
     def __call__(self, mean: FloatArray, matrix: FloatArray, voltage: Any, readings: FloatArray) -> SingleStep:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from casadi import SX
 
-from femfit.core import compiled, graph
+from femfit.core import compiled
 from femfit.core.compiled import Compilation
 from femfit.core.graph import GraphFunction, building, row_of
 
@@ -24,83 +24,91 @@ TABLE = np.random.default_rng(3).normal(size=(40, 2))
 def cache(tmp_path, monkeypatch):
     """An empty cache, and functions that are compiled soon."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(graph, "OFTEN", 20)
-    monkeypatch.setattr(graph, "ASKED", 1)
+    monkeypatch.setattr(compiled, "OFTEN", 100)
+    monkeypatch.setattr(compiled, "ASKED", 1)
     return tmp_path / "femfit"
 
 
 def of_everything():
     """Elementary functions, choices and the row of a table by a look-up."""
     with building():
-        x = SX.sym("x", 3)
+        x, u = SX.sym("x", 3), SX.sym("u", 2)
         row = row_of(TABLE, [np.linspace(-2.0, 2.0, 39)], [x[0]])
-        parts = [ca.exp(x[0]) * ca.tanh(x[1]), ca.if_else(x[2] < 0.0, -1.0, x[1] ** 2), ca.log1p(x[1] ** 2)]
-        return GraphFunction([x], ca.vertcat(*parts, ca.dot(row, x[:2]) + x[0] * x[1] + x[2]))
+        smooth = [ca.exp(x[0]) * ca.tanh(x[1]), ca.log1p(x[1] ** 2), ca.expm1(x[2]), ca.fabs(x[1]) ** 1.7, x[2] ** 3]
+        others = [ca.if_else(x[2] < 0.0, -1.0, x[1] ** 2), ca.atan2(x[0], x[1]), ca.fmin(ca.sin(x[0]), ca.cosh(x[1]))]
+        return GraphFunction([x, u, SX(0, 1)], ca.vertcat(*smooth, *others, ca.dot(row, x[:2]) + u[0] * x[1] + u[1]))
 
 
-def a_simple_function():
+def a_simple_function(factor=2.0):
     x = SX.sym("x")
-    return ca.Function("f", [x], [2.0 * x])
+    return ca.Function("f", [x], [factor * x])
 
 
-def settled(compilation):
-    """Its result, waited for."""
+def waited_for(compilation):
+    """Its library."""
     until = time.monotonic() + 60.0
-    while (result := compilation.result()) is None and time.monotonic() < until:
+    while (library := compilation.after(100)) is None and compilation._next < np.inf and time.monotonic() < until:
         time.sleep(0.01)
-    return result
+    return library
+
+
+def value(library, x):
+    return library([np.array([x])], 1)[0, 0]
 
 
 @needs_compiler
-def test_compiled_and_interpreted_results_are_equal_to_the_bit(cache):
-    function, points = of_everything(), np.random.default_rng(4).normal(size=(300, 3))
-    interpreted = [function.at_a_point(x).full().ravel() for x in points]
-    until = time.monotonic() + 60.0
-    while not list(cache.glob("*.so")) and time.monotonic() < until:
-        function.point(points[0])
-        time.sleep(0.002)
-    called = [function.point(x) for x in points]
-    assert function.point._function is not function.at_a_point
-    np.testing.assert_array_equal(called, interpreted)
+def test_arrays_points_and_compiled_code_are_equal_to_the_bit(cache):
+    function, rng = of_everything(), np.random.default_rng(4)
+    x, inputs = rng.normal(size=(3, 700)), [np.array([0.3, -2.0]), np.zeros(0)]
+    in_numpy = function(x, *inputs)
+    points = np.array([function.at_a_point(column, *inputs).full().ravel() for column in x.T]).T
+    np.testing.assert_array_equal(in_numpy, points)
+    library = waited_for(function._compilation)
+    np.testing.assert_array_equal(library([x, *inputs], 700), points)
+    np.testing.assert_array_equal(function(x[:, ::2], *inputs), points[:, ::2])
+    np.testing.assert_array_equal(function(np.asfortranarray(x), np.outer(inputs[0], np.ones(700)), inputs[1]), points)
+    np.testing.assert_array_equal(function.point(x[:, 5], *inputs), points[:, 5])
+    assert function.point._library is library
+    assert function(x[:, :0], *inputs).shape == (9, 0)
     assert [path.suffix for path in cache.iterdir()] == [".so"]  # neither source nor log stays
 
 
 @needs_compiler
 def test_threads_and_later_runs_share_what_was_compiled(cache):
     with ThreadPoolExecutor(4) as pool:
-        results = list(pool.map(settled, [Compilation(a_simple_function()) for _ in range(4)]))
-    assert all(result(3.0) == 6.0 for result in results)
+        libraries = list(pool.map(waited_for, [Compilation(a_simple_function()) for _ in range(4)]))
+    assert all(value(library, 3.0) == 6.0 for library in libraries)
     (kept,) = cache.iterdir()
     written = kept.stat().st_ino
-    assert Compilation(a_simple_function()).result()(4.0) == 8.0  # at once
+    assert value(Compilation(a_simple_function()).after(100), 4.0) == 8.0  # at once
     assert kept.stat().st_ino == written
 
 
-def test_without_a_compiler_the_interpreter_goes_on(cache, monkeypatch):
+def test_without_a_compiler_nothing_is_compiled(cache, monkeypatch):
     monkeypatch.setenv("FEMFIT_COMPILER", "")
-    function = a_simple_function()
-    assert Compilation(function).result() is function
+    compilation = Compilation(a_simple_function())
+    assert compilation.after(1000) is None
+    assert compilation._next == np.inf
     assert not cache.exists()
 
 
 @pytest.mark.parametrize("trouble", ["compiler fails", "no folder", "not a library"])
-def test_trouble_is_said_once_and_the_interpreter_goes_on(cache, monkeypatch, trouble):
+def test_trouble_is_said_once_and_goes_without(cache, monkeypatch, trouble):
+    monkeypatch.setenv("FEMFIT_COMPILER", "false" if trouble == "compiler fails" else "true")
+    compilation = Compilation(a_simple_function())
     if trouble == "no folder":
         cache.touch()  # a file in its place
-    monkeypatch.setenv("FEMFIT_COMPILER", "false" if trouble == "compiler fails" else "true")
-    function = a_simple_function()
-    compilation = Compilation(function)
     if trouble == "not a library":
         cache.mkdir()
         compilation._target.write_text("nothing")
-    with pytest.warns(RuntimeWarning, match="stays interpreted"):
-        assert settled(compilation) is function
+    with pytest.warns(RuntimeWarning, match="is not compiled") as said:
+        assert waited_for(compilation) is None
+    assert len(said) == 1
 
 
 @needs_compiler
 def test_the_cache_keeps_what_was_used_last(cache, monkeypatch):
     monkeypatch.setattr(compiled, "KEPT", 2)
-    x = SX.sym("x")
     for factor in (1.0, 2.0, 3.0):
-        assert settled(Compilation(ca.Function("f", [x], [factor * x])))(2.0) == 2.0 * factor
+        assert value(waited_for(Compilation(a_simple_function(factor))), 2.0) == 2.0 * factor
     assert len(list(cache.iterdir())) == 2
