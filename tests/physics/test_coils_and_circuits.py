@@ -17,14 +17,7 @@ from femfit.field.weak_form import flux_density
 from support.actuators import magnet, rectangle
 from support.devices import device, linear, loudspeaker
 from support.field import fields, prepared
-from support.validation_cases import loops_exact, pair_of_loops, thin_coil, two_coils
-
-
-@pytest.mark.parametrize(("a", "b", "z"), [(0.1, 0.1, 0.1), (0.1, 0.05, 0.05), (0.02, 0.015, 0.01)])
-def test_mutual_inductance_and_force_of_two_loops_are_maxwells(a, b, z):
-    mutual, slope = loops_exact(a, b, z)
-    assert two_coils(a, b, z) == pytest.approx((mutual, -slope), rel=5e-4)  # F = -i_1 i_2 dM/dd
-    assert two_coils(a, b, z)[0] == pytest.approx(mutual, rel=2e-4)
+from support.validation_cases import pair_of_loops, thin_coil
 
 
 def test_a_coils_own_current_does_not_move_it():

@@ -19,12 +19,6 @@ from support.actuators import magnet, rectangle
 from support.devices import ball, bearing, device, linear, millimetres, push_solenoid
 from support.field import prepared
 from support.saturating import rows_at
-from support.validation_cases import radial_ring, radial_ring_exact
-
-
-@pytest.mark.parametrize("height", [0.002, 0.012, -0.01])
-def test_axis_field_of_a_radial_ring_is_exact(height):
-    assert radial_ring(height) == pytest.approx(radial_ring_exact(height), rel=3e-4)
 
 
 def device_with(actuator, *sensors):

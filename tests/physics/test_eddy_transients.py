@@ -29,14 +29,6 @@ def test_patterns_of_one_distance_follow_a_step_of_voltage():
     assert departures(alone, exact)[0] > 0.02  # the eddy currents matter
 
 
-def test_a_tube_brakes_a_small_magnet_like_a_dipole():
-    assert fall.braking_of_field(0.002) == pytest.approx(fall.braking_of_dipole(0.002), rel=3e-3)  # its size: 0.16 %
-
-
-def test_a_tube_brakes_a_magnet_by_the_losses_in_its_rings():
-    assert fall.braking_of_field(0.004) == pytest.approx(fall.braking_of_cylinder(0.004), rel=5e-4)
-
-
 def test_without_a_winding_there_is_braking_and_nothing_else():
     actuator = fall.drawing()
     found, _ = EddyProbe(actuator, mesh_for(actuator, 0.0, 10.0), 0.0, ORDER).transfers(np.array([10.0]))

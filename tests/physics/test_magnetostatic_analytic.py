@@ -1,22 +1,17 @@
 """The field solver against closed forms: magnets, coils, loops, images."""
 
-import json
 import math
 
 import magpylib
 import numpy as np
 import pytest
-from scipy import special
 
 from femfit.core.numerics import MU_0
 from femfit.device.parts import LinearMaterial, Region
-from femfit.field.tolerance import SolverSettings
 from femfit.field.weak_form import flux_density
 from support.actuators import assembly, magnet, rectangle
-from support.exact import axis_field_of_cylinder
-from support.field import finer_settings, prepared, solved
-from support.reference import REFERENCE, needs_reference
-from support.validation_cases import brooks, magnet_pair
+from support.field import prepared, solved
+from support.validation_cases import magnet_pair
 
 # Published once, cited so that the test also runs where the reference data are absent: force between two coaxial
 # cylinder magnets J = 1.3 T, R = 20 mm, h = 40 mm, centres 50 mm apart (magcode repository, Apache-2.0).
@@ -32,20 +27,6 @@ def axis_field_of_thick_coil(turns, r1, r2, z1, z2, z):
     return MU_0 * turns / (2.0 * (r2 - r1) * (z2 - z1)) * (primitive(z - z1) - primitive(z - z2))
 
 
-@pytest.mark.parametrize("height", [0.001, 0.005, 0.015, 0.045])
-def test_axis_field_of_a_cylinder_magnet_is_exact(height):
-    # The Hall element lies below the magnet's face, at distances that exact_references.json also lists.
-    body = magnet(1.44, 0.0055, 0.005)
-    actuator = assembly(moving=[body], distances=(0.05,), hall=(0.0, 0.05 - height))
-    assert solved(actuator).hall[0] == pytest.approx(axis_field_of_cylinder(1.44, 0.0055, 0.005, height), rel=2e-4)
-
-
-@needs_reference
-def test_closed_form_of_the_axis_field_is_the_reference_one():
-    for row in json.loads((REFERENCE / "exact_references.json").read_text())["cyl_axis"]:
-        assert axis_field_of_cylinder(row["J"], row["R"], row["h"], row["z_face"]) == pytest.approx(row["B"], rel=1e-12)
-
-
 @pytest.mark.parametrize("height", [-0.0125, 0.0, 0.02])
 def test_axis_field_of_a_thick_coil_is_exact(height):
     coil = (0.01, 0.02, -0.02, -0.005)
@@ -53,27 +34,6 @@ def test_axis_field_of_a_thick_coil_is_exact(height):
         moving=[magnet(1.0, 0.005, 0.005)], distances=(0.06,), coil=rectangle(*coil), turns=308, hall=(0.0, height)
     )
     assert solved(actuator).hall[1] == pytest.approx(axis_field_of_thick_coil(308, *coil, height), rel=1e-4)
-
-
-def inductance_of_thick_coil(r1, r2, length):
-    """Self-inductance per turn squared: loops' mutual inductance averaged over the section, one integral over k."""
-    nodes, weights = np.polynomial.legendre.leggauss(200)
-    r = 0.5 * (r1 + r2) + 0.5 * (r2 - r1) * nodes
-    total, panel = 0.0, 2.0 / r2
-    x, w = np.polynomial.legendre.leggauss(30)
-    for start in np.arange(0.0, 600.0 / r2, 2.0 * panel):
-        k = start + panel * (x + 1.0)
-        moment = 0.5 * (r2 - r1) * (special.j1(np.outer(k, r)) * r) @ weights
-        total += panel * np.sum(w * moment**2 * 2.0 * (k * length + np.expm1(-k * length)) / k**2)
-    return MU_0 * math.pi * total / ((r2 - r1) * length) ** 2
-
-
-def test_inductance_of_a_brooks_coil_is_exact():
-    # Square section of 10 mm, inner radius 10 mm. Grover tabulates 0.025491 uH per turn squared.
-    exact = inductance_of_thick_coil(0.01, 0.02, 0.01)
-    assert exact == pytest.approx(0.025491e-6, rel=3e-5)
-    assert brooks() == pytest.approx(exact, rel=5e-4)
-    assert brooks(finer_settings(SolverSettings())) == pytest.approx(exact, rel=5e-6)
 
 
 def test_opposed_magnets_repel_by_the_same_force():
