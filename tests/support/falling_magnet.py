@@ -21,45 +21,11 @@ from femfit.field.eddy_sweep import ORDER
 from femfit.field.layout import layout_of
 from femfit.field.moving_mesh import MovingMesh
 from femfit.field.tolerance import SolverSettings
+from support.small_drawing import DRAWINGS
 
 REMANENCE, CONDUCTIVITY, WALL = 1.3, 58e6, (0.008, 0.010)
 RADIUS = 0.004
 MASS, GRAVITY = 2.6e-3, 9.80665
-
-_DRAWING = """
-schema = 2
-name = "falling-magnet"
-
-[materials.magnet]
-relative_permeability = 1
-remanence_T = 1.3
-
-[materials.copper]
-relative_permeability = 1
-conductivity_MS_per_m = 58
-
-[fixed.regions.tube]
-material = "copper"
-r_mm = [8, 10]
-z_mm = [-60, 67]
-
-[moving.regions.magnet]
-material = "magnet"
-magnetization = "+z"
-r_mm = [0, {radius}]
-z_mm = [0, {height}]
-
-[mechanics]
-mass_g = 2.6
-gravity = "hanging"
-
-[sweep]
-distance_mm = {distances}
-
-[solver]
-frequency_Hz = [0.1, 10]
-eddy_error = 0.005
-"""
 
 
 def height_of(radius):
@@ -70,9 +36,9 @@ def height_of(radius):
 def drawing(radius=RADIUS, distances_mm=(0,)):
     """A cylinder of a radius in m in the tube's middle; without an octupole moment, since it is as high as that."""
     height = 1e3 * height_of(radius)
-    return actuator_from_toml(
-        _DRAWING.format(radius=1e3 * radius, height=height, distances=[float(d) for d in distances_mm])
-    )
+    text = (DRAWINGS / "falling-magnet.toml").read_text(encoding="utf-8")
+    distances = [float(d) for d in distances_mm]
+    return actuator_from_toml(text.format(radius=1e3 * radius, height=height, distances=distances))
 
 
 def braking_of_dipole(radius):

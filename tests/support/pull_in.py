@@ -19,44 +19,9 @@ from femfit.field.nonlinear_system import NonlinearSystem
 from femfit.field.tolerance import SolverSettings
 from femfit.model.dynamics import state_derivative
 from support.eddy_transient import GAMMA
+from support.small_drawing import DRAWINGS
 
-FLAT = """
-schema = 2
-name = "flat-solenoid"
-description = "Flat-faced solenoid: solid steel pot and armature"
-
-[fixed.regions.pot]
-material = "steel_1010"
-polygon_mm = [[0, -14], [14, -14], [14, 0], [11.5, 0], [11.5, -10], [5, -10], [5, 0], [0, 0]]
-
-[coils.winding]
-r_mm = [5.5, 11]
-z_mm = [-9.5, -0.5]
-turns = 300
-wire_diameter_mm = 0.3
-
-[moving.regions.armature]
-material = "steel_1010"
-r_mm = [0, 14]
-z_mm = [0, 3.5]
-
-[mechanics]
-mass_g = 17
-gravity = "off"
-
-[supply]
-voltage_min_V = 0
-voltage_max_V = 12
-sample_time_ms = 0.1
-
-[sweep]
-current_A = { start = 0, stop = 3.25, step = 0.25 }
-distance_mm = { start = 0.3, stop = 1.5, step = 0.1 }
-
-[solver]
-frequency_Hz = { start = 1, stop = 1000, per_decade = 2 }
-"""
-
+FLAT = (DRAWINGS / "flat-solenoid.toml").read_text(encoding="utf-8")
 NEAR, FAR = 0.4e-3, 1.2e-3  # from where to where it is pulled
 
 TOLERANCE = 1e-6  # of Newton's iteration
