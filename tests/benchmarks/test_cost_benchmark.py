@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from jinja2 import Template
 
 from femfit.device.load import read_actuator
 from femfit.field.layout import layout_of
@@ -35,12 +36,6 @@ COMMANDS = {
 """Sweeps and how often each is timed."""
 ELEMENTS = ((0.24, 1.0), (0.06, 0.3), (0.015, 0.15), (0.008, 0.08), (0.004, 0.05))
 """Fractions at the corners and within the parts, of the parts' extent, for 9,000 to 190,000 unknowns."""
-
-PEER = (
-    "xfemm (FEMM's solver, first order, 17,300 nodes) takes 188 s of processor time for the same 488 points on this "
-    "kind of machine, and its force is 42 % off in the median as FEMM's users evaluate it, 0.1 % with the self-force "
-    "subtracted by a second solve."
-)
 
 
 def least(work):
@@ -139,63 +134,19 @@ def exponent(size, seconds):
 
 def page(points, unknowns, commands, coils):
     """The table, in Markdown."""
-    last, (n, whole, factorising) = points[-1], unknowns.T
-    lines = [
-        "# What the field solver costs",
-        "",
-        "Processor seconds of one thread for `geometry/emaws-rig.toml`, written by",
-        "`python -m pytest -m benchmark -s tests/benchmarks/test_cost_benchmark.py`.",
-        "",
-        "![Cost against points and unknowns](cost.svg)",
-        "",
-        (
-            "Against points, 8 currents a distance; the cost grows with their number to the power "
-            f"{exponent(points[1:, 0], points[1:, 1]):.2f} (default) and {exponent(points[1:, 0], points[1:, 2]):.2f} "
-            "(0.1 %: the checks of its three meshes are most of a short sweep)."
-        ),
-        "",
-        "| points | default, s | tolerance of 0.1 %, s |",
-        "|---|---|---|",
-        *(f"| {int(count)} | {plain:.2f} | {tolerant:.2f} |" for count, plain, tolerant in points),
-        "",
-        (
-            "Against unknowns, one distance at order 5: to the power "
-            f"{exponent(n[:-1], whole[:-1]):.2f} up to 100,000, {exponent(n, whole):.2f} with the largest; N log N has "
-            f"{exponent(n, n * np.log(n)):.2f}. What grows faster is the factorisation, to the power "
-            f"{exponent(n, factorising):.2f}; all the rest together to the power "
-            f"{exponent(n, whole - factorising):.2f}. No order of elimination gives a direct factorisation in two "
-            "dimensions fewer than N^1.5 operations (nested dissection reaches that, and N log N entries); inner "
-            "unknowns are condensed, which keeps that end far."
-        ),
-        "",
-        "| unknowns | s | of these for two factorisations | us an unknown |",
-        "|---|---|---|---|",
-        *(f"| {int(size):,} | {s:.3f} | {part:.3f} | {1e6 * s / size:.1f} |" for size, s, part in unknowns),
-        "",
-        (
-            "`femfit sweep` with two processes, from the command to the table; both together, imports included. Two "
-            "cores that do nothing else take half as long on the wall and a second. The last three are drawings of "
-            "`femfit new` with a tolerance of 0.5 %: each of their distances has a mesh of its own, and a coarser one "
-            "for its error."
-        ),
-        "",
-        "| | points | s | s for 100 points |",
-        "|---|---|---|---|",
-        *(f"| {label} | {count} | {s:.1f} | {100.0 * s / count:.1f} |" for label, (count, s) in commands.items()),
-        "",
-        "One distance of the linear rig, its winding divided into coils with circuits of their own:",
-        "",
-        "| coils | s | of one coil's |",
-        "|---|---|---|",
-        *(f"| {count} | {seconds:.3f} | {seconds / coils[1]:.2f} |" for count, seconds in coils.items()),
-        "",
-        (
-            f"{PEER} Here: {last[1]:.1f} s ({188.0 / last[1]:.0f} times less) for 0.006 %, and "
-            f"{last[2]:.1f} s ({188.0 / last[2]:.0f} times less) at a tolerance of 0.1 %."
-        ),
-        "",
-    ]
-    return "\n".join(lines)
+    n, whole, factorising = unknowns.T
+    powers = {
+        "default": exponent(points[1:, 0], points[1:, 1]),
+        "tolerant": exponent(points[1:, 0], points[1:, 2]),
+        "usual": exponent(n[:-1], whole[:-1]),
+        "largest": exponent(n, whole),
+        "ideal": exponent(n, n * np.log(n)),
+        "factorising": exponent(n, factorising),
+        "rest": exponent(n, whole - factorising),
+    }
+    template = Template(Path(__file__).with_name("cost.md.j2").read_text(encoding="utf-8"), keep_trailing_newline=True)
+    measured = {"points": points.tolist(), "unknowns": unknowns.tolist(), "commands": commands, "coils": coils}
+    return template.render(powers=powers, **measured)
 
 
 def plot(points, unknowns, path):

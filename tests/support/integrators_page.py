@@ -133,43 +133,17 @@ def draw_lines(drifts):
             values = 1e6 * np.array(drifts[method, rate])
             cells.append(f"{np.median(values):.3f}, {values.max():.3f}, {int((values > 0.1).sum())}")
         yield f"| {method} | {' | '.join(cells)} |"
-    yield from ("", ABOUT_DRAWS)
 
 
 def page(told, figures, drifts, pictures):
-    """The page: what took how long, the figures of all ramp rates, the drifts of many draws, and caption by picture."""
+    """The page with its own prose: what took how long, all ramp rates' figures, many draws' drifts, captions."""
     shown = [f"![{caption}]({name})\n\n{caption}.\n" for name, caption in pictures.items()]
-    lines = [INTRODUCTION, told, *table_lines(figures), *draw_lines(drifts), "", "## Pictures", "", "At 1 kS/s.", ""]
+    introduction, _, after = PAGE.read_text("utf-8").partition("\n\nWhat it took: ")
+    about_draws = after.partition("\n\n## Pictures")[0].rpartition("|\n\n")[2]
+    tables = [*table_lines(figures), *draw_lines(drifts), "", about_draws]
+    lines = [introduction, "", told, *tables, "", "## Pictures", "", "At 1 kS/s.", ""]
     return "\n".join([*lines, *shown])
 
 
 DRAWN = ("cs1", "cs2", "cs1-offset")
 DRAWS = "Table 2 over twenty draws: median and largest drift in ppm/s, and how many are above 0.1"
-ABOUT_DRAWS = """A filter with one state lags by offset x time constant / area: 6.3 µT for each µV with the paper's
-weights (0.37 s). So an offset that differs by 7 to 11 µV between the first flat-top and the last one makes 0.1 ppm/s,
-and offsets that range over 35 µV do that in some draws. Neither another settling (a flat-top's beginning has the eddy
-transient) nor weights from the record's own noise (0.6 s) end it; the offset as a second state does."""
-
-
-INTRODUCTION = """# Drift-free integration beside the paper
-
-P. Arpaia et al., *Drift-Free Integration in Inductive Magnetic Field Measurements Achieved by Kalman Filtering*,
-Sensors 22 (2022) 182, cycled a magnet between 0 and 320 A and integrated the voltage of a coil of 0.059394 m² at
-204.8 kS/s. Their records are not published. Here the experiment is synthetic, at the same rate: written to raw float32
-files piece by piece, truth apart, and integrated from there. This page is written by
-`python -m pytest -m benchmark -s tests/benchmarks/test_benchmark_paper_tables.py`; a test makes the experiment again at
-1 kS/s with the same wander, and compares. One table or figure at 1 kS/s, in a minute:
-`python notebooks/arpaia2022/reproduce.py table-1` (`table-2`, `table-3`, `figure-5`, `figure-6`, `figure-7`,
-`figure-8`).
-
-**Put in:** the cycles, remanence, eddy transient, coil, mean and limits of the offset voltage (all the paper's); how
-offset, supply and Hall probe wander within (assumed: 1/f with 4 µV, 1 mA and 1 µT rms); the distance of the true field
-from I / g (0.26 mT at the top). So these are inputs: the offset's mean and range in Table 1; the first three rows of
-Tables 2 and 3; the row of cs2 in Table 3. **Found:** the lags and variances of the filters: the row of cs1 in Table 3,
-how far wandering offsets move cs1 and cs2 in Table 2, the spikes of cs2 in Table 1, and all of cs1-offset and
-cs2-identified, which the paper does not have. The paper's cs1 and cs2, with the field as their one state, stand in
-`notebooks/arpaia2022`; `femfit integrate` has the others, and as cs2 a filter with the ratio I / g that estimates the
-offset voltage too. (18) takes cs1 as the truth, whose own lag cs1-offset is charged with:
-the last table has the true errors. (17) starts 30 s after the first flat-top's begin; from its beginning, as printed, a
-perfect sensor would show 0.24 ppm/s, the eddy transient.
-"""
