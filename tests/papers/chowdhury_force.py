@@ -39,24 +39,12 @@ _ROUNDING = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class LinearityTest:
-    """The adjacent differences and the test of the quadratic part.
+    """Differences of the force at adjacent currents (p, 2), their mean and deviation over the distances, the i^2 part.
 
-    Parameters
-    ----------
-    pairs_A : array, shape (p, 2)
-        Adjacent currents.
-    mean_N, sd_N : array, shape (p,)
-        Mean and standard deviation over the distances of each difference.
-    spread_between_pairs : float
-        Largest difference of the means per ampere, over their mean: zero for a linear force.
-    quadratic_share : float
-        Rms of the i^2 part over the rms of the force's dependence on current.
-    quadratic_of_force : float
-        Largest i^2 part over the largest force.
-    f_value, p_value : float or None
-        F test of the quadratic part over all distances, its degrees of freedom below; None with fewer than four
-        currents, and where a parabola leaves nothing but rounding (a superposed sweep): there is then no noise to test
-        against. A small p proves a curvature; the two shares above say whether it matters.
+    ``spread_between_pairs`` is the largest difference of the means per ampere over their mean. The two shares of the
+    i^2 part, of the dependence on the current (rms) and of the force (largest), say whether it matters; its F test over
+    all distances, whether it is there. That test is None with fewer than four currents, and where a parabola leaves
+    nothing but rounding (a superposed sweep): there is then no noise to test against.
     """
 
     pairs_A: FloatArray
@@ -71,13 +59,7 @@ class LinearityTest:
 
 
 def linearity_test(rows: FitRows) -> LinearityTest | None:
-    """Test whether the force is linear in the current.
-
-    Returns
-    -------
-    LinearityTest or None
-        None with fewer than three currents, or where the rows are no full grid of distances and currents.
-    """
+    """Whether the force is linear in the current; None with fewer than three currents, or where the grid has holes."""
     currents, distances = rows.currents, rows.distances
     if len(currents) < 3 or len(rows.force) != len(currents) * len(distances):
         return None
@@ -85,7 +67,7 @@ def linearity_test(rows: FitRows) -> LinearityTest | None:
     force = rows.force[order].reshape(len(currents), len(distances))
     differences = np.diff(force, axis=0)
     per_ampere = differences.mean(axis=1) / np.diff(currents)
-    quadratic, f_value, p_value, freedom = _quadratic_part(currents, force)
+    quadratic, f_value, p_value, freedom = beside_line(currents, force)
     change = force - force.mean(axis=0)
     return LinearityTest(
         pairs_A=np.stack([currents[:-1], currents[1:]], axis=1),
@@ -101,47 +83,24 @@ def linearity_test(rows: FitRows) -> LinearityTest | None:
 
 
 def quadratic_f_test(current: FloatArray, values: FloatArray, through_origin: bool = False) -> tuple[float, float]:
-    """F test of an i^2 part beside a line.
+    """F and p of an i^2 part beside a line, or beside the paper's f_b through the origin; more than three currents."""
+    _, f_value, p_value, _ = beside_line(current, values[:, None], through_origin)
+    return f_value, p_value
 
-    Parameters
-    ----------
-    current : array, shape (m,)
-        A; m > 3.
-    values : array, shape (m,)
-        Any quantity, for example a coefficient of stage one.
-    through_origin : bool
-        Whether the line is c_1 i (the paper's f_b) rather than c_0 + c_1 i.
 
-    Returns
-    -------
-    tuple of float
-        F on (1, m - terms) degrees of freedom, and its p value.
-    """
-    powers = (1, 2) if through_origin else (0, 1, 2)
-    matrix = current[:, None] ** np.array(powers, dtype=np.float64)
+def beside_line(currents, values, through_origin=False):
+    """The i^2 part beside the best line of each column (m, n), its pooled F, p and degrees of freedom."""
+    powers = np.arange(1 if through_origin else 0, 3)
+    matrix = currents[:, None] ** powers.astype(float)
     q_factor = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=0))[0]
     along = q_factor.T @ values
-    freedom = len(values) - len(powers)
-    f_value = float(along[-1] ** 2 / (np.sum((values - q_factor @ along) ** 2) / freedom))
-    return f_value, float(fisher.sf(f_value, 1, freedom))
-
-
-def _quadratic_part(
-    currents: FloatArray, values: FloatArray
-) -> tuple[FloatArray, float | None, float | None, tuple[int, int]]:
-    """The i^2 part beside the best line, shape (m, n), and its F test pooled over the columns."""
-    centred = (currents - currents.mean()) / (np.ptp(currents) or 1.0)
-    q_factor = np.linalg.qr(np.stack([np.ones_like(centred), centred, centred**2], axis=1))[0]
-    along = q_factor.T @ values
-    part = np.outer(q_factor[:, 2], along[2])
+    part = np.outer(q_factor[:, -1], along[-1])
     columns = values.shape[1]
-    freedom = (columns, columns * (len(currents) - 3))
-    if freedom[1] == 0:
-        return part, None, None, freedom
+    freedom = (columns, columns * (len(currents) - len(powers)))
     residual = float(np.sum((values - q_factor @ along) ** 2))
-    if residual <= _ROUNDING**2 * float(np.sum(values**2)):
+    if not freedom[1] or residual <= _ROUNDING**2 * float(np.sum(values**2)):
         return part, None, None, freedom
-    f_value = float(np.sum(along[2] ** 2) / freedom[0] / residual * freedom[1])
+    f_value = float(np.sum(along[-1] ** 2) / freedom[0] / residual * freedom[1])
     return part, f_value, float(fisher.sf(f_value, *freedom)), freedom
 
 
