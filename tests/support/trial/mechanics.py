@@ -5,7 +5,7 @@ from typing import Literal
 import numpy as np
 
 from femfit.trial.device import HiddenError
-from support.trial.truth import Bend, Truth, always, bent, moved, place
+from support.trial.truth import Bend, Truth, always, bent, moved, of_force, of_reading, place
 
 
 def stop(law: Literal["ball", "flat", "rubber"]) -> Truth:
@@ -14,20 +14,13 @@ def stop(law: Literal["ball", "flat", "rubber"]) -> Truth:
     def build(device, rng):
         low, high = device.actuator.sweep.distances_m[0], device.actuator.sweep.distances_m[-1]
         reach = float(rng.uniform(0.1, 0.3)) * (high - low)
-        sign = 1.0 if law == "rubber" else -1.0
 
-        def push(settings):
-            depth = np.maximum(
-                0.0, settings.distance - (high - reach) if law == "rubber" else low + reach - settings.distance
-            )
-            x = depth / reach
-            return sign * {"ball": x**1.5, "flat": x, "rubber": x * (1.0 + x)}[law]
+        def push(_, settings, __):
+            far, near = settings.distance - (high - reach), low + reach - settings.distance
+            x = np.maximum(0.0, far if law == "rubber" else near) / reach
+            return {"ball": -(x**1.5), "flat": -x, "rubber": x * (1.0 + x)}[law]
 
-        return HiddenError(
-            lambda device: 2.0 * device.largest_force,
-            ("force_N",),
-            reading=lambda device, size, settings, values: {"force_N": values["force_N"] + abs(size) * push(settings)},
-        )
+        return of_reading("force_N", of_force(2.0), push, one_way=True)
 
     return Truth(build)
 
@@ -38,18 +31,13 @@ def spring(law: Literal["straight", "conical", "pretensioned"]) -> Truth:
     def build(device, rng):
         preload, free = (float(x) for x in rng.uniform([0.0, 0.6], [0.5, 0.9]))
 
-        def push(settings):
+        def pull(device, settings, _):  # what pushes the parts apart is a smaller attraction
             closed = 0.5 * (1.0 - place(device, settings))
             if law == "pretensioned":
-                return np.where(closed > 1.0 - free, closed - (1.0 - free) + preload, 0.0)
-            return preload + closed * (1.0 + (0.2 * closed if law == "conical" else 0.0))
+                return -np.where(closed > 1.0 - free, closed - (1.0 - free) + preload, 0.0)
+            return -(preload + closed * (1.0 + (0.2 * closed if law == "conical" else 0.0)))
 
-        return HiddenError(
-            lambda device: 0.5 * device.largest_force,
-            ("force_N",),
-            # What pushes the parts apart is a smaller attraction
-            reading=lambda device, size, settings, values: {"force_N": values["force_N"] - abs(size) * push(settings)},
-        )
+        return of_reading("force_N", of_force(0.5), pull, one_way=True)
 
     return Truth(build)
 
@@ -57,14 +45,14 @@ def spring(law: Literal["straight", "conical", "pretensioned"]) -> Truth:
 def carried_spring(bend: Bend) -> Truth:
     """A load cell that holds the body and so carries the drawn spring, which is not quite as drawn."""
 
-    def reading(device, size, settings, values):
+    def pull(device, settings, _):
         push = np.asarray(device.actuator.mechanics.push_of_springs(settings.distance))
-        return {"force_N": values["force_N"] - abs(size) * push * bent(place(device, settings), bend)}
+        return -push * bent(place(device, settings), bend)
 
-    return always(
-        HiddenError(lambda device: 1.5, ("force_N",), reading=reading),
-        lacks=lambda actuator: "" if actuator.mechanics.springs else "no spring",
-    )
+    def lacks(actuator):
+        return "" if actuator.mechanics.springs else "no spring"
+
+    return always(of_reading("force_N", 1.5, pull, one_way=True), lacks=lacks)
 
 
 def friction(law: Literal["coulomb", "stribeck", "lugre"]) -> Truth:
@@ -81,7 +69,7 @@ def friction(law: Literal["coulomb", "stribeck", "lugre"]) -> Truth:
     def build(device, rng):
         bristle, slow, breakaway = (float(x) for x in rng.uniform([0.02, 0.01, 0.2], [0.2, 0.05, 1.0]))
 
-        def reading(device, size, settings, values):
+        def form(device, settings, values):
             x = values["force_N"] / device.largest_force
             force, state = np.zeros(len(x)), 0.0
             for k in range(1, len(x)):
@@ -94,14 +82,9 @@ def friction(law: Literal["coulomb", "stribeck", "lugre"]) -> Truth:
                 keep = np.exp(-abs(step) / (bristle * level)) if law == "lugre" else float(step == 0.0)
                 state = goal + (state - goal) * keep
                 force[k] = state
-            return {"force_N": values["force_N"] - size * force}
+            return -force
 
-        return HiddenError(
-            lambda device: 0.1 * device.largest_force,
-            ("force_N",),
-            reading=reading,
-            names=(),
-        )
+        return of_reading("force_N", of_force(0.1), form, names=())
 
     return Truth(build, "unseen")
 
@@ -114,17 +97,12 @@ def screw(law: Literal["sine", "saw", "two gears"]) -> Truth:
         # Some turns within the travel: a finer screw is noise to a table of 8 to 24 distances
         turns, phase = float(rng.uniform(2.0, 5.0)), float(rng.uniform(0.0, 1.0))
 
-        def wave(settings):
+        def setting(_, size, settings):
             x = turns * (settings.distance - low) / (high - low) + phase
-            if law == "saw":
-                return 2.0 * (x % 1.0) - 1.0
-            return np.sin(2.0 * np.pi * x) + (0.5 * np.sin(2.0 * np.pi * 2.4 * x) if law == "two gears" else 0.0)
+            second = 0.5 * np.sin(2.0 * np.pi * 2.4 * x) if law == "two gears" else 0.0
+            wave = 2.0 * (x % 1.0) - 1.0 if law == "saw" else np.sin(2.0 * np.pi * x) + second
+            return moved(settings, size * wave)
 
-        return HiddenError(
-            lambda device: 0.5 * device.largest_shift,
-            ("force_N",),
-            setting=lambda device, size, settings: moved(settings, size * wave(settings)),
-            names=(),
-        )
+        return HiddenError(lambda device: 0.5 * device.largest_shift, ("force_N",), setting=setting, names=())
 
     return Truth(build, "unseen")

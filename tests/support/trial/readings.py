@@ -19,6 +19,8 @@ from support.trial.truth import (
     driven,
     moved,
     no_hall,
+    of_force,
+    of_reading,
     place,
 )
 
@@ -34,56 +36,44 @@ def meter_errors(bend: Bend) -> Mapping[str, Truth]:
     def current(device, settings):
         return settings.current / device.largest_current
 
-    def reading(channel, form, limit, scale=lambda device: 1.0):
-        """A channel with an error that is a zero, or in proportion to its signal or to the current."""
+    def reading(channel, weight, limit, along=None):
+        """A channel with an error of a weight of its signal and the settings, bent along the signal or otherwise."""
 
-        def read(device, size, settings, values):
+        def form(device, settings, values):
             signal = values[channel] - (_zero(device) if channel == "hall_V" else 0.0)
-            largest = float(np.abs(signal).max()) or 1.0
-            weight = {"offset": np.ones_like(signal), "gain": signal, "pickup": settings.current}[form]
-            x = current(device, settings) if form == "pickup" else signal / largest
-            return {channel: values[channel] + size * weight * bent(x, bend)}
+            x = along(device, settings) if along else signal / (float(np.abs(signal).max()) or 1.0)
+            return weight(signal, settings) * bent(x, bend)
 
-        lacks = {"lacks": no_hall} if channel == "hall_V" else {}
-        return always(HiddenError(lambda device: limit * scale(device), (channel,), reading=read), **lacks)
+        return always(of_reading(channel, limit, form), lacks=no_hall if channel == "hall_V" else lambda _: "")
 
-    def setting(limit, channels, change):
+    def setting(move, channels, limit, weight, along):
+        """Settings that differ by a weight of them, bent along distance or current."""
+
+        def change(device, size, settings):
+            return move(settings, size * weight(settings) * bent(along(device, settings), bend))
+
         return always(HiddenError(limit, channels, setting=change))
 
-    def force(device):
-        return device.largest_force
+    def one(*settings):
+        return 1.0
 
+    def itself(signal, _):
+        return signal
+
+    force = ("force_N",)
     return {
-        "distance_offset": setting(
-            lambda device: device.largest_shift,
-            ("force_N",),
-            lambda device, size, settings: moved(settings, size * bent(place(device, settings), bend)),
+        "distance_offset": setting(moved, force, lambda device: device.largest_shift, one, place),
+        "distance_scale": setting(moved, force, lambda _: 0.027, lambda settings: settings.distance, place),
+        "current_offset": setting(driven, BY_CURRENT, lambda device: 0.018 * device.largest_current, one, current),
+        "current_gain": setting(driven, BY_CURRENT, lambda _: 0.018, lambda settings: settings.current, current),
+        "force_offset": reading("force_N", one, of_force(0.3)),
+        "constant_force": reading("force_N", one, of_force(0.3)),
+        "force_gain": reading("force_N", itself, 0.2),
+        "resistance": reading("voltage_V", itself, 0.3),
+        "hall_offset": reading("hall_V", one, 0.3),
+        "hall_coil_pickup": reading(
+            "hall_V", lambda _, settings: settings.current, lambda device: 0.3 / device.largest_current, current
         ),
-        "distance_scale": setting(
-            lambda device: 0.027,
-            ("force_N",),
-            lambda device, size, settings: moved(
-                settings, size * settings.distance * bent(place(device, settings), bend)
-            ),
-        ),
-        "current_offset": setting(
-            lambda device: 0.018 * device.largest_current,
-            BY_CURRENT,
-            lambda device, size, settings: driven(settings, size * bent(current(device, settings), bend)),
-        ),
-        "current_gain": setting(
-            lambda device: 0.018,
-            BY_CURRENT,
-            lambda device, size, settings: driven(
-                settings, size * settings.current * bent(current(device, settings), bend)
-            ),
-        ),
-        "force_offset": reading("force_N", "offset", 0.3, force),
-        "constant_force": reading("force_N", "offset", 0.3, force),
-        "force_gain": reading("force_N", "gain", 0.2),
-        "resistance": reading("voltage_V", "gain", 0.3),
-        "hall_offset": reading("hall_V", "offset", 0.3),
-        "hall_coil_pickup": reading("hall_V", "pickup", 0.3, lambda device: 1.0 / device.largest_current),
     }
 
 
@@ -112,7 +102,7 @@ def hall_saturation(law: Literal["tanh", "power", "knee"]) -> Truth:
 def integrator(law: Literal["square", "no reset", "leaky"]) -> Truth:
     """A fluxmeter that drifts: faster and faster in each run, over the campaign without a reset, or until it leaks."""
 
-    def course(settings):
+    def course(_, settings, __):
         if law == "no reset":
             return settings.campaign_s
         duration = max(float(settings.time_s.max()), 1.0)
@@ -120,37 +110,26 @@ def integrator(law: Literal["square", "no reset", "leaky"]) -> Truth:
             return settings.time_s * (1.0 + settings.time_s / duration)
         return 0.3 * duration * (1.0 - np.exp(-settings.time_s / (0.3 * duration)))
 
-    return always(
-        HiddenError(
-            lambda device: 1e-4,
-            ("flux_linkage_Wb",),
-            reading=lambda device, size, settings, values: {
-                "flux_linkage_Wb": values["flux_linkage_Wb"] + size * course(settings)
-            },
-        )
-    )
+    return always(of_reading("flux_linkage_Wb", 1e-4, course))
 
 
 def drift(channel: Literal["force_N", "hall_V"], law: Literal["line", "settling", "walk"]) -> Truth:
     """A zero that drifts over the campaign: on a line, until it has settled, or as a random walk beside that."""
+    hall = channel == "hall_V"
 
     def build(device, rng):
         share, seed = float(rng.uniform(0.15, 0.6)), int(rng.integers(2**31))
 
-        def course(settings):
+        def course(_, settings, __):
             x = settings.campaign_s / max(float(settings.campaign_s.max()), 1.0)
             settled = (1.0 - np.exp(-x / share)) / (1.0 - np.exp(-1.0 / share))
             walk = np.cumsum(np.random.default_rng(seed).standard_normal(len(x))) / np.sqrt(len(x))
             return {"line": x, "settling": settled, "walk": settled + 0.3 * walk}[law]
 
-        return HiddenError(
-            lambda device: 0.3 * (device.largest_force if channel == "force_N" else 1.0),
-            (channel,),
-            reading=lambda device, size, settings, values: {channel: values[channel] + size * course(settings)},
-            names=("hall_drift",) if channel == "hall_V" else ("force_drift", "force_offset", "constant_force"),
-        )
+        names = ("hall_drift",) if hall else ("force_drift", "force_offset", "constant_force")
+        return of_reading(channel, 0.3 if hall else of_force(0.3), course, names=names)
 
-    return Truth(build, "catalogue", no_hall) if channel == "hall_V" else Truth(build, "when")
+    return Truth(build, "catalogue", no_hall) if hall else Truth(build, "when")
 
 
 def lagged(values: FloatArray, settings: Conditions, seconds: float) -> FloatArray:
@@ -166,19 +145,14 @@ def lagged(values: FloatArray, settings: Conditions, seconds: float) -> FloatArr
 def winding(law: Warmth) -> Truth:
     """Copper that warms, as much as its thermometer says, more inside, or before it."""
 
-    def reading(device, size, settings, values):
-        temperature, rise = settings.coil_C, settings.coil_C - REFERENCE_TEMPERATURE
-        if law == "hot inside":
-            temperature = settings.coil_C + rise * np.abs(rise) / 200.0
-        if law == "late":
-            temperature = settings.coil_C + 3.0 * (settings.current / device.largest_current) ** 2
-        share = (temperature - REFERENCE_TEMPERATURE) / (REFERENCE_TEMPERATURE - COPPER_ZERO)
-        return {
-            "voltage_V": values["voltage_V"]
-            + abs(size) * device.actuator.coil.resistance_ohm * share * settings.current
-        }
+    def drop(device, settings, _):
+        rise = settings.coil_C - REFERENCE_TEMPERATURE
+        inside, ahead = rise * np.abs(rise) / 200.0, 3.0 * (settings.current / device.largest_current) ** 2
+        rise = rise + {"thermometer": 0.0, "hot inside": inside, "late": ahead}[law]
+        share = rise / (REFERENCE_TEMPERATURE - COPPER_ZERO)
+        return device.actuator.coil.resistance_ohm * share * settings.current
 
-    return always(HiddenError(lambda device: 1.3, ("voltage_V",), reading=reading))
+    return always(of_reading("voltage_V", 1.3, drop, one_way=True))
 
 
 def magnets(family: str, drawings, law: Warmth) -> Truth:
@@ -196,11 +170,10 @@ def magnets(family: str, drawings, law: Warmth) -> Truth:
             rise = lagged(rise, settings, lag) if law == "late" else rise
             return slope * rise + bend * rise**2
 
-        return HiddenError(
-            lambda device: 2.5,
-            FIELD,
-            fields=lambda device, size, settings: device.change(family, abs(size) * weaker(settings), settings),
-        )
+        def fields(device, size, settings):
+            return device.change(family, abs(size) * weaker(settings), settings)
+
+        return HiddenError(lambda device: 2.5, FIELD, fields=fields)
 
     return Truth(build, lacks=lambda drawn: "" if has_magnet(drawn) else "no magnet", families=drawings)
 
@@ -211,16 +184,15 @@ def hall_element(law: Warmth) -> Truth:
     def build(device, rng):
         per_volt, lag = float(rng.uniform(-1.0, 1.0)), float(rng.uniform(30.0, 200.0))
 
-        def reading(device, size, settings, values):
+        def form(device, settings, values):
             temperature = {
                 "thermometer": settings.coil_C,
                 "hot inside": 0.6 * settings.coil_C + 0.4 * settings.magnet_C,
                 "late": lagged(settings.magnet_C, settings, lag),
             }[law]
-            share = 1.0 + per_volt * (values["hall_V"] - _zero(device))
-            return {"hall_V": values["hall_V"] + size * (temperature - REFERENCE_TEMPERATURE) * share}
+            return (temperature - REFERENCE_TEMPERATURE) * (1.0 + per_volt * (values["hall_V"] - _zero(device)))
 
-        return HiddenError(lambda device: 2e-2, ("hall_V",), reading=reading)
+        return of_reading("hall_V", 2e-2, form)
 
     return Truth(build, lacks=no_hall)
 
@@ -231,19 +203,12 @@ def load_cell(law: Literal["zero", "span", "both"]) -> Truth:
     def build(device, rng):
         lag = float(rng.uniform(100.0, 900.0))
 
-        def reading(device, size, settings, values):
+        def form(device, settings, values):
             start = np.r_[True, np.diff(settings.run) > 0]
             ambient = settings.coil_C[start][np.cumsum(start) - 1]
             warm = lagged(settings.coil_C - ambient, settings, lag)
-            zero = size * warm * (law != "span")
-            span = size * warm * values["force_N"] / device.largest_force * (law != "zero")
-            return {"force_N": values["force_N"] + zero + span}
+            return warm * (law != "span") + warm * values["force_N"] / device.largest_force * (law != "zero")
 
-        return HiddenError(
-            lambda device: 0.02 * device.largest_force,
-            ("force_N",),
-            reading=reading,
-            names=(),
-        )
+        return of_reading("force_N", of_force(0.02), form, names=())
 
     return Truth(build, "unseen")

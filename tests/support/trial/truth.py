@@ -53,6 +53,21 @@ def always(error: HiddenError, group: Group = "catalogue", **more) -> Truth:
     return Truth(lambda device, rng: error, group, **more)
 
 
+def of_reading(channel: str, limit, form, *, one_way=False, names=None) -> HiddenError:
+    """An error that adds its size, or the magnitude of that, times ``form(device, settings, values)`` to a channel."""
+
+    def reading(device, size, settings, values):
+        size = abs(size) if one_way else size
+        return {channel: values[channel] + size * form(device, settings, values)}
+
+    return HiddenError(limit if callable(limit) else lambda _: limit, (channel,), reading=reading, names=names)
+
+
+def of_force(share: float) -> Callable[[Device], float]:
+    """A limit in parts of the largest force."""
+    return lambda device: share * device.largest_force
+
+
 def no_hall(actuator: Actuator) -> str:
     """What a drawing without a Hall element lacks."""
     return "" if actuator.hall is not None else "no Hall element"
