@@ -1,22 +1,16 @@
 """Every effect that a diagnosis should know is in the catalogue, and every one keeps the contract."""
 
 import importlib
-import sys
 from dataclasses import replace
-from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
 import femfit.effects
-from femfit.core.errors import ModelFileError
-from femfit.effects import catalogue
-from femfit.effects.catalogue import BUILT_IN, all_effects, effect_by_name
+from femfit.effects.catalogue import BUILT_IN, effect_by_name
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Effect
-from femfit.effects.zeros_and_scales import HALL_OFFSET
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import usual
@@ -117,44 +111,6 @@ def test_an_effect_in_the_coenergy_changes_higher_derivatives_alike(effect, levi
     up, down = (partials(magnetics.expression, d + s * h_d, i, ((0, 2), (1, 1))) for s in (1, -1))
     np.testing.assert_allclose(dii, (up[0] - down[0]) / (2 * h_d), atol=1e-4 * np.abs(dii).max() + 1e-8)
     np.testing.assert_allclose(ddi, (up[1] - down[1]) / (2 * h_d), atol=1e-4 * np.abs(ddi).max())
-
-
-@pytest.fixture
-def third_party(monkeypatch):
-    """Another package with an effect of its own, and one that pretends to be femfit's."""
-    module = ModuleType("third_party_effects")
-    module.THEIRS, module.IMPOSTOR = replace(HALL_OFFSET, name="theirs"), replace(HALL_OFFSET, symptom="An impostor's.")
-    monkeypatch.setitem(sys.modules, "third_party_effects", module)
-
-    def install(**entries):
-        points = [EntryPoint(name, value, catalogue.GROUP) for name, value in entries.items()]
-
-        def entry_points(group, name=None):
-            return [p for p in points if p.group == group and name in {None, p.name}]
-
-        monkeypatch.setattr(catalogue, "entry_points", entry_points)
-        return module
-
-    return install
-
-
-def test_an_effect_of_another_package_is_found_by_its_name(third_party):
-    module = third_party(theirs="third_party_effects:THEIRS")
-    assert effect_by_name("theirs") is module.THEIRS
-    assert all_effects()["theirs"] is module.THEIRS
-
-
-def test_a_name_of_femfits_own_effects_cannot_be_taken(third_party):
-    third_party(hall_offset="third_party_effects:IMPOSTOR")
-    assert effect_by_name("hall_offset") is HALL_OFFSET
-    assert all_effects()["hall_offset"] is HALL_OFFSET
-
-
-@pytest.mark.parametrize("value", ["absent_package:X", "third_party_effects:ABSENT", "third_party_effects:IMPOSTOR"])
-def test_a_package_whose_effect_is_broken_is_named(third_party, value):
-    third_party(broken=value)
-    with pytest.raises(ModelFileError, match="broken"):
-        effect_by_name("broken")
 
 
 def test_the_page_of_effects_says_what_the_catalogue_says():
