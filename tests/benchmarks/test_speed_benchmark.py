@@ -29,11 +29,11 @@ from femfit.estimate.levitation import levitation_process
 from femfit.field.currents import swept_currents
 from femfit.field.sweep import plan_sweep
 from femfit.field.sweep_task import MeshCache
-from femfit.field.tolerance import SolverSettings, settings_for
+from femfit.field.tolerance import settings_for
 from femfit.identify.decision.campaign import considered_effects, gather
 from femfit.identify.decision.diagnose import diagnose, diagnose_observations
 from femfit.identify.decision.naming import decide
-from femfit.identify.noise.components import estimate_noise, simulated_noise
+from femfit.identify.noise.components import simulated_noise
 from femfit.identify.readings.bench import placed
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
@@ -49,7 +49,6 @@ from support.campaign import campaign
 from support.closed_loop import closed_loop, recorded
 from support.command import FEMFIT
 from support.eddies import with_eddies
-from support.field import prepared
 from support.replays import damped, logs
 from support.solenoids import solenoid
 from support.splines import REFERENCE_DISTANCE, fitted_spline
@@ -70,14 +69,15 @@ def seconds(work, times=1, clock=time.process_time):
     return result, statistics.median(spent)
 
 
-def alternating(steps, turns, count=5):
-    """Median microseconds a step of each, in turns, so that what else the machine does meets all of them."""
+def alternating(title, steps, turns=20, count=5):
+    """Print median microseconds a step of each, in turns, so that what else the machine does meets all of them."""
     times = {name: [] for name in steps}
     for _ in range(turns):
         for name, step in steps.items():
             _, spent = seconds(lambda step=step: [step() for _ in range(count)])
             times[name].append(1e6 * spent / count)
-    return {name: statistics.median(values) for name, values in times.items()}
+    medians = ", ".join(f"{name} {statistics.median(values):.0f}" for name, values in times.items())
+    print(f"\n{title}, us a step: {medians}")
 
 
 def a_filterpy_step(order):
@@ -113,8 +113,7 @@ def test_one_filter_and_a_thousand_beside_filterpy(levitation_model, order):
     steps = {"filterpy": a_filterpy_step(order)}
     steps |= {f"{runs} at once": a_femfit_step(levitation_model, order, runs) for runs in (1, 1000)}
     steps |= {"1000 extended": a_femfit_step(levitation_model, order, 1000, ExtendedFilter)}
-    told = alternating(steps, 40, 3)
-    print(f"\n{order} states, us a step:", ", ".join(f"{name} {spent:.0f}" for name, spent in told.items()))
+    alternating(f"{order} states", steps, 40, 3)
 
 
 @pytest.mark.parametrize("kind", FILTERS)
@@ -129,8 +128,7 @@ def test_one_filter_of_a_model_with_effects_or_eddy_currents(levitation_model, k
     models["three eddy currents"] = with_eddies(levitation_model)
     steps = {name: a_femfit_step(model, 3, 1, kind) for name, model in models.items()}
     steps |= {f"1000 of {name}": a_femfit_step(models[name], 3, 1000, kind) for name in ("none", "three eddy currents")}
-    told = alternating(steps, 20)
-    print(f"\n{kind.__name__}, us a step:", ", ".join(f"{name} {spent:.0f}" for name, spent in told.items()))
+    alternating(kind.__name__, steps)
 
 
 @pytest.mark.parametrize("observer", ["ukf", "ukf4", "ekf", "direct"])
@@ -202,24 +200,12 @@ def test_a_thousand_rows_with_all_effects_and_twenty_numbers(levitation_model):
     effects = considered_effects((), (), observations.nominal.drawn)
     result, whole = seconds(lambda: diagnose_observations(model, observations), 3)
     assert result.missing[0].name == "core_saturation"
-    gathered, gathering = seconds(lambda: gather(observations, effects), 3)
-    _, deciding = seconds(lambda: decide(gathered), 3)
+    gathered, rng = gather(observations, effects), np.random.default_rng(1)
+    simulated = [observations.base + simulated_noise(gathered.whitening, rng) for _ in range(10)]
+    _, each = seconds(lambda: [decide(gathered.with_readings(readings)) for readings in simulated])
     print(
         f"\n{len(observations.covariates)} rows x {len(observations.channels)} channels, {len(gathered.effects)} "
-        f"variants: {whole:.1f} s (3 s asked); noise and columns {gathering:.1f}, decision {deciding:.1f}"
-    )
-    rng, parts = np.random.default_rng(1), []
-    for _ in range(10):
-        readings = observations.base + simulated_noise(gathered.whitening, rng)
-        noise, of_noise = seconds(lambda readings=readings: estimate_noise(observations.with_values(readings)))
-        simulated, reading = seconds(lambda readings=readings: gathered.with_readings(readings))
-        _, of_decision = seconds(lambda simulated=simulated: decide(simulated))
-        assert noise is not None
-        parts.append((reading + of_decision, of_noise, reading - of_noise, of_decision))
-    each = [statistics.median(part) for part in zip(*parts, strict=True)]
-    print(
-        f"40 simulated clean campaigns: {40.0 * each[0]:.0f} s (20 s asked); of each noise {each[1]:.2f}, columns "
-        f"{each[2]:.2f}, decision {each[3]:.2f}"
+        f"variants: {whole:.1f} s (3 s asked); 40 simulated clean campaigns: {4.0 * each:.0f} s (20 s asked)"
     )
 
 
@@ -231,17 +217,6 @@ def test_whole_sweep_command(label, tmp_path):
     print(
         f"\nfemfit sweep, {label}, {counts[0]} points, 2 processes, imports included: {wall:.2f} s on the wall "
         f"({min(walls):.2f} to {max(walls):.2f}); peak memory of the largest process {peak:.0f} MB"
-    )
-
-
-def test_one_distance():
-    ngsolve.SetNumThreads(1)  # as the sweep's workers do
-    problem, mesh_time = seconds(lambda: prepared(read_actuator(GEOMETRY / "emaws-rig.toml"), 0.022))
-    times = [seconds(lambda d=d: problem.solve(1e-3 * d))[1] for d in range(21, 28)]
-    order = SolverSettings().order
-    print(
-        f"\none mesh of {problem.mesh.ne} elements, {problem.unknowns} unknowns at order {order}: {mesh_time:.3f} s; "
-        f"one distance (orders {order} and {order - 1}, self-force, all currents): {statistics.median(times):.3f} s"
     )
 
 
