@@ -18,7 +18,7 @@ from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY
+from support.actuators import GEOMETRY, swept_at
 from support.timed_sweep import processor_seconds, timed_sweep
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -54,7 +54,7 @@ def by_points(tmp_path):
     found = []
     for count in DISTANCES:
         chosen = tuple(np.array(rig.sweep.distances_m)[np.linspace(0, 60, count).round().astype(int)].tolist())
-        actuator = dataclasses.replace(rig, sweep=dataclasses.replace(rig.sweep, distances_m=chosen))
+        actuator = swept_at(rig, chosen)
         seconds = []
         for tolerance in (None, 1e-3):
             fresh = iter(range(REPEATS))

@@ -1,6 +1,5 @@
 """Sweeps of saturating actuators as runs: columns, points that do not converge, resumption, workers."""
 
-import dataclasses
 import shutil
 
 import numpy as np
@@ -15,7 +14,7 @@ from femfit.field.sweep import run_sweep
 from femfit.field.sweep_rows import failed_points, summarise
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import read_sweep_table
-from support.actuators import magnet
+from support.actuators import magnet, swept_at
 from support.saturating import bobbin, rows_at
 
 QUICK = SolverSettings(order=3)
@@ -73,7 +72,7 @@ def failing_at(current, minimise):
 def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(actuator, tmp_path, monkeypatch):
     monkeypatch.setattr(current_path, "minimise", failing_at(2.0, current_path.minimise))
     sweep_task.MESHES.clear()
-    few = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.008,)))
+    few = swept_at(actuator, (0.008,))
     table = run_sweep(few, tmp_path, workers=1, settings=QUICK)
     rows = table.rows.set_index("current_A")
     assert rows.loc[2.0, "status"].startswith("failed")
@@ -95,14 +94,14 @@ def test_a_point_that_does_not_converge_is_a_row_and_the_others_go_on(actuator, 
 def test_a_point_whose_inductance_does_not_converge_is_not_passed_as_solved(actuator, tmp_path, monkeypatch):
     monkeypatch.setattr(nonlinear_system, "RESPONSE_LIMIT", 0)
     sweep_task.MESHES.clear()
-    near = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.008,)))
+    near = swept_at(actuator, (0.008,))
     rows = run_sweep(near, tmp_path, workers=1, settings=QUICK).rows
     assert rows["status"].str.startswith("failed").all()
     assert rows["inductance_H"].isna().all()
 
 
 def test_currents_of_both_signs_start_from_the_weakest_and_do_not_change_the_result(actuator):
-    alone = dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, currents_A=(8.0,)))
+    alone = swept_at(actuator, currents=(8.0,))
     together = rows_at(actuator, 0.009, QUICK)
     # Both end within a tenth of the iteration's tolerance of 1e-8 of the same minimum.
     for column in ("force_N", "flux_linkage_Wb", "hall_T"):

@@ -8,7 +8,7 @@ import pytest
 from femfit.device.load import read_actuator
 from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY
+from support.actuators import GEOMETRY, swept_at
 from support.field import finer_settings
 from support.reference import REFERENCE, needs_reference
 
@@ -16,9 +16,7 @@ from support.reference import REFERENCE, needs_reference
 def compare(name, plain, tmp_path, step):
     """A sweep's rows beside those of a finer one at every step-th distance."""
     actuator = read_actuator(GEOMETRY / f"{name}.toml")
-    chosen = dataclasses.replace(
-        actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=actuator.sweep.distances_m[::step])
-    )
+    chosen = swept_at(actuator, actuator.sweep.distances_m[::step])
     finer = run_sweep(chosen, tmp_path / "finer", settings=finer_settings(SolverSettings())).rows
     rows = finer.merge(plain, on=["current_A", "distance_m"], suffixes=("_true", ""))
     return rows[rows["force_N_true"] != 0.0]

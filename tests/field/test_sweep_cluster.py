@@ -1,7 +1,6 @@
 """The sweep on a real Dask cluster on loopback, whose workers die; and clusters that cannot be used."""
 
 import contextlib
-import dataclasses
 import json
 import os
 import signal
@@ -22,7 +21,7 @@ from femfit.field import sweep_workers
 from femfit.field.sweep import run_sweep
 from femfit.field.sweep_workers import solve_if_same, versions
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY
+from support.actuators import GEOMETRY, swept_at
 from support.dying_worker import die_at_20_mm
 
 TESTS = Path(__file__).parents[1]
@@ -75,7 +74,7 @@ QUICK = SolverSettings(order=3)
 def actuator():
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     distances = tuple(np.round(np.linspace(0.015, 0.045, 31), 6).tolist())
-    return dataclasses.replace(rig, sweep=dataclasses.replace(rig.sweep, distances_m=distances))
+    return swept_at(rig, distances)
 
 
 def journal_keys(directory):

@@ -1,6 +1,5 @@
 """Sweeps to a tolerance: a group's level is chosen once, by one worker, and kept in the journal."""
 
-import dataclasses
 import json
 
 import numpy as np
@@ -17,7 +16,7 @@ from femfit.field.sweep_rows import summarise
 from femfit.field.sweep_task import LevelTask
 from femfit.field.sweep_workers import DIED
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY
+from support.actuators import GEOMETRY, swept_at
 
 SETTINGS = SolverSettings(tolerance=1e-2)
 DISTANCES = (0.015, 0.016, 0.017, 0.018, 0.03, 0.033, 0.036, 0.039)
@@ -27,7 +26,7 @@ DISTANCES = (0.015, 0.016, 0.017, 0.018, 0.03, 0.033, 0.036, 0.039)
 def actuator():
     """Two groups of four distances."""
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
-    return dataclasses.replace(rig, sweep=dataclasses.replace(rig.sweep, distances_m=DISTANCES))
+    return swept_at(rig, DISTANCES)
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,6 @@
 """The sweep as a run: table, journal, resumption, workers that die; and what its summary says of errors."""
 
 import dataclasses
-import re
 import shutil
 import subprocess
 import sys
@@ -18,7 +17,7 @@ from femfit.field.sweep import plan_sweep, run_sweep
 from femfit.field.sweep_rows import summarise
 from femfit.field.tolerance import SolverSettings
 from femfit.tables.sweep_table import SweepTable, read_sweep_table
-from support.actuators import GEOMETRY
+from support.actuators import GEOMETRY, rig_at, swept_at
 from support.saturating import bobbin
 
 QUICK = SolverSettings(order=3)
@@ -29,13 +28,9 @@ def rig():
     return read_actuator(GEOMETRY / "emaws-rig.toml")
 
 
-def with_distances(actuator, distances):
-    return dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=tuple(distances)))
-
-
 @pytest.fixture(scope="module")
 def few(rig):
-    return with_distances(rig, (0.015, 0.02, 0.03, 0.045))
+    return swept_at(rig, (0.015, 0.02, 0.03, 0.045))
 
 
 @pytest.fixture(scope="module")
@@ -89,9 +84,7 @@ def test_groups_cover_every_distance_once(rig):
 
 def test_a_script_without_a_main_guard_sweeps_in_processes_and_ends(tmp_path):
     script = tmp_path / "sweep.py"
-    text = (GEOMETRY / "emaws-rig.toml").read_text(encoding="utf-8")
-    distances = "distance_mm = [18, 20, 22]"
-    (tmp_path / "rig.toml").write_text(re.sub(r"(?m)^distance_mm = .*$", distances, text), encoding="utf-8")
+    (tmp_path / "rig.toml").write_text(rig_at("[0, 1]", "[18, 20, 22]"), encoding="utf-8")
     script.write_text(
         "from femfit.device.load import read_actuator\n"
         "from femfit.field.sweep import run_sweep\n"
@@ -103,7 +96,7 @@ def test_a_script_without_a_main_guard_sweeps_in_processes_and_ends(tmp_path):
         [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=300
     )
     assert (result.returncode, result.stderr) == (0, "")
-    assert result.stdout.split() == ["24", "True"]
+    assert result.stdout.split() == ["6", "True"]
 
 
 def test_points_beyond_the_end_of_a_curve_are_counted(tmp_path):

@@ -12,6 +12,7 @@ from femfit.device.load import read_actuator
 from femfit.field.problem import axial_field
 from femfit.identify.comparison.field_scan import compare_field_scan
 from femfit.tables.field_scan import FieldScan, read_field_scan
+from support.actuators import swept_at
 from support.command import femfit
 
 DRAWING = Path(__file__).parents[2] / "geometry" / "magnet-pair.toml"
@@ -38,7 +39,7 @@ def test_the_field_on_the_axis_of_a_magnet_is_that_of_its_closed_form(actuator):
     material = actuator.fixed[0].material
     ends = [(z + offset) / np.hypot(z + offset, 22.5e-3) for offset in (30e-3, 0.0)]
     exact = 0.5 * material.remanence_T * (ends[0] - ends[1])
-    wide = replace(actuator, sweep=replace(actuator.sweep, distances_m=(0.1, distance)))
+    wide = swept_at(actuator, (0.1, distance))
     solved = axial_field(wide, np.full(2, distance), np.zeros(2))(np.zeros(2), z)
     assert solved == pytest.approx(exact, rel=0.03)
 

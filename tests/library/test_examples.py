@@ -11,23 +11,18 @@ import pytest
 
 import femfit
 from femfit.field.sweep_workers import solve_here
-from support.actuators import GEOMETRY
+from support.actuators import GEOMETRY, rig_at
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 NAMES = [name for name in femfit.__all__ if not name.startswith("_")]
-POINTS = {
-    "current_A = {": "current_A = [0, 0.4, 0.8, 1.2, 1.4]",
-    "distance_mm = {": "distance_mm = [15, 16, 17.5, 19, 21, 23, 26, 30, 36, 45]",
-}
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     """A directory with the files that the examples read: drawing, sweep, model, bench table."""
     place = tmp_path_factory.mktemp("examples")
-    lines = (GEOMETRY / "emaws-rig.toml").read_text().splitlines()
-    small = [next((new for start, new in POINTS.items() if line.startswith(start)), line) for line in lines]
-    (place / "rig.toml").write_text("\n".join(small))
+    text = rig_at("[0, 0.4, 0.8, 1.2, 1.4]", "[15, 16, 17.5, 19, 21, 23, 26, 30, 36, 45]")
+    (place / "rig.toml").write_text(text)
     table = femfit.run_sweep(place / "rig.toml", place / "runs" / "rig", workers=1)
     femfit.write_model(femfit.fit_model(table).model, place / "model.json")
     shutil.copy(GEOMETRY.parent / "data" / "levitation_bench.csv", place / "bench.csv")

@@ -154,22 +154,3 @@ def test_public_functions_are_found_again_by_pickle():
     functions = [getattr(femfit, name) for name in femfit.__all__ if name[0].islower()]
     found = [pickle.loads(pickle.dumps(function)) for function in functions]  # noqa: S301  our own
     assert all(again is function for again, function in zip(found, functions, strict=True))
-
-
-# test_sweep_run has a shorter one.
-@pytest.mark.nightly
-def test_a_script_without_a_guard_sweeps_in_several_processes(tmp_path):
-    drawing = tmp_path / "small.toml"
-    replaced = {"current_A = {": "current_A = [0, 1]", "distance_mm = {": "distance_mm = [15, 20, 30, 45]"}
-    lines = (GEOMETRY / "emaws-rig.toml").read_text().splitlines()
-    starts = {line: new for line in lines for start, new in replaced.items() if line.startswith(start)}
-    assert len(starts) == 2
-    drawing.write_text("\n".join(starts.get(line, line) for line in lines))
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import femfit\nprint('begun')\n"
-        f"table = femfit.run_sweep({str(drawing)!r}, {str(tmp_path / 'run')!r}, workers=2)\n"
-        "print(len(table.rows), set(table.rows['status']))\n"
-    )
-    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True, timeout=120)
-    assert done.stdout.splitlines() == ["begun", "8 {'ok'}"]

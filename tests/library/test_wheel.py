@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from support.actuators import GEOMETRY
+from support.actuators import rig_at
 
 ROOT = Path(__file__).parents[2]
 
@@ -41,13 +41,7 @@ def installed(tmp_path_factory):
 @pytest.fixture
 def elsewhere(tmp_path):
     """A directory with a small drawing, far from the checkout."""
-    text = (GEOMETRY / "emaws-rig.toml").read_text()
-    points = {
-        "current_A = {": "current_A = [0, 0.5, 1, 1.4]",
-        "distance_mm = {": "distance_mm = [15, 18, 22, 28, 36, 45]",
-    }
-    lines = [next((new for start, new in points.items() if line.startswith(start)), line) for line in text.splitlines()]
-    (tmp_path / "small.toml").write_text("\n".join(lines))
+    (tmp_path / "small.toml").write_text(rig_at("[0, 0.5, 1, 1.4]", "[15, 18, 22, 28, 36, 45]"))
     return {"cwd": tmp_path, "env": {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}}
 
 

@@ -14,19 +14,17 @@ A. Chowdhury and A. Sarjas, Sensors 16 (2016) 1504, Figures 6 to 11.
 
 import argparse
 import re
-from collections.abc import Sequence
+import sys
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from femfit.core.numerics import FloatArray
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from femfit.core.text import axis_scale
 from femfit.fit.build import fit_model
-from femfit.fit.law_fit import LawFit, fit_law
-from femfit.fit.rows import FitRows
+from femfit.fit.law_fit import fit_law
 from femfit.laws.catalogue import law_by_name
-from femfit.model.magnetics import Magnetics
 from femfit.report.force_figures import force_curves_figure, force_map_figure
 from femfit.report.model_figures import hall_figure
 from femfit.report.rating import sweep_grid
@@ -36,40 +34,27 @@ from support.coenergies import partials
 from support.one_current import flat
 
 MM = 1e3
+CURVES = 3
 
 _EXPONENT = re.compile(r"\^(?:\((-?[\d/]+)\)|(-?\d+))")
 
 
-def formula_label(formula: str) -> str:
+def formula_label(formula):
     """A formula in a picture, its exponents raised."""
     return _EXPONENT.sub(lambda m: f"$^{{{(m[1] or m[2]).replace('-', '−')}}}$", formula)
 
 
-CURVES = 3
-POINTS = 200
+def local_exponents(magnetics, rows):
+    """Distance in m and n = -d ln|f| / d ln d, of the current-free force and of k_m = dF/di, over the rows' range.
 
-
-def local_exponents(magnetics: Magnetics, rows: FitRows) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Exponent n of d^-n by which a part of the force falls, n = -d ln|f| / d ln d.
-
-    Parameters
-    ----------
-    rows : FitRows
-        Whose range of distances and currents is taken.
-
-    Returns
-    -------
-    dict of str to (array, array)
-        Distance in m and exponent, of the current-free force and of k_m = dF/di; parts that vanish or change sign are
-        left out.
+    Parts that vanish or change sign are left out.
     """
-    d = np.linspace(rows.distances[0], rows.distances[-1], POINTS)
+    d = np.linspace(rows.distances[0], rows.distances[-1], 200)
     low, high = (np.full_like(d, i) for i in (rows.currents[0], rows.currents[-1]))
-    largest = float(np.max(np.abs(rows.force)))
     found = {}
     if rows.currents[0] == 0.0:
         force, slope = flat(magnetics).force(d, low), flat(magnetics).force_gradient(d, low)
-        if np.all(force > 1e-6 * largest):
+        if np.all(force > 1e-6 * np.abs(rows.force).max()):
             found["current-free force F(d, 0)"] = (d, -d * slope / force)
     constant, gradient = (-value for value in partials(magnetics.expression, d, 0.5 * (low + high), ((1, 1), (2, 1))))
     if np.all(constant > 0.0):
@@ -77,67 +62,44 @@ def local_exponents(magnetics: Magnetics, rows: FitRows) -> dict[str, tuple[Floa
     return found
 
 
-def exponent_figure(exponents: dict[str, tuple[FloatArray, FloatArray]]) -> Figure:
-    """Draw the local exponents beside what F1e allows."""
+def exponent_figure(exponents):
+    """The local exponents beside what F1e allows."""
     figure = new_figure(3.0)
     axes = figure.subplots()
     for colour, (label, (d, n)) in zip((BLUE, VERMILION), exponents.items(), strict=False):
         axes.plot(MM * d, n, color=colour, label=label)
-    for level, label in ((4.0, "d⁻⁴"), (2.0, "d⁻²")):
+    for level in (4.0, 2.0):  # those of d^-4 and d^-2
         axes.axhline(level, color=MUTED, linewidth=1.0, dashes=(4, 3))
-        axes.annotate(
-            label,
-            (1.0, level),
-            xycoords=("axes fraction", "data"),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="center",
-        )
-    axes.set(xlabel="distance d (mm)", ylabel="local exponent n, part ∝ d⁻ⁿ")
-    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="distance d (mm)", ylabel="local exponent n, part ∝ d⁻ⁿ", ylim=(0.0, None))
     axes.legend(loc="best")
     return figure
 
 
-def residual_sums_figure(fits: Sequence[LawFit]) -> Figure:
+def residual_sums_figure(fits):
     """Figure 8 of the paper: J_1 and J_2, the sum of squared residuals at each current."""
     figure = new_figure(2.8)
     axes = figure.subplots()
     factor, unit = axis_scale(np.sqrt(np.max([fit.stage_one.residual_sums for fit in fits], axis=0)), "N")
     for n, (colour, marker, fit) in enumerate(zip(CATEGORIES, "osD", fits, strict=False), start=1):
-        label = f"J{chr(0x2080 + n)} of {fit.law.name}"
-        sums = fit.stage_one.residual_sums
-        known = sums > 0.0  # without force there is nothing to miss
-        axes.semilogy(fit.stage_one.currents[known], factor**2 * sums[known], marker=marker, color=colour, label=label)
+        sums, label = fit.stage_one.residual_sums, f"J{chr(0x2080 + n)} of {fit.law.name}"
+        some = sums > 0.0  # without force there is nothing to miss
+        axes.semilogy(fit.stage_one.currents[some], factor**2 * sums[some], marker=marker, color=colour, label=label)
     axes.set(xlabel="current i (A)", ylabel=f"sum of squared residuals ({unit}²)")
     axes.legend(loc="best")
     return figure
 
 
-def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> Figure:
-    """Figure 9 of the paper: laws on force curves at three currents, with their residuals below.
-
-    Parameters
-    ----------
-    fits : sequence of LawFit
-        A column each; their stage-one coefficients are drawn.
-
-    Returns
-    -------
-    Figure
-        Points of the sweep, lines of the law; residuals.
-    """
+def curve_fit_figure(fits, rows):
+    """Figure 9 of the paper: the laws' stage-one coefficients on force curves at three currents, residuals below."""
     figure = new_figure(4.4)
     factor, unit = axis_scale(rows.force, "N")
     panels = figure.subplots(2, len(fits), sharex=True, height_ratios=(2.2, 1.0), squeeze=False)
-    chosen = shown_currents(len(rows.currents))
-    for column, fit in enumerate(fits):
-        above, below = panels[:, column]
-        for colour, k in zip(CATEGORIES, chosen, strict=False):
+    for (above, below), fit in zip(panels.T, fits, strict=True):
+        for colour, k in zip(CATEGORIES, shown_currents(len(rows.currents)), strict=False):
             current = rows.currents[k]
-            at = rows.current == current
-            order = np.argsort(rows.distance[at])
-            d, force = rows.distance[at][order], rows.force[at][order]
+            here = np.flatnonzero(rows.current == current)
+            here = here[np.argsort(rows.distance[here])]
+            d, force = rows.distance[here], rows.force[here]
             law = fit.law.columns(d, fit.shape) @ fit.stage_one.coefficients[k]
             above.plot(MM * d[::2], factor * force[::2], "o", color=colour, markersize=2.6, fillstyle="none")
             above.plot(MM * d, factor * law, color=colour, label=f"{current:g} A")
@@ -145,8 +107,8 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> Figure:
         below.axhline(0.0, color=INK, linewidth=0.8)
         above.set_title(f"{fit.law.name}:  {formula_label(fit.law.formula)}")
         below.set_xlabel("distance d (mm)")
-    low, high = factor * min(rows.force.min(), 0.0), factor * max(rows.force.max(), 0.0)
-    for above in panels[0]:  # the sweep's range with room for the legend; a bad law may leave it
+        # The sweep's range with room for the legend; a bad law may leave it
+        low, high = factor * min(rows.force.min(), 0.0), factor * max(rows.force.max(), 0.0)
         above.set_ylim(low - 0.05 * (high - low), high + 0.3 * (high - low))
     panels[0, 0].set_ylabel(f"force F ({unit})")
     panels[1, 0].set_ylabel(f"law − sweep ({unit})")
@@ -154,41 +116,45 @@ def curve_fit_figure(fits: Sequence[LawFit], rows: FitRows) -> Figure:
     return figure
 
 
-def shown_currents(count: int) -> list[int]:
+def shown_currents(count):
     """Indices of the currents drawn: 0, 0.6 and 1.2 A of the paper's eight, the like of other sweeps."""
     last = max(count - 2, 0) if count > CURVES else count - 1
     return sorted({0, last // 2, last})
 
 
-def coefficient_figure(fit: LawFit) -> Figure:
+def coefficient_figure(fit):
     """Figure 10 of the paper: a law's coefficients at each current, and the functions fitted to them."""
-    count = len(fit.law.basis)
-    figure = new_figure(2.7 if count <= 3 else 4.6)
-    columns = count if count <= 3 else (count + 1) // 2
-    panels = figure.subplots(1 if count <= 3 else 2, columns, squeeze=False).ravel()
+    figure = new_figure(2.7)
+    panels = figure.subplots(1, len(fit.law.basis), squeeze=False).ravel()
     currents = fit.stage_one.currents
     fine = np.linspace(currents[0], currents[-1], 100)
-    for k, (ax, basis, function) in enumerate(zip(panels, fit.law.basis, fit.stage_two, strict=False)):
-        ax.plot(currents, fit.stage_one.coefficients[:, k], "o", color=BLUE, markersize=4.5, label="stage one")
-        ax.plot(fine, function.at(fine), color=VERMILION, label=f"stage two: {function.name}")
-        low, high = ax.get_ylim()
-        if not np.any(fit.stage_one.coefficients[:, k]):
-            ax.set_yticks([0.0])
-        if low > 0.5 * high > 0.0:
-            ax.set_ylim(0.0, 1.15 * high)
-        symbol = "abcdefgh"[k]
-        ax.set(
-            xlabel="current i (A)",
-            ylabel=f"{symbol} ({formula_label(fit.law.coefficient_units[k])})",
-            title=f"{symbol}, coefficient of {formula_label(basis)}",
-        )
-        ax.legend(loc="best")
-    for ax in panels[count:]:
-        ax.remove()
+    for k, (axes, basis, function) in enumerate(zip(panels, fit.law.basis, fit.stage_two, strict=True)):
+        axes.plot(currents, fit.stage_one.coefficients[:, k], "o", color=BLUE, markersize=4.5, label="stage one")
+        axes.plot(fine, function.at(fine), color=VERMILION, label=f"stage two: {function.name}")
+        symbol, unit = "abcdefgh"[k], formula_label(fit.law.coefficient_units[k])
+        title = f"{symbol}, coefficient of {formula_label(basis)}"
+        axes.set(xlabel="current i (A)", ylabel=f"{symbol} ({unit})", title=title)
+        axes.legend(loc="best")
     return figure
 
 
-def main() -> None:
+def figures(run):
+    """The figures of a run by their number in the paper."""
+    fit = fit_model(read_sweep_table(run))
+    rows, grid = fit.rows, sweep_grid(fit.rows)
+    laws = [fit_law(law_by_name(name), rows) for name in ("F1e", "F2e")]
+    drawn = {
+        "figure-06": force_map_figure(grid, rows.weight),
+        "figure-07": force_curves_figure(grid, rows.weight),
+        "figure-08": residual_sums_figure(laws),
+        "figure-09": curve_fit_figure(laws, rows),
+        "figure-10": coefficient_figure(laws[0]),
+        "exponents": exponent_figure(local_exponents(fit.model.magnetics, rows)),
+    }
+    return drawn | ({"figure-11": hall_figure(fit.model, rows)} if fit.model.sensor is not None else {})
+
+
+def main():
     """Draw the figures of a run directory into another directory."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("run", type=Path, help="run directory of femfit run or femfit sweep")
@@ -199,25 +165,6 @@ def main() -> None:
         for name, figure in figures(options.run).items():
             figure.savefig(options.output / f"{name}.png", dpi=150)
             print(options.output / f"{name}.png")
-
-
-def figures(run: Path) -> dict[str, Figure]:
-    """The figures of a run by their number in the paper."""
-    fit = fit_model(read_sweep_table(run))
-    rows, grid = fit.rows, sweep_grid(fit.rows)
-    assert grid is not None
-    laws = [fit_law(law_by_name(name), rows) for name in ("F1e", "F2e")]
-    drawn = {
-        "figure-06": force_map_figure(grid, rows.weight),
-        "figure-07": force_curves_figure(grid, rows.weight),
-        "figure-08": residual_sums_figure(laws),
-        "figure-09": curve_fit_figure(laws, rows),
-        "figure-10": coefficient_figure(laws[0]),
-        "exponents": exponent_figure(local_exponents(fit.model.magnetics, rows)),
-    }
-    if fit.model.sensor is not None:
-        drawn["figure-11"] = hall_figure(fit.model, rows)
-    return drawn
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from femfit.device.parts import Coil, LinearMaterial, Region
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY, assembly, magnet, rectangle
+from support.actuators import GEOMETRY, assembly, magnet, rectangle, swept_at
 from support.field import in_current, prepared, solved
 
 # Converged values of Table 1's actuator (30 turns): an independent run at order 6, corners graded to 0.03 mm, domain
@@ -195,9 +195,7 @@ def test_plunger_is_pulled_with_the_square_of_the_current():
 def test_plungers_force_is_the_slope_of_its_inductance():
     # Remeshed at every distance, so a central difference over 0.2 mm instead of a Chebyshev derivative.
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
-    actuator = dataclasses.replace(
-        actuator, sweep=dataclasses.replace(actuator.sweep, distances_m=(0.0049, 0.005, 0.0051))
-    )
+    actuator = swept_at(actuator, (0.0049, 0.005, 0.0051))
     low, middle, high = (solved(actuator, d) for d in actuator.sweep.distances_m)
     slope = -0.5 * (high.flux_linkage[1] - low.flux_linkage[1]) / 2e-4
     assert middle.force[2] == pytest.approx(slope, rel=5e-3)

@@ -1,6 +1,5 @@
 """The field of saturating parts against a closed form, the linear solver, energy and another solver's table."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -14,7 +13,7 @@ from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.newton import TOLERANCE, minimise
 from femfit.field.tolerance import SolverSettings
-from support.actuators import assembly, magnet, rectangle
+from support.actuators import assembly, magnet, rectangle, swept_at
 from support.field import finer_settings
 from support.reference import REFERENCE, needs_reference
 from support.saturating import STEEL, bobbin, problem_at, rig_with_core, rows_at, straight
@@ -35,7 +34,7 @@ def closed_pot(currents):
     coil = rectangle(INNER, OUTER, low, high)
     body = magnet(0.0, 0.002, 0.002, permeability=1.0)
     actuator = assembly(fixed=fixed, moving=[body], distances=(0.02,), coil=coil, turns=TURNS)
-    return dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, currents_A=currents))
+    return swept_at(actuator, currents=currents)
 
 
 def pot_flux_linkage(current):

@@ -11,7 +11,7 @@ from femfit.device.parts import NonlinearMaterial, Region
 from femfit.field.layout import layout_of, stretch_groups
 from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY, assembly, rectangle
+from support.actuators import GEOMETRY, assembly, rectangle, swept_at
 
 STEEL = LIBRARY["steel_1010"].material
 
@@ -45,7 +45,7 @@ def bobbin(material=STEEL, distances=(0.005,), currents=(0.0, 3.0), mover=None):
         turns=600,
         hall=(0.0, -0.001),
     )
-    return dataclasses.replace(actuator, sweep=dataclasses.replace(actuator.sweep, currents_A=tuple(currents)))
+    return swept_at(actuator, currents=tuple(currents))
 
 
 def problem_at(actuator, distance, settings=None):
