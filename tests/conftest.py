@@ -52,13 +52,24 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture(scope="session")
-def rig_sweep(tmp_path_factory):
-    """The table of emaws-rig as drawn, 488 points: solved once for all processes of a test run."""
+def made_once(tmp_path_factory):
+    """What a function of a path gives, called by one process at a time: it finds what another has made."""
     base = tmp_path_factory.getbasetemp()
     shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    with (shared / "rig.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        return run_sweep(GEOMETRY / "emaws-rig.toml", shared / "rig-sweep", workers=1)  # a process starts in 3 s
+
+    def made(name, function):
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            return function(shared / name)
+
+    return made
+
+
+@pytest.fixture(scope="session")
+def rig_sweep(made_once):
+    """The table of emaws-rig as drawn, 488 points."""
+    rig = GEOMETRY / "emaws-rig.toml"
+    return made_once("rig-sweep", lambda place: run_sweep(rig, place, workers=1))  # a process starts in 3 s
 
 
 def _coenergy(d: np.ndarray, i: np.ndarray) -> np.ndarray:

@@ -1,7 +1,5 @@
 """Models and records that the tests of identification share, each made once."""
 
-import fcntl
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -22,15 +20,15 @@ def model(levitation_model):
 
 
 @pytest.fixture(scope="session")
-def loops(model, tmp_path_factory):
-    """Twelve closed loops of 2.5 s without any error but the Hall element's noise, solved once for all processes."""
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    with (shared / "loops.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        if not (shared / "loops.pkl").is_file():
-            closed_loop(model, runs=12, seconds=2.5, seed=7).to_pickle(shared / "loops.pkl")
-        return pd.read_pickle(shared / "loops.pkl")  # noqa: S301  our own
+def loops(model, made_once):
+    """Twelve closed loops of 2.5 s without any error but the Hall element's noise."""
+
+    def solved(file):
+        if not file.is_file():
+            closed_loop(model, runs=12, seconds=2.5, seed=7).to_pickle(file)
+        return pd.read_pickle(file)  # noqa: S301  our own
+
+    return made_once("loops.pkl", solved)
 
 
 @pytest.fixture(scope="session")

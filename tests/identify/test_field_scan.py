@@ -58,7 +58,7 @@ def test_a_gain_an_offset_and_another_place_are_told_apart(actuator, scan):
     assert found.left_T < 2.0 * NOISE_T
 
 
-@pytest.mark.parametrize("seed", [3, 4, 5])
+@pytest.mark.parametrize("seed", [3, *(pytest.param(k, marks=pytest.mark.nightly) for k in (4, 5))])
 def test_a_probe_that_stands_far_beside_its_place_is_found_with_its_gain(actuator, tmp_path, seed):
     """Of 4.7 mm the slopes at the recorded places are wrong by far more than the noise of the readings."""
     z = np.linspace(2e-3, 12e-3, 30)

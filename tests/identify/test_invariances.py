@@ -70,7 +70,7 @@ def test_the_order_of_rows_is_no_evidence_without_a_clock(levitation_model, offs
     assert_same(as_read, told(levitation_model, written(shuffled, tmp_path)))
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.nightly) for k in (2, 3))])
 def test_noise_that_lasts_is_no_misfit_though_no_clock_tells_what_follows_what(levitation_model, tmp_path, seed):
     clean = campaign(levitation_model, seed, rho=0.6, mount_m=0.0, **SIZE).rows[COLUMNS].drop(columns="order")
     data = written(clean.sample(frac=1.0, random_state=seed), tmp_path)
@@ -98,26 +98,23 @@ def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wr
     assert diagnose(levitation_model, table, bootstrap=0).verdict != "nothing_missing"
 
 
-def test_rows_with_a_clock_may_stand_in_any_order(levitation_model, offset, as_read, tmp_path):
-    shuffled = offset.groupby("run").sample(frac=1.0, random_state=1)
-    assert_same(as_read, told(levitation_model, written(shuffled, tmp_path)))
+MILLI = {"force_N": "force_mN", "distance_m": "distance_mm", "current_A": "current_mA"}
+NAMES = {1.0: 40.0, 2.0: 7.0, 3.0: 11.0}
 
 
-def test_the_units_of_columns_do_not_matter(levitation_model, offset, as_read, tmp_path):
-    milli = {"force_N": "force_mN", "distance_m": "distance_mm", "current_A": "current_mA"}
-    other = offset.assign(**{name: 1e3 * offset[name] for name in milli}).rename(columns=milli)
-    # 1e-3 * (1e3 * x) is x to a rounding, which the search's ends may carry on
-    assert_same(as_read, told(levitation_model, written(other, tmp_path)), rtol=1e-5)
-
-
-def test_the_names_of_runs_do_not_matter(levitation_model, offset, as_read, tmp_path):
-    names = {1.0: 40.0, 2.0: 7.0, 3.0: 11.0}
-    other = offset.assign(run=offset["run"].map(names), mount=offset["mount"].map(names))
-    assert_same(as_read, told(levitation_model, written(other, tmp_path)))
-
-
-def test_rows_that_stand_twice_in_a_file_are_no_repeats(levitation_model, offset, as_read, tmp_path):
-    assert_same(as_read, told(levitation_model, written(pd.concat([offset, offset]), tmp_path)))
+@pytest.mark.parametrize(
+    ("rewritten", "rtol"),
+    [
+        (lambda rows: rows.groupby("run").sample(frac=1.0, random_state=1), 1e-6),
+        # 1e-3 * (1e3 * x) is x to a rounding, which the search's ends may carry on
+        (lambda rows: rows.assign(**{name: 1e3 * rows[name] for name in MILLI}).rename(columns=MILLI), 1e-5),
+        (lambda rows: rows.assign(run=rows["run"].map(NAMES), mount=rows["mount"].map(NAMES)), 1e-6),
+        (lambda rows: pd.concat([rows, rows]), 1e-6),  # rows that stand twice in a file are no repeats
+    ],
+    ids=["any order with a clock", "other units", "other names of runs", "rows twice"],
+)
+def test_what_says_the_same_is_told_alike(levitation_model, offset, as_read, tmp_path, rewritten, rtol):
+    assert_same(as_read, told(levitation_model, written(rewritten(offset), tmp_path)), rtol)
 
 
 def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_model):

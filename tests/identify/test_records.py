@@ -418,7 +418,7 @@ def test_a_command_that_changes_from_sample_to_sample_is_held_between_them(held_
     assert not error.any()
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(k, marks=pytest.mark.nightly) for k in (2, 3))])
 def test_commands_that_a_slow_record_does_not_show_count_as_its_noise(held_rig, seed):
     fast = replace(held_rig, sample_time_s=0.1 * held_rig.sample_time_s)
     scatter = 0.15 * np.random.default_rng(seed).standard_normal(80000)

@@ -19,7 +19,6 @@ from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_
 from femfit.model.bspline import TensorSpline, basis_matrix
 from femfit.model.carried import Brake, Carried, Curve, FieldChange, FieldTerm, bounded_basis, carried_effect
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.simulation.plant import Plant
@@ -121,13 +120,6 @@ def test_the_refutation_names_a_setting_where_the_remainder_says_much(learnt, le
     there, plain = (predict_readings(one, *here, at)[asked.channel][0] for one in models)
     assert there - plain == pytest.approx(asked.change)
     assert abs(asked.change) > 5.0 * asked.noise
-
-
-def test_it_survives_its_file(learnt):
-    result = learnt["energy"]
-    again = model_from_dict(model_to_dict(result.model))
-    assert [one.effect.name for one in again.effects] == [NAME]
-    assert model_to_dict(again) == model_to_dict(result.model)
 
 
 def test_clean_readings_teach_nothing(levitation_model):

@@ -11,6 +11,7 @@ from femfit.integrate.uncertainty import FieldBlock, LinearSigma, Noise, Respons
 from femfit.tables.coil_record import CoilBlock
 
 DT = 1e-3
+KNOWN = Noise(LinearSigma(1e-5), LinearSigma(1e-5), 1e-3)
 
 
 def variances(noise, voltage, dt):
@@ -87,48 +88,41 @@ def test_the_uncertainty_holds_what_it_says(method):
     assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=0.25)
 
 
+def many_fields(options, time, rng, split, current=None):
+    """Scatter of the fields of 400 records of 1e-5 V of noise and 50 uV of offset, in two parts, and the sigma said.
+
+    400 draws: a standard deviation is known to 3.5 %. The trapezoid's ends differ from whole samples by half of one.
+    """
+    fields, parts = [], (slice(split), slice(split, None))
+    for _ in range(400):
+        voltage = 50e-6 + 1e-5 * rng.normal(size=len(time))
+        records = [CoilBlock(time[p], voltage[p], current=None if current is None else current[p]) for p in parts]
+        out = [block for _, block in integrate_blocks(make_integrator(options, records[0]), records)]
+        fields.append(np.concatenate([block.field for block in out]))
+    return np.std(fields, axis=0), np.sqrt(np.concatenate([block.variance for block in out]))
+
+
 @pytest.mark.parametrize(("zero_reading", "held"), [(0.5, (0.502, 1.0, 2.0)), (0.02, (0.022, 0.1, 2.0))])
 def test_the_uncertainty_of_ffa1_holds_the_noise_of_its_zero_reading(zero_reading, held):
     """A field of zero and an offset of 50 uV: beside the samples' noise, the mean over the zero reading counts."""
-    rng, sigma = np.random.default_rng(4), 1e-5
     time = np.arange(2001) * DT
-    noise = Noise(LinearSigma(sigma), LinearSigma(1e-5), 1e-3)
-    options = IntegrationOptions("ffa1", PAPER_COIL, initial_field=0.0, zero_reading=zero_reading, noise=noise)
-    fields = []
-    for _ in range(400):
-        record = CoilBlock(time, 50e-6 + sigma * rng.normal(size=len(time)))
-        parts = [CoilBlock(record.time[part], record.voltage[part]) for part in (slice(0, 700), slice(700, None))]
-        out = [block for _, block in integrate_blocks(make_integrator(options, record), parts)]
-        fields.append(np.concatenate([block.field for block in out]))
-    said = np.sqrt(np.concatenate([block.variance for block in out]))
+    options = IntegrationOptions("ffa1", PAPER_COIL, initial_field=0.0, zero_reading=zero_reading, noise=KNOWN)
+    found, said = many_fields(options, time, np.random.default_rng(4), 700)
     at = np.searchsorted(time, np.array(held) - 0.5 * DT)
-    # 400 draws: a standard deviation is known to 3.5 %. The trapezoid's ends take half a sample more than they have.
-    np.testing.assert_allclose(np.std(fields, axis=0)[at[1:]] / said[at[1:]], 1.0, atol=0.12)
-    assert np.std(fields, axis=0)[at[0]] <= 1.12 * said[at[0]]
+    np.testing.assert_allclose(found[at[1:]] / said[at[1:]], 1.0, atol=0.12)
+    assert found[at[0]] <= 1.12 * said[at[0]]
 
 
 def test_the_uncertainty_of_ffa2_holds_the_noise_of_its_windows_means():
     """A window's samples and its mean cancel once it has been in use as long as it lasts; longer use adds noise."""
-    rng, sigma, dt = np.random.default_rng(5), 1e-5, 0.01
+    dt = 0.01
     time = np.arange(1200) * dt
     current = np.interp(time, [3.0, 4.0], [0.0, 50.0])  # No window from 3 s on is settled before 6 s
-    noise = Noise(LinearSigma(sigma), LinearSigma(1e-5), 1e-3)
-    options = IntegrationOptions("ffa2", PAPER_COIL, initial_field=0.0, settling=2.0, noise=noise)
-    fields = []
-    for _ in range(400):
-        record = CoilBlock(time, 50e-6 + sigma * rng.normal(size=len(time)), current=current)
-        parts = [
-            CoilBlock(time[part], record.voltage[part], current=current[part])
-            for part in (slice(330), slice(330, None))
-        ]
-        out = [block for _, block in integrate_blocks(make_integrator(options, record), parts)]
-        fields.append(np.concatenate([block.field for block in out]))
-    said = np.sqrt(np.concatenate([block.variance for block in out]))
-    found = np.std(fields, axis=0)
+    options = IntegrationOptions("ffa2", PAPER_COIL, initial_field=0.0, settling=2.0, noise=KNOWN)
+    found, said = many_fields(options, time, np.random.default_rng(5), 330, current)
     at = np.searchsorted(time, np.array([0.5, 1.0, 1.5, 2.0, 3.5, 5.0, 6.5, 9.0, 11.9]) - 0.5 * dt)
-    # 400 draws: a standard deviation is known to 3.5 %. The trapezoid's ends differ from whole samples by half of one.
     np.testing.assert_allclose(found[at] / said[at], 1.0, atol=0.12)
-    one_window = sigma * dt * np.sqrt(100) / PAPER_COIL.area_m2
+    one_window = 1e-5 * dt * np.sqrt(100) / PAPER_COIL.area_m2
     assert said[at[3]] == pytest.approx(one_window, rel=0.01)  # at 2 s the first window's noise has cancelled
     assert said[at[-1]] > 2.0 * one_window
 

@@ -134,17 +134,18 @@ def test_a_good_record_is_left_in_peace(seed):
     assert watched(ALL, induced(seed) + RESISTANCE * CURRENT)[1] == []
 
 
-def test_readings_that_repeat_on_a_plateau_are_not_clipped():
-    # A converter of 1 mV reads the top plateau's R i of 2 V, its largest voltage, again and again.
-    assert watched(ALL, np.round(induced() + RESISTANCE * CURRENT, 3))[1] == []
-
-
-def test_a_change_cut_off_at_the_converters_limit_is_clipped():
-    assert watched(ALL, np.clip(induced() + RESISTANCE * CURRENT, -1.5, 1.5))[1] == ["clipped"]
-
-
-def test_a_coil_wired_the_wrong_way_round_is_named():
-    assert watched(ALL, -induced(), taken=0.0)[1] == ["sign"]
+@pytest.mark.parametrize(
+    ("read", "taken", "codes"),
+    [
+        # A converter of 1 mV reads the top plateau's R i of 2 V, its largest voltage, again and again
+        (lambda induced, volts: np.round(volts, 3), RESISTANCE, []),
+        (lambda induced, volts: np.clip(volts, -1.5, 1.5), RESISTANCE, ["clipped"]),
+        (lambda induced, volts: -induced, 0.0, ["sign"]),  # a coil that is wired the wrong way round
+    ],
+    ids=["readings that repeat on a plateau", "a change cut off at the limit", "the wrong way round"],
+)
+def test_what_a_converter_or_a_coil_does_is_named(read, taken, codes):
+    assert watched(ALL, read(induced(), induced() + RESISTANCE * CURRENT), taken)[1] == codes
 
 
 def test_a_gap_between_plateaus_is_named_and_paid_for_and_one_on_a_plateau_costs_nothing():

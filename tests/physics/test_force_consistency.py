@@ -12,7 +12,7 @@ from femfit.device.parts import Coil, LinearMaterial, Region
 from femfit.field.layout import layout_of
 from femfit.field.linear_point import LinearActuator
 from femfit.field.tolerance import SolverSettings
-from support.actuators import GEOMETRY, assembly, magnet, rectangle, swept_at
+from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import in_current, prepared, solved
 
 # Converged values of Table 1's actuator (30 turns): an independent run at order 6, corners graded to 0.03 mm, domain
@@ -189,13 +189,3 @@ def test_plunger_is_pulled_with_the_square_of_the_current():
     assert solution.force[1] == 0.0
     assert solution.force[2] > 0.0
     assert prepared(actuator, 0.005).layout.stretchable is False
-
-
-@pytest.mark.nightly  # of a plunger that saturates too: test_device_kinds.py
-def test_plungers_force_is_the_slope_of_its_inductance():
-    # Remeshed at every distance, so a central difference over 0.2 mm instead of a Chebyshev derivative.
-    actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
-    actuator = swept_at(actuator, (0.0049, 0.005, 0.0051))
-    low, middle, high = (solved(actuator, d) for d in actuator.sweep.distances_m)
-    slope = -0.5 * (high.flux_linkage[1] - low.flux_linkage[1]) / 2e-4
-    assert middle.force[2] == pytest.approx(slope, rel=5e-3)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.identify.readings.bench import conditions_of
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
+from support.added_effects import added as hidden
+
+__all__ = ["LARGE", "NOISE", "campaign", "hidden", "settings", "without"]
 
 LARGE = {"distances": 10, "currents": 7}
 """A campaign of 420 rows, where 240 say too little."""
@@ -68,12 +69,6 @@ def campaign(model, seed, effects=(), *, mount_m=20e-6, rho=0.3, noise=NOISE, ch
         rows[channel] = np.round(value / step) * step
     kept = rows[generator.random(len(rows)) > 0.02].reset_index(drop=True)
     return BenchTable(rows=kept, given=tuple(kept.columns))
-
-
-def hidden(name, **parameters):
-    """An effect of the catalogue with these parameters, the others as where it is not there."""
-    effect = effect_by_name(name)
-    return AddedEffect(effect, effect.null() | parameters)
 
 
 def without(table, *columns):

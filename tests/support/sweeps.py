@@ -8,7 +8,6 @@ import pandas as pd
 from femfit.tables.sweep_table import SweepTable
 
 MASS = 4.35e-3
-WEIGHT = MASS * 9.80665
 CURRENTS = np.linspace(0.0, 1.4, 8)
 DISTANCES = np.linspace(0.015, 0.045, 61)
 ACTUATOR = {
