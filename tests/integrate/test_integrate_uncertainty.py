@@ -93,11 +93,11 @@ def many_fields(options, time, rng, split, current=None):
 
     400 draws: a standard deviation is known to 3.5 %. The trapezoid's ends differ from whole samples by half of one.
     """
-    fields, parts = [], (slice(split), slice(split, None))
+    fields = []
     for _ in range(400):
-        voltage = 50e-6 + 1e-5 * rng.normal(size=len(time))
-        records = [CoilBlock(time[p], voltage[p], current=None if current is None else current[p]) for p in parts]
-        out = [block for _, block in integrate_blocks(make_integrator(options, records[0]), records)]
+        record = CoilBlock(time, 50e-6 + 1e-5 * rng.normal(size=len(time)), current=current)
+        parts = [record[:split], record[split:]]
+        out = [block for _, block in integrate_blocks(make_integrator(options, record), parts)]
         fields.append(np.concatenate([block.field for block in out]))
     return np.std(fields, axis=0), np.sqrt(np.concatenate([block.variance for block in out]))
 
