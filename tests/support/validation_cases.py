@@ -149,6 +149,23 @@ def axis_field(height):
     return solved(actuator).hall[0]
 
 
+def thick_coil_axis(height):
+    """B_z in T of 1 A on the axis of the rig's winding."""
+    coil = rectangle(0.01, 0.02, -0.02, -0.005)
+    body = magnet(DUMMY, 0.005, 0.005)
+    return solved(assembly(moving=[body], distances=(0.06,), coil=coil, turns=308, hall=(0.0, height))).hall[1]
+
+
+def thick_coil_axis_exact(height):
+    """The same in closed form."""
+    r1, r2, z1, z2 = 0.01, 0.02, -0.02, -0.005
+
+    def primitive(s):
+        return s * math.log((r2 + math.hypot(r2, s)) / (r1 + math.hypot(r1, s)))
+
+    return MU_0 * 308.0 / (2.0 * (r2 - r1) * (z2 - z1)) * (primitive(height - z1) - primitive(height - z2))
+
+
 def coil_on_magnet_exact(offset):
     """|F| in N of a current sheet of 100 turns with 1 A on a magnet of J = 1 T, from magpylib's exact field."""
     body = magpylib.magnet.Cylinder(polarization=(0, 0, 1.0), dimension=(0.03, 0.015), position=(0, 0, 0))
@@ -164,6 +181,13 @@ def coil_on_magnet(offset):
     coil = rectangle(0.0198, 0.0202, middle - 0.01, middle + 0.01)
     actuator = assembly(moving=[magnet(1.0, 0.015, 0.015)], distances=(0.1,), coil=coil, turns=100)
     return abs(solved(actuator).force[1])
+
+
+def image_of_a_magnet(permeability):
+    """F in N of the cylinder magnet of :func:`magnet_pair` 5 mm above a wide thick plate."""
+    plate = Region("plate", rectangle(0.0, 1.0, -0.8, 0.0), LinearMaterial("iron", permeability))
+    coil = rectangle(1.2, 1.25, -0.1, -0.05)
+    return solved(assembly(fixed=[plate], moving=[magnet(1.3, 0.02, 0.04)], distances=(0.005,), coil=coil)).force[0]
 
 
 def image_of_a_dipole():

@@ -93,6 +93,16 @@ def _magnets() -> Iterator[Row]:
         name = f"magnets {bodies} mm, gap {1e3 * gap:g} mm: force"
         ours = partial(cases.magnet_pair, 1.3, fixed, moving, gap)
         yield Row(EXACT, name, "published, magcode repository", "N", newton, ours, 2e-4)
+    bodies, newton = ((0.02, 0.04), (0.02, 0.04), 0.01), 265.537
+    name, ours = "opposed magnets R20 h40 mm, gap 10 mm: force", partial(cases.magnet_pair, -1.3, *bodies)
+    yield Row(EXACT, name, "published, magcode repository", "N", -newton, ours, 2e-4)
+    for mu in (5.0, 1000.0):
+        name, ours = f"magnet R20 h40 mm 5 mm above a plate of µr {mu:g}", partial(cases.image_of_a_magnet, mu)
+        exact = (mu - 1.0) / (mu + 1.0) * newton
+        yield Row(EXACT, name, "its image 10 mm away, (µr - 1) / (µr + 1)", "N", exact, ours, 5e-4)
+    for height in (-0.0125, 0.0, 0.02):
+        name, exact = f"winding of the rig, on its axis at {1e3 * height:g} mm: B", cases.thick_coil_axis_exact(height)
+        yield Row(EXACT, name, "closed form", "T", exact, partial(cases.thick_coil_axis, height), 1e-4)
     for offset in (0.005, 0.01, 0.015, 0.02, 0.03, 0.04):
         newton = float(cases.coil_on_magnet_exact(offset))
         name = f"coil R20 h20 mm of 100 A on a magnet R15 h15 mm, {1e3 * offset:g} mm off centre: force"
