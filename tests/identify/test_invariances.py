@@ -79,7 +79,7 @@ def test_noise_that_lasts_is_no_misfit_though_no_clock_tells_what_follows_what(l
     assert compare(levitation_model, data).verdict == "agrees"
 
 
-@pytest.mark.parametrize("clock", [True, False])
+@pytest.mark.parametrize("clock", [pytest.param(True, marks=pytest.mark.nightly), False])
 def test_plateaus_one_after_the_other_do_not_excuse_a_model_that_is_a_quarter_wrong(levitation_model, clock):
     """25 hover plateaus in 9 runs up a staircase of the distance: a misfit of 2.3 sigma that changes slowly."""
     run = np.repeat(np.arange(1.0, 10.0), 3)[:25]
@@ -188,7 +188,7 @@ def test_more_structure_never_looks_more_like_noise(levitation_model, declared, 
 
 
 @pytest.mark.parametrize("declared", [True, False], ids=["declared", "undeclared"])
-@pytest.mark.parametrize("count", [1, 2, 5, 6, 12])
+@pytest.mark.parametrize("count", [2, 6, *(pytest.param(k, marks=pytest.mark.nightly) for k in (1, 5, 12))])
 def test_few_readings_are_neither_a_crash_nor_a_pass(levitation_model, declared, count):
     table = campaign(levitation_model, 75, [HALL], runs=1, distances=4, currents=3)
     few = replace(table, rows=table.rows.iloc[:count].reset_index(drop=True), declared_noise=NOISE if declared else {})

@@ -302,7 +302,7 @@ def devices(levitation_model):
     return {one.name: one for one in (levitation_model, *others)}
 
 
-@pytest.mark.parametrize("name", ["test-rig", "voice coil", "lifting magnet"])
+@pytest.mark.parametrize("name", ["test-rig", "voice coil", pytest.param("lifting magnet", marks=pytest.mark.nightly)])
 def test_a_clean_sweep_is_not_accused(devices, name):
     noise = {channel: sigma for channel, sigma in NOISE.items() if channel != "hall_V" or devices[name].sensor}
     verdicts = [
