@@ -5,10 +5,11 @@ innovations is here, once.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isnan
-from typing import ClassVar, NamedTuple, final
+from typing import Any, ClassVar, Literal, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,31 +18,19 @@ from femfit.core.errors import FilterError
 from femfit.core.graph import Memo
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Printed
-from femfit.core.text import amount
+from femfit.core.text import amount, counted
 from femfit.estimate.cholesky import cholesky
 from femfit.estimate.constants import BAND_99_9, DIVERGENCE_STEPS
-from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState, Output
-from femfit.estimate.process_graph import ProcessGraph
-from femfit.estimate.single_step import SingleStep, StepFunction
+from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState
+from femfit.estimate.single_step import SingleStep, StepFunction, Terms, in_arrays
 
 DOUBLE = np.dtype(np.float64)
 
+VOLTAGES, READINGS = ("voltage", "circuit"), ("reading", "sensor")
+
+T = TypeVar("T")
+
 RUNNING = int(FilterOutcome.RUNNING)  # a member of an enumeration is slow to look up
-
-
-class Moments(NamedTuple):
-    """Means of shape (runs, n) and covariances of shape (runs, n, n), symmetric up to rounding."""
-
-    mean: FloatArray
-    covariance: FloatArray
-
-
-class Correction(NamedTuple):
-    """What an update gives; innovation and variance have the shape (runs,)."""
-
-    moments: Moments
-    innovation: FloatArray
-    innovation_variance: FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,13 +75,23 @@ class Filter(Printed, ABC):
             ]
         )
 
-    @abstractmethod
-    def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
-        """Moments one step later."""
+    carries: ClassVar[Literal["covariance", "factor"]]  # By which matrix of a state it predicts
 
     @abstractmethod
-    def _corrected(self, state: FilterState, measurement: FloatArray, output: Output) -> Correction:
-        """Moments given one sensor's reading."""
+    def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
+        """Mean and covariance one step later."""
+
+    @abstractmethod
+    def corrected(
+        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
+    ) -> tuple[Any, Any, Any, Any]:
+        """Mean and covariance given one sensor's reading, its innovation and the variance of that.
+
+        Parameters
+        ----------
+        before : tuple
+            Mean, covariance and its factor.
+        """
 
     @final
     def start(self, mean: ArrayLike, covariance: ArrayLike | None = None, runs: int = 1) -> FilterState:
@@ -116,20 +115,17 @@ class Filter(Printed, ABC):
         dtype = mean.dtype if mean.dtype == np.float32 else np.dtype(np.float64)
         order = self.process.order
         if covariance is None:
-            covariance = self.process.require_start_covariance()
-            delayed = self.process.delayed
-            base = order if delayed is None else delayed.base
-            missing = base - mean.shape[-1] if mean.ndim else 0
-            if 0 < missing < base:
-                mean = np.concatenate([mean, np.zeros((*mean.shape[:-1], missing), dtype)], axis=-1)
-            if delayed is not None and mean.shape[-1:] == (base,):
-                mean = delayed.from_rest(mean)
-        if mean.shape[-1:] != (order,) or np.shape(covariance)[-2:] != (order, order):
+            covariance, mean = self.process.require_start_covariance(), self.process.begun(mean)
+        count = len(mean) if mean.ndim == 2 else runs
+        fitting = {(order, order), (1, order, order), (count, order, order)}
+        if mean.shape not in {(order,), (count, order)} or np.shape(covariance) not in fitting:
             raise FilterError(
                 f"Initial mean and covariance must have the shapes ({order},) and ({order}, {order}) for the states "
                 f"{', '.join(self.process.names)}; instead received {mean.shape} and {np.shape(covariance)}."
             )
-        runs = len(mean) if mean.ndim == 2 else runs
+        if count < 1:
+            raise FilterError(f"A filter needs at least one run to start; instead received runs={count}.")
+        runs = count
         mean = np.array(np.broadcast_to(mean, (runs, order)), dtype, order="F")
         matrices = np.empty((order, order, runs), dtype).transpose(2, 0, 1)
         matrices[:] = covariance
@@ -159,11 +155,14 @@ class Filter(Printed, ABC):
         voltage : array, shape (runs,), or float
             Input u held from this sample to the next; of a process with n inputs of shape (runs, n) or (n,).
         """
+        inputs = _given(state, voltage, self.process.inputs, VOLTAGES)
+        inputs = inputs[:, 0] if self.process.inputs == 1 else inputs
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
             # A non-finite result is not repaired: it becomes the run's named outcome.
-            moments = self._predicted(state, _inputs(state, voltage, self.process.inputs))
+            matrix = getattr(state, self.carries).transpose(1, 2, 0)
+            mean, covariance = self.predicted(self._terms(state), state.mean.T[:, None], matrix, inputs)
             innovations = state.innovation, state.innovation_variance, state.out_of_band
-            return self._next(moments, innovations, state.outcome)
+            return self._next((mean[:, 0].T, covariance.transpose(2, 0, 1)), innovations, state.outcome)
 
     @final
     def update(self, state: FilterState, measurement: ArrayLike) -> FilterState:
@@ -178,20 +177,22 @@ class Filter(Printed, ABC):
         measurement : array, shape (runs,), or float
             z; with several sensors of shape (runs, sensors) or (sensors,), in the order of ``process.outputs``.
         """
-        outputs = self.process.outputs
-        if len(outputs) == 1:
-            return self._update_one(state, _per_run(state, measurement), outputs[0])
-        needed = f"A measurement must hold {len(outputs)} readings for each of {state.runs} runs, one a sensor"
-        readings, judged = _rows(state, measurement, len(outputs), needed), []
-        for k, output in enumerate(outputs):
-            state = self._update_one(state, readings[:, k], output)
+        readings, judged = _given(state, measurement, len(self.process.outputs), READINGS), []
+        for sensor in range(len(self.process.outputs)):
+            state = self._update_one(state, readings[:, sensor], sensor)
             judged.append((state.innovation, state.innovation_variance))
+        if len(judged) == 1:
+            return state
         innovation, variance = (np.stack(values, axis=1) for values in zip(*judged, strict=True))
         return replace(state, innovation=innovation, innovation_variance=variance)
 
-    def _update_one(self, state: FilterState, measurement: FloatArray, output: Output) -> FilterState:
+    def _update_one(self, state: FilterState, measurement: FloatArray, sensor: int) -> FilterState:
+        before = state.mean.T[:, None], state.covariance.transpose(1, 2, 0), state.factor.transpose(1, 2, 0)
         with np.errstate(invalid="ignore", over="ignore", divide="ignore", under="ignore"):
-            (mean, covariance), innovation, variance = self._corrected(state, measurement, output)
+            noise = self.process.outputs[sensor].variance
+            after = self.corrected(self._terms(state), sensor, before, measurement, noise)
+            mean, covariance = after[0][:, 0].T, after[1].transpose(2, 0, 1)
+            innovation, variance = after[2][0, 0], after[3][0, 0]
             outside = innovation**2 > BAND_99_9 * variance
             fraction = state.out_of_band + (outside - state.out_of_band) / self.divergence_steps
             if (missing := np.isnan(measurement)).any():
@@ -203,31 +204,39 @@ class Filter(Printed, ABC):
             if (out := (fraction > 0.5) & (outcome == RUNNING)).any():
                 outcome = np.where(out, FilterOutcome.INNOVATIONS_OUT_OF_BAND, outcome)
             fraction = fraction.astype(state.mean.dtype, copy=False)
-            return self._next(Moments(mean, covariance), (innovation, variance, fraction), outcome)
+            return self._next((mean, covariance), (innovation, variance, fraction), outcome)
 
     @final
     def step(self, state: FilterState, voltage: FloatArray | float, measurement: ArrayLike) -> FilterState:
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
-        graph = self.process.own_graph
-        if graph is not None and len(state.mean) == 1 and state.mean.dtype == DOUBLE and not state.outcome.item():
-            known = self._known
-            if "step" not in known:
-                known["step"] = self.single(graph)
-            readings = _numbers(measurement, len(self.process.outputs))
-            plain = isinstance(voltage, float) and self.process.inputs == 1
-            inputs = voltage if plain else _inputs(state, voltage, self.process.inputs)[0]
-            step = known["step"](state.mean[0], self._matrix(state), inputs, readings)
-            if (alone := self._next_alone(state, step)) is not None:
-                return alone
+        process = self.process
+        if len(state.mean) == 1 and state.mean.dtype == DOUBLE and not state.outcome.item():
+            alone = self._kept("step", self.single)
+            if alone is not None:
+                plain = isinstance(voltage, float) and process.inputs == 1
+                inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
+                matrix = state.covariance[0] if self.carries == "covariance" else state.factor[0].T
+                readings = _given(state, measurement, len(process.outputs), READINGS)[0]
+                after = self._next_alone(state, alone(state.mean[0], matrix, inputs, readings))
+                if after is not None:
+                    return after
         return self.update(self.predict(state, voltage), measurement)
 
-    @abstractmethod
-    def single(self, graph: ProcessGraph) -> StepFunction:
-        """One step of one run as one function."""
+    def single(self) -> StepFunction | None:
+        """One step of one run as one function; None where the process moves or reads by more than its graph."""
+        graph = self.process.own_graph
+        return None if graph is None else StepFunction(self, graph)
 
-    @abstractmethod
-    def _matrix(self, state: FilterState) -> FloatArray:
-        """What that takes of one run's covariance."""
+    def _terms(self, state: FilterState) -> Terms:
+        dtype = state.mean.dtype
+        return self._kept(dtype, lambda: in_arrays(self.process, dtype))
+
+    def _kept(self, key: Hashable, make: Callable[[], T]) -> T:
+        """What is made once."""
+        if key not in self._known:
+            self._known[key] = make()
+        made: T = self._known[key]
+        return made
 
     @cached_property
     def _known(self) -> Memo:
@@ -255,9 +264,12 @@ class Filter(Printed, ABC):
         )
 
     def _next(
-        self, moments: Moments, innovations: tuple[FloatArray, FloatArray, FloatArray], outcome: IntArray
+        self,
+        moments: tuple[FloatArray, FloatArray],
+        innovations: tuple[FloatArray, FloatArray, FloatArray],
+        outcome: IntArray,
     ) -> FilterState:
-        """Name what went wrong; the first name of a run stays. ``known`` is what a state holds of innovations."""
+        """Name what went wrong; the first name of a run stays."""
         mean, covariance = moments
         factor, definite = cholesky(covariance)
         if not (definite.all() and np.isfinite(mean).all()):
@@ -273,33 +285,17 @@ class Filter(Printed, ABC):
         return FilterState(mean, covariance, factor, *innovations, outcome)
 
 
-def _per_run(state: FilterState, value: ArrayLike) -> FloatArray:
-    """A number for each run, given as (runs,), (runs, 1) or one for all, in the state's precision."""
-    result = np.empty(state.runs, state.mean.dtype)
-    result[:] = value if np.ndim(value) < 2 else np.ravel(value)
-    return result
+def _given(state: FilterState, value: ArrayLike, width: int, what: tuple[str, str]) -> FloatArray:
+    """Numbers of shape (runs, width) in the state's precision, of one row for all or one each.
 
-
-def _inputs(state: FilterState, voltage: FloatArray | float, inputs: int) -> FloatArray:
-    """Voltages of shape (runs,), or (runs, inputs) where there is not one input, in the state's precision."""
-    if inputs == 1:
-        return _per_run(state, voltage)
-    return _rows(
-        state, voltage, inputs, f"This filter takes {inputs} voltages for each of {state.runs} runs, one a circuit"
-    )
-
-
-def _rows(state: FilterState, value: ArrayLike, width: int, needed: str) -> FloatArray:
-    """Numbers of shape (runs, width), in the state's precision; refused with what is needed where they are others."""
-    numbers = np.asarray(value, state.mean.dtype)
-    if numbers.shape not in {(width,), (state.runs, width), (1, width)}:
-        raise FilterError(f"{needed}; instead received the shape {numbers.shape}.")
-    return np.broadcast_to(numbers, (state.runs, width))
-
-
-def _numbers(value: ArrayLike | float, sensors: int) -> FloatArray:
-    """The readings of one run."""
-    numbers = np.array(value, np.float64, ndmin=1).reshape(-1)
-    if len(numbers) != sensors:
-        raise FilterError(f"A measurement must hold {sensors} readings, one a sensor; instead received {len(numbers)}.")
-    return numbers
+    A single number of each run may be given without an axis of its own.
+    """
+    numbers, runs = np.asarray(value, state.mean.dtype), state.runs
+    if numbers.shape == (runs, width) or (width == 1 and numbers.shape == (runs,)):
+        return numbers.reshape(runs, width)
+    if numbers.size != width:
+        raise FilterError(
+            f"A step takes {counted(width, what[0])} for each of {runs} runs, one a {what[1]}; instead received the "
+            f"shape {numbers.shape}."
+        )
+    return np.repeat(numbers.reshape(1, width), runs, axis=0)

@@ -149,8 +149,7 @@ def _parts(process: FilterProcess) -> list[FloatArray]:
     acceleration, voltage = np.zeros_like(covariance), np.zeros_like(covariance)
     acceleration[:2, :2] = covariance[:2, :2]
     biases = {k for k, name in enumerate(process.names) if "_bias_" in name}
-    end = process.order if process.delayed is None else process.delayed.base
-    electrical = [k for k in range(2, end) if k not in biases]
+    electrical = [k for k in range(2, process.base) if k not in biases]
     voltage[np.ix_(electrical, electrical)] = covariance[np.ix_(electrical, electrical)]
     return [acceleration, voltage, covariance - acceleration - voltage]
 

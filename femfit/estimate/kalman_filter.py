@@ -6,12 +6,9 @@ With delta_i = Y_i - Y_0 and s = sum_i W_i delta_i, the weighted mean is Y_0 + s
 is sum_{i>0} W_i delta_i delta_i^T + (2 - alpha^2) s s^T: the centre weight, -2.5e5 for alpha = 0.002, has cancelled
 algebraically, so that it cannot cancel numerically. New points are drawn for the update, so that they contain Q.
 
-Points are arrays of shape (n, 2n + 1, runs), the centre first: what is computed for all runs at once lies together in
-memory.
-
 The extended Kalman filter: the covariance follows the Jacobians of transition and measurement.
 
-The Jacobians are analytic where the process has them (the levitation process does, from the model's own derivatives)
+The Jacobians are exact where the process has them (the levitation process does, from the model's own equations)
 and central differences otherwise. The covariance is updated in Joseph's form, which keeps it positive definite.
 
 References
@@ -24,21 +21,16 @@ D. Simon, Optimal State Estimation (Wiley, 2006), sections 13.2 and 5.2.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from math import sqrt
 from pathlib import Path
-from typing import ClassVar, Literal, final
-
-import numpy as np
+from typing import Any, ClassVar, Literal, final
 
 from femfit.core.errors import FilterError
-from femfit.core.numerics import FloatArray
-from femfit.estimate.filter import Correction, Filter, Moments
+from femfit.estimate.filter import Filter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise
-from femfit.estimate.process import FilterState, Output
-from femfit.estimate.process_graph import ProcessGraph
-from femfit.estimate.single_step import StepFunction, extended, unscented
+from femfit.estimate.single_step import Terms
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 
@@ -49,33 +41,26 @@ class ExtendedFilter(Filter):
     """Extended Kalman filter; parameters as in :class:`Filter`."""
 
     title: ClassVar[str] = "extended Kalman filter"
+    carries: ClassVar[Literal["covariance", "factor"]] = "covariance"
 
-    def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
-        dtype = state.mean.dtype
-        mean = self.process.transition(state.mean, voltage).astype(dtype, copy=False)
-        jacobian = self.process.state_jacobian(state.mean, voltage).astype(dtype, copy=False)
-        covariance = jacobian @ state.covariance @ jacobian.swapaxes(1, 2)
-        return Moments(mean, covariance + self.process.process_covariance.astype(dtype, copy=False))
+    def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
+        """F P F' + Q."""
+        slope = of.moved_slope(mean, inputs)
+        return of.moved(mean, inputs), of.product(of.product(slope, matrix), of.turned(slope)) + of.noise
 
-    def _corrected(self, state: FilterState, measurement: FloatArray, output: Output) -> Correction:
-        dtype, noise = state.mean.dtype, output.variance
-        predicted = output.measure(state.mean).astype(dtype, copy=False)
-        slope = self.process.output_jacobian(state.mean, output).astype(dtype, copy=False)
-        cross = np.einsum("rij,rj->ri", state.covariance, slope)
-        variance = np.einsum("ri,ri->r", slope, cross) + noise
-        gain = cross / variance[:, None]
-        innovation = measurement - predicted
-        mean = state.mean + gain * innovation[:, None]
-        kept = np.eye(self.process.order, dtype=dtype) - gain[:, :, None] * slope[:, None, :]
-        covariance = kept @ state.covariance @ kept.swapaxes(1, 2) + noise * gain[:, :, None] * gain[:, None, :]
-        return Correction(Moments(mean, 0.5 * (covariance + covariance.swapaxes(1, 2))), innovation, variance)
-
-    def single(self, graph: ProcessGraph) -> StepFunction:
-        """One step of one run as one function."""
-        return StepFunction(self.process, graph, extended)
-
-    def _matrix(self, state: FilterState) -> FloatArray:
-        return state.covariance[0]
+    def corrected(
+        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
+    ) -> tuple[Any, Any, Any, Any]:
+        """(1 - K H) P (1 - K H)' + K R K'."""
+        mean, covariance, _ = before
+        slope = of.read_slope[sensor](mean)
+        cross = of.product(covariance, of.turned(slope))
+        variance = of.product(slope, cross) + noise
+        gain, innovation = cross / variance, reading - of.read[sensor](mean)
+        kept = of.unit - of.product(gain, slope)
+        covariance = of.product(of.product(kept, covariance), of.turned(kept))
+        covariance = covariance + noise * of.product(gain, of.turned(gain))
+        return mean + gain * innovation, 0.5 * (covariance + of.turned(covariance)), innovation, variance
 
 
 @final
@@ -84,6 +69,7 @@ class UnscentedFilter(Filter):
     """Unscented Kalman filter."""
 
     title: ClassVar[str] = "unscented Kalman filter"
+    carries: ClassVar[Literal["covariance", "factor"]] = "factor"
 
     alpha: float = 1.0  # Scaling of the sigma points, with beta = 2 (a Gaussian) and kappa = 0
 
@@ -102,59 +88,39 @@ class UnscentedFilter(Filter):
         spread = self.alpha * sqrt(others)
         return spread, 0.5 / spread**2, 2.0 - self.alpha**2 * (others / order)
 
-    def _predicted(self, state: FilterState, voltage: FloatArray) -> Moments:
-        _, weight, shift_weight = self.scaling
-        points = self._points(state)
-        order, count, runs = points.shape
-        inputs = np.empty((count, *voltage.shape), voltage.dtype)
-        inputs[:] = voltage
-        moved = self.process.transition(points.reshape(order, -1).T, inputs.reshape(count * runs, *voltage.shape[1:]))
-        moved = np.ascontiguousarray(moved.T, dtype=points.dtype).reshape(points.shape)
-        delta, shift = _deviations(moved, weight)
-        covariance = np.einsum("iar,jar->ijr", delta, delta)
-        covariance *= weight
-        covariance += shift_weight * (shift[:, None] * shift)
-        covariance += self.process.process_covariance.astype(moved.dtype, copy=False)[:, :, None]
-        return Moments((moved[:, 0] + shift).T, covariance.transpose(2, 0, 1))
+    def predicted(self, of: Terms, mean: Any, matrix: Any, inputs: Any) -> tuple[Any, Any]:
+        """Mean and covariance of the points one sample later, eqs. (21) to (24)."""
+        moved = of.moved(self._drawn(of, mean, matrix), inputs)
+        _, shift, covariance = self._scattered(of, moved)
+        return moved[:, :1] + shift, covariance + of.noise
 
-    def _corrected(self, state: FilterState, measurement: FloatArray, output: Output) -> Correction:
-        _, weight, shift_weight = self.scaling
-        points = self._points(state)
-        values = output.measure(points.reshape(len(points), -1).T)
-        values = values.astype(points.dtype, copy=False).reshape(points.shape[1:])
-        delta, shift = _deviations(points, weight)
-        delta_z, shift_z = _deviations(values, weight)
-        variance = weight * np.einsum("kr,kr->r", delta_z, delta_z)
-        variance += shift_weight * shift_z**2 + output.variance
-        cross = weight * np.einsum("kr,ikr->ir", delta_z, delta)
-        cross += shift_weight * shift_z * shift
-        innovation = measurement - (values[0] + shift_z)
-        mean = state.mean + (cross * (innovation / variance)).T
-        covariance = state.covariance - (cross[:, None] * cross / variance).transpose(2, 0, 1)
-        return Correction(Moments(mean, covariance), innovation, variance)
+    def corrected(
+        self, of: Terms, sensor: int, before: tuple[Any, Any, Any], reading: Any, noise: Any
+    ) -> tuple[Any, Any, Any, Any]:
+        """Mean and covariance by those of the readings of points that are drawn anew, eqs. (25) to (31)."""
+        mean, covariance, factor = before
+        spread, weight, _ = self.scaling
+        seen = of.read[sensor](self._drawn(of, mean, factor))
+        delta, shift, variance = self._scattered(of, seen)
+        variance, half = variance + noise, self.process.order
+        # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains
+        cross = of.product(factor, of.turned(weight * spread * (delta[:, :half] - delta[:, half:])))
+        innovation = reading - (seen[:, :1] + shift)
+        covariance = covariance - of.product(cross, of.turned(cross)) / variance
+        return mean + cross * (innovation / variance), covariance, innovation, variance
 
-    def _points(self, state: FilterState) -> FloatArray:
+    def _drawn(self, of: Terms, mean: Any, factor: Any) -> Any:
         """The points mean, mean + spread L_k and mean - spread L_k, eq. (20)."""
-        runs, order = state.mean.shape
-        points = np.empty((order, 2 * order + 1, runs), dtype=state.mean.dtype)
-        columns, centre = self.scaling[0] * state.factor.transpose(1, 2, 0), state.mean.T
-        points[:, 0] = centre
-        np.add(centre[:, None], columns, out=points[:, 1 : order + 1])
-        np.subtract(centre[:, None], columns, out=points[:, order + 1 :])
-        return points
+        columns = self.scaling[0] * factor
+        return of.beside(mean, mean + columns, mean - columns)
 
-    def single(self, graph: ProcessGraph) -> StepFunction:
-        """One step of one run as one function."""
-        return StepFunction(self.process, graph, partial(unscented, self.scaling))
-
-    def _matrix(self, state: FilterState) -> FloatArray:
-        return state.factor[0].T
-
-
-def _deviations(values: FloatArray, weight: float) -> tuple[FloatArray, FloatArray]:
-    """delta_i = Y_i - Y_0 of shape (..., 2n, runs), and their weighted sum s = mean - Y_0."""
-    delta = values[..., 1:, :] - values[..., :1, :]
-    return delta, weight * delta.sum(axis=-2)
+    def _scattered(self, of: Terms, values: Any) -> tuple[Any, Any, Any]:
+        """delta_i = Y_i - Y_0, their weighted sum s = mean - Y_0, and the weighted covariance."""
+        _, weight, shift_weight = self.scaling
+        delta = values[:, 1:] - values[:, :1]
+        shift = weight * of.total(delta)
+        covariance = weight * of.product(delta, of.turned(delta)) + shift_weight * of.product(shift, of.turned(shift))
+        return delta, shift, covariance
 
 
 FilterKind = Literal["ukf", "ekf"]

@@ -1,7 +1,7 @@
 """The filter's view of an actuator's moving part, built from its model.
 
 States are distance (m), velocity (m/s) and current (A), those that the model's effects add (lag, hysteresis), and, for
-sensors that drift, their biases as random walks. A step is one of :mod:`femfit.model.dynamics` in place of
+sensors that drift, their biases as random walks. A step is that of :mod:`femfit.model.equations` in place of
 Euler's in (33): a coil may be as fast as it likes. At a stop the body comes to rest. The measurement is the vector of
 the readings: a Hall voltage through the fitted field, which lets the filter itself tell the coil's part from the
 magnet's, a current, a distance, an acceleration, a force.
@@ -15,27 +15,32 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from femfit.core.errors import FilterError
 from femfit.core.numerics import FloatArray
-from femfit.estimate.constants import FARTHEST, NEAREST
-from femfit.estimate.delayed import delayed_samples
+from femfit.estimate.constants import (
+    BIAS_DEVIATION_V,
+    BIAS_SHARE,
+    BIAS_SHARE_PER_ROOT_S,
+    DELAYED_NOISE,
+    FARTHEST,
+    NEAREST,
+)
 from femfit.estimate.noise import (
     FilterNoise,
     default_noise,
-    first_deviation,
-    initial_covariance,
+    first_deviations,
     operating_distance,
     process_covariance,
-    with_memory,
 )
-from femfit.estimate.outputs import bias_deviations, bias_names, outputs_of
-from femfit.estimate.process import FilterProcess, with_delayed_samples
-from femfit.estimate.process_graph import ProcessGraph
+from femfit.estimate.process import FilterProcess, Output
+from femfit.estimate.process_graph import ProcessGraph, process_graph
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import blocked_by_diodes, is_plain, winding_voltage
-from femfit.model.dynamics import exponential_step, half_way
-from femfit.model.sensors import HALL, sensor_named, sensors_of
+from femfit.model.dynamics import half_way
+from femfit.model.hall import HallSensor
+from femfit.model.sensors import HALL, reading_of, readings_span, sensor_named, sensors_of
 
 
 def levitation_process(
@@ -72,40 +77,71 @@ def levitation_process(
     model.require_dynamics()
     driven = commanded and not is_plain(model.circuits)
     sensors = chosen_sensors(model, sensors)
-    biases = chosen_biases(sensors, biases, hall_bias)
+    graph = process_graph(model, sensors, chosen_biases(sensors, biases, hall_bias))
     distance = operating_distance(model) if distance is None else distance
     noise = default_noise(model, distance) if noise is None else noise
-    names = (*model.state_names, *bias_names(model, biases))
-    lower, upper = _plausible_range(model, len(names))
-    start, process_noise = _covariances(model, noise, distance, biases)
-    named = {name: sensor_named(model, name) for name in sensors}
-    delayed = delayed_samples(model, named, np.sqrt(np.diag(start)))
-    graph = ProcessGraph(model, tuple(biases), delayed)
-    process = FilterProcess(
-        names=names,
+    outputs = tuple(_output(graph, name, noise) for name in sensors)
+    first, walks = _biases(model, graph.biases, noise)
+    deviations = np.append(first_deviations(model), first)
+    remembered = graph.sample_spreads(_places(model, graph.base), deviations)
+    covariance = process_covariance(model, noise, distance, walks)
+    lower, upper = _plausible_range(model, graph.order)
+    return FilterProcess(
+        names=graph.names,
         step_s=model.sample_time_s,
-        transition=partial(_driven_transition, model) if driven else graph.transition,
-        outputs=outputs_of(graph, sensors, noise),
-        process_covariance=process_noise,
+        transition=partial(_driven_transition, graph) if driven else graph.transition,
+        outputs=outputs,
+        process_covariance=block_diag(covariance, np.diag(_sample_variances(graph, outputs))),
         transition_jacobian=None if driven or not graph.light else graph.transition_jacobian,
         lower=lower,
         upper=upper,
-        start_covariance=start,
+        start_covariance=np.diag(np.square(np.append(deviations, remembered))),
         inputs=len(model.circuits),
         eddies=0 if model.eddy is None else model.eddy.count,
-        graph=None if driven else graph,
+        graph=graph,
     )
-    return with_delayed_samples(process, delayed)
 
 
-def _covariances(
-    model: ActuatorModel, noise: FilterNoise, distance: float, biases: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """Of the first estimate and of a step's process noise, (n, n) each; delayed samples are not among the states."""
-    first, walks = bias_deviations(model, biases)
-    walks = [noise.bias_density if name == HALL else walk for name, walk in zip(biases, walks, strict=True)]
-    start = initial_covariance(first_deviation(model), biases=first, circuits=len(model.circuits))
-    return with_memory(model, start), process_covariance(model, noise, distance, walks)
+def _output(graph: ProcessGraph, name: str, noise: FilterNoise) -> Output:
+    """A sensor of the model as a filter sees it."""
+    reading = reading_of(graph.model, name)
+    hall = isinstance(sensor_named(graph.model, name), HallSensor)
+    white = noise.hall_V if hall else noise.sensors.get(name, reading.white)
+    if not white > 0.0:
+        raise FilterError(
+            f"A filter must know the noise of sensor {name!r}, and it must be > 0 {reading.unit}; it is {white:g}. "
+            f"Give [sensors.{name}] its noise in the actuator file, or take it from a record: femfit observe."
+        )
+    measure, slope = partial(graph.measure, name), partial(graph.gradient, name)
+    return Output(name, reading.unit, measure, white**2, slope, reading.period(graph.model.sample_time_s))
+
+
+def _biases(model: ActuatorModel, biases: Sequence[str], noise: FilterNoise) -> tuple[list[float], list[float]]:
+    """First standard deviations of biases, and their random walks over sqrt(s)."""
+    first, walks = [], []
+    for name in biases:
+        span = 0.0 if name == HALL else readings_span(model, sensor_named(model, name))
+        first.append(BIAS_DEVIATION_V if name == HALL else BIAS_SHARE * span)
+        walks.append(noise.bias_density if name == HALL else BIAS_SHARE_PER_ROOT_S * span)
+    return first, walks
+
+
+def _places(model: ActuatorModel, states: int) -> FloatArray:
+    """Bodies held still all over the validity domain, of shape (N, states)."""
+    distance, currents = model.validity.grid(5, 3)
+    places, n = np.zeros((distance.size, states)), len(model.circuits)
+    places[:, 0], places[:, 2 : 2 + n] = distance, currents[:, :n]
+    return places
+
+
+def _sample_variances(graph: ProcessGraph, outputs: Sequence[Output]) -> FloatArray:
+    """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
+    variance = {output.name: output.variance for output in outputs}
+    parts = [
+        np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
+        for samples in graph.samples
+    ]
+    return np.concatenate([*parts, np.zeros(0)])
 
 
 def chosen_sensors(model: ActuatorModel, sensors: Sequence[str] | None) -> tuple[str, ...]:
@@ -156,20 +192,12 @@ def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
     return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
 
 
-def _driven_transition(model: ActuatorModel, states: FloatArray, command: FloatArray) -> FloatArray:
-    """The same for commands of drivers that are no bridges; no diode lets a current turn round."""
+def _driven_transition(graph: ProcessGraph, states: FloatArray, command: FloatArray) -> FloatArray:
+    """States one sample later for commands of drivers that are no bridges; no diode lets a current turn round."""
+    model = graph.model
     command = command[:, None] if command.ndim == 1 else command
     volts = winding_voltage(model, half_way(states, model.sample_time_s), command, model.sample_time_s)
-    result = _transition(model, states, volts[:, 0] if volts.shape[1] == 1 else volts)
-    return blocked_by_diodes(model, result)
-
-
-def _transition(model: ActuatorModel, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    order = model.order
-    result = exponential_step(model, states[:, :order], voltage, model.sample_time_s)
-    if order < states.shape[1]:
-        result = np.concatenate([result.T, states[:, order:].T]).T  # a component's values together
-    return kept_between_stops(model, result)
+    return blocked_by_diodes(model, graph.transition(states, volts))
 
 
 def kept_between_stops(model: ActuatorModel, states: FloatArray) -> FloatArray:

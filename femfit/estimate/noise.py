@@ -158,11 +158,18 @@ def operating_distance(model: ActuatorModel) -> float:
     return 0.5 * (model.validity.distance_min_m + model.validity.distance_max_m)
 
 
-def first_deviation(model: ActuatorModel) -> float:
-    """First standard deviation of the distance in m: no more than that of a body somewhere between its ends."""
-    box = model.validity
+def first_deviations(model: ActuatorModel) -> FloatArray:
+    """First standard deviations of a model's states.
+
+    That of the distance is no more than that of a body somewhere between its ends.
+    """
+    box, n = model.validity, len(model.circuits)
     near, far = np.clip(model.require_motion().ends, box.distance_min_m, box.distance_max_m)
-    return min(FIRST_DEVIATION_M, float(far - near) / float(np.sqrt(12.0)))
+    distance = min(FIRST_DEVIATION_M, float(far - near) / float(np.sqrt(12.0)))
+    carried = eddy_currents_of(model, np.full(n, FIRST_CURRENT_A), FIRST_VELOCITY_M_S)
+    least = LEAST_EDDY_SHARE * max(float(carried.max(initial=0.0)), FIRST_CURRENT_A)
+    spreads = [memory.spread for memory in model.memories for _ in memory.names]
+    return np.array([distance, FIRST_VELOCITY_M_S, *[FIRST_CURRENT_A] * n, *np.maximum(carried, least), *spreads])
 
 
 def process_covariance(
@@ -228,34 +235,3 @@ def _add_memory(result: FloatArray, model: ActuatorModel, distance: float, curre
     result[first:end, first:end] = variance * np.outer(along, along) + np.diag(
         OWN_SHARE * variance * along**2 + OWN_VARIANCE
     )
-
-
-def with_memory(model: ActuatorModel, covariance: FloatArray) -> FloatArray:
-    """A covariance from :func:`initial_covariance` with eddy currents and states of effects, independent, put in."""
-    spreads = np.array([memory.spread for memory in model.memories for _ in memory.names])
-    if model.eddy is not None:
-        first_currents = np.full(len(model.circuits), FIRST_CURRENT_A)
-        carried = eddy_currents_of(model, first_currents, FIRST_VELOCITY_M_S)
-        least = LEAST_EDDY_SHARE * max(float(carried.max()), FIRST_CURRENT_A)
-        spreads = np.concatenate([np.maximum(carried, least), spreads])
-    if not len(spreads):
-        return covariance
-    added = len(spreads)
-    first = 2 + len(model.circuits)
-    places = np.r_[0:first, first + added : len(covariance) + added]
-    result = np.zeros((len(covariance) + added,) * 2)
-    result[np.ix_(places, places)] = covariance
-    result[range(first, first + added), range(first, first + added)] = spreads**2
-    return result
-
-
-def initial_covariance(
-    distance_m: float = FIRST_DEVIATION_M,
-    velocity_m_s: float = FIRST_VELOCITY_M_S,
-    current_A: float = FIRST_CURRENT_A,
-    biases: Sequence[float] = (),
-    circuits: int = 1,
-) -> FloatArray:
-    """Covariance of a first estimate from its standard deviations; those of biases after them."""
-    deviations = [distance_m, velocity_m_s, *(current_A,) * circuits, *biases]
-    return np.diag(np.square(np.asarray(deviations, dtype=np.float64)))

@@ -1,11 +1,9 @@
 """What a filter is told of the world: x+ = f(x, u) + w, z_k = h_k(x) + n_k, with cov w = Q and var n_k = R_k.
 
 The state of a batch of filters, which one step hands to the next, and how a run ended.
-
-A process whose readings are late or differences: earlier samples become states beside its own.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from functools import cached_property, partial
@@ -17,9 +15,6 @@ from numpy.typing import NDArray
 
 from femfit.core.errors import FilterError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, central_differences
-from femfit.estimate.constants import DELAYED_NOISE
-from femfit.estimate.delayed import DelayedSamples, delayed_variances
-from femfit.model.actuator_model import ActuatorModel
 
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 Measure = Callable[[FloatArray], FloatArray]
@@ -54,21 +49,15 @@ class FilterProcess:
     lower: FloatArray | None = None
     upper: FloatArray | None = None
     start_covariance: FloatArray | None = None  # Covariance of a first estimate's error by default; shape (n, n)
-    delayed: DelayedSamples | None = None  # States after the others that are values of earlier samples
     inputs: int = 1  # Voltages of a sample; of one alone, inputs have no axis of their own
     eddies: int = 0  # States that are eddy currents
     graph: Any = None  # A :class:`femfit.estimate.process_graph.ProcessGraph` that moves all states and reads them
 
-    def predicting(self, transition: Transition, jacobian: Transition | None = None) -> "FilterProcess":
-        """The same process with another transition of all states but those that are remembered, by arrays."""
-        if self.delayed is None:
-            return replace(self, transition=transition, transition_jacobian=jacobian, graph=None)
-        return replace(
-            self,
-            transition=partial(_with_samples, self.delayed, transition),
-            transition_jacobian=None if jacobian is None else partial(_slope_with_samples, self.delayed, jacobian),
-            graph=None,
-        )
+    def predicting(self, transition: Transition) -> "FilterProcess":
+        """The same process with another transition of all states but those that are remembered."""
+        remembers = self.graph is not None and self.graph.samples
+        moved = partial(self.graph.with_samples, transition) if remembers else transition
+        return replace(self, transition=moved, transition_jacobian=None)
 
     @cached_property
     def own_graph(self) -> Any:
@@ -121,6 +110,21 @@ class FilterProcess:
         """Number of states n."""
         return len(self.names)
 
+    @property
+    def base(self) -> int:
+        """Number of states that are no samples which a filter remembers."""
+        return self.order if self.graph is None else int(self.graph.base)
+
+    def begun(self, first: FloatArray) -> FloatArray:
+        """A first estimate (..., n) of a body that was at rest before; states that are left out at the end are zero."""
+        missing = self.base - first.shape[-1] if first.ndim else 0
+        if 0 < missing < self.base:
+            first = np.concatenate([first, np.zeros((*first.shape[:-1], missing), first.dtype)], axis=-1)
+        if self.base == self.order or first.shape[-1:] != (self.base,):
+            return first
+        every = self.graph.from_rest(first.reshape(-1, self.base))
+        return np.asarray(every.reshape(*first.shape[:-1], self.order))
+
     def state_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """df/dx of shape (N, n, n), analytic where the process has it."""
         if self.transition_jacobian is not None:
@@ -137,18 +141,6 @@ class FilterProcess:
             return output.jacobian(states)
         measure = output.measure
         return central_differences(lambda points: measure(points)[:, None], states, self._deviations)[:, 0, :]
-
-
-def _with_samples(
-    delayed: DelayedSamples, transition: Transition, states: FloatArray, inputs: FloatArray
-) -> FloatArray:
-    return delayed.moved(transition(states[:, : delayed.base], inputs), states)
-
-
-def _slope_with_samples(
-    delayed: DelayedSamples, jacobian: Transition, states: FloatArray, inputs: FloatArray
-) -> FloatArray:
-    return delayed.jacobian(jacobian(states[:, : delayed.base], inputs), states)
 
 
 class FilterOutcome(IntEnum):
@@ -233,53 +225,3 @@ class FilterState:
     def outcomes(self) -> tuple[FilterOutcome, ...]:
         """The outcome of every run."""
         return tuple(FilterOutcome(int(code)) for code in self.outcome)
-
-
-def with_delayed_samples(process: FilterProcess, delayed: DelayedSamples | None) -> FilterProcess:
-    """The process with the states that its sensors ask for; the same where all are prompt.
-
-    Parameters
-    ----------
-    process : FilterProcess
-        With a start covariance, and outputs that know of the delayed samples.
-    """
-    if delayed is None:
-        return process
-    base, start = process.order, process.require_start_covariance()
-    unlimited = np.full(delayed.order, np.inf)
-    added = replace(
-        process,
-        names=(*process.names, *delayed.names),
-        lower=None if process.lower is None else np.concatenate([process.lower, -unlimited]),
-        upper=None if process.upper is None else np.concatenate([process.upper, unlimited]),
-        start_covariance=_joined(start, delayed_variances(delayed, _places(delayed.model, base))),
-        process_covariance=_joined(process.process_covariance, _delayed_noise(delayed, process.outputs)),
-        delayed=delayed,
-    )
-    return added if process.graph is not None else added.predicting(process.transition)
-
-
-def _places(model: ActuatorModel, base: int) -> FloatArray:
-    """Bodies held still all over the validity domain, of shape (N, base)."""
-    distance, currents = model.validity.grid(5, 3)
-    places, n = np.zeros((distance.size, base)), len(model.circuits)
-    places[:, 0], places[:, 2 : 2 + n] = distance, currents[:, :n]
-    return places
-
-
-def _delayed_noise(delayed: DelayedSamples, outputs: Sequence[Output]) -> FloatArray:
-    """Variances that a step adds to remembered values: far below what the readings' noise would make of them."""
-    variance = {output.name: output.variance for output in outputs}
-    parts = [
-        np.full(samples.count, DELAYED_NOISE**2 * variance[samples.name] / np.abs(samples.weights).max() ** 2)
-        for samples in delayed.by_sensor
-    ]
-    return np.concatenate(parts)
-
-
-def _joined(covariance: FloatArray, variances: FloatArray) -> FloatArray:
-    """A covariance with independent states after its own."""
-    n = len(covariance)
-    result = np.diag(np.concatenate([np.zeros(n), variances]))
-    result[:n, :n] = covariance
-    return result

@@ -1,4 +1,14 @@
-"""A levitation process as expressions: all states one sample later, and what the sensors read."""
+"""A levitation process as expressions: all states one sample later, and what the sensors read.
+
+Behind the states of the model and the biases stand, for each sensor whose readings are late or are differences,
+g(x_(k-1)), g(x_(k-2)), .. of :mod:`femfit.model.sensors`: what it had at earlier samples. They move on by one place a
+sample, and a reading is linear in them.
+
+References
+----------
+B. D. O. Anderson and J. B. Moore, Optimal Filtering (Prentice-Hall, 1979), chapter 7: fixed-lag smoothing as filtering
+of a state that earlier ones are added to.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,16 +18,56 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
+from femfit.core.errors import FilterError
 from femfit.core.graph import GraphFunction, Memo, building
 from femfit.core.numerics import FloatArray
-from femfit.estimate.delayed import DelayedSamples
+from femfit.estimate.constants import MOST_DELAYED_SAMPLES
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import PickupSensor
 from femfit.model.sensing import AnySensor, pickup_flux, reading_expression
-from femfit.model.sensors import sensor_named
+from femfit.model.sensors import reading_of, sample_weights, sensor_named, unit_in_name
 
 MOST_EXACT = 10_000
 """Measured: instructions of a step above which its Jacobian takes seconds to make."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorSamples:
+    """What is remembered of one sensor."""
+
+    name: str
+    sensor: AnySensor
+    places: slice  # Of its states
+    weights: FloatArray  # c_0, c_1, .. of a reading
+
+    @property
+    def count(self) -> int:
+        """States of this sensor."""
+        return len(self.weights) - 1
+
+
+def process_graph(model: ActuatorModel, sensors: Sequence[str], biases: Sequence[str]) -> "ProcessGraph":
+    """The graph of a model that these sensors read, of which some have a bias.
+
+    Raises
+    ------
+    FilterError
+        If a delay is longer than a filter remembers.
+    """
+    samples, end = [], model.order + len(biases)
+    for name in sensors:
+        sensor = sensor_named(model, name)
+        if sensor.delay_s > MOST_DELAYED_SAMPLES * model.sample_time_s:
+            raise FilterError(
+                f"A filter remembers {MOST_DELAYED_SAMPLES} samples at most; sensor {name!r} is late by "
+                f"{1e3 * sensor.delay_s:g} ms, which are {sensor.delay_s / model.sample_time_s:.0f}. Lengthen the "
+                "sample time, or leave the sensor out."
+            )
+        weights = sample_weights(sensor, model.sample_time_s)
+        if len(weights) > 1:
+            samples.append(SensorSamples(name, sensor, slice(end, end + len(weights) - 1), weights))
+            end = samples[-1].places.stop
+    return ProcessGraph(model, tuple(biases), tuple(samples))
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,51 +76,70 @@ class ProcessGraph:
 
     model: ActuatorModel
     biases: tuple[str, ...]
-    delayed: DelayedSamples | None
+    samples: tuple[SensorSamples, ...]
+
+    @property
+    def base(self) -> int:
+        """Number of states that are no samples."""
+        return self.model.order + len(self.biases)
 
     @property
     def order(self) -> int:
-        """Number of states."""
-        return self.model.order + len(self.biases) + (0 if self.delayed is None else self.delayed.order)
+        """Number of all states."""
+        return self.base + sum(samples.count for samples in self.samples)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the states, with their units; a pickup coil's samples are flux linkages."""
+        units = {name: unit_in_name(reading_of(self.model, name).unit) for name in self.biases}
+        names = [*self.model.state_names, *(f"{name}_bias_{unit}" for name, unit in units.items())]
+        for samples in self.samples:
+            unit = unit_in_name(reading_of(self.model, samples.name).unit)
+            unit = "Wb" if isinstance(samples.sensor, PickupSensor) else unit
+            names += [f"{samples.name}_before_{k + 1}_{unit}" for k in range(samples.count)]
+        return tuple(names)
 
     @cached_property
     def light(self) -> bool:
         """Whether exact Jacobians, and a step as one function, are made in a second; else differences serve."""
-        moved = self._known("moved", self.moved)
-        return sum(tape.function.n_instructions() for tape, _ in moved.stages) <= MOST_EXACT
+        stages = self.function("moved", self.moved).stages
+        return sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
 
     def moved(self, x: SX, voltage: SX) -> SX:
         """All states one sample later; a body that a stop holds rests there."""
         model, end = self.model, self.model.order
-        moving, biases = x[:end], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[end : end + len(self.biases)])
-        after = model.equations.step_of(moving, voltage, model.sample_time_s)
+        after = model.equations.step_of(x[:end], voltage, model.sample_time_s)
         near, far = model.require_motion().ends
         d, v = after[0], after[1]
         if np.isfinite(near):
             d, v = ca.fmax(after[0], near), ca.if_else(after[0] <= near, ca.fmax(v, 0.0), v)
         if np.isfinite(far):
             d, v = ca.fmin(d, far), ca.if_else(after[0] >= far, ca.fmin(v, 0.0), v)
-        return ca.vertcat(d, v, *ca.vertsplit(after)[2:], biases, self._remembered(x))
+        return ca.vertcat(d, v, *ca.vertsplit(after)[2:], *ca.vertsplit(x)[end : self.base], self.remembered(x))
 
     def begun(self, first: SX) -> SX:
-        """All states of a body that was at rest before, from its distance, velocity and currents."""
-        base = self.model.order + len(self.biases)
-        known = ca.vertcat(first, SX.zeros(base - first.numel()))
-        samples = () if self.delayed is None else self.delayed.by_sensor
-        values = (ca.repmat(self._sampled(known, one.sensor), one.count) for one in samples)
-        return ca.vertcat(known, *values)
+        """All states of a body that was at rest before, from its first states, of which the last may be left out."""
+        known = ca.vertcat(first, SX.zeros(self.base - first.numel()))
+        return ca.vertcat(known, *(ca.repmat(self._sampled(known, of.sensor), of.count) for of in self.samples))
 
     def read(self, x: SX, name: str) -> SX:
         """The reading of a sensor, its bias included."""
-        samples = None if self.delayed is None else self.delayed.of_sensor(name)
+        samples = next((samples for samples in self.samples if samples.name == name), None)
         if samples is None:
             value = self._sampled(x, sensor_named(self.model, name))
         else:
-            earlier = x[samples.first : samples.first + samples.count]
-            value = ca.dot(ca.DM(samples.weights[1:]), earlier)
+            value = ca.dot(ca.DM(samples.weights[1:]), x[samples.places])
             if samples.weights[0]:
                 value += samples.weights[0] * self._sampled(x, samples.sensor)
         return value + x[self.model.order + self.biases.index(name)] if name in self.biases else value
+
+    def remembered(self, x: SX) -> SX:
+        """The states that are samples, one sample later."""
+        result = SX(0, 1)
+        for samples in self.samples:
+            earlier = ca.vertsplit(x[samples.places])
+            result = ca.vertcat(result, self._sampled(x, samples.sensor), *earlier[:-1])
+        return result
 
     def _sampled(self, x: SX, sensor: AnySensor) -> SX:
         """The g of :mod:`femfit.model.sensors`."""
@@ -80,58 +149,73 @@ class ProcessGraph:
         holding = SX(model.resistances_ohm) * ca.vertcat(SX(0, 1), *ca.vertsplit(state)[2 : 2 + len(model.circuits)])
         return reading_expression(model.equations, sensor, state, holding, SX(0.0))
 
-    def _remembered(self, x: SX) -> SX:
-        result = SX(0, 1)
-        for samples in () if self.delayed is None else self.delayed.by_sensor:
-            earlier = ca.vertsplit(x[samples.first : samples.first + samples.count])
-            result = ca.vertcat(result, self._sampled(x, samples.sensor), *earlier[:-1])
-        return result
-
     def transition(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """States (N, n) one sample later."""
-        return self._known("moved", self.moved)(states.T, self._volts(states, inputs)).T
+        return self._values(self.function("moved", self.moved), states, inputs)
 
     def transition_jacobian(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
         """Jacobians of :meth:`transition`, (N, n, n)."""
-        function = self._known("moved slope", lambda x, u: ca.vec(ca.jacobian(self.moved(x, u), x).T))
-        return function(states.T, self._volts(states, inputs)).T.reshape(len(states), self.order, self.order)
+        columns = self._values(self.function("moved slope", self.moved_slope), states, inputs)
+        return columns.reshape(len(states), self.order, self.order).swapaxes(1, 2)
+
+    def moved_slope(self, x: SX, voltage: SX) -> SX:
+        """Jacobian of :meth:`moved`, column after column."""
+        return ca.vec(ca.jacobian(self.moved(x, voltage), x))
 
     def measure(self, name: str, states: FloatArray) -> FloatArray:
         """Readings (N,) of a sensor in states (N, n)."""
-        function = self._known(name, lambda x, _: self.read(x, name))
-        return np.asarray(function(states.T, self._no_volts)[0])
+        return self._values(self.reading(name), states)[:, 0]
 
     def gradient(self, name: str, states: FloatArray) -> FloatArray:
         """Gradients of :meth:`measure`, (N, n)."""
-        function = self._known(name + " slope", lambda x, _: ca.gradient(self.read(x, name), x))
-        return function(states.T, self._no_volts).T
+        return self._values(self.reading_slope(name), states)
 
-    def _known(self, key: str, make: Callable[[SX, SX], SX]) -> GraphFunction:
-        if key not in self._functions:
+    def reading(self, name: str) -> GraphFunction:
+        """The reading of a sensor."""
+        return self.function(name, lambda x, _: self.read(x, name))
+
+    def reading_slope(self, name: str) -> GraphFunction:
+        """Its gradient."""
+        return self.function(name + " slope", lambda x, _: ca.gradient(self.read(x, name), x))
+
+    def with_samples(
+        self, transition: Callable[[FloatArray, FloatArray], FloatArray], states: FloatArray, inputs: FloatArray
+    ) -> FloatArray:
+        """All states (N, n) one sample later, the first ones by a transition of theirs."""
+        remembered = self._values(self.function("remembered", lambda x, _: self.remembered(x)), states)
+        moved = transition(states[:, : self.base], inputs)
+        return np.concatenate([moved.T, remembered.T]).T  # a state's values lie together
+
+    def from_rest(self, first: FloatArray) -> FloatArray:
+        """All states (N, n) of bodies that were at rest before, from their first ones (N, base)."""
+        return self._values(self.function("begun", lambda x, _: self.begun(x), self.base), first)
+
+    def sample_spreads(self, states: FloatArray, deviations: FloatArray) -> list[float]:
+        """The largest deviation of each remembered sample over states (N, base) that are so uncertain."""
+        result = []
+        for samples in self.samples:
+
+            def slope(x: SX, _: SX, sensor: AnySensor = samples.sensor) -> SX:
+                return ca.gradient(self._sampled(x, sensor), x)
+
+            slopes = self._values(self.function(samples.name + " sampled", slope, self.base), states)
+            result += [float((np.abs(slopes) @ deviations).max())] * samples.count
+        return result
+
+    def function(self, what: str, make: Callable[[SX, SX], SX], states: int | None = None) -> GraphFunction:
+        """A function of so many states, or all, and the circuits' voltages, made once."""
+        if what not in self._functions:
             with building():
-                x, u = SX.sym("x", self.order), SX.sym("u", len(self.model.circuits))
-                self._functions[key] = GraphFunction([x, u], make(x, u))
-        return self._functions[key]
+                x, u = SX.sym("x", self.order if states is None else states), SX.sym("u", len(self.model.circuits))
+                self._functions[what] = GraphFunction([x, u], make(x, u))
+        return self._functions[what]
 
     @cached_property
     def _functions(self) -> dict[str, GraphFunction]:
         return Memo()
 
-    @property
-    def _no_volts(self) -> FloatArray:
-        return np.zeros(len(self.model.circuits))
-
-    def _volts(self, states: FloatArray, inputs: FloatArray) -> FloatArray:
-        return np.asarray(inputs, dtype=np.float64).reshape(len(states), -1).T
-
-
-def scalar_functions(
-    graph: ProcessGraph, sensors: Sequence[str]
-) -> tuple[ca.Function, ca.Function, ca.Function, ca.Function]:
-    """(x, u) -> x+ and its Jacobian, x -> all readings and theirs, at a point."""
-    with building():
-        x, u = SX.sym("x", graph.order), SX.sym("u", len(graph.model.circuits))
-        moved, read = graph.moved(x, u), ca.vertcat(*(graph.read(x, name) for name in sensors))
-        parts = (moved, ca.vec(ca.jacobian(moved, x)), read, ca.vec(ca.jacobian(read, x)))
-        step, step_slope, look, look_slope = (GraphFunction([x, u], part).at_a_point for part in parts)
-    return step, step_slope, look, look_slope
+    def _values(self, function: GraphFunction, states: FloatArray, inputs: FloatArray | None = None) -> FloatArray:
+        """Values (N, entries); without inputs where the function does not depend on them."""
+        if inputs is None:
+            return function(states.T, np.zeros(len(self.model.circuits))).T
+        return function(states.T, np.asarray(inputs, dtype=np.float64).reshape(len(states), -1).T).T

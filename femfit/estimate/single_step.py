@@ -1,26 +1,85 @@
-"""One step of one filter, predict and update, as one function: what a control loop calls.
+"""The equations of a filter on one process: over arrays for many runs, and as one function of one step of one run.
 
-The equations are those of :mod:`femfit.estimate.kalman_filter`, in the same order. A reading that is missing has an
-infinite variance, so that it changes nothing.
+A control loop calls the one function. A reading that is missing has an infinite variance there, so that it changes
+nothing.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
+from numpy.typing import DTypeLike
 
 from femfit.core.compiled import Compilation
 from femfit.core.numerics import FloatArray
 from femfit.core.tape import Caller
-from femfit.estimate.process import FilterProcess
-from femfit.estimate.process_graph import ProcessGraph, scalar_functions
+from femfit.estimate.process import FilterProcess, Output
+from femfit.estimate.process_graph import ProcessGraph
+
+if TYPE_CHECKING:
+    from femfit.estimate.filter import Filter
 
 MISSING = 1e200
 """Numerical: variance of a reading that is missing."""
 
 MOST_WRITTEN = 40_000
 """Measured: instructions up to which all sigma points are written out; a larger step is called as a function."""
+
+
+class Terms(NamedTuple):
+    """What a filter's equations are made of: matrices as arrays (rows, columns, runs), or as expressions.
+
+    States are columns; sigma points lie side by side.
+    """
+
+    product: Callable[[Any, Any], Any]
+    turned: Callable[[Any], Any]
+    beside: Callable[..., Any]
+    total: Callable[[Any], Any]  # Of a matrix's columns
+    unit: Any
+    noise: Any  # Q
+    moved: Callable[[Any, Any], Any]  # (points, inputs) -> points one sample later
+    moved_slope: Callable[[Any, Any], Any]  # df/dx of one state
+    read: Sequence[Callable[[Any], Any]]  # Of each sensor: points -> a row of readings
+    read_slope: Sequence[Callable[[Any], Any]]  # dh/dx of one state, a row
+
+
+def in_arrays(process: FilterProcess, dtype: DTypeLike) -> Terms:
+    """The terms for many runs, in this precision."""
+
+    def as_points(values: FloatArray, points: FloatArray) -> FloatArray:
+        """Values (N, k), or (N,), of points (n, count, runs)."""
+        return np.ascontiguousarray(values.T, dtype=dtype).reshape(-1, *points.shape[1:])
+
+    def moved(points: FloatArray, inputs: FloatArray) -> FloatArray:
+        every = np.empty((points.shape[1], *inputs.shape), dtype)
+        every[:] = inputs
+        states = points.reshape(len(points), -1).T
+        return as_points(process.transition(states, every.reshape(len(states), *inputs.shape[1:])), points)
+
+    def slope(points: FloatArray, inputs: FloatArray) -> FloatArray:
+        return process.state_jacobian(points[:, 0].T, inputs).transpose(1, 2, 0).astype(dtype, copy=False)
+
+    def reading(output: Output, points: FloatArray) -> FloatArray:
+        return as_points(output.measure(points.reshape(len(points), -1).T), points)
+
+    def reading_slope(output: Output, points: FloatArray) -> FloatArray:
+        return process.output_jacobian(points[:, 0].T, output).T[None].astype(dtype, copy=False)
+
+    return Terms(
+        product=lambda a, b: np.einsum("ijr,jkr->ikr", a, b),
+        turned=lambda a: a.swapaxes(0, 1),
+        beside=lambda *parts: np.concatenate(parts, axis=1),
+        total=lambda a: a.sum(axis=1, keepdims=True),
+        unit=np.eye(process.order, dtype=dtype)[:, :, None],
+        noise=process.process_covariance.astype(dtype, copy=False)[:, :, None],
+        moved=moved,
+        moved_slope=slope,
+        read=[partial(reading, output) for output in process.outputs],
+        read_slope=[partial(reading_slope, output) for output in process.outputs],
+    )
 
 
 class SingleStep(NamedTuple):
@@ -40,20 +99,50 @@ class StepFunction:
     ``function`` is that of CasADi, whose output has the parts one below the other, matrices column by column.
     """
 
-    def __init__(self, process: FilterProcess, graph: ProcessGraph, make: Callable[..., list[Any]]) -> None:
-        functions = scalar_functions(graph, [output.name for output in process.outputs])
-        n, m = graph.order, len(process.outputs)
-        points = 1 if make is extended else 2 * n + 1
-        written = points * sum(function.n_instructions() for function in functions[::2]) < MOST_WRITTEN
-        symbol: Any = ca.SX if written and all(function.is_a("SXFunction") for function in functions) else ca.MX
+    def __init__(self, filter_: "Filter", graph: ProcessGraph) -> None:
+        outputs, n = filter_.process.outputs, graph.order
+        m = len(outputs)
+        step = graph.function("moved", graph.moved).at_a_point
+        step_slope = graph.function("moved slope", graph.moved_slope).at_a_point
+        looks = [graph.reading(output.name).at_a_point for output in outputs]
+        look_slopes = [graph.reading_slope(output.name).at_a_point for output in outputs]
+        points = 1 if filter_.carries == "covariance" else 2 * n + 1
+        written = points * sum(function.n_instructions() for function in (step, *looks)) < MOST_WRITTEN
+        plain = all(function.is_a("SXFunction") for function in (step, step_slope, *looks, *look_slopes))
+        symbol: Any = ca.SX if written and plain else ca.MX
         shapes = (("x", n), ("P", n, n), ("u", len(graph.model.circuits)), ("y", m), ("R", m))
-        given = [symbol.sym(*shape) for shape in shapes]
-        parts = make(functions, ca.DM(process.process_covariance), *given)
+        x, matrix, u, y, r = given = [symbol.sym(*shape) for shape in shapes]
+
+        def of_each(function: ca.Function, points: Any) -> Any:
+            return ca.horzcat(*(function(point, u) for point in ca.horzsplit(points)))
+
+        def slope(function: ca.Function, x: Any) -> Any:
+            return ca.reshape(function(x, u), -1, n)
+
+        terms = Terms(
+            product=ca.mtimes,
+            turned=lambda a: a.T,
+            beside=ca.horzcat,
+            total=ca.sum2,
+            unit=symbol.eye(n),
+            noise=ca.DM(filter_.process.process_covariance),
+            moved=lambda points, _: of_each(step, points),
+            moved_slope=lambda x, _: slope(step_slope, x),
+            read=[partial(of_each, look) for look in looks],
+            read_slope=[partial(slope, look) for look in look_slopes],
+        )
+        mean, covariance = filter_.predicted(terms, x, matrix, u)
+        predicted, seen = mean, []
+        for k in range(m):
+            factor = _factor(covariance)
+            mean, covariance, *judged = filter_.corrected(terms, k, (mean, covariance, factor), y[k], r[k])
+            seen.append(judged)
+        parts = [covariance, _factor(covariance), mean, predicted, *(a for a, _ in seen), *(b for _, b in seen)]
         output = ca.vertcat(*(ca.vec(ca.densify(part)) for part in parts))
         function = ca.Function("step", given, [ca.cse(output) if symbol is ca.SX else output])
         self.function = function
         self._call, self._order, self._sensors = Caller(function, Compilation(function)), n, m
-        self._variances = np.array([output.variance for output in process.outputs])
+        self._variances = np.array([output.variance for output in outputs])
 
     def __call__(self, mean: FloatArray, matrix: FloatArray, voltage: Any, readings: FloatArray) -> SingleStep:
         """One step; ``matrix`` is symmetric, or a factor as its transpose."""
@@ -83,65 +172,3 @@ def _factor(covariance: Any) -> Any:
     """L of L L^T, with NaN where there is none."""
     square = ca.SX.sym("P", *covariance.shape)
     return ca.Function("factor", [square], [ca.densify(ca.chol(square).T)])(covariance)
-
-
-def extended(functions: Sequence[ca.Function], noise: Any, x: Any, P: Any, u: Any, y: Any, R: Any) -> list[Any]:
-    """The extended filter: the covariance follows the Jacobians; Joseph's form."""
-    step, step_slope, look, look_slope = functions
-    n, m = x.numel(), y.numel()
-    F = ca.reshape(step_slope(x, u), n, n)
-    mean = predicted = step(x, u)
-    covariance = F @ P @ F.T + noise
-    innovations, variances = [], []
-    for k in range(m):
-        H = ca.reshape(look_slope(mean, u), m, n)[k, :]
-        cross = covariance @ H.T
-        variance = H @ cross + R[k]
-        gain, innovation = cross / variance, y[k] - look(mean, u)[k]
-        mean, kept = mean + gain * innovation, type(x).eye(n) - gain @ H
-        covariance = kept @ covariance @ kept.T + R[k] * gain @ gain.T
-        covariance = 0.5 * (covariance + covariance.T)
-        innovations.append(innovation)
-        variances.append(variance)
-    return [covariance, _factor(covariance), mean, predicted, *innovations, *variances]
-
-
-def unscented(
-    scaling: tuple[float, float, float],
-    functions: Sequence[ca.Function],
-    noise: Any,
-    x: Any,
-    S: Any,
-    u: Any,
-    y: Any,
-    R: Any,
-) -> list[Any]:
-    """The unscented filter with redrawn points; S S^T is the covariance."""
-    (spread, weight, shift_weight), (step, _, look, _) = scaling, functions
-    n = x.numel()
-
-    def points(mean: Any, factor: Any) -> list[Any]:
-        return [mean, *(mean + sign * spread * factor[:, k] for sign in (1.0, -1.0) for k in range(n))]
-
-    def moments(values: list[Any]) -> tuple[Any, Any]:
-        delta = ca.horzcat(*(value - values[0] for value in values[1:]))
-        return delta, weight * ca.sum2(delta)
-
-    moved = [step(point, u) for point in points(x, S)]
-    delta, shift = moments(moved)
-    mean = predicted = moved[0] + shift
-    covariance = weight * delta @ delta.T + shift_weight * shift @ shift.T + noise
-    factor = _factor(covariance)
-    innovations, variances = [], []
-    for k in range(y.numel()):
-        seen = [look(point, u)[k] for point in points(mean, factor)]
-        delta, shift = moments(seen)
-        variance = weight * delta @ delta.T + shift_weight * shift**2 + R[k]
-        # Redrawn points lie in pairs about the mean: mean +- spread L_k, of which only the difference in z remains
-        cross = factor @ (weight * spread * (delta[:n] - delta[n:]).T)
-        innovation = y[k] - seen[0] - shift
-        mean, covariance = mean + cross * (innovation / variance), covariance - cross @ cross.T / variance
-        factor = _factor(covariance)
-        innovations.append(innovation)
-        variances.append(variance)
-    return [covariance, factor, mean, predicted, *innovations, *variances]

@@ -218,9 +218,8 @@ def _errors(
     """Root mean square over the runs of the distance's error, and of the deviation that the filter claims."""
     process, names = built.process, [output.name for output in built.process.outputs]
     # What is remembered follows from the first states: the body was at rest before
-    states_of_model = process.order if process.delayed is None else process.delayed.base
-    first = np.linalg.cholesky(process.require_start_covariance()[:states_of_model, :states_of_model])
-    start = states[0, :states_of_model] + generator.standard_normal((runs, states_of_model)) @ first.T
+    first = np.linalg.cholesky(process.require_start_covariance()[: process.base, : process.base])
+    start = states[0, : process.base] + generator.standard_normal((runs, process.base)) @ first.T
     start[:, 0] = np.clip(start[:, 0], *model.require_motion().ends)
     moved = states[:, : model.order]
     exact = np.stack([sampled_readings(model, sensor_named(model, name), moved) for name in names], axis=1)

@@ -121,7 +121,7 @@ def test_a_pickup_coil_tells_the_distance_that_a_current_alone_tells_less_well()
     bounds = []
     for names in (("shunt",), ("shunt", "search")):
         built = ff.kalman_filter(model, sensors=names)
-        path = built.process.delayed.from_rest(states) if built.process.delayed else states
+        path = built.process.begun(states)
         bounds.append(np.sqrt(bound_along(built.process, path, volts)[-1, 0, 0]))
     assert bounds[1] < bounds[0]
 

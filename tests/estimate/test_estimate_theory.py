@@ -14,7 +14,6 @@ from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import (
     default_noise,
-    initial_covariance,
     noise_ratio_bound,
     process_covariance,
     unstable_pole,
@@ -22,6 +21,7 @@ from femfit.estimate.noise import (
 from femfit.estimate.process import FilterProcess, Output
 from femfit.model.bspline import TensorSpline
 from femfit.model.sensors import reading_of
+from support.covariances import initial_covariance
 from support.one_current import flat
 
 RANDOM = np.random.default_rng(8)

@@ -10,9 +10,10 @@ from femfit.estimate.direct import hall_inverse
 from femfit.estimate.holding import holding_current
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
-from femfit.estimate.noise import FilterNoise, consistency_band, initial_covariance, process_covariance
+from femfit.estimate.noise import FilterNoise, consistency_band, process_covariance
 from femfit.estimate.process import FilterProcess, Output
 from femfit.model.dynamics import runge_kutta_step
+from support.covariances import initial_covariance
 
 FILTERS = [
     UnscentedFilter,

@@ -9,9 +9,9 @@ from femfit.core.errors import FilterError, MissingPartError
 from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalman_filter
 from femfit.estimate.levitation import levitation_process
-from femfit.estimate.noise import initial_covariance
 from femfit.estimate.process import FilterOutcome, FilterProcess, Output
 from femfit.model.json_file import write_model
+from support.covariances import initial_covariance
 
 ALL = [UnscentedFilter, ExtendedFilter]
 START = np.array([0.022, 0.0, 0.32])

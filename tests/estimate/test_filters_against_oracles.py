@@ -6,7 +6,7 @@ from filterpy.kalman import ExtendedKalmanFilter, MerweScaledSigmaPoints, Unscen
 
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter
 from femfit.estimate.levitation import levitation_process
-from femfit.estimate.noise import initial_covariance
+from support.covariances import initial_covariance
 
 # In units of the standard deviation. Different orders of summation give up to 5e-12 over this record; an approximation
 # of any kind, or the other choice of sigma points, shows above 1e-4.
