@@ -211,7 +211,7 @@ class Filter(Printed, ABC):
         """Predict with the voltage held since the last sample, then update with this sample's readings."""
         process = self.process
         if len(state.mean) == 1 and state.mean.dtype == DOUBLE and not state.outcome.item():
-            alone = self._kept("step", self.single)
+            alone = self._kept("step", lambda: self.single() if process.has_graph else None)
             if alone is not None:
                 plain = isinstance(voltage, float) and process.inputs == 1
                 inputs = voltage if plain else _given(state, voltage, process.inputs, VOLTAGES)[0]
@@ -222,10 +222,9 @@ class Filter(Printed, ABC):
                     return after
         return self.update(self.predict(state, voltage), measurement)
 
-    def single(self) -> StepFunction | None:
-        """One step of one run as one function; None where the process moves or reads by more than its graph."""
-        graph = self.process.own_graph
-        return None if graph is None else StepFunction(self, graph)
+    def single(self) -> StepFunction:
+        """One step of one run as one function, by the process's graph."""
+        return StepFunction(self)
 
     def _terms(self, state: FilterState) -> Terms:
         dtype = state.mean.dtype

@@ -60,14 +60,12 @@ class FilterProcess:
         return replace(self, transition=moved, transition_jacobian=None)
 
     @cached_property
-    def own_graph(self) -> Any:
-        """The graph, where transition and outputs are its own and it is light; None else."""
-        graph: Any = self.graph
-        if graph is None:
-            return None
+    def has_graph(self) -> bool:
+        """Whether transition and outputs are those of the graph, and it is light."""
+        graph = self.graph
         owners = [getattr(self.transition, "__self__", None)]
         owners += [getattr(getattr(output.measure, "func", None), "__self__", None) for output in self.outputs]
-        return graph if all(owner is graph for owner in owners) and graph.light else None
+        return graph is not None and all(owner is graph for owner in owners) and bool(graph.light)
 
     def plausible(self, states: FloatArray) -> BoolArray:
         """Which states of shape (N, n) the model can still say something about; NaN is not."""

@@ -99,7 +99,8 @@ class StepFunction:
     ``function`` is that of CasADi, whose output has the parts one below the other, matrices column by column.
     """
 
-    def __init__(self, filter_: "Filter", graph: ProcessGraph) -> None:
+    def __init__(self, filter_: "Filter") -> None:
+        graph: ProcessGraph = filter_.process.graph
         outputs, n = filter_.process.outputs, graph.order
         m = len(outputs)
         step = graph.function("moved", graph.moved).at_a_point

@@ -18,7 +18,6 @@ from femfit.core.text import amount
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.process_graph import ProcessGraph
-from femfit.estimate.single_step import StepFunction
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
 from femfit.simulation.plant import Plant
@@ -89,7 +88,7 @@ def _texts(
     """All files by their names."""
     built = kalman_filter(model, kind, sensors=sensors)
     process, start = built.process, built.process.require_start_covariance()
-    source, sizes = _arithmetic(StepFunction(built, process.graph).function, process.graph, real)
+    source, sizes = _arithmetic(built.single().function, process.graph, real)
     size = {"double": 8, "float": 4}[real]
     words = words | {
         "kind": {"ukf": "unscented", "ekf": "extended"}[kind],
