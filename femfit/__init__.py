@@ -24,7 +24,7 @@ _PLACES = {
     "FitResult": "femfit.fit.result:FitResult",
     "ImportedTable": "femfit.tables.foreign:ImportedTable",
     "LoopSummary": "femfit.simulation.summary:LoopSummary",
-    "Observation": "femfit.estimate.observation:Observation",
+    "Observation": "femfit.estimate.observe:Observation",
     "OpenLoop": "femfit.simulation.open_result:OpenLoop",
     "Profile": "femfit.simulation.profile:Profile",
     "Sensing": "femfit.simulation.sense:Sensing",

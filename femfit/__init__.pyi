@@ -10,7 +10,7 @@ from femfit.estimate.error_bound import ErrorBound as ErrorBound
 from femfit.estimate.error_bound import error_bound as error_bound
 from femfit.estimate.filter import Filter as Filter
 from femfit.estimate.kalman_filter import kalman_filter as kalman_filter
-from femfit.estimate.observation import Observation as Observation
+from femfit.estimate.observe import Observation as Observation
 from femfit.estimate.observe import observe as observe
 from femfit.field.sweep import run_sweep as run_sweep
 from femfit.fit.build import fit_model as fit_model

@@ -1,10 +1,5 @@
 """Whether innovations are as large as the filter says, and white; and whether a channel is late.
 
-What a filter makes of a record, in few numbers, by which two models are compared.
-
-Both models' filters are given the same noises, so that the likelihood of the innovations tells the models apart and not
-their noises. A channel that the filter does not read checks it.
-
 What an estimate says of every recorded channel, read by the filter or not.
 
 Dry friction that a model does not know, from what a filter has to correct of the velocity.
@@ -19,41 +14,28 @@ Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Trackin
 section 5.4 (normalised innovations squared, whiteness).
 R. K. Mehra, On the identification of variances and adaptive Kalman filtering, IEEE Trans. Automatic Control 15 (1970)
 175 (correlation of the innovations of a gain that is too high or too low).
-Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Tracking and Navigation (Wiley, 2001),
-section 5.4 (likelihood of the innovations).
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from femfit.core.errors import FilterError, MissingPartError, TableError
 from femfit.core.numerics import FloatArray
-from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.core.text import amount
-from femfit.estimate.build_filter import filter_of, noise_of, resting_filter
 from femfit.estimate.constants import (
     COVARIANCE_BLOCK,
     DELAY_GAIN,
     FOLLOWS,
     FORGOTTEN,
     LAGS,
+    LEAST_BLOCKS_OF_RECORD,
     LEAST_JUDGED,
     MOVING,
-    OBSERVED_SHARE,
     SHOWN,
 )
-from femfit.estimate.constants import (
-    LEAST_BLOCKS_OF_RECORD as LEAST_BLOCKS,
-)
-from femfit.estimate.noise import ConsistencyBand, FilterNoise, consistency_band
-from femfit.estimate.prepare import Prepared, prepare, recorded_sensors, with_recorded_sensors
-from femfit.estimate.process import FilterOutcome
-from femfit.estimate.run_filter import Replayed, replay
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import reading_of, sampled_readings, sensors_of
-from femfit.tables.measurement import TimeSeries
+from femfit.estimate.noise import ConsistencyBand, consistency_band
+from femfit.estimate.prepare import Prepared
+from femfit.estimate.run_filter import Replayed
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +76,24 @@ class Innovations:
     def _within(self, correlation: FloatArray) -> bool:
         outside = int((correlation > self.correlation_band).sum())
         return outside <= len(correlation) // 5 and not (correlation > 2.0 * self.correlation_band).any()
+
+    @property
+    def worst_lag(self) -> int:
+        """Of the largest autocorrelation in magnitude, in samples."""
+        return 1 + int(np.argmax(np.abs(self.autocorrelation)))
+
+    @property
+    def worst_correlation(self) -> float:
+        """The largest autocorrelation in magnitude."""
+        return float(self.autocorrelation[self.worst_lag - 1])
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        names = ("sensor", "unit", "count", "rms", "mean_square", "correlation_band", "consistent", "white")
+        return {name: getattr(self, name) for name in names} | {
+            "band": [self.band.lower, self.band.upper],
+            "autocorrelation": self.autocorrelation.tolist(),
+        }
 
 
 def innovations_of(sensor: str, unit: str, innovation: FloatArray, variance: FloatArray) -> Innovations | None:
@@ -156,91 +156,12 @@ def _delay(recorded: FloatArray, estimated: FloatArray, step_s: float) -> float 
     return float((best - LAGS + shift) * step_s)
 
 
-def estimates_beside(prepared: Prepared, replayed: Replayed) -> dict[str, FloatArray]:
-    """By column, the reading of a sensor of the model in each estimated state, shape (samples,)."""
-    model, estimates = prepared.model, {}
-    for name, sensor in sensors_of(model).items():
-        column = reading_of(model, name).column
-        if column in prepared.recorded and column not in estimates:
-            stretches = np.split(replayed.mean[:, : model.order], prepared.log.begins[1:])
-            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
-    return estimates
-
-
-@dataclass(frozen=True, eq=False)
-class FilterScore:
-    """A record as the filter of one model saw it."""
-
-    sensors: tuple[str, ...]  # That the filter read
-    likelihood: FloatArray  # Logarithm, of each sample that has a reading; NaN elsewhere; (samples,)
-    mean_square: float  # Of the normalised innovations, which should be 1
-    # Recorded less estimated, of each channel that it did not read; NaN where it claims to be blind; (samples,)
-    unread: Mapping[str, FloatArray]
-    lost_at_s: float | None
-
-
-def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
-    """Whether a record has what a filter of this model needs: a command, and a current, distance or Hall voltage."""
-    names = model.circuit_names
-    complete = model.motion is not None and set(voltage_columns(names)) <= set(series.given)
-    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & set(series.given)
-    return complete and (bool(names) or not model.has_winding) and bool(read)
-
-
-def filter_score(
-    model: ActuatorModel,
-    series: TimeSeries,
-    without: Sequence[str] = (),
-    noise: FilterNoise | None = None,
-) -> FilterScore | None:
-    """Run the unscented filter of a model over a record; None where the model has no filter for it.
-
-    Parameters
-    ----------
-    without : sequence of str
-        Columns that it does not read.
-    noise : FilterNoise or None
-        Of the model where None; that of the sensors is the record's.
-    """
-    if not can_be_filtered(model, series):
-        return None
-    try:
-        sensors = recorded_sensors(with_recorded_sensors(model, series), series, without)
-        prepared = prepare(model, series, sensors)
-        built = filter_of(prepared, "ukf", None, noise_of(prepared, noise))
-    except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
-        return None
-    replayed = replay(built, prepared.log, resting_filter(prepared, built))
-    ratio = replayed.innovation**2 / replayed.variance
-    read = np.isfinite(ratio)
-    each = np.where(read, -0.5 * (ratio + np.log(np.where(read, replayed.variance, 1.0))), 0.0).sum(axis=1)
-    lost = np.flatnonzero(~np.isin(replayed.outcome, (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND)))
-    used = {reading.column for reading in prepared.readings}
-    beside = estimates_beside(prepared, replayed)
-    first = float(np.sqrt(built.process.require_start_covariance()[0, 0]))
-    sees = replayed.deviation[:, 0] < OBSERVED_SHARE * first
-    return FilterScore(
-        sensors=prepared.sensors,
-        likelihood=np.where(read.any(axis=1), each, np.nan),
-        mean_square=float(ratio[read].mean()) if read.any() else float("nan"),
-        unread={
-            name: np.where(sees, prepared.recorded[name] - values, np.nan)
-            for name, values in beside.items()
-            if name not in used
-        },
-        lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
-    )
-
-
 @dataclass(frozen=True)
 class DryFriction:
     """A force against the velocity, and its standard deviation."""
 
     force_N: float
     deviation_N: float
-
-    def __str__(self) -> str:
-        return f"{amount(self.force_N, 'N')} against the velocity, +-{amount(1.96 * self.deviation_N, 'N')} (95 %)"
 
 
 def dry_friction(prepared: Prepared, replayed: Replayed) -> DryFriction | None:
@@ -265,7 +186,7 @@ def dry_friction(prepared: Prepared, replayed: Replayed) -> DryFriction | None:
     for sign in (-1.0, 1.0):
         here = moves & (np.sign(velocity) == sign)
         blocks = int(here.sum()) // COVARIANCE_BLOCK
-        if blocks < LEAST_BLOCKS:
+        if blocks < LEAST_BLOCKS_OF_RECORD:
             return None
         means = np.array([block.mean() for block in np.array_split(force[here], blocks)])
         each.append((float(means.mean()), float(means.var(ddof=1) / blocks)))

@@ -18,11 +18,12 @@ from femfit.core.errors import FilterError
 from femfit.core.graph import Memo
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.core.results import Printed
-from femfit.core.text import amount, counted
+from femfit.core.text import counted
 from femfit.estimate.cholesky import cholesky
 from femfit.estimate.constants import BAND_99_9, DIVERGENCE_STEPS
 from femfit.estimate.process import FilterOutcome, FilterProcess, FilterState
 from femfit.estimate.single_step import SingleStep, StepFunction, Terms, in_arrays
+from femfit.estimate.words import sentence
 
 DOUBLE = np.dtype(np.float64)
 
@@ -58,22 +59,7 @@ class Filter(Printed, ABC):
     title: ClassVar[str]
 
     def __str__(self) -> str:
-        process = self.process
-        noise = np.sqrt(np.diag(process.process_covariance))
-        return "\n".join(
-            [
-                f"{self.title} with a step of {amount(process.step_s, 's')}",
-                *(
-                    f"  {name}, process noise {deviation:.2g} a step"
-                    for name, deviation in zip(process.names, noise, strict=True)
-                ),
-                *(
-                    f"noise of one reading {amount(output.variance**0.5, output.unit)}"
-                    + (f" ({output.name})" if len(process.outputs) > 1 else "")
-                    for output in process.outputs
-                ),
-            ]
-        )
+        return sentence("filter", "filter", self)
 
     carries: ClassVar[Literal["covariance", "factor"]]  # By which matrix of a state it predicts
 
@@ -294,7 +280,7 @@ def _given(state: FilterState, value: ArrayLike, width: int, what: tuple[str, st
         return numbers.reshape(runs, width)
     if numbers.size != width:
         raise FilterError(
-            f"A step takes {counted(width, what[0])} for each of {runs} runs, one a {what[1]}; instead received the "
-            f"shape {numbers.shape}."
+            f"A step takes {counted(width, what[0])} for each of {counted(runs, 'run')}, one a {what[1]}; instead "
+            f"received the shape {numbers.shape}."
         )
     return np.repeat(numbers.reshape(1, width), runs, axis=0)

@@ -18,6 +18,7 @@ B. J. Odelson, M. R. Rajamani and J. B. Rawlings, Automatica 42 (2006) 303.
 M. R. Rajamani and J. B. Rawlings, Automatica 45 (2009) 142 (weights).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -25,10 +26,9 @@ import numpy as np
 from scipy.optimize import nnls
 
 from femfit.core.numerics import FloatArray
-from femfit.core.text import amount
 from femfit.estimate.consistency import DryFriction
-from femfit.estimate.constants import COVARIANCE_BLOCK, COVARIANCE_LAGS
-from femfit.estimate.constants import LEAST_BLOCKS_OF_RECORD as LEAST_BLOCKS
+from femfit.estimate.constants import COVARIANCE_BLOCK, COVARIANCE_LAGS, LEAST_BLOCKS_OF_RECORD
+from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL, reading_of
 from femfit.model.validity import ProcessNoise
@@ -51,14 +51,6 @@ class NoiseEstimate:
         """Whether the record says more than that the noise may be larger than the filter was given."""
         return self.known or self.high < self.assumed
 
-    @property
-    def interval(self) -> str:
-        """Value and interval, or the largest that it may be."""
-        if not self.known:
-            return f"at most {amount(self.high, self.unit)}"
-        low, high = amount(self.low, self.unit, 3), amount(self.high, self.unit, 3)
-        return f"{amount(self.value, self.unit, 3)} ({low} to {high})"
-
 
 @dataclass(frozen=True, eq=False)
 class FoundNoise:
@@ -80,49 +72,10 @@ class FoundNoise:
         lost : bool
             Whether the filter was lost: then what the innovations are made of cannot be told.
         """
-        lines = [f"noise that the record shows ({self.samples} samples):"]
-        if lost:
-            lines[0] = (
-                f"noise that would explain {self.samples} samples if the model were right, which lost the record:"
-            )
-        for estimate in self.estimates:
-            if not estimate.tells:
-                continue
-            was = f"the filter was given {amount(estimate.assumed, estimate.unit)}"
-            if estimate.name == "acceleration":
-                what = "force that the model does not know"
-                was += (
-                    f"; it amounts to {amount(self.force_N, 'N')}"
-                    if self.force_N is not None and estimate.known
-                    else ""
-                )
-            else:
-                what = (
-                    "voltage that the driver does not tell"
-                    if estimate.name == "voltage"
-                    else f"noise of sensor {estimate.name}"
-                )
-            lines.append(f"  {what}: {estimate.interval}; {was}")
-            lines += [
-                f"    by autocovariance: {second.interval}"
-                for second in self.by_autocovariance
-                if second.name == estimate.name and second.tells
-            ]
-        if self._disagree:
-            lines.append(
-                "  The two methods disagree: the model is wrong by more than noise, or the filter was given noises far "
-                "off. Write these into a model (--write-noise) and run the record again."
-            )
-        if self.friction is not None:
-            share = min(1.0, (self.friction.force_N / self.force_N) ** 2) if self.force_N else 1.0
-            lines.append(f"  {100.0 * share:.0f} % of that force is friction: {self.friction}")
-        for sensor, parts in () if lost else self.shares.items():
-            shown = ", ".join(f"{100.0 * share:.0f} % {name}" for name, share in parts.items() if share >= 0.005)
-            lines.append(f"  the innovations of {sensor} are {shown}")
-        return lines
+        return sentence("observe", "noise", self, lost).splitlines()
 
     @property
-    def _disagree(self) -> bool:
+    def disagrees(self) -> bool:
         """Whether an interval of one method lies wholly outside of the other's."""
         pairs = [
             (first, second)
@@ -173,6 +126,22 @@ class Stretches(NamedTuple):
     forgotten: int  # Steps at the begin of a piece that do not count
 
 
+class Source(NamedTuple):
+    """A noise as the filter was given it."""
+
+    name: str  # acceleration, voltage, or a sensor's
+    unit: str
+    assumed: float  # Standard deviation or density
+    motion: FloatArray  # Its part of Q; (n, n)
+    readings: FloatArray  # And of the sensors' variances; (sensors,)
+
+    def estimate(self, value: float, low: float, high: float, known: bool) -> NoiseEstimate:
+        """What a record shows of it."""
+        return NoiseEstimate(
+            self.name, self.unit, float(value), float(self.assumed), float(low), float(high), bool(known)
+        )
+
+
 class Factors(NamedTuple):
     """Variances over those that the filter was given, and their standard deviations."""
 
@@ -180,26 +149,18 @@ class Factors(NamedTuple):
     deviation: FloatArray
 
 
-def variance_factors(
-    stretches: Stretches, causes: list[FloatArray], fixed: FloatArray, readings: FloatArray
-) -> Factors | None:
+def variance_factors(stretches: Stretches, sources: Sequence[Source], fixed: FloatArray) -> Factors | None:
     """Fit the sizes of noises to autocovariances; None where too few products of readings are known.
 
     Parameters
     ----------
-    causes : list of array, shape (n, n)
-        Q of each process noise that is searched for, as the filter was given it.
     fixed : array, shape (n, n)
         Q of what is not searched for.
-    readings : array, shape (sensors,)
-        Variances of the sensors as the filter was given them.
     """
-    sensors, order = len(readings), len(fixed)
-    none, zero = np.zeros(sensors), np.zeros((order, order))
-    noises = [(q, none) for q in causes]
-    noises += [(zero, np.where(np.arange(sensors) == s, readings, 0.0)) for s in range(sensors)]
-    gains = _gains(stretches, sum(causes, fixed), readings)
-    parts = _predicted(stretches, gains, [*noises, (fixed, none)])
+    readings = np.sum([source.readings for source in sources], axis=0)
+    gains = _gains(stretches, fixed + np.sum([source.motion for source in sources], axis=0), readings)
+    noises = [(source.motion, source.readings) for source in sources]
+    parts = _predicted(stretches, gains, [*noises, (fixed, np.zeros(len(readings)))])
     products = _products(stretches.innovation)
     steps = np.arange(len(products))
     use = steps >= stretches.forgotten
@@ -209,9 +170,9 @@ def variance_factors(
     measured = np.concatenate([_mean(products[rows], products[rows]) for rows in blocks])
     design = np.concatenate([_mean(parts[rows], products[rows][..., None]) for rows in blocks])
     seen_in = np.isfinite(measured).sum(axis=0)
-    entries = seen_in >= LEAST_BLOCKS
+    entries = seen_in >= LEAST_BLOCKS_OF_RECORD
     measured, design, seen_in = measured[:, entries], design[:, entries], seen_in[entries]
-    if len(seen_in) < len(noises) or not _every_noise_shows(design[:, :, :-1]):
+    if len(seen_in) < len(noises) or not np.nanmax(np.abs(design[:, :, :-1]), axis=(0, 1)).all():
         return None
     target = measured - design[:, :, -1]
     matrix = np.nanmean(design[:, :, :-1], axis=0)
@@ -232,11 +193,6 @@ def _mean(values: FloatArray, products: FloatArray) -> FloatArray:
     count = finite.sum(axis=0)
     total = np.where(finite, values, 0.0).sum(axis=0)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
-
-
-def _every_noise_shows(design: FloatArray) -> bool:
-    """Whether each noise is in one of the products that are left."""
-    return bool((np.nanmax(np.abs(design), axis=(0, 1)) > 0.0).all())
 
 
 def _gains(stretches: Stretches, q: FloatArray, readings: FloatArray) -> FloatArray:

@@ -172,43 +172,12 @@ def chosen_biases(sensors: Sequence[str], biases: Sequence[str] | None, hall_bia
     return tuple(biases)
 
 
-def fastest_time_constant(model: ActuatorModel, distance: float) -> float:
-    """Smallest L/R over the currents of the validity domain in s: the least eigenvalue of R^-1 L of several windings.
-
-    Parameters
-    ----------
-    distance : float
-        In m.
-    """
-    windings = model.windings
-    _, currents = model.validity.grid(1, 5, several=3)
-    all_currents = np.zeros((len(currents), windings.count))
-    all_currents[:, : windings.circuits] = currents[:, : windings.circuits]
-    magnetic = windings.magnetics.state(np.full(len(currents), distance), all_currents)
-    inductance = magnetic.inductance + windings.series_H
-    if windings.count == 1:
-        return float(inductance.min() / windings.resistances_ohm[0])
-    root = np.sqrt(windings.resistances_ohm)  # eigenvalues of R^-1 L, made symmetric
-    return float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).min())
-
-
 def _driven_transition(graph: ProcessGraph, states: FloatArray, command: FloatArray) -> FloatArray:
     """States one sample later for commands of drivers that are no bridges; no diode lets a current turn round."""
     model = graph.model
     command = command[:, None] if command.ndim == 1 else command
     volts = winding_voltage(model, half_way(states, model.sample_time_s), command, model.sample_time_s)
     return blocked_by_diodes(model, graph.transition(states, volts))
-
-
-def kept_between_stops(model: ActuatorModel, states: FloatArray) -> FloatArray:
-    """States (N, n) of which those beyond a stop lie on it, at rest if they went towards it; changes its argument."""
-    near, far = model.require_motion().ends
-    if (near, far) != (-np.inf, np.inf):
-        at_near, at_far = states[:, 0] <= near, states[:, 0] >= far
-        states[:, 0] = np.clip(states[:, 0], near, far)
-        states[at_near, 1] = np.maximum(states[at_near, 1], 0.0)
-        states[at_far, 1] = np.minimum(states[at_far, 1], 0.0)
-    return states
 
 
 def _plausible_range(model: ActuatorModel, order: int) -> tuple[FloatArray, FloatArray]:

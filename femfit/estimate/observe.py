@@ -1,36 +1,99 @@
 """A recorded log through the filters of a model."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from femfit.core.errors import FilterError, MissingPartError, TableError
-from femfit.core.results import Finding
-from femfit.core.text import counted
-from femfit.estimate.build_filter import FILTERS, filter_of, noise_of, resting_filter
-from femfit.estimate.consistency import beside, can_be_filtered, estimates_beside, innovations_of
-from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES
+from femfit.core.errors import FilterError, TableError
+from femfit.core.numerics import FloatArray
+from femfit.core.results import Finding, Printed
+from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, MOST_LEFT
 from femfit.estimate.find_noise import find_noise
+from femfit.estimate.follow import FILTERS, OneFilter, follow, noise_of
+from femfit.estimate.found_noise import FoundNoise
 from femfit.estimate.noise import FilterNoise
-from femfit.estimate.observation import Observation, OneFilter
 from femfit.estimate.prepare import Prepared, prepare
-from femfit.estimate.process import FilterOutcome
 from femfit.estimate.record_checks import suspect_record
-from femfit.estimate.run_filter import replay
-from femfit.estimate.seating import find_seatings
+from femfit.estimate.record_voltage import SteadyResistance
+from femfit.estimate.seating import Seating, find_seatings
+from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
+from femfit.tables.findings import finding
 from femfit.tables.measurement import Measurement, TimeSeries
 from femfit.tables.measurement_file import read_measurement
 
-NO_NOISE_FOUND = Finding(
-    "no-noise-found",
-    "warning",
-    f"The filter runs through no stretch of {LEAST_JUDGED} samples, so the noise in the record was not sought.",
-    "Give a longer record, or one with a shorter step.",
-)
+NO_NOISE_FOUND = finding("no-noise-found", least=LEAST_JUDGED)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Observation(Printed):
+    """A recorded log as filters saw it.
+
+    Examples
+    --------
+    >>> import femfit as ff
+    >>> ff.close_loop("model.json", runs=1, seconds=0.5, rng=1).write_csv("log.csv")
+    >>> seen = ff.observe("model.json", "log.csv", find=False)
+    >>> seen.filters[0].trusted
+    True
+    """
+
+    model: ActuatorModel
+    source: str
+    sensors: tuple[str, ...]
+    time_s: FloatArray
+    recorded: Mapping[str, FloatArray]
+    filters: tuple[OneFilter, ...]
+    findings: tuple[Finding, ...]
+    noise: FoundNoise | None
+    seatings: tuple[Seating, ...] = ()  # As the first filter tells them
+    resistances: tuple[SteadyResistance, ...] = ()  # That steady currents show, whatever the filters do
+    with_resistances: OneFilter | None = None  # The first filter with those that contradict, where it is not trusted
+
+    @property
+    def of_resistance(self) -> bool:
+        """Whether the resistances that steady currents show account for most of the first filter's misfit."""
+        mended = self.with_resistances
+        if mended is None or mended.lost_at_s is not None:
+            return False
+        return mended.trusted or mended.misfit < MOST_LEFT * self.filters[0].misfit
+
+    def __str__(self) -> str:
+        return sentence("observe", "observation", self)
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """Recorded channels, and for each filter its estimate, deviations and normalised innovations."""
+        columns: dict[str, FloatArray] = {"time_s": self.time_s, **self.recorded}
+        for run in self.filters:
+            for k, name in enumerate(run.built.process.names):
+                columns[f"{run.name}_{name}"] = run.replayed.mean[:, k]
+                columns[f"{run.name}_deviation_{name}"] = run.replayed.deviation[:, k]
+            for k, output in enumerate(run.built.process.outputs):
+                ratio = run.replayed.innovation[:, k] / np.sqrt(run.replayed.variance[:, k])
+                columns[f"{run.name}_innovation_{output.name}"] = ratio
+        return pd.DataFrame(columns)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as JSON-ready data, without the series."""
+        return {
+            "source": self.source,
+            "samples": len(self.time_s),
+            "sensors": list(self.sensors),
+            "filters": [run.to_dict() for run in self.filters],
+            "seatings": [vars(seating) for seating in self.seatings],
+            "noise": None if self.noise is None else self.noise.to_dict(),
+            "resistances": [
+                {**vars(resistance), "contradicts": resistance.contradicts} for resistance in self.resistances
+            ],
+            "of_resistance": self.of_resistance,
+            "findings": [str(finding) for finding in self.findings],
+        }
 
 
 def observe(
@@ -93,10 +156,10 @@ def observe(
         raise FilterError(f"A filter must be one of {', '.join(FILTERS)}; instead received {filter!r}.")
     prepared = prepare(model, series, sensors)
     noise = noise_of(prepared, noise)
-    runs = [_run(prepared, name, biases, noise) for name in names]
+    runs = [follow(prepared, name, biases, noise) for name in names]
     mended = None
     if not runs[0].trusted and any(resistance.contradicts for resistance in prepared.resistances):
-        mended = _run(_with_resistances(prepared), names[0], biases, noise)
+        mended = follow(_with_resistances(prepared), names[0], biases, noise)
     shown = find_noise(runs[0].built, prepared, runs[0].replayed) if find else None
     return Observation(
         model=replace(prepared.model, sample_time_s=model.sample_time_s),
@@ -118,18 +181,6 @@ def observe(
     )
 
 
-def filtered(model: ActuatorModel, series: TimeSeries) -> OneFilter | None:
-    """The first samples of a record through the unscented filter; None where the model has no filter for it."""
-    if not can_be_filtered(model, series):
-        return None
-    short = {name: values[:NOISE_SAMPLES] for name, values in series.clipped.items()}
-    series = replace(series, rows=series.rows[:NOISE_SAMPLES], clipped=short)
-    try:
-        return observe(model, series, find=False).filters[0]
-    except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
-        return None
-
-
 def _with_resistances(prepared: Prepared) -> Prepared:
     """The record with a model whose resistances are those that steady currents show."""
     ohm = {resistance.circuit: resistance.ohm for resistance in prepared.resistances if resistance.contradicts}
@@ -138,33 +189,6 @@ def _with_resistances(prepared: Prepared) -> Prepared:
         for circuit in prepared.model.circuits
     )
     return replace(prepared, model=replace(prepared.model, circuits=circuits))
-
-
-def _run(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
-    """The record through one filter."""
-    model, built = prepared.model, filter_of(prepared, name, biases, noise)
-    replayed = replay(built, prepared.log, resting_filter(prepared, built))
-    judged = [
-        innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
-        for k, reading in enumerate(prepared.readings)
-    ]
-    used = {reading.column for reading in prepared.readings}
-    estimates = estimates_beside(prepared, replayed)
-    compared = [
-        beside(column, column in used, prepared.recorded[column], values, model.sample_time_s)
-        for column, values in estimates.items()
-    ]
-    lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)
-    return OneFilter(
-        name=name,
-        built=built,
-        replayed=replayed,
-        innovations=tuple(innovations for innovations in judged if innovations is not None),
-        beside=tuple(channel for channel in compared if channel is not None),
-        estimates=estimates,
-        lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
-        outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if len(lost) else FilterOutcome.RUNNING,
-    )
 
 
 def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
@@ -182,8 +206,8 @@ def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
         for side, stop in (("near", near), ("far", far)):
             resting = (np.abs(mean[:, 0] - stop) <= close) & (np.abs(mean[:, 1]) <= 3.0 * deviation[:, 1])
             if resting.any():
-                share = f"{100.0 * resting.mean():.3g} % of the {counted(samples, 'sample')}"
-                findings.append(Finding("at-stop", "info", f"The body rests on the {side} stop in {share}."))
+                share = 100.0 * float(resting.mean())
+                findings.append(finding("at-stop estimate", side=side, share=share, samples=samples))
     with np.errstate(invalid="ignore"):  # by more than the estimate is uncertain, and than a body lies on its stop
         bounded = [0, *range(2, 2 + len(model.circuits))]
         limits = np.array([(box.distance_min_m, box.distance_max_m), *box.current_limits_A])[: len(bounded)]
@@ -196,13 +220,5 @@ def _told_by_estimate(prepared: Prepared, run: OneFilter) -> list[Finding]:
             [f"{1e3 * box.distance_min_m:.3g} to {1e3 * box.distance_max_m:.3g} mm"]
             + [f"{low:.3g} to {high:.3g} A" for low, high in limits[1:]]
         )
-        findings.append(
-            Finding(
-                "outside-domain",
-                "warning",
-                f"{counted(int(outside.sum()), 'estimate')} of {samples} lie outside of the model's validity domain, "
-                f"{ranges}.",
-                "Sweep wider, or leave the stretch out.",
-            )
-        )
+        findings.append(finding("outside-domain", outside=int(outside.sum()), samples=f"{samples}", ranges=ranges))
     return findings

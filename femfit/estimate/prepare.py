@@ -25,14 +25,15 @@ from femfit.estimate.record import (
     with_distance,
     without_repeats,
 )
-from femfit.estimate.record_checks import given_voltage, require_possible_step
-from femfit.estimate.record_resistance import SteadyResistance, steady_resistance
-from femfit.estimate.rests import Rests, find_rests
+from femfit.estimate.record_checks import require_possible_step
+from femfit.estimate.record_voltage import SteadyResistance, given_voltage, steady_resistance
+from femfit.estimate.rests import Rests, Track, find_rests
 from femfit.estimate.run_filter import Log
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import OtherSensor
 from femfit.model.sensed_effects import true_setting_of
 from femfit.model.sensors import Reading, reading_of, sensor_named, sensors_of
+from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 
 
@@ -51,6 +52,11 @@ class Prepared:
     # To what distance in m and velocity in m/s a body counts as still; None where it nowhere is
     resting: tuple[float, float] | None
     resistances: tuple[SteadyResistance, ...] = ()  # That the record shows by itself
+
+    @property
+    def columns(self) -> set[str | None]:
+        """Of the record that the filter reads."""
+        return {reading.column for reading in self.readings}
 
 
 def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | None) -> Prepared:
@@ -82,41 +88,37 @@ def prepare(model: ActuatorModel, series: TimeSeries, sensors: Sequence[str] | N
     distance = placed.rows["distance_m"].to_numpy() if "distance_m" in placed.given else unknown
     columns = circuit_currents(model.circuit_names)
     each = np.stack([recorded.get(name, unknown) for name in columns], axis=1) if columns else np.zeros((len(time), 0))
-    spread_m = _sample_noise(series, "distance_m", distance, added)
-    spreads_A = [_sample_noise(series, name, each[:, k], added) for k, name in enumerate(columns)]
+    noise_m = _sample_noise(series, "distance_m", distance, added)
+    noise_A = [_sample_noise(series, name, each[:, k], added) for k, name in enumerate(columns)]
     distance, current = (bridged(setting, added) for setting in true_setting_of(model, distance, each))
-    rests = find_rests(model, time, segment, distance, current, spread_m)
-    feeds = [
-        given_voltage(model, time, segment, recorded[command], current, distance, (spreads_A[k], spread_m), k)
-        for k, command in enumerate(commands)
-    ]
+    track = Track(time, segment, distance, current.reshape(len(time), -1), noise_m, noise_A)
+    rests = find_rests(model, track)
+    feeds = [given_voltage(model, track, recorded[command], k) for k, command in enumerate(commands)]
     volts = np.stack([feed.voltage_V for feed in feeds], axis=1) if feeds else np.zeros((len(time), 0))
     inputs, held_findings = _inputs(volts, begins)
-    findings += [*rests.findings, *(finding for feed in feeds for finding in feed.findings), *held_findings]
+    findings += [*rests.findings, *(told for feed in feeds for told in feed.findings), *held_findings]
     channels = [_channel(series, reading, begins, step) for reading in readings]
     noises = [_noise(series, channel.values, reading) for channel, reading in zip(channels, readings, strict=True)]
-    findings += [finding for channel in channels for finding in channel.findings]
-    findings += [finding for _, of_noise in noises for finding in of_noise]
+    findings += [told for channel in channels for told in channel.findings]
+    findings += [told for _, of_noise in noises for told in of_noise]
     log = Log(
         inputs=inputs[:, 0] if len(commands) == 1 else inputs,
         readings=np.stack([channel.values for channel in channels], axis=1),
         begins=begins,
-        guesses=_guesses(model, distance, current.reshape(len(time), -1)[:, : len(columns)]),
+        guesses=_guesses(model, distance, track.current_A[:, : len(columns)]),
         held=_held(model, rests, names),
         limits=np.stack([channel.limit for channel in channels], axis=1),
         side=np.stack([channel.side for channel in channels], axis=1),
     )
     noise = {name: value for name, (value, _) in zip(names, noises, strict=True)}
     model = replace(model, sample_time_s=step)
-    resting = _resting_deviations(rests, step, spread_m)
-    flowing = current.reshape(len(time), -1).copy()
+    resting = _resting_deviations(rests, step, noise_m)
+    flowing = track.current_A.copy()
     for reading in (reading_of(model, name) for name in sensors_of(model)):
         if reading.column in columns:  # a current at the end of its range stands still whatever flows
             flowing[at_ends(recorded.get(reading.column, unknown), reading)[0], columns.index(reading.column)] = np.nan
-    shown = [
-        steady_resistance(model, time, segment, feed.voltage_V, feed.unsure, flowing, distance, spreads_A[k], k)
-        for k, feed in enumerate(feeds)
-    ]
+    track = replace(track, current_A=flowing)
+    shown = [steady_resistance(model, track, feed, k) for k, feed in enumerate(feeds)]
     resistances = tuple(resistance for resistance in shown if resistance is not None)
     return Prepared(model, names, readings, time, log, recorded, tuple(findings), noise, resting, resistances)
 
@@ -145,7 +147,7 @@ def recorded_sensors(model: ActuatorModel, series: TimeSeries, without: Sequence
 
 
 def _left_out(series: TimeSeries) -> str:
-    return " ".join(str(finding) for finding in series.findings if finding.code in {"unused-column", "stuck"})
+    return " ".join(str(told) for told in series.findings if told.code in {"unused-column", "stuck"})
 
 
 def _chosen(
@@ -196,9 +198,7 @@ def _inputs(volts: FloatArray, begins: NDArray[np.intp]) -> tuple[FloatArray, li
     """The voltage held from the sample before to each one."""
     missing, findings = int(np.isnan(volts).sum()), []  # volts of shape (samples, circuits)
     if missing:
-        findings.append(
-            Finding("held-command", "warning", f"{counted(missing, 'command')} are missing; the last one was held.")
-        )
+        findings.append(finding("held-command", missing=missing))
     last = np.maximum.accumulate(np.where(np.isnan(volts), 0, np.arange(len(volts))[:, None]), axis=0)
     held = np.nan_to_num(np.take_along_axis(volts, last, axis=0))
     before = np.concatenate([held[:1], held[:-1]])
@@ -224,15 +224,8 @@ def _channel(series: TimeSeries, reading: Reading, begins: NDArray[np.intp], ste
     if clipped.any():
         limited = np.isfinite(reading.high - reading.low)
         limits = amount_range(reading.low, reading.high, reading.unit) if limited else "its range"
-        findings.append(
-            Finding(
-                "clipped",
-                "warning",
-                f"{counted(int(clipped.sum()), 'reading')} of {len(column)} of sensor {reading.name} stand at an end "
-                f"of {limits}; they count as missing, and what they read as no less than that end.",
-                column=name,
-            )
-        )
+        facts = {"clipped": int(clipped.sum()), "samples": f"{len(column)}", "name": reading.name, "limits": limits}
+        findings.append(finding("clipped sensor", column=name, **facts))
         limit[clipped] = np.where(above[clipped], reading.high, reading.low)
         column[clipped] = np.nan
     middle = float(np.nanmedian(column)) if np.isfinite(column).any() else 0.0
@@ -257,8 +250,8 @@ def _noise(series: TimeSeries, column: FloatArray, reading: Reading) -> tuple[fl
         raise TableError(
             f"The noise of {reading.column} must be known; {fault}. Give --noise {reading.column}=STANDARD DEVIATION."
         )
-    text = f"The noise of sensor {reading.name} is guessed from its third differences: {amount(guess, reading.unit)}."
-    return guess, [Finding("guessed-noise", "info", text, "Give it with --noise.", column=str(reading.column))]
+    told = finding("guessed-noise", name=reading.name, guess=amount(guess, reading.unit), column=str(reading.column))
+    return guess, [told]
 
 
 def _guesses(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> FloatArray:

@@ -11,7 +11,6 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femfit.core.errors import FilterError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, central_differences
@@ -192,10 +191,19 @@ class FilterState:
     out_of_band: FloatArray  # Recent fraction of innovations outside of their band; shape (runs,)
     outcome: IntArray  # A :class:`FilterOutcome` each; shape (runs,)
 
-    @classmethod
-    def of_fields(cls, value: Callable[[str], NDArray[Any]]) -> "FilterState":
-        """A state from what stands for the name of each of its arrays."""
-        return cls(**{array.name: value(array.name) for array in fields(cls)})
+    def of_runs(self, which: IntArray | BoolArray) -> "FilterState":
+        """Some of the runs."""
+        return FilterState(*(getattr(self, array.name)[which] for array in fields(self)))
+
+    def with_runs(self, which: IntArray | BoolArray, changed: "FilterState") -> "FilterState":
+        """The same with other states of some runs; innovations of more sensors than before are unknown for the rest."""
+        result = []
+        for array in fields(self):
+            old, new = getattr(self, array.name), getattr(changed, array.name)
+            values = np.array(old) if old.shape[1:] == new.shape[1:] else np.full((len(old), *new.shape[1:]), np.nan)
+            values[which] = new
+            result.append(values)
+        return FilterState(*result)
 
     @property
     def runs(self) -> int:

@@ -13,6 +13,7 @@ of a state that earlier ones are added to.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -29,6 +30,20 @@ from femfit.model.sensors import reading_of, sample_weights, sensor_named, unit_
 
 MOST_EXACT = 10_000
 """Measured: instructions of a step above which its Jacobian takes seconds to make."""
+
+
+def kept_between_stops(model: ActuatorModel, distance: Any, velocity: Any) -> tuple[Any, Any]:
+    """Distance and velocity, as arrays or expressions, of a body that lies on a stop beyond which it would be.
+
+    It is at rest there if it went towards the stop.
+    """
+    near, far = model.require_motion().ends
+    d, v = distance, velocity
+    if np.isfinite(near):  # what is added leaves the slope of a body that rests on its stop as it is
+        d, v = np.fmax(d, near), v + (distance <= near) * np.fmax(0.0, -v)
+    if np.isfinite(far):
+        d, v = np.fmin(d, far), v - (distance >= far) * np.fmax(0.0, v)
+    return d, v
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +124,7 @@ class ProcessGraph:
         """All states one sample later; a body that a stop holds rests there."""
         model, end = self.model, self.model.order
         after = model.equations.step_of(x[:end], voltage, model.sample_time_s)
-        near, far = model.require_motion().ends
-        d, v = after[0], after[1]
-        if np.isfinite(near):
-            d, v = ca.fmax(after[0], near), ca.if_else(after[0] <= near, ca.fmax(v, 0.0), v)
-        if np.isfinite(far):
-            d, v = ca.fmin(d, far), ca.if_else(after[0] >= far, ca.fmin(v, 0.0), v)
+        d, v = kept_between_stops(model, after[0], after[1])
         return ca.vertcat(d, v, *ca.vertsplit(after)[2:], *ca.vertsplit(x)[end : self.base], self.remembered(x))
 
     def begun(self, first: SX) -> SX:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from femfit.core.errors import TableError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
 from femfit.core.results import Finding
-from femfit.core.text import amount, counted
+from femfit.core.text import amount
 from femfit.device.electrics import PositionSensor
 from femfit.estimate.constants import (
     DIFFERENCE_ORDER,
@@ -39,6 +39,7 @@ from femfit.estimate.constants import (
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import WHOLE, Reading, piece_slope, reading_of
 from femfit.tables.circuit_columns import parts_of
+from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 
 
@@ -64,7 +65,14 @@ def on_grid(series: TimeSeries) -> OnGrid:
     findings = []
     if len(steps) and (np.abs(steps - np.median(steps)) > OFF_GRID * np.median(steps)).any():
         count[inside], off = _multiples(steps, series.source)
-        findings = _said(count, off, len(time))
+        missing, uneven = int((count - 1).sum()), int(off.sum())
+        if missing:
+            samples = f"{len(time) + missing}"
+            findings.append(
+                finding("missing-rows", missing=missing, size=float(missing), samples=samples, column="time_s")
+            )
+        if uneven:
+            findings.append(finding("uneven-steps", uneven=uneven, size=float(uneven), column="time_s"))
     place = np.cumsum(count) - 1
     added = np.ones(int(place[-1]) + 1, dtype=bool)
     added[place] = False
@@ -129,23 +137,6 @@ def _multiples(steps: FloatArray, source: str) -> tuple[IntArray, BoolArray]:
     )
 
 
-def _said(count: IntArray, off: BoolArray, samples: int) -> list[Finding]:
-    missing, findings = int((count - 1).sum()), []
-    if missing:
-        text = (
-            f"{counted(missing, 'row')} of {samples + missing} are missing between samples. The filter predicts over "
-            "them, with the command interpolated."
-        )
-        findings.append(Finding("missing-rows", "warning", text, size=float(missing), column="time_s"))
-    if off.any():
-        text = (
-            f"{counted(int(off.sum()), 'step')} of the clock differ from a multiple of the usual one by more than a "
-            "third of it; the nearest multiple was taken."
-        )
-        findings.append(Finding("uneven-steps", "warning", text, size=float(off.sum()), column="time_s"))
-    return findings
-
-
 def repeated(values: FloatArray, begins: NDArray[np.intp], period: int) -> BoolArray:
     """Which samples a recorder filled with the last reading.
 
@@ -181,11 +172,8 @@ def without_repeats(
     again = repeated(values, begins, period)
     if not again.any():
         return values, []
-    text = (
-        f"Sensor {reading.name} is read once in {period} samples of the record; {counted(int(again.sum()), 'sample')} "
-        "that repeat a reading are passed over."
-    )
-    return np.where(again, np.nan, values), [Finding("repeated", "info", text, column=str(reading.column))]
+    facts = {"name": reading.name, "period": period, "repeats": int(again.sum()), "column": str(reading.column)}
+    return np.where(again, np.nan, values), [finding("repeated", **facts)]
 
 
 def at_ends(values: FloatArray, reading: Reading) -> tuple[BoolArray, BoolArray]:
@@ -209,14 +197,13 @@ def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
         declared, noise = series.declared_noise.get(str(column)), dict(series.declared_noise)
         if declared and len(slope):
             noise["distance_m"] = declared / float(np.median(slope))
-        text = f"distance_m is worked out from {column} by the characteristic of sensor {sensor.name}."
-        findings = [Finding("distance", "info", text, column="distance_m"), *passed]
+        placed = finding("distance position", source=column, name=sensor.name, column="distance_m")
         return replace(
             series,
             rows=series.rows.assign(distance_m=distance),
             given=(*series.given, "distance_m"),
             declared_noise=noise,
-            findings=(*series.findings, *findings),
+            findings=(*series.findings, placed, *passed),
         )
     return series
 
@@ -232,10 +219,8 @@ def _known_distance(sensor: PositionSensor, series: TimeSeries, reading: Reading
     read, passed = without_repeats(series.rows[str(reading.column)].to_numpy(copy=True), begins, reading, step)
     clipped, _ = at_ends(read, reading)
     if clipped.any():
-        text = (
-            f"{counted(int(clipped.sum()), 'reading')} of {len(read)} of sensor {sensor.name} stand at an end of its "
-        )
-        passed.append(Finding("clipped", "warning", f"{text}range; they tell no distance.", column="distance_m"))
+        facts = {"clipped": int(clipped.sum()), "samples": f"{len(read)}", "name": sensor.name}
+        passed.append(finding("clipped distance", column="distance_m", **facts))
     distance, late = distance_of(sensor, np.where(clipped, np.nan, read)), reading.delay_s / step
     slow = reading.sample_time_s is not None and reading.sample_time_s > 1.5 * step
     if slow or abs(late - round(late)) < WHOLE:

@@ -2,31 +2,20 @@
 
 A passive winding turns what it takes up into heat and motion: the mean of U i is no less than that of R i^2 unless
 something drives the body. Where it is clearly negative, voltage and current are counted opposite ways.
-
-Commands beyond the supply of the drawing: whether the recorded current followed them.
-
-Over a stretch of such commands, with the flux linkage lambda of the model,
-
-    lambda(end) - lambda(begin) = sum of h (U - R i)
-
-holds for the voltage U that the driver gave. The command as recorded and the command as the drawing's supply clamps it
-are compared by what they leave of it beside the sensors' noise. With a freewheel diode the winding sees its drop while
-the driver is off and a current flows, and nothing once it has stopped.
 """
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from femfit.core.errors import TableError
-from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.core.text import amount, amount_range, counted
-from femfit.estimate.constants import AGAINST, FALLING, FASTEST_STEP, FLOWS, NEARER, OFF, SLOWEST_STEP
+from femfit.core.text import amount, amount_range
+from femfit.estimate.constants import AGAINST, FASTEST_STEP, FLOWS, SLOWEST_STEP
 from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
 from femfit.tables.units import LEAST_READINGS, suspected_by_range
 
@@ -105,8 +94,7 @@ def _polarity(
         if beyond.sum() >= LEAST_READINGS and not (turned * commands > FLOWS * most).any():
             supply = amount_range(low, high, "V")
             recorded = amount_range(float(commands.min()), float(commands.max()), "V")
-            why = f"the supply gives {supply}, and all commands are {recorded}"
-            return _other_polarity(command, f"{command} seems to be of the other sign: {why}.", "Convert the column.")
+            return finding("suspected-sign supply", column=command, supply=supply, recorded=recorded)
     mean = np.append(0.5 * (current[1:] + current[:-1]), np.nan)  # the command is held over the step
     here = np.isfinite(mean) & np.isfinite(volts)
     bounds = np.abs(model.validity.current_limits_A[circuit : circuit + 1])
@@ -116,15 +104,8 @@ def _polarity(
     if power > -AGAINST * heat:
         return None
     name = circuit_currents(model.circuit_names)[circuit]
-    text = (
-        f"{command} and {name} seem to count opposite ways: on average the winding would give {amount(-power, 'W')} "
-        f"to its driver, while its resistance takes {amount(heat, 'W')}."
-    )
-    return _other_polarity(command, text, "Convert one of the two columns.")
-
-
-def _other_polarity(command: str, text: str, remedy: str) -> Finding:
-    return Finding("suspected-sign", "warning", text, remedy, column=command)
+    facts = {"power": amount(-power, "W"), "heat": amount(heat, "W")}
+    return finding("suspected-sign power", column=command, current=name, **facts)
 
 
 def _own_times(model: ActuatorModel) -> tuple[float, ...]:
@@ -143,128 +124,3 @@ def _own_times(model: ActuatorModel) -> tuple[float, ...]:
         if most > 0.0:
             times.append(float(np.sqrt(2.0 * motion.mass_kg * (box.distance_max_m - box.distance_min_m) / most)))
     return tuple(time for time in times if time > 0.0 and np.isfinite(time))
-
-
-@dataclass(frozen=True, eq=False)
-class Given:
-    """The voltage that the driver gave, and what is said of it."""
-
-    voltage_V: FloatArray
-    unsure: BoolArray  # Where a diode stops conducting in the noise of the current, at a moment that is estimated
-    findings: tuple[Finding, ...]
-
-
-def given_voltage(
-    model: ActuatorModel,
-    time_s: FloatArray,
-    segment: IntArray,
-    voltage: FloatArray,
-    current: FloatArray,
-    distance: FloatArray,
-    noise: tuple[float, float],
-    circuit: int = 0,
-) -> Given:
-    """The voltage at the winding: commands beyond the supply are believed where the current follows them, else clamped.
-
-    Parameters
-    ----------
-    time_s, segment, voltage, distance : array, shape (samples,)
-        In s, V and m; NaN where missing.
-    current : array, shape (samples, n)
-        In A; NaN where missing.
-    noise : (float, float)
-        Standard deviation of a sample of the circuit's current in A and of the distance in m; NaN where unknown.
-    circuit : int
-        The place of the circuit whose voltage it is.
-    """
-    fed, own_current = model.circuits[circuit], current[:, circuit]
-    clamped = np.clip(voltage, fed.voltage_min_V, fed.voltage_max_V)
-    with np.errstate(invalid="ignore"):
-        beyond = clamped != voltage
-    beyond &= np.isfinite(voltage)
-    diode, unsure = fed.drive.diode_V, np.zeros(len(voltage), dtype=bool)
-    if diode is not None:
-        off = voltage <= 0.0
-        flows, unsure = _conducts(own_current, segment, off, OFF * noise[0] if np.isfinite(noise[0]) else 0.0)
-        voltage, clamped = (np.where(off, np.where(flows, -diode, 0.0), volts) for volts in (voltage, clamped))
-        beyond &= ~off
-    if not beyond.any():
-        return Given(voltage, unsure, ())
-    limits = amount_range(fed.voltage_min_V, fed.voltage_max_V, "V")
-    reach = amount_range(float(voltage[beyond].min()), float(voltage[beyond].max()), "V")
-    if int(beyond.sum()) == 1:
-        reach = amount(float(voltage[beyond][0]), "V")
-    of = f" to {fed.name}" if len(model.circuits) > 1 else ""
-    head = f"{counted(int(beyond.sum()), 'command')}{of} of {len(voltage)} ({reach}) lie beyond the supply's {limits}"
-    favour = _favour(model, time_s, segment, (voltage, clamped), current, distance, beyond, noise, circuit)
-    if favour > NEARER:
-        text = f"{head}, and the current follows them: the driver gave them, and they were believed."
-        return Given(voltage, unsure, (Finding("beyond-supply", "warning", text, "Change [supply] in the drawing."),))
-    why = "the current follows the clamp" if favour < -NEARER else "the record cannot tell whether the driver gave them"
-    text = f"{head}; {why}, and they were taken as clamped."
-    remedy = "" if favour < -NEARER else "If the driver can do more, change [supply] in the drawing."
-    return Given(clamped, unsure, (Finding("clamped", "warning", text, remedy),))
-
-
-def _conducts(current: FloatArray, segment: IntArray, off: BoolArray, clear: float) -> tuple[BoolArray, BoolArray]:
-    """Where the freewheel diode carries a current, and about when it stops.
-
-    It does where the current is clear of the noise, and on to the end to which the last slope leads.
-
-    Without the last part the drop of the diode would be missing over the time that the current takes from the noise's
-    size to nothing.
-    """
-    flows, unsure = current > clear, np.zeros(len(current), dtype=bool)
-    ends = np.flatnonzero(flows[:-1] & ~flows[1:] & off[1:] & (np.diff(segment) == 0))
-    for last in ends.tolist():
-        first = max(last + 1 - FALLING, int(np.searchsorted(segment, segment[last])))
-        if last + 1 - first < FALLING or not flows[first : last + 1].all():
-            continue
-        fitted = np.polyfit(np.arange(first - last, 1), current[first : last + 1], 1)
-        slope, level = float(fitted[0]), float(fitted[1])
-        more = min(math.ceil(-level / slope), FALLING) if slope < 0.0 < level else 0
-        reach = slice(last + 1, last + 1 + more)
-        flows[reach] = off[reach] & (segment[reach] == segment[last])
-        unsure[last + 1 : last + 1 + 2 * more] = True
-    return np.asarray(flows), unsure
-
-
-def _favour(
-    model: ActuatorModel,
-    time: FloatArray,
-    segment: IntArray,
-    volts: tuple[FloatArray, FloatArray],
-    current: FloatArray,
-    distance: FloatArray,
-    beyond: BoolArray,
-    noise: tuple[float, float],
-    circuit: int,
-) -> float:
-    """Logarithm of the likelihood of the commands as recorded over that of the clamped ones; zero where unknown."""
-    follows = np.zeros(len(time), dtype=bool)
-    follows[:-1] = np.diff(segment) == 0
-    finite = np.isfinite(current).all(axis=1) & np.isfinite(distance)
-    finite &= model.validity.contains(np.nan_to_num(distance), np.nan_to_num(current))
-    usable = beyond & follows & finite & np.r_[finite[1:], False]
-    if not usable.any() or not np.isfinite(noise).all():
-        return 0.0
-    first = np.flatnonzero(usable & ~np.r_[False, usable[:-1]])
-    last = np.flatnonzero(usable & ~np.r_[usable[1:], False]) + 1
-    d, i = np.nan_to_num(distance), np.nan_to_num(current)
-    magnetic = model.magnetics.state(d, i)
-    series, resistance = model.circuits[circuit].inductance_H, model.circuits[circuit].resistance_ohm
-    slope, inductance = magnetic.motional_constant[:, circuit], magnetic.inductance[:, circuit, circuit] + series
-    own_current = i[:, circuit]
-    flux = model.magnetics.flux_linkage(d, i)[:, circuit] + series * own_current
-    step = np.r_[np.diff(time), 0.0]
-    drop = resistance * step * 0.5 * (own_current + np.r_[own_current[1:], 0.0])
-    gained = flux[last] - flux[first]
-    total = np.r_[0.0, np.cumsum(np.where(usable, drop, 0.0))]
-    residuals = []
-    for command in volts:
-        supplied = np.r_[0.0, np.cumsum(np.where(usable, step * np.nan_to_num(command), 0.0))]
-        residuals.append(gained + (total[last] - total[first]) - (supplied[last] - supplied[first]))
-    spread = 2.0 * (inductance[first] * noise[0]) ** 2 + 2.0 * (slope[first] * noise[1]) ** 2
-    spread += (last - first) * (resistance * np.median(step[usable]) * noise[0]) ** 2
-    recorded, clamped = (float(np.sum(residual**2 / spread)) for residual in residuals)
-    return 0.5 * (clamped - recorded)

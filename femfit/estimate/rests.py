@@ -12,6 +12,7 @@ References
 M. Shinbrot, Transactions of the ASME 79 (1957) 579: method of modulating functions.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -22,6 +23,7 @@ from femfit.core.results import Finding
 from femfit.core.text import amount, amount_range, counted
 from femfit.estimate.constants import AT_STOP, BLOCK, DECISIVE, FINEST, FLOWS, LEAST_BLOCKS, STILL, WRONG_FACTOR
 from femfit.model.actuator_model import ActuatorModel
+from femfit.tables.findings import finding
 
 Place = Literal["near", "far", "held"]
 
@@ -53,35 +55,31 @@ class Rests:
         return result
 
 
-def find_rests(
-    model: ActuatorModel,
-    time_s: FloatArray,
-    segment: IntArray,
-    distance: FloatArray,
-    current: FloatArray,
-    noise_m: float,
-) -> Rests:
-    """Find the rests of a record whose distance is recorded.
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Where a body was in a record, and with which currents; arrays of N samples, NaN where missing."""
 
-    Parameters
-    ----------
-    time_s, segment, distance : array, shape (samples,)
-        Distances in m, NaN where missing. A segment has no gap of the clock.
-    current : array, shape (samples, n)
-        Currents in A, NaN where missing.
-    noise_m : float
-        Standard deviation of one sample of the distance.
-    """
-    contact = np.zeros(len(time_s), dtype=bool)
-    if model.motion is None or not noise_m >= 0.0:
+    time_s: FloatArray
+    segment: IntArray  # Number of the stretch without a gap of the clock
+    distance_m: FloatArray
+    current_A: FloatArray  # Of all circuits, (N, n)
+    noise_m: float  # Standard deviation of one sample of the distance; NaN where unknown
+    noise_A: Sequence[float] = ()  # And of each current
+
+
+def find_rests(model: ActuatorModel, track: Track) -> Rests:
+    """Find the rests of a record whose distance is recorded."""
+    distance, segment = track.distance_m, track.segment
+    contact = np.zeros(len(distance), dtype=bool)
+    if model.motion is None or not track.noise_m >= 0.0:
         return Rests((), contact, ())
     box = model.validity
-    noise_m = max(noise_m, FINEST * (box.distance_max_m - box.distance_min_m))
+    noise_m = max(track.noise_m, FINEST * (box.distance_max_m - box.distance_min_m))
     rests = []
     for first, last, level in still_stretches(segment, distance, noise_m):
         rows = slice(first, last + 1)
         place = _place(model, level, noise_m)
-        if place == "held" and not _unbalanced(model, time_s[rows], distance[rows], current[rows], noise_m):
+        if place == "held" and not _unbalanced(model, track, rows, noise_m):
             continue
         away = np.abs(np.nan_to_num(distance[rows] - level))
         arrives = first > 0 and segment[first - 1] == segment[first]
@@ -92,7 +90,7 @@ def find_rests(
             rests.append(Rest(early, late, level, place))
         contact[rows] = True
     contact |= _touching(model, distance, rests, noise_m)
-    return Rests(tuple(rests), contact, tuple(_said(model, time_s, current, rests)))
+    return Rests(tuple(rests), contact, (*_remarks(track, rests), *_departure(model, track, rests)))
 
 
 def still_stretches(segment: IntArray, distance: FloatArray, noise: float) -> list[tuple[int, int, float]]:
@@ -134,10 +132,9 @@ def _place(model: ActuatorModel, level: float, noise: float) -> Place:
     return "far" if abs(level - far) <= close else "held"
 
 
-def _unbalanced(
-    model: ActuatorModel, time: FloatArray, distance: FloatArray, current: FloatArray, noise: float
-) -> bool:
+def _unbalanced(model: ActuatorModel, track: Track, rows: slice, noise: float) -> bool:
     """Whether no force within a factor of two of the model's would leave the body where it stands."""
+    time, distance, current = track.time_s[rows], track.distance_m[rows], track.current_A[rows]
     finite = np.isfinite(distance) & np.isfinite(current).all(axis=1)
     if finite.sum() < LEAST_BLOCKS * BLOCK:
         return False
@@ -157,7 +154,7 @@ def _unbalanced(
         s = (2.0 * np.arange(size) + 1.0) / size - 1.0
         bump = (1.0 - s**2) ** 2
         mean = bump / bump.sum()
-        curved = (12.0 * s**2 - 4.0) - np.polyval(np.polyfit(s, 12.0 * s**2 - 4.0, 1), s)
+        curved = 12.0 * (s**2 - np.mean(s**2))  # an even function's best line is its mean
         curved /= 0.5 * (curved @ s**2) * (0.5 * length) ** 2  # exactly 1 for t^2 / 2
         accelerations = distance[: count * size].reshape(cut) @ curved
         spread = max(noise * float(np.sqrt(curved @ curved)), float(np.median(np.abs(accelerations))))
@@ -196,48 +193,49 @@ def _touching(model: ActuatorModel, distance: FloatArray, rests: list[Rest], noi
     return np.asarray(np.convolve(near, np.ones(BLOCK + 1), mode="same") > 0.5)
 
 
-def _whatever_flows(current: FloatArray, rest: Rest) -> bool:
-    """Whether the body stood still with no current, or while the current changed: a loop's hover keeps its own.
-
-    Where it did not, a wrong model would make a held body of a loop's plateau.
-    """
-    largest = np.nanmax(np.abs(current), initial=0.0)
-    quarters = np.array_split(np.abs(current[rest.first : rest.last + 1]), 4)
-    means = np.array([np.mean(quarter, axis=0) for quarter in quarters])
-    return bool((np.ptp(means, axis=0) > FLOWS * largest).any() or (means < FLOWS * largest).all())
-
-
-def _said(model: ActuatorModel, time: FloatArray, current: FloatArray, rests: list[Rest]) -> list[Finding]:
-    findings, samples = [], len(time)
-    words = {"near": "The body rests on the near stop", "far": "The body rests on the far stop"}
+def _remarks(track: Track, rests: list[Rest]) -> Iterator[Finding]:
+    """Where the body rests, at each kind of place."""
     for place in ("near", "far", "held"):
         here = [rest for rest in rests if rest.place == place]
         if not here:
             continue
-        share = sum(rest.last - rest.first + 1 for rest in here) / samples
+        share = sum(rest.last - rest.first + 1 for rest in here) / len(track.time_s)
         where = amount_range(min(r.distance_m for r in here), max(r.distance_m for r in here), "m", 3)
         if len(here) == 1 or place != "held":
             where = amount(here[0].distance_m, "m", 3)
-        span = amount_range(float(time[here[0].first]), float(time[here[0].last]), "s", 3)
-        stretches = f"in {counted(len(here), 'stretch', 'stretches')}, {amount(share, '')} of the samples"
-        if place == "held":
-            text = (
-                f"The body is held at {where} {stretches}, first at {span}: it stands still where no force within a "
-                f"factor of {WRONG_FACTOR:g} of the model's balances it. It is not taken as free there."
-            )
-        else:
-            text = f"{words[place]} at {where} {stretches}, first at {span}; its force is not balanced there."
-        findings.append(Finding("held" if place == "held" else "at-stop", "warning", text, size=share))
-    held = [rest for rest in rests if rest.place != "held" or _whatever_flows(current, rest)]
-    leaves = [rest for rest in held if rest.last + BLOCK + 1 < samples]
+        yield finding(
+            "held" if place == "held" else "at-stop",
+            place=place,
+            where=where,
+            stretches=f"in {counted(len(here), 'stretch', 'stretches')}, {amount(share, '')} of the samples",
+            span=amount_range(float(track.time_s[here[0].first]), float(track.time_s[here[0].last]), "s", 3),
+            factor=WRONG_FACTOR,
+            size=share,
+        )
+
+
+def _departure(model: ActuatorModel, track: Track, rests: list[Rest]) -> Iterator[Finding]:
+    """When the body left a place, where it stood still with no current, or while the current changed.
+
+    A loop's hover keeps its own current; there, a wrong model would make a held body of a loop's plateau.
+    """
+    leaves = []
+    for rest in rests:
+        largest = np.nanmax(np.abs(track.current_A), initial=0.0)
+        quarters = np.array_split(np.abs(track.current_A[rest.first : rest.last + 1]), 4)
+        means = np.array([np.mean(quarter, axis=0) for quarter in quarters])
+        whatever_flows = (np.ptp(means, axis=0) > FLOWS * largest).any() or (means < FLOWS * largest).all()
+        if (rest.place != "held" or whatever_flows) and rest.last + BLOCK + 1 < len(track.time_s):
+            leaves.append(rest)
     if leaves:
-        rest = leaves[0]
         # The rest ends a block before the mean of one is off, and a slow start hides in the noise before that
-        row = min(rest.last + 2 * BLOCK, samples - 1)
-        text = f"The body has left {amount(rest.distance_m, 'm', 3)} by {amount(float(time[row]), 's', 3)}"
-        currents = np.atleast_1d(current[row])
-        if np.isfinite(currents).all() and len(model.circuits):
-            text += ", at " + " and ".join(amount(float(value), "A") for value in currents[: len(model.circuits)])
-        more = f"; {counted(len(leaves) - 1, 'more departure')}" if len(leaves) > 1 else ""
-        findings.append(Finding("lift-off", "info", f"{text}{more}."))
-    return findings
+        row = min(leaves[0].last + 2 * BLOCK, len(track.time_s) - 1)
+        currents = track.current_A[row, : len(model.circuits)]
+        known = len(currents) and np.isfinite(track.current_A[row]).all()
+        yield finding(
+            "lift-off",
+            where=amount(leaves[0].distance_m, "m", 3),
+            time=amount(float(track.time_s[row]), "s", 3),
+            currents=", at " + " and ".join(amount(float(value), "A") for value in currents) if known else "",
+            more=f"; {counted(len(leaves) - 1, 'more departure')}" if len(leaves) > 1 else "",
+        )

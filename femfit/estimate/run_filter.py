@@ -4,31 +4,18 @@ One filter after the other costs hundreds of microseconds a sample; a thousand a
 cut into pieces. All of them run from a guess; each then runs again from the end of the one before, until every piece
 begins where its neighbour ended. A filter forgets its start, so that two or three turns do for most; a piece that has
 not forgotten is run again until it is the sequential result.
-
-A prediction in fine steps, for a caller that is not in a hurry.
-
-One step a sample holds the inductance and rests a body at a stop; these follow iron that saturates within a sample,
-and what a stop does to the body and the current. They are steps of Runge and Kutta, and with eddy currents, whose
-fastest would make them many, extrapolated ones.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.device.mechanics import Stop
-from femfit.estimate.constants import JOINED, LONGEST_PIECE, SHORTEST_PIECE, UNMOVED_KG
+from femfit.estimate.constants import JOINED, LONGEST_PIECE, SHORTEST_PIECE
 from femfit.estimate.filter import Filter
-from femfit.estimate.levitation import fastest_time_constant
-from femfit.estimate.noise import operating_distance
-from femfit.estimate.process import FilterProcess, FilterState
-from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import blocked_by_diodes
-from femfit.model.dynamics import LONGEST_STEP, currents_of_same_flux, extrapolated_step, motion_steps, runge_kutta_step
+from femfit.estimate.process import FilterState
 
 
 class Log(NamedTuple):
@@ -72,11 +59,11 @@ def replay(filter_: Filter, log: Log, resting: Filter | None = None) -> Replayed
     start = filter_.start(log.guesses[pieces.first])
     used, ends, todo, turns = start, start, np.arange(len(pieces.first)), 0
     while len(todo):
-        ends = _put(ends, todo, _run((filter_, resting), log, pieces, todo, _take(used, todo), result))
+        ends = ends.with_runs(todo, _run((filter_, resting), log, pieces, todo, used.of_runs(todo), result))
         turns += 1
-        wanted = _put(used, pieces.follows, _take(ends, pieces.follows - 1))
+        wanted = used.with_runs(pieces.follows, ends.of_runs(pieces.follows - 1))
         todo = np.flatnonzero(~_joined(used, wanted))
-        used = _put(used, todo, _take(wanted, todo))
+        used = used.with_runs(todo, wanted.of_runs(todo))
     clipped = np.isfinite(log.limits)  # a bound is no reading, and says nothing of the noise
     innovation, variance = (np.where(clipped, np.nan, values) for values in (result.innovation, result.variance))
     return replace(result, innovation=innovation, variance=variance, turns=turns)
@@ -118,9 +105,9 @@ def _run(
         moved = state
         for predicting, here in ((filter_, np.flatnonzero(~held)), (resting, np.flatnonzero(held))):
             if predicting is not None and len(here):
-                moved = _put(moved, here, predicting.predict(_take(state, here), log.inputs[row[here]]))
+                moved = moved.with_runs(here, predicting.predict(state.of_runs(here), log.inputs[row[here]]))
         if j == 0 and opens.any():  # nothing moves before the first sample
-            moved = _put(moved, np.flatnonzero(opens), _take(state, np.flatnonzero(opens)))
+            moved = moved.with_runs(np.flatnonzero(opens), state.of_runs(np.flatnonzero(opens)))
         readings = np.where(alive[:, None], _bounded(filter_, log, row, moved), np.nan)
         state = filter_.update(moved, readings)
         here = row[alive]
@@ -131,7 +118,7 @@ def _run(
         result.variance[here] = state.innovation_variance.reshape(shape)[alive]
         result.outcome[here] = state.outcome[alive]
         ended = np.flatnonzero(length == j + 1)
-        last = _put(last, ended, _take(state, ended)) if len(ended) else last
+        last = last.with_runs(ended, state.of_runs(ended)) if len(ended) else last
     return last
 
 
@@ -154,123 +141,3 @@ def _joined(used: FilterState, wanted: FilterState) -> BoolArray:
         alike = np.abs(np.diagonal(used.covariance, axis1=1, axis2=2) - variance) <= JOINED * variance
     both = np.isnan(used.mean) & np.isnan(wanted.mean)
     return np.asarray(((near & alike) | both).all(axis=1) & (used.outcome == wanted.outcome))
-
-
-def _take(state: FilterState, which: IntArray) -> FilterState:
-    return FilterState.of_fields(lambda name: getattr(state, name)[which])
-
-
-def _put(state: FilterState, which: IntArray, changed: FilterState) -> FilterState:
-    def value(name: str) -> NDArray[Any]:
-        old, new = getattr(state, name), getattr(changed, name)
-        result = np.array(old) if old.shape[1:] == new.shape[1:] else np.full((len(old), *new.shape[1:]), np.nan)
-        result[which] = new
-        return result
-
-    return FilterState.of_fields(value)
-
-
-ROUNDING = 1e-9
-"""Numerical: of a whole number of steps, which the last digit of an inductance must not make one more."""
-
-
-def in_fine_steps(model: ActuatorModel, process: FilterProcess) -> FilterProcess:
-    """A process of this model whose prediction takes fine steps."""
-    # The one step's Jacobian is another; a filter takes that of this one over the width of its first estimate
-    return process.predicting(partial(advance, model, unmoved(model), substeps(model)))
-
-
-def unmoved(model: ActuatorModel) -> ActuatorModel:
-    """The model of a body that nothing moves."""
-    still = replace(
-        model.require_motion(), mass_kg=UNMOVED_KG, gravity_m_s2=0.0, near_stop=None, far_stop=None, coulomb_N=0.0
-    )
-    return replace(model, motion=still)
-
-
-def substeps(model: ActuatorModel) -> int:
-    """Steps in a sample: none is longer than the fastest coil's time constant, or too long for the motion."""
-    if not model.windings.count:
-        return 1
-    if _extrapolates(model):
-        return motion_steps(model)
-    fastest = fastest_time_constant(model, operating_distance(model))
-    steps = model.sample_time_s / fastest / LONGEST_STEP
-    return max(1, int(np.ceil(steps * (1.0 - ROUNDING))))
-
-
-def _extrapolates(model: ActuatorModel) -> bool:
-    return model.eddy is not None
-
-
-def _stepped(
-    model: ActuatorModel, states: FloatArray, voltage: FloatArray, step: FloatArray | float, count: int
-) -> FloatArray:
-    """States after a step in so many parts; steps of their own have the shape (N, 1)."""
-    if not _extrapolates(model):
-        return runge_kutta_step(model, states, voltage, step, count)
-    if isinstance(step, float) and not step:
-        return states.copy()
-    for _ in range(count):
-        states = extrapolated_step(model, states, voltage, step / count)
-    return states
-
-
-def advance(
-    model: ActuatorModel, still: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray
-) -> FloatArray:
-    """States (N, n) one sample later, by so many steps; a body comes to rest at a stop, or bounces."""
-    order, motion = model.order, model.require_motion()
-    moved = states.copy()
-    states = states.copy()
-    states[:, 0] = np.clip(states[:, 0], *motion.ends)  # no body is beyond a stop, though an estimate's points are
-    moved[:, :order] = _stepped(model, states[:, :order], voltage, model.sample_time_s, count)
-    blocked_by_diodes(model, moved)
-    for stop, outward in ((motion.near_stop, -1.0), (motion.far_stop, 1.0)):
-        if stop is None:
-            continue
-        met = np.flatnonzero(outward * (moved[:, 0] - stop.distance_m) > 0.0)
-        if len(met):
-            after = moved[met, 1]
-            moved[met, :order] = _stopped((model, still), count, (states[met, :order], after), voltage[met], stop)
-    return moved
-
-
-def _stopped(
-    models: tuple[ActuatorModel, ActuatorModel],
-    count: int,
-    between: tuple[FloatArray, FloatArray],
-    voltage: FloatArray,
-    stop: Stop,
-) -> FloatArray:
-    """The step of bodies that meet a stop: up to it, and from there at rest on it, or back with what it returns.
-
-    A body that lies on its stop stays there all the step: were it let through the stop and put back, the current would
-    be that of a way that it does not go. ``between`` holds the states before, and the velocities of a free body after.
-    """
-    (model, still), (before, after) = models, between
-    outward = 1.0 if stop is model.require_motion().far_stop else -1.0
-    away, speed = -outward * (before[:, 0] - stop.distance_m), outward * before[:, 1]
-    gain = (outward * after - speed) / model.sample_time_s
-    with np.errstate(invalid="ignore", divide="ignore"):  # a body at rest on the stop is there at once
-        time = 2.0 * away / (speed + np.sqrt(np.maximum(speed**2 + 2.0 * gain * away, 0.0)))
-    time = np.clip(np.nan_to_num(time), 0.0, model.sample_time_s)
-    met, end, comes = before.copy(), model.windings.end, np.flatnonzero(time)
-    if len(comes):
-        there = _stepped(model, before[comes], voltage[comes], time[comes, None], count)
-        at_stop = np.full(len(comes), stop.distance_m)
-        # What the parabola misses of the way, with the flux linkage kept
-        there[:, 2:end] = currents_of_same_flux(model, there[:, 2:end], there[:, 0], at_stop)
-        met[comes] = there
-    met[:, 0] = stop.distance_m
-    returned, met[:, 1] = -stop.restitution * outward * np.maximum(outward * met[:, 1], 0.0), 0.0
-    rest_time = (model.sample_time_s - time)[:, None]
-    result = _stepped(still, met, voltage, rest_time, count)
-    result[:, 0], result[:, 1] = stop.distance_m, 0.0
-    back = np.flatnonzero(returned)
-    if len(back):
-        met[back, 1] = returned[back]
-        free = _stepped(model, met[back], voltage[back], rest_time[back], count)
-        bounced = outward * (free[:, 0] - stop.distance_m) < 0.0  # else what presses it to the stop keeps it there
-        result[back[bounced]] = free[bounced]
-    return blocked_by_diodes(model, result)

@@ -14,34 +14,32 @@ References
 A. S. Willsky and H. L. Jones, IEEE Trans. Automatic Control 21 (1976) 108: likelihood ratios over the time of a jump.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.core.text import amount, amount_range
 from femfit.device.mechanics import Stop
 from femfit.estimate.cholesky import cholesky
 from femfit.estimate.constants import (
     APART,
     AT_REST,
     BEYOND,
-    CERTAIN,
     FOLLOWED,
     LEAST_CONFIDENCE,
     LEAST_UNSEATED,
-    MOST_SEATINGS,
     SEAT_BEFORE,
     WORK_POINTS,
 )
 from femfit.estimate.filter import Filter
+from femfit.estimate.fine_steps import in_fine_steps
 from femfit.estimate.noise import consistency_band
 from femfit.estimate.prepare import Prepared
 from femfit.estimate.process import FilterOutcome, FilterState
-from femfit.estimate.run_filter import Replayed, in_fine_steps
+from femfit.estimate.run_filter import Replayed
+from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import currents_of_same_flux
 
@@ -61,26 +59,7 @@ class Seating:
     followed: bool = True  # Whether the filter explains the readings there
 
     def __str__(self) -> str:
-        speed = amount(abs(self.velocity_m_s), "m/s")
-        if not self.followed:
-            return not_followed([self])
-        if self.confidence < LEAST_CONFIDENCE:
-            time = amount(self.time_s, "s", 3)
-            return (
-                f"The estimate reaches the {self.stop} stop at {time}; the record does not tell whether the body does."
-            )
-        sure = "more than 99.9 %" if self.confidence > CERTAIN else amount(self.confidence, "", 3)
-        span = amount_range(self.low_s, self.high_s, "s", 4)
-        return f"Seats on the {self.stop} stop at {span} with {speed}, {sure} certain."
-
-
-def not_followed(seatings: Sequence[Seating]) -> str:
-    """Of arrivals of the estimate that the readings contradict, in one sentence."""
-    where = ", ".join(
-        f"the {seating.stop} stop at {amount(seating.time_s, 's', 3)}" for seating in seatings[:MOST_SEATINGS]
-    )
-    more = f" and {len(seatings) - MOST_SEATINGS} more" if len(seatings) > MOST_SEATINGS else ""
-    return f"The estimate comes to {where}{more}, but the readings there are not its own; the body may be elsewhere."
+        return sentence("observe", "seating", self)
 
 
 def find_seatings(prepared: Prepared, built: Filter, replayed: Replayed) -> tuple[Seating, ...]:
@@ -221,7 +200,7 @@ def run_rivals(
     for row in range(start + 1, last + 1):
         volts = np.repeat(log.inputs[row][None], runs, axis=0)
         seated, now = rivals.seats < row, rivals.seats == row
-        state = _lying(_either(free.predict(state, volts), built.predict(state, volts), seated), stop)
+        state = _lying(free.predict(state, volts).with_runs(seated, built.predict(state, volts).of_runs(seated)), stop)
         if now.any():
             state = _seat(model, state, now, (stop, outward), rivals)
         readings = np.tile(log.readings[row], (runs, 1))
@@ -271,13 +250,3 @@ def _seat(
     scale[0], scale[1] = AT_REST, max(stop.restitution, 0.1)
     covariance[now] = covariance[now] * np.outer(scale, scale)
     return replace(state, mean=mean, covariance=covariance, factor=cholesky(covariance)[0])
-
-
-def _either(free: FilterState, lying: FilterState, seated: BoolArray) -> FilterState:
-    """The prediction of each run: of a free body, or of one that its stop keeps."""
-
-    def value(name: str) -> NDArray[Any]:
-        moving, resting = getattr(free, name), getattr(lying, name)
-        return np.asarray(np.where(seated.reshape(-1, *([1] * (moving.ndim - 1))), resting, moving))
-
-    return FilterState.of_fields(value)

@@ -3,14 +3,13 @@
 In a template a paragraph is one printed line, however it is broken; ``>`` before it stands for two blanks each.
 """
 
-import re
-from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
 
 from femfit.core.results import Finding, Severity
-from femfit.core.text import amount, amount_in, amount_range, counted, probability, rounded, weighed_amount
+from femfit.core.text import amount_in, probability, rounded, weighed_amount
 from femfit.effects.words import describe, range_of, size_of
+from femfit.estimate.words import lines_of, templates_of
 from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.tables.measurement import CHANNEL_WORDS
@@ -22,32 +21,19 @@ if TYPE_CHECKING:
 def sentence(template: str, macro: str, *facts: Any) -> str:
     """The text that a macro of a template makes of facts, in one line; empty where it has nothing to say."""
     module = _environment().get_template(f"{template}.j2").module
-    return " ".join(_lines(str(getattr(module, macro)(*facts))))
+    return " ".join(lines_of(str(getattr(module, macro)(*facts))))
 
 
 def finding(code: str, column: str = "", size: float | None = None, words: str = "", **facts: Any) -> Finding:
     """A finding whose severity, text and remedy stand under its code, or under other words, in ``findings.j2``."""
     macro = getattr(_environment().get_template("findings.j2").module, words or code.replace("-", "_"))
-    severity, text, remedy = (*_lines(str(macro(facts))), "")[:3]
+    severity, text, remedy = (*lines_of(str(macro(facts))), "")[:3]
     return Finding(code, cast("Severity", severity), text, remedy, size, column)
 
 
 def printed(template: str, **facts: Any) -> str:
     """The lines that a template makes of facts."""
-    return "\n".join(_lines(_environment().get_template(f"{template}.j2").render(facts)))
-
-
-def _lines(text: str) -> Iterator[str]:
-    for paragraph in re.split(r"\n[ \t]*\n", text):
-        line = re.sub(r"[ \t\n]+", " ", paragraph.strip(" \t\n"))
-        if line:
-            depth = len(line) - len(line.lstrip(">"))
-            yield 2 * depth * " " + re.sub(r" ([.,;:])(?=\s|$)", r"\1", line[depth:].strip(" ")).replace("\xa0", " ")
-
-
-def _oneline(text: str) -> str:
-    """Paragraphs as one."""
-    return " ".join(text.split())
+    return "\n".join(lines_of(_environment().get_template(f"{template}.j2").render(facts)))
 
 
 def _listed(items: Any, word: str = "and") -> str:
@@ -56,24 +42,12 @@ def _listed(items: Any, word: str = "and") -> str:
     return f" {word} ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
-def _significant(value: float, digits: int = 3) -> str:
-    """To so many digits, without trailing zeros."""
-    return f"{value:.{digits}g}"
-
-
 @cache
 def _environment() -> "Environment":
     """The templates with the filters that write numbers."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  who prints nothing needs none
-
-    environment = Environment(  # noqa: S701  plain text
-        loader=PackageLoader("femfit.identify"), trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
-    )
+    environment = templates_of("femfit.identify")
     written = (
-        amount,
         amount_in,
-        amount_range,
-        counted,
         describe,
         probability,
         range_of,
@@ -82,7 +56,7 @@ def _environment() -> "Environment":
         weighed_amount,
     )
     environment.filters |= {function.__name__: function for function in written}
-    environment.filters |= {"listed": _listed, "oneline": _oneline, "sig": _significant, "signed": "{:+.3g}".format}
+    environment.filters |= {"listed": _listed, "signed": "{:+.3g}".format}
     environment.filters["channel"] = CHANNEL_WORDS.__getitem__
     environment.globals |= {"zip": zip, "LEVEL": LEVEL, "LEVEL_AFTER": LEVEL_AFTER, "WITHIN_NOISE": WITHIN_NOISE}
     environment.globals |= {"HELPS": HELPS, "OWN_MISFIT": OWN_MISFIT}

@@ -7,8 +7,7 @@ import numpy as np
 
 from femfit.core.errors import TableError
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.estimate.observation import Observation
-from femfit.estimate.observe import observe
+from femfit.estimate.observe import Observation, observe
 from femfit.estimate.prepare import recorded_sensors, with_recorded_sensors
 from femfit.model.actuator_model import ActuatorModel
 from femfit.report.style import (

@@ -15,7 +15,8 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.numerics import BoolArray, FloatArray
-from femfit.estimate.levitation import fastest_time_constant, kept_between_stops
+from femfit.estimate.fine_steps import substeps
+from femfit.estimate.process_graph import kept_between_stops
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import (
     blocked_by_diodes,
@@ -25,13 +26,7 @@ from femfit.model.drive import (
     voltage_limits,
     winding_voltage,
 )
-from femfit.model.dynamics import (
-    LONGEST_STEP,
-    currents_by_voltages,
-    extrapolated_step,
-    motion_steps,
-    runge_kutta_step,
-)
+from femfit.model.dynamics import currents_by_voltages, extrapolated_step, runge_kutta_step
 from femfit.model.magnetics import Magnetics
 
 
@@ -83,18 +78,11 @@ class Plant:
 
     @cached_property
     def substeps(self) -> int:
-        """Steps of the integration in a sample; none is longer than the time constant of a coil.
-
-        With eddy currents, whose steps are exact for the fastest decay, the motion sets their length.
-        """
+        """Steps of the integration in a sample."""
         model, box = self.model, self.model.validity
         if isinstance(model.magnetics, ScaledForce):  # whose scales are those of a batch
             model = replace(model, magnetics=model.magnetics.base)
-        if model.eddy is not None:
-            return motion_steps(model)
-        ends = (box.distance_min_m, box.distance_max_m)
-        shortest = min(fastest_time_constant(model, distance) for distance in ends)
-        return max(1, int(np.ceil(self.model.sample_time_s / shortest / LONGEST_STEP)))
+        return substeps(model, (box.distance_min_m, box.distance_max_m))
 
     def start(self, state: FloatArray) -> FloatArray:
         """The first state from (distance, velocity, currents), shape (runs, 2 + n); all others are at rest."""
@@ -116,7 +104,8 @@ class Plant:
         step = model.sample_time_s / count
         for _ in range(count):
             state = self._moved(state, command, step)
-        return kept_between_stops(model, state)
+        state[:, 0], state[:, 1] = kept_between_stops(model, state[:, 0], state[:, 1])
+        return state
 
     def _moved(self, state: FloatArray, command: FloatArray, step: float) -> FloatArray:
         model, n = self.model, len(self.model.circuits)

@@ -22,8 +22,8 @@ from femfit.device.electrics import Circuit
 from femfit.estimate.constants import TEST_SAMPLES
 from femfit.estimate.error_bound import bound_along, without_stops
 from femfit.estimate.filter import Filter
+from femfit.estimate.fine_steps import in_fine_steps
 from femfit.estimate.kalman_filter import kalman_filter
-from femfit.estimate.run_filter import in_fine_steps
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.sensors import names_or_kinds, sampled_readings, sensor_named

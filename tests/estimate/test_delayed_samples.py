@@ -11,7 +11,7 @@ from femfit.core.numerics import central_differences
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.estimate.error_bound import bound_along, without_stops
-from femfit.estimate.run_filter import in_fine_steps
+from femfit.estimate.fine_steps import in_fine_steps
 from femfit.model.sensors import sampled_readings, sensor_named
 from support.halves import cut_in_two
 from support.one_current import flat

@@ -7,11 +7,11 @@ import pytest
 
 from femfit.core.numerics import central_differences
 from femfit.device.electrics import CurrentSensor, Drive
-from femfit.estimate import run_filter as fine_steps
+from femfit.estimate import fine_steps
+from femfit.estimate.fine_steps import advance, fastest_time_constant, in_fine_steps, substeps, unmoved
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
-from femfit.estimate.levitation import fastest_time_constant, levitation_process
-from femfit.estimate.run_filter import advance, in_fine_steps, substeps, unmoved
+from femfit.estimate.levitation import levitation_process
 from femfit.model.dynamics import runge_kutta_step, state_scale
 from femfit.model.sensors import predict_sensor, sensor_named
 from support.added_effects import under_effects

@@ -8,7 +8,9 @@ import pytest
 import femfit as ff
 from femfit.core.errors import TableError
 from femfit.estimate.record import on_grid, repeated
-from femfit.estimate.record_checks import given_voltage, require_possible_step, suspect_record
+from femfit.estimate.record_checks import require_possible_step, suspect_record
+from femfit.estimate.record_voltage import given_voltage
+from femfit.estimate.rests import Track
 from support.one_current import within
 from support.replays import STEP_S, damped, logs, series
 from support.solenoids import solenoid
@@ -58,8 +60,8 @@ def test_the_diodes_drop_lasts_until_a_falling_current_has_come_to_its_end():
     current = np.maximum(0.1 - 8.0 * time, 0.0)
     current[current > 0.0] += np.random.default_rng(1).normal(0.0, noise_A, int((current > 0.0).sum()))
     distance = np.full(400, model.validity.distance_max_m)
-    noise, segment = (noise_A, 1e-6), np.zeros(400, dtype=int)
-    given = given_voltage(model, time, segment, np.zeros(400), current[:, None], distance, noise).voltage_V
+    track = Track(time, np.zeros(400, dtype=int), distance, current[:, None], 1e-6, [noise_A])
+    given = given_voltage(model, track, np.zeros(400), 0).voltage_V
     conducts = int((given == -0.7).sum())
     assert set(given) == {-0.7, 0.0}
     assert abs(conducts - 125) <= 3  # it would end 11 samples before, three standard deviations from zero

@@ -7,14 +7,14 @@ import pytest
 
 import femfit as ff
 from femfit.device.mechanics import Mechanics, Stop
-from femfit.estimate.rests import find_rests
+from femfit.estimate.rests import Track, find_rests
 from support.closed_loop import closed_loop, recorded
 from support.solenoids import solenoid
 from support.switching import CURRENT_A, DISTANCE_M, logged, switched
 
 
 def rests_of(model, record):
-    return find_rests(model, *columns_of(record), DISTANCE_M)
+    return find_rests(model, Track(*columns_of(record), DISTANCE_M))
 
 
 def columns_of(record):
@@ -100,14 +100,14 @@ def test_a_hover_is_free_though_the_model_misses_a_fifth_of_its_force(levitation
     record = recorded(closed_loop(model, runs=2, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
     for factor in (0.8, 1.0, 1.25):
         wrong = replace(model, magnetics=Scaled(model.magnetics, factor))
-        assert not find_rests(wrong, *columns_of(record), 3e-5).rests
+        assert not find_rests(wrong, Track(*columns_of(record), 3e-5)).rests
 
 
 def test_a_body_that_a_loop_moves_has_left_no_place_however_wrong_the_model_is(levitation_model, blocked):
     model = replace(levitation_model, sample_time_s=1e-3)
     record = recorded(closed_loop(model, seconds=2.0, seed=3), distance_m=3e-5, current_A=4e-3)
     wrong = replace(model, motion=replace(model.motion, mass_kg=4.0 * model.motion.mass_kg))
-    found = find_rests(wrong, *columns_of(record), 3e-5)
+    found = find_rests(wrong, Track(*columns_of(record), 3e-5))
     assert found.rests  # the model is wrong by more than it may be
     assert "lift-off" not in {one.code for one in found.findings}
 
@@ -137,5 +137,6 @@ def test_noise_of_the_sensors_alone_leaves_a_resting_body_at_rest():
         time = 1e-4 * np.arange(4000)
         distance = 4e-3 + DISTANCE_M * generator.standard_normal(4000)
         current = CURRENT_A * generator.standard_normal(4000)
-        (rest,) = find_rests(solenoid(), time, np.zeros(4000, int), distance, current[:, None], DISTANCE_M).rests
+        track = Track(time, np.zeros(4000, int), distance, current[:, None], DISTANCE_M)
+        (rest,) = find_rests(solenoid(), track).rests
         assert (rest.first, rest.last) == (0, 3999)

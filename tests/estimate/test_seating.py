@@ -8,7 +8,7 @@ import pytest
 import femfit as ff
 from femfit.device.electrics import CurrentSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
-from femfit.estimate.build_filter import filter_of, noise_of
+from femfit.estimate.follow import filter_of, noise_of
 from femfit.estimate.prepare import prepare
 from femfit.estimate.run_filter import replay
 from femfit.estimate.seating import fastest, run_rivals

@@ -346,7 +346,7 @@ def test_the_picture_before_and_after_is_of_filters_that_do_not_read_the_distanc
     [(1, 0, False), (3, 2, False), (4, 0, False), (5, 0, True), (9, 1, True), (0, 5, False)],
 )
 def test_one_more_run_lost_is_chance_and_many_are_not(newly, regained, worse):
-    held, lost = SimpleNamespace(lost_at_s=None), SimpleNamespace(lost_at_s=0.1)
+    held, lost = SimpleNamespace(broke_down=False), SimpleNamespace(broke_down=True)
     pairs = [(held, lost)] * newly + [(lost, held)] * regained + [(held, held), (lost, lost)]
     assert lost_runs(pairs).worse is worse
 
@@ -355,7 +355,7 @@ def test_filters_that_are_both_off_by_as_much_as_the_travel_decide_nothing():
     """A plate that was lost both times, 4.5 mm and 4.9 mm away in a travel of 8 mm."""
 
     def estimated(error_m):
-        return SimpleNamespace(lost_at_s=None, unread={"distance_m": error_m * np.tile([1.0, -1.0], 200)})
+        return SimpleNamespace(broke_down=False, unread={"distance_m": error_m * np.tile([1.0, -1.0], 200)})
 
     assert _unread([(estimated(np.nan), estimated(np.nan))], 2.3e-3) == {}  # both are blind to it
     unknowing = 8e-3 / np.sqrt(12.0)

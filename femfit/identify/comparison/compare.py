@@ -9,8 +9,7 @@ from typing import Any, Literal, cast
 import numpy as np
 
 from femfit.core.results import Finding, Printed
-from femfit.estimate.observation import OneFilter
-from femfit.estimate.observe import filtered
+from femfit.estimate.follow import OneFilter, followed
 from femfit.identify.comparison.lack_of_fit import (
     LackOfFit,
     ShapeMisfit,
@@ -217,7 +216,7 @@ def compare(model: ActuatorModel | str | Path, data: Measurement | str | Path) -
         observations=observations,
         model=model,
         findings=(*observations.findings, *findings),
-        filter=filtered(model, data) if isinstance(data, TimeSeries) else None,
+        filter=followed(model, data) if isinstance(data, TimeSeries) else None,
     )
 
 

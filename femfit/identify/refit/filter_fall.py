@@ -19,7 +19,7 @@ from scipy.stats import binomtest
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Printed
 from femfit.effects.effect import AddedEffect
-from femfit.estimate.consistency import FilterScore, can_be_filtered, filter_score
+from femfit.estimate.follow import OneFilter, can_be_filtered, followed
 from femfit.estimate.noise import default_noise
 from femfit.identify.constants import (
     FILTER_BLOCK,
@@ -36,7 +36,7 @@ from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement import TimeSeries
 
-_Pair = tuple[FilterScore, FilterScore]
+_Pair = tuple[OneFilter, OneFilter]
 
 
 @dataclass(frozen=True)
@@ -115,9 +115,9 @@ def filter_fall(
     for group in groups:
         run = _liveliest(_left_out(series, observations, group), FILTER_SAMPLES // len(groups))
         models = before, with_effects(after, (*staying, *left_out[group]))
-        all_sensors.append([filter_score(model, run, (), noise) for model in models])
+        all_sensors.append([followed(model, run, (), noise) for model in models])
         if {"current_A", "hall_V"} & set(series.given):
-            checked.append([filter_score(model, run, ("distance_m",), noise) for model in models])
+            checked.append([followed(model, run, ("distance_m",), noise) for model in models])
     pairs, beside = (
         [(first, second) for first, second in scores if first is not None and second is not None]
         for scores in (all_sensors, checked)
@@ -158,7 +158,7 @@ def lost_runs(pairs: Sequence[_Pair]) -> Change:
     A filter is lost for a moment in one run or another of a body that bounces, whatever the model; how likely the
     innovations are counts beside this.
     """
-    lost = [[score.lost_at_s is not None for score in pair] for pair in pairs]
+    lost = [[score.broke_down for score in pair] for pair in pairs]
     newly, regained = (sum(after is new and before is not new for before, after in lost) for new in (True, False))
     before, after = (float(sum(pair[k] for pair in lost)) for k in (0, 1))
     return Change(before, after, worse=_outnumber(newly, regained))
@@ -177,7 +177,7 @@ def _unread(pairs: Sequence[_Pair], unknowing_m: float) -> dict[str, Change]:
     unknowing_m : float
         Error of a distance of which only the travel is known, in m.
     """
-    ran = [pair for pair in pairs if all(score.lost_at_s is None for score in pair)]
+    ran = [pair for pair in pairs if all(not score.broke_down for score in pair)]
     ran = [pair for pair in ran if not all(_error(score, "distance_m") > unknowing_m for score in pair)]
     result = {}
     for name in sorted({name for pair in ran for name in pair[0].unread}):
@@ -192,7 +192,7 @@ def _unread(pairs: Sequence[_Pair], unknowing_m: float) -> dict[str, Change]:
     return result
 
 
-def _error(score: FilterScore, name: str) -> float:
+def _error(score: OneFilter, name: str) -> float:
     """Rms of recorded less estimated; zero where it was read, or where the filter claims to be blind throughout."""
     error = score.unread.get(name, np.zeros(1))
     return float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else 0.0

@@ -17,8 +17,9 @@ from femfit.core.results import Finding
 from femfit.core.sweep_columns import voltage_columns
 from femfit.estimate.constants import NORMAL_MEDIAN, SPIKE
 from femfit.estimate.record import white_noise
-from femfit.estimate.record_checks import given_voltage, suspect_settings
-from femfit.estimate.rests import Rest, find_rests
+from femfit.estimate.record_checks import suspect_settings
+from femfit.estimate.record_voltage import given_voltage
+from femfit.estimate.rests import Rest, Track, find_rests
 from femfit.identify.readings.plausible import at_ends_of_range, within_domain
 from femfit.identify.readings.settings import current_names, currents_in, leading_current
 from femfit.identify.series.constants import EVEN, ON_STOP
@@ -90,14 +91,15 @@ def take_samples(model: ActuatorModel, series: TimeSeries) -> Samples:
     if outside:
         findings.append(finding("outside-domain", words="samples_outside_domain", samples=outside))
     time, segment = rows["time_s"].to_numpy(), rows["segment"].to_numpy()
-    *noises_A, noise_m = (
+    *noise_A, noise_m = (
         series.declared_noise.get(name, white_noise(columns[name], segment)) for name in (*currents, "distance_m")
     )
     distance, current = true_setting_of(model, distance, current.reshape(len(rows), -1))
-    rests = find_rests(model, time, segment, distance, current, noise_m)
+    track = Track(time, segment, distance, current, noise_m, noise_A)
+    rests = find_rests(model, track)
     findings += rests.findings
     for k, command in enumerate(commands):
-        command_V = given_voltage(model, time, segment, columns[command], current, distance, (noises_A[k], noise_m), k)
+        command_V = given_voltage(model, track, columns[command], k)
         findings += command_V.findings
         columns[command] = np.where(command_V.unsure, np.nan, command_V.voltage_V)
     columns["current_A"] = columns[leading_current(model, columns)]

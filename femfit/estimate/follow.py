@@ -1,0 +1,255 @@
+"""A record through a filter of its model: how the filter is made, what it saw, and whether it can be relied on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from femfit.core.errors import FilterError, MissingPartError, TableError
+from femfit.core.numerics import FloatArray
+from femfit.core.sweep_columns import circuit_currents, voltage_columns
+from femfit.estimate.consistency import Beside, Innovations, beside, innovations_of
+from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES, OBSERVED_SHARE
+from femfit.estimate.filter import Filter
+from femfit.estimate.fine_steps import advance, in_fine_steps, substeps, unmoved
+from femfit.estimate.kalman_filter import FilterKind, kalman_filter
+from femfit.estimate.noise import FilterNoise, default_noise
+from femfit.estimate.prepare import Prepared, prepare, recorded_sensors, with_recorded_sensors
+from femfit.estimate.process import FilterOutcome, Output
+from femfit.estimate.run_filter import Replayed, replay
+from femfit.estimate.words import sentence
+from femfit.model.actuator_model import ActuatorModel
+from femfit.model.sensors import HALL, reading_of, sampled_readings, sensors_of
+from femfit.tables.measurement import TimeSeries
+
+FILTERS: dict[str, tuple[FilterKind, bool]] = {
+    "ukf": ("ukf", False),
+    "ekf": ("ekf", False),
+    "ukf4": ("ukf", True),
+    "ekf4": ("ekf", True),
+}
+"""Name -> kind, and whether a bias is a further state."""
+
+
+@dataclass(frozen=True, eq=False)
+class OneFilter:
+    """A record as one filter saw it."""
+
+    name: str
+    built: Filter
+    replayed: Replayed
+    innovations: tuple[Innovations, ...]
+    beside: tuple[Beside, ...]
+    estimates: Mapping[str, FloatArray]  # What the estimate says of each recorded channel
+    prepared: Prepared
+    lost_at_s: float | None  # When it no longer ran, for whatever reason
+    outcome: FilterOutcome
+
+    @property
+    def broke_down(self) -> bool:
+        """Whether it was lost by more than innovations out of their band."""
+        kept = (FilterOutcome.RUNNING, FilterOutcome.INNOVATIONS_OUT_OF_BAND)
+        return not np.isin(self.replayed.outcome, kept).all()
+
+    @property
+    def trusted(self) -> bool:
+        """Whether it ran through, and its innovations are as large as it says and white; not without any judged."""
+        judged = self.innovations
+        return self.lost_at_s is None and bool(judged) and all(sensor.consistent and sensor.white for sensor in judged)
+
+    @property
+    def misfit(self) -> float:
+        """By how much the mean square of all normalised innovations exceeds 1; infinite where none is judged."""
+        excess = sum(sensor.count * max(sensor.mean_square - 1.0, 0.0) for sensor in self.innovations)
+        return excess / sum(sensor.count for sensor in self.innovations) if self.innovations else float("inf")
+
+    @property
+    def cautious(self) -> bool:
+        """Whether it is not trusted only because it allows for more noise than the record has."""
+        ran = self.lost_at_s is None and bool(self.innovations)
+        return ran and not self.trusted and not any(sensor.bold for sensor in self.innovations)
+
+    @property
+    def sentence(self) -> str:
+        """Whether it can be relied on."""
+        return sentence("observe", "verdict", self)
+
+    @property
+    def claimed_m(self) -> float:
+        """The deviation of the distance that it claims, in the median of the record's second half."""
+        settled = self.replayed.deviation[len(self.replayed.deviation) // 2 :, 0]
+        return float(np.nanmedian(settled)) if np.isfinite(settled).any() else float("nan")
+
+    @property
+    def worst_reading(self) -> tuple[Output, float, float]:
+        """Which reading before its end was farthest off, by how many deviations, and by how much."""
+        replayed, row = self.replayed, int(np.argmax(self.replayed.outcome != FilterOutcome.RUNNING))
+        rows = slice(max(0, row + 1 - LEAST_JUDGED), row + 1)
+        ratio = np.nan_to_num(np.abs(replayed.innovation[rows]) / np.sqrt(replayed.variance[rows]))
+        sample, k = np.unravel_index(int(ratio.argmax()), ratio.shape)
+        return self.built.process.outputs[k], float(ratio[sample, k]), float(replayed.innovation[rows][sample, k])
+
+    @property
+    def likelihood(self) -> FloatArray:
+        """Logarithm, of each sample that has a reading; NaN elsewhere; (samples,)."""
+        variance = self.replayed.variance
+        ratio = self.replayed.innovation**2 / variance
+        read = np.isfinite(ratio)
+        each = np.where(read, -0.5 * (ratio + np.log(np.where(read, variance, 1.0))), 0.0).sum(axis=1)
+        return np.where(read.any(axis=1), each, np.nan)
+
+    @property
+    def mean_square(self) -> float:
+        """Of all normalised innovations, which should be 1."""
+        ratio = self.replayed.innovation**2 / self.replayed.variance
+        ratio = ratio[np.isfinite(ratio)]
+        return float(ratio.mean()) if len(ratio) else float("nan")
+
+    @property
+    def unread(self) -> dict[str, FloatArray]:
+        """Recorded less estimated, of each channel that it did not read; NaN where it claims to be blind."""
+        first = float(np.sqrt(self.built.process.require_start_covariance()[0, 0]))
+        sees = self.replayed.deviation[:, 0] < OBSERVED_SHARE * first
+        recorded, used = self.prepared.recorded, self.prepared.columns
+        return {
+            name: np.where(sees, recorded[name] - values, np.nan)
+            for name, values in self.estimates.items()
+            if name not in used
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the series."""
+        return {
+            "name": self.name,
+            "trusted": self.trusted,
+            "cautious": self.cautious,
+            "lost_at_s": self.lost_at_s,
+            "states": list(self.built.process.names),
+            "innovations": [sensor.to_dict() for sensor in self.innovations],
+            "beside": [vars(channel) for channel in self.beside],
+        }
+
+
+def can_be_filtered(model: ActuatorModel, series: TimeSeries) -> bool:
+    """Whether a record has what a filter of this model needs: a command, and a current, distance or Hall voltage."""
+    names = model.circuit_names
+    complete = model.motion is not None and set(voltage_columns(names)) <= set(series.given)
+    read = {*circuit_currents(names), "distance_m", "hall_V", "position_V"} & set(series.given)
+    return complete and (bool(names) or not model.has_winding) and bool(read)
+
+
+def followed(
+    model: ActuatorModel,
+    series: TimeSeries,
+    without: Sequence[str] | None = None,
+    noise: FilterNoise | None = None,
+) -> OneFilter | None:
+    """The first samples of a record through the unscented filter; None where the model has no filter for it.
+
+    Parameters
+    ----------
+    without : sequence of str or None
+        Columns that it does not read, of all that are recorded; where None it reads the sensors of the drawing.
+    noise : FilterNoise or None
+        Of the model where None; that of the sensors is the record's.
+    """
+    if not can_be_filtered(model, series):
+        return None
+    short = {name: values[:NOISE_SAMPLES] for name, values in series.clipped.items()}
+    series, sensors = replace(series, rows=series.rows[:NOISE_SAMPLES], clipped=short), None
+    try:
+        if without is not None:
+            sensors = recorded_sensors(with_recorded_sensors(model, series), series, without)
+        prepared = prepare(model, series, sensors)
+        return follow(prepared, "ukf", None, noise_of(prepared, noise))
+    except (FilterError, MissingPartError, TableError):  # as of a coil too fast for the record, or a force law alone
+        return None
+
+
+def follow(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> OneFilter:
+    """The record through one filter."""
+    model, built = prepared.model, filter_of(prepared, name, biases, noise)
+    replayed = replay(built, prepared.log, resting_filter(prepared, built))
+    judged = [
+        innovations_of(reading.name, reading.unit, replayed.innovation[:, k], replayed.variance[:, k])
+        for k, reading in enumerate(prepared.readings)
+    ]
+    estimates = _estimates(prepared, replayed)
+    compared = [
+        beside(column, column in prepared.columns, prepared.recorded[column], values, model.sample_time_s)
+        for column, values in estimates.items()
+    ]
+    lost = np.flatnonzero(replayed.outcome != FilterOutcome.RUNNING)
+    return OneFilter(
+        name=name,
+        built=built,
+        replayed=replayed,
+        innovations=tuple(innovations for innovations in judged if innovations is not None),
+        beside=tuple(channel for channel in compared if channel is not None),
+        estimates=estimates,
+        prepared=prepared,
+        lost_at_s=float(prepared.time_s[lost[0]]) if len(lost) else None,
+        outcome=FilterOutcome(int(replayed.outcome[lost[0]])) if len(lost) else FilterOutcome.RUNNING,
+    )
+
+
+def _estimates(prepared: Prepared, replayed: Replayed) -> dict[str, FloatArray]:
+    """By column, the reading of a sensor of the model in each estimated state, shape (samples,)."""
+    model, estimates = prepared.model, {}
+    for name, sensor in sensors_of(model).items():
+        column = reading_of(model, name).column
+        if column in prepared.recorded and column not in estimates:
+            stretches = np.split(replayed.mean[:, : model.order], prepared.log.begins[1:])
+            estimates[column] = np.concatenate([sampled_readings(model, sensor, states) for states in stretches])
+    return estimates
+
+
+def noise_of(prepared: Prepared, noise: FilterNoise | None) -> FilterNoise:
+    """Noises as given, or of the model and the record."""
+    noise = default_noise(prepared.model) if noise is None else noise
+    hall = prepared.noise.get(HALL, noise.hall_V)
+    return replace(noise, hall_V=hall, sensors={**prepared.noise, **noise.sensors})
+
+
+def filter_of(prepared: Prepared, name: str, biases: Sequence[str] | None, noise: FilterNoise) -> Filter:
+    """The filter with steps of Runge and Kutta, since an estimate offline is not in a hurry.
+
+    One that does not read the recorded distance starts again from it where every stretch begins with one.
+    """
+    kind, biased = FILTERS[name]
+    chosen: Sequence[str] = ()
+    if biased:
+        chosen = biases or [r.name for r in prepared.readings if r.unit != "A"][:1] or [prepared.sensors[0]]
+    model, box, distance = prepared.model, prepared.model.validity, prepared.recorded.get("distance_m")
+    begins_there = distance is not None and np.isfinite(distance[prepared.log.begins]).all()
+    known = begins_there and "distance_m" not in prepared.columns
+    built = kalman_filter(
+        model,
+        kind,
+        sensors=prepared.sensors,
+        biases=chosen,
+        noise=noise,
+        first_deviation_m=AT_STOP * (box.distance_max_m - box.distance_min_m) if known else None,
+    )
+    return replace(built, process=in_fine_steps(model, built.process))
+
+
+def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
+    """The same filter of a body that stands still: the current flows as it does in a body that nothing moves."""
+    if prepared.resting is None:
+        return None
+    process, model = built.process, unmoved(prepared.model)
+    transition = partial(_stay, model, substeps(prepared.model))
+    covariance = process.process_covariance.copy()
+    covariance[:2, :2] = np.diag(np.square(prepared.resting))
+    return replace(built, process=replace(process.predicting(transition), process_covariance=covariance))
+
+
+def _stay(model: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
+    still = states.copy()
+    still[:, 1] = 0.0
+    moved = advance(model, model, count, still, voltage)
+    moved[:, :2] = still[:, :2]
+    return moved
