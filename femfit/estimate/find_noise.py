@@ -13,6 +13,8 @@ Y. Bar-Shalom, X. Li and T. Kirubarajan, Estimation with Applications to Trackin
 section 5.4 (likelihood of the innovations).
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from femfit.core.numerics import FloatArray
@@ -22,20 +24,19 @@ from femfit.estimate.constants import (
     COVARIANCE_LAGS,
     FORGOTTEN,
     FORGOTTEN_SHARE,
+    LEAST_BLOCKS_OF_RECORD,
     LEAST_JUDGED,
     NOISE_PIECE,
     NOISE_SAMPLES,
     UNKNOWN,
 )
-from femfit.estimate.constants import (
-    LEAST_BLOCKS_OF_RECORD as LEAST_BLOCKS,
-)
 from femfit.estimate.filter import Filter
-from femfit.estimate.found_noise import FoundNoise, NoiseEstimate, Stretches, variance_factors
+from femfit.estimate.found_noise import FoundNoise, NoiseEstimate, Source, Stretches, variance_factors
 from femfit.estimate.noise import motion_rate, operating_distance
 from femfit.estimate.prepare import Prepared
 from femfit.estimate.process import FilterOutcome, FilterProcess
 from femfit.estimate.run_filter import Replayed
+from femfit.model.actuator_model import ActuatorModel
 from femfit.model.dynamics import currents_by_voltages
 
 NEWTON_STEPS = 30
@@ -50,58 +51,46 @@ def find_noise(filter_: Filter, prepared: Prepared, replayed: Replayed) -> Found
 
     None where the filter runs through no stretch that is long enough to judge.
     """
-    process = filter_.process
+    process, model = filter_.process, prepared.model
     windows = _windows(process, prepared, replayed)
     if windows is None:
         return None
-    parts = _parts(process)
-    names = ["acceleration", "voltage", *(output.name for output in process.outputs)]
-    units = ["m/s^1.5", "V", *(output.unit for output in process.outputs)]
-    first = _assumed(process, prepared)
-    logs, curvature = _newton(process, windows, parts, len(names))
+    sources, fixed = _sources(process, model)
+    logs, curvature = _newton(windows, sources, fixed)
     spread = np.linalg.pinv(curvature)
     deviation = np.sqrt(np.maximum(np.diag(spread), 0.0)) + np.where(np.diag(curvature) < 1e-3, np.inf, 0.0)
     estimates = []
-    for k, name in enumerate(names):
-        if name == "voltage" and not prepared.model.circuits:
+    for source, log, uncertain in zip(sources, logs, deviation.tolist(), strict=True):
+        if source.name == "voltage" and not model.circuits:
             continue
-        value = first[k] * np.exp(logs[k])
-        is_known = bool(deviation[k] < UNKNOWN)
-        high = value * np.exp(1.96 * min(float(deviation[k]), 3.0))
-        low = value * np.exp(-1.96 * float(deviation[k])) if is_known else 0.0
-        estimates.append(
-            NoiseEstimate(name, units[k], float(value), float(first[k]), float(low), float(high), is_known)
-        )
-    model, motion = prepared.model, prepared.model.require_motion()
+        value, known = source.assumed * np.exp(log), uncertain < UNKNOWN
+        high = value * np.exp(1.96 * min(uncertain, 3.0))
+        estimates.append(source.estimate(value, value * np.exp(-1.96 * uncertain) if known else 0.0, high, known))
     rate = motion_rate(model, operating_distance(model))
-    force = motion.mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate))
-    used = (windows.innovation.shape[0] - windows.forgotten) * windows.innovation.shape[1]
-    beside = _by_autocovariance(process, windows, parts, list(zip(names, units, first, strict=True)))
-    shares = _shares(process, windows, parts, logs, names)
-    friction = dry_friction(prepared, replayed)
-    return FoundNoise(tuple(estimates), used, force, shares, beside, friction)
+    return FoundNoise(
+        estimates=tuple(estimates),
+        samples=(windows.innovation.shape[0] - windows.forgotten) * windows.innovation.shape[1],
+        force_N=model.require_motion().mass_kg * estimates[0].value * float(np.sqrt(0.5 * rate)),
+        shares=_shares(process, windows, sources, fixed, logs),
+        by_autocovariance=_by_autocovariance(windows, sources, fixed),
+        friction=dry_friction(prepared, replayed),
+    )
 
 
-def _by_autocovariance(
-    process: FilterProcess, windows: Stretches, parts: list[FloatArray], noises: list[tuple[str, str, float]]
-) -> tuple[NoiseEstimate, ...]:
+def _by_autocovariance(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) -> tuple[NoiseEstimate, ...]:
     """The noises of the same pieces once more; none where these are too few for their scatter."""
     steps, pieces, _ = windows.innovation.shape
-    if (steps - windows.forgotten - COVARIANCE_LAGS) * pieces < LEAST_BLOCKS * COVARIANCE_BLOCK:
+    if (steps - windows.forgotten - COVARIANCE_LAGS) * pieces < LEAST_BLOCKS_OF_RECORD * COVARIANCE_BLOCK:
         return ()
-    readings = np.array([output.variance for output in process.outputs])
-    factors = variance_factors(windows, parts[:2], parts[2], readings)
+    factors = variance_factors(windows, sources, fixed)
     if factors is None:
         return ()
     estimates = []
-    for (name, unit, assumed), value, deviation in zip(noises, factors.value, factors.deviation, strict=True):
-        if not assumed:
-            continue
+    for source, value, deviation in zip(sources, factors.value, factors.deviation, strict=True):
         low, high = value - 1.96 * deviation, value + 1.96 * deviation
-        sizes = assumed * np.sqrt([value, max(low, 0.0), high])
-        estimates.append(
-            NoiseEstimate(name, unit, float(sizes[0]), assumed, float(sizes[1]), float(sizes[2]), bool(low > 0))
-        )
+        if source.assumed:
+            size, least, most = source.assumed * np.sqrt([value, max(low, 0.0), high])
+            estimates.append(source.estimate(size, least, most, low > 0.0))
     return tuple(estimates)
 
 
@@ -143,21 +132,13 @@ def _windows(process: FilterProcess, prepared: Prepared, replayed: Replayed) -> 
     )
 
 
-def _parts(process: FilterProcess) -> list[FloatArray]:
-    """Q of the acceleration, of the voltage, and of what is not searched for."""
-    covariance = process.process_covariance
+def _sources(process: FilterProcess, model: ActuatorModel) -> tuple[list[Source], FloatArray]:
+    """Acceleration, voltage and the sensors' noises as the filter was given them, and Q of what is not searched for."""
+    covariance, t, circuits = process.process_covariance, process.step_s, len(model.circuits)
     acceleration, voltage = np.zeros_like(covariance), np.zeros_like(covariance)
     acceleration[:2, :2] = covariance[:2, :2]
-    biases = {k for k, name in enumerate(process.names) if "_bias_" in name}
-    electrical = [k for k in range(2, process.base) if k not in biases]
+    electrical = [k for k in range(2, process.base) if "_bias_" not in process.names[k]]
     voltage[np.ix_(electrical, electrical)] = covariance[np.ix_(electrical, electrical)]
-    return [acceleration, voltage, covariance - acceleration - voltage]
-
-
-def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
-    """Noises as the filter was given them: sqrt of the acceleration's density, the voltage, the sensors."""
-    t, covariance, model = process.step_s, process.process_covariance, prepared.model
-    circuits = len(model.circuits)
     middle = np.zeros(model.windings.count)
     middle[:circuits] = model.validity.current_limits_A.mean(axis=1)[:circuits]
     distance, end = np.asarray(operating_distance(model)), 2 + circuits
@@ -167,26 +148,35 @@ def _assumed(process: FilterProcess, prepared: Prepared) -> FloatArray:
         by_current = np.asarray(np.linalg.inv(currents_by_voltages(model, distance, middle, t)[:circuits, :circuits]))
     squares = np.diag(by_current @ covariance[2:end, 2:end] @ by_current.T)
     volts = float(np.sqrt(squares.mean())) if circuits else 0.0  # rms over several drivers
-    return np.array([np.sqrt(covariance[1, 1] / t), volts, *(output.variance**0.5 for output in process.outputs)])
+    silent, still = np.zeros(len(process.outputs)), np.zeros_like(covariance)
+    sources = [
+        Source("acceleration", "m/s^1.5", float(np.sqrt(covariance[1, 1] / t)), acceleration, silent),
+        Source("voltage", "V", volts, voltage, silent),
+    ]
+    for k, output in enumerate(process.outputs):
+        readings = np.where(np.arange(len(silent)) == k, output.variance, 0.0)
+        sources.append(Source(output.name, output.unit, output.variance**0.5, still, readings))
+    return sources, covariance - acceleration - voltage
 
 
-def _likelihood(process: FilterProcess, windows: Stretches, parts: list[FloatArray], logs: FloatArray) -> FloatArray:
+def _likelihood(windows: Stretches, sources: Sequence[Source], fixed: FloatArray, logs: FloatArray) -> FloatArray:
     """Minus the logarithm of the likelihood for each row of logarithms of the noises' factors; shape (rows,)."""
     factor = np.exp(2.0 * logs)
-    q = factor[:, 0, None, None] * parts[0] + factor[:, 1, None, None] * parts[1] + parts[2]
+    q = fixed + np.tensordot(factor, np.stack([source.motion for source in sources]), 1)
+    readings = np.stack([source.readings for source in sources])
+    noise, r = readings.sum(axis=0), factor @ readings
     steps, pieces, sensors = windows.innovation.shape
-    order = process.order
+    order = len(fixed)
     error = np.zeros((len(logs), pieces, order))
     first = q * steps
     covariance = np.broadcast_to(first[:, None], (len(logs), pieces, order, order)).copy()
     total = np.zeros(len(logs))
-    noise = np.array([output.variance for output in process.outputs])
     for k in range(steps):
         for s in range(sensors):
             slope, reading = windows.outputs[k, :, s], windows.innovation[k, :, s]
             read = np.isfinite(reading)
             cross = np.einsum("bpij,pj->bpi", covariance, slope)
-            variance = np.einsum("bpi,pi->bp", cross, slope) + factor[:, 2 + s, None] * noise[s]
+            variance = np.einsum("bpi,pi->bp", cross, slope) + r[:, s, None]
             residual = np.where(read, reading, 0.0) - np.einsum("bpi,pi->bp", error, slope)
             if k >= windows.forgotten:
                 total += 0.5 * np.where(read, residual**2 / variance + np.log(variance / noise[s]), 0.0).sum(axis=1)
@@ -199,16 +189,15 @@ def _likelihood(process: FilterProcess, windows: Stretches, parts: list[FloatArr
     return total
 
 
-def _newton(
-    process: FilterProcess, windows: Stretches, parts: list[FloatArray], count: int
-) -> tuple[FloatArray, FloatArray]:
+def _newton(windows: Stretches, sources: Sequence[Source], fixed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The most likely logarithms, and the curvature there."""
+    count = len(sources)
     logs, unit = np.zeros(count), STEP * np.eye(count)
     pairs = [(a, b) for a in range(count) for b in range(a)]
     curvature = np.zeros((count, count))
     for _ in range(NEWTON_STEPS):
         probes = np.concatenate([[logs], logs + unit, logs - unit, *([logs + unit[a] + unit[b]] for a, b in pairs)])
-        values = _likelihood(process, windows, parts, probes)
+        values = _likelihood(windows, sources, fixed, probes)
         here, up, down, both = np.split(values, [1, 1 + count, 1 + 2 * count])
         slope = (up - down) / (2.0 * STEP)
         curvature[range(count), range(count)] = (up - 2.0 * here + down) / STEP**2
@@ -218,7 +207,7 @@ def _newton(
         step = -axes @ ((axes.T @ slope) / np.maximum(np.abs(sizes), 1.0))
         step *= min(1.0, 1.5 / max(float(np.abs(step).max()), 1e-12))
         tries = logs + np.array([1.0, 0.5, 0.25, 0.1, 0.0])[:, None] * step
-        best = int(np.argmin(_likelihood(process, windows, parts, tries)))
+        best = int(np.argmin(_likelihood(windows, sources, fixed, tries)))
         logs = np.clip(tries[best], -12.0, 12.0)
         if np.abs(step).max() < 1e-3 or best == len(tries) - 1:
             break
@@ -226,33 +215,27 @@ def _newton(
 
 
 def _shares(
-    process: FilterProcess, windows: Stretches, parts: list[FloatArray], logs: FloatArray, names: list[str]
+    process: FilterProcess, windows: Stretches, sources: Sequence[Source], fixed: FloatArray, logs: FloatArray
 ) -> dict[str, dict[str, float]]:
     """What the innovations come from in the steady state: each noise alone through the filter found."""
-    factor = np.exp(2.0 * logs)
     slope, outputs = np.median(windows.slope, axis=(0, 1)), np.median(windows.outputs, axis=(0, 1))
-    q = factor[0] * parts[0] + factor[1] * parts[1] + parts[2]
-    r = factor[2:] * [output.variance for output in process.outputs]
-    covariance = process.require_start_covariance()
-    causes = [factor[0] * parts[0], factor[1] * parts[1], *(np.zeros_like(q) for _ in r), parts[2]]
-    by_cause = [np.zeros_like(q) for _ in causes]
+    words = {"acceleration": "unknown force", "voltage": "unknown voltage"}
+    causes = {
+        words.get(source.name, f"noise of {source.name}"): (factor * source.motion, factor * source.readings)
+        for source, factor in zip(sources, np.exp(2.0 * logs), strict=True)
+    }
+    causes["drift of the bias"] = fixed, np.zeros(len(outputs))
+    q, r = (sum(parts) for parts in zip(*causes.values(), strict=True))
+    covariance, by_cause = process.require_start_covariance(), dict.fromkeys(causes, np.zeros_like(fixed))
     for _ in range(2 * NOISE_PIECE):
-        innovation = outputs @ covariance @ outputs.T + np.diag(r)
-        gain = np.linalg.solve(innovation, outputs @ covariance).T
-        closed = slope - slope @ gain @ outputs
+        gain = np.linalg.solve(outputs @ covariance @ outputs.T + np.diag(r), outputs @ covariance).T
+        closed, driven = slope - slope @ gain @ outputs, slope @ gain
         covariance = closed @ covariance @ slope.T + q
         covariance = 0.5 * (covariance + covariance.T)
-        by_cause = [
-            closed @ variance_of_cause @ closed.T + cause
-            for variance_of_cause, cause in zip(by_cause, causes, strict=True)
-        ]
-        for s, variance in enumerate(r):
-            column = slope @ gain[:, s]
-            by_cause[2 + s] = by_cause[2 + s] + variance * np.outer(column, column)
-    words = ["unknown force", "unknown voltage", *(f"noise of {name}" for name in names[2:]), "drift of the bias"]
-    shares_of = {}
-    for k, name in enumerate(names[2:]):
-        shares = [float(outputs[k] @ variance_of_cause @ outputs[k]) for variance_of_cause in by_cause]
-        shares[2 + k] += float(r[k])
-        shares_of[name] = {word: share / sum(shares) for word, share in zip(words, shares, strict=True)}
-    return shares_of
+        for word, (motion, readings) in causes.items():
+            by_cause[word] = closed @ by_cause[word] @ closed.T + motion + driven * readings @ driven.T
+    shares = {}
+    for k, output in enumerate(process.outputs):
+        each = {word: float(outputs[k] @ by_cause[word] @ outputs[k] + causes[word][1][k]) for word in causes}
+        shares[output.name] = {word: share / sum(each.values()) for word, share in each.items()}
+    return shares
