@@ -96,14 +96,9 @@ class Memory:
     rate : callable
         (states, i, conditions, p) -> mapping of name to time derivative at the velocity and the current's rate of the
         conditions; linear in that rate for each of its signs.
-    lag : callable or None
-        (conditions, p) -> mapping of name to (c in A, t in A/Wb) of states that act as
-        W'(d, i) -> V - sum_k z_k t_k lambda^2 / 2 with V = W'(d, i - sum_k c_k z_k) and lambda = dV/di; None where they
-        act otherwise. What ``coenergy`` does is said once more, so that the change of the flux linkage with the states
-        is known without differences.
     response : callable or None
-        (frequency in Hz, conditions, p) -> mapping of name to the complex change of the state per ampere of a small
-        sinusoidal current, the body held: what an impedance shows of it; None where it shows nothing.
+        (frequency in Hz, p) -> complex part of the flux linkage that does not follow a small sinusoidal
+        current, the body held: what an impedance shows of the states; None where it shows nothing.
     recall : callable or None
         (currents in the order in which they were read, whether a run begins there, nominal) -> mapping of name to
         array, for :attr:`Conditions.recalled`: what ``steady_state`` needs of that order; None where it needs nothing.
@@ -114,8 +109,7 @@ class Memory:
     spread: float
     steady_state: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
     rate: Callable[[States, Expression, Conditions, Parameters], States]
-    lag: Callable[[Conditions, Parameters], Mapping[str, tuple[float, float]]] | None = None
-    response: Callable[[FloatArray, Conditions, Parameters], Mapping[str, ComplexArray]] | None = None
+    response: Callable[[FloatArray, Parameters], ComplexArray] | None = None
     recall: Callable[[FloatArray, BoolArray, Nominal], Mapping[str, FloatArray]] | None = None
 
 

@@ -110,12 +110,6 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return result
 
 
-def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
-    scale = conditions.nominal.peak_current_A
-    growth = {_TAPERED: scale * p["taper"] / conditions.nominal.flux_linkage_Wb}
-    return {f"hysteresis_{name}": (scale * p[f"width_{name}"], growth.get(name, 0.0)) for name in _RADII}
-
-
 def _coenergy(
     base: Coenergy, d: Expression, i: Expression, h: Expression, conditions: Conditions, p: Parameters
 ) -> Expression:
@@ -204,6 +198,5 @@ HYSTERESIS = Effect(
         steady_state=_steady_state,
         recall=_recall,
         rate=_rate,
-        lag=_lag,
     ),
 )

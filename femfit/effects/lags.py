@@ -20,8 +20,6 @@ R. L. Stoll, The Analysis of Eddy Currents (Clarendon, 1974), chapter 2 (diffusi
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 2.2 (coupled windings).
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from femfit.core.graph import Expression
@@ -49,17 +47,10 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _lag(conditions: Conditions, p: Parameters) -> Mapping[str, tuple[float, float]]:
-    return {f"eddy_{mode}": (conditions.nominal.peak_current_A * p[f"{mode}_share"], 0.0) for mode in _MODES}
-
-
-def _response(frequency: FloatArray, conditions: Conditions, p: Parameters) -> Mapping[str, ComplexArray]:
-    """States per ampere of a small current: s / (s + 1 / tau_k), over the largest current."""
+def _response(frequency: FloatArray, p: Parameters) -> ComplexArray:
+    """What of the flux does not follow a small current: the sum of s_k s / (s + 1 / tau_k)."""
     s = np.asarray(2j * np.pi * frequency, dtype=np.complex128)
-    return {
-        f"eddy_{mode}": s / (s + faster / p["time_s"]) / conditions.nominal.peak_current_A
-        for mode, faster in _MODES.items()
-    }
+    return np.sum([p[f"{mode}_share"] * s / (s + faster / p["time_s"]) for mode, faster in _MODES.items()], axis=0)
 
 
 def _coenergy(
@@ -118,7 +109,6 @@ EDDY_CURRENT_LAG = Effect(
         spread=0.02,
         steady_state=lambda d, i, conditions, p: {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES},
         rate=_rate,
-        lag=_lag,
         response=_response,
     ),
 )

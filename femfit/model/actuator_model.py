@@ -189,10 +189,7 @@ class ActuatorModel(Printed):
         d, i = self._points(distance, current, extrapolate)
         inductance = self.magnetics.inductance(d, i)
         f = checked_frequency(np.asarray(frequency, dtype=np.float64), inductance.shape[:-2])
-        share = np.ones(f.shape, dtype=np.complex128)
-        if self.conditions is not None:
-            share = following_share(self.effects, f, self.conditions)
-        return SmallSignal(self, d, i, inductance, f, share)
+        return SmallSignal(self, d, i, inductance, f, following_share(self.effects, f))
 
     def _evaluate(
         self,

@@ -57,11 +57,6 @@ def exponential_step(
     return evaluated(model, model.equations.step(length), state, voltage, step=step)
 
 
-def exponential_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float) -> FloatArray:
-    """Jacobian of :func:`exponential_step`."""
-    return _slopes(state, evaluated(model, model.equations.step_slope(step), state, voltage, step=step))
-
-
 def currents_by_voltages(model: ActuatorModel, distance: FloatArray, currents: FloatArray, step: float) -> FloatArray:
     """How far voltages held over a step in s move all windings' currents (..., n + r), in A/V, (..., n + r, n + r)."""
     windings, m = model.windings, model.windings.count

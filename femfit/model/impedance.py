@@ -1,8 +1,7 @@
 """Impedance of a body held at rest, for a small sinusoidal current about a bias: Z = R + j w L_s + induced(h(w) L).
 
-L is d(flux linkage)/di of the model's co-energy. h(w) is what lagging states leave of it, 1 - sum_k c_k x_k(w): the
-core sees the current i - sum_k c_k z_k, and z_k follows a current of one ampere with the amplitude x_k(w). Without eddy
-currents the induced part is j w h L.
+L is d(flux linkage)/di of the model's co-energy. h(w) is what lagging states leave of it. Without eddy currents the
+induced part is j w h L.
 
 What a number of the drawing changes of an impedance beside W'(d, i): of its eddy currents, at frequencies.
 
@@ -36,15 +35,12 @@ SHORTED = "_shorted_H"
 """Ends the column of the inductance of a circuit beside another that is shorted."""
 
 
-def following_share(effects: Iterable[AddedEffect], frequency: FloatArray, conditions: Conditions) -> ComplexArray:
+def following_share(effects: Iterable[AddedEffect], frequency: FloatArray) -> ComplexArray:
     """h(w) at frequencies in Hz: how much of the flux linkage follows a small current, and how late."""
     share = np.ones(np.shape(frequency), dtype=np.complex128)
     for added in effects:
-        memory, p = added.memory, added.parameters
-        if memory is not None and memory.response is not None and memory.lag is not None:
-            turns = memory.lag(conditions, p)
-            for name, state in memory.response(frequency, conditions, p).items():
-                share = share - turns[name][0] * state
+        if added.memory is not None and added.memory.response is not None:
+            share = share - added.memory.response(frequency, added.parameters)
     return share
 
 

@@ -98,7 +98,7 @@ def _impedances(
 ) -> dict[str, FloatArray]:
     """Resistances and inductances in series of n circuits, of low inductances (rows, n, n) and ohms (rows, n)."""
     f = np.fmax(like(conditions.frequency_Hz, d), LOW_HZ)
-    share, eddy = following_share(added, f, conditions), eddy_with_sources(base, added)
+    share, eddy = following_share(added, f), eddy_with_sources(base, added)
     z = with_further_impedance(induced_impedance(low, f, share, eddy, d), added, d, currents[:, 0], f, conditions)
     w, series = 2.0 * np.pi * f, [one.inductance_H for one in base.circuits] or [0.0]
     z, shown = z + np.eye(low.shape[-1]) * (ohms + 1j * w[:, None] * series)[:, None, :], {}

@@ -8,11 +8,8 @@ import pytest
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import central_differences
 from femfit.effects.catalogue import BUILT_IN, OF_EACH, effect_by_name, of_circuit
-from femfit.effects.conditions import Conditions
-from femfit.effects.stages import changed_coenergy
-from femfit.model.with_effects import coenergy_of, nominal_of, with_effects
+from femfit.model.with_effects import with_effects
 from support.added_effects import under_effects, usual
-from support.coenergies import partials
 from support.model_kinds import rates, states_of
 from support.readings import hall_voltage
 
@@ -82,26 +79,6 @@ def test_an_effect_at_its_null_leaves_the_motion_as_it_is_and_points_move_alone_
     if model.sensor is not None:
         seen = hall_voltage(moved, states)
         close(np.concatenate([hall_voltage(moved, states[k : k + 1]) for k in range(20)]), seen, 1e-12)
-
-
-@pytest.mark.parametrize("name", ["eddy_current_lag", "hysteresis"])
-def test_the_lag_of_states_is_what_their_coenergy_does(name, levitation_model):
-    added = usual(effect_by_name(name))
-    memory, at = added.effect.memory, Conditions(nominal_of(levitation_model))
-    d, i = np.array([0.018, 0.024, 0.033]), np.array([0.3, 0.6, 1.0])
-    states = {name: 0.05 * (1 + k) for k, name in enumerate(memory.names)}
-    lag, base = memory.lag(at, added.parameters), coenergy_of(levitation_model)
-    current, taper = (sum(lag[name][k] * states[name] for name in memory.names) for k in range(2))
-    acting = changed_coenergy(base, [added], replace(at, memory=states))
-    orders = ((0, 0, 0), (1, 0, 0), (0, 1, 0))
-    # W' = V - t lambda^2 / 2 with V = W'(d, i - c z) and lambda = dV/di
-    value, by_d, linkage, inductance, motional = partials(base, d, i - current, (*orders, (0, 2, 0), (1, 1, 0)))
-    wanted = (
-        value - 0.5 * taper * linkage**2,
-        by_d - taper * linkage * motional,
-        linkage - taper * linkage * inductance,
-    )
-    np.testing.assert_allclose(partials(acting, d, i, orders), wanted, rtol=1e-12)
 
 
 def test_a_lag_is_outermost_in_whatever_order_effects_are_added(levitation_model):

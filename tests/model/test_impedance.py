@@ -46,7 +46,8 @@ def test_a_lag_of_the_flux_shows_as_its_own_equation_of_states_says(levitation_m
         later = memory.rate(guess, np.zeros(1), Conditions(nominal, current_rate_A_s=rates[1]), p)
         states = {name: states[name] + 0.5 * dt * (now[name] + later[name]) for name in states}
         if k >= steps * (periods - 1):
-            shift = sum(memory.lag(Conditions(nominal), p)[name][0] * states[name] for name in states)
+            lagging = sum(p[f"{mode}_share"] * states[f"eddy_{mode}"] for mode in ("ring", "diffusion"))
+            shift = nominal.peak_current_A * lagging
             flux.append(small * np.sin(w * dt * (k + 1)) - float(shift[0]))
     t = dt * np.arange(steps * (periods - 1) + 1, steps * periods + 1)
     share = 2.0 / steps * np.sum(np.array(flux) * np.exp(-1j * w * t)) * 1j / small

@@ -9,12 +9,12 @@ from casadi import SX
 
 from femfit.core.graph import GraphFunction, building
 from femfit.model.decay import decayed
-from femfit.model.dynamics import exponential_jacobian, exponential_step, runge_kutta_step
+from femfit.model.dynamics import exponential_step, runge_kutta_step
 from femfit.model.responses import ResponseTable
 from femfit.simulation.plant import with_force_scale
 from support.eddies import with_eddies
 from support.halves import cut_in_two
-from support.model_kinds import voltage_of
+from support.model_kinds import exponential_jacobian, voltage_of
 from support.readings import hall_voltage
 from support.solenoids import solenoid
 

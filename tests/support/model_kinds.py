@@ -8,7 +8,7 @@ from femfit.core.numerics import central_differences
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.fit.build import fit_model
-from femfit.model.dynamics import exponential_jacobian, exponential_step, state_derivative, state_jacobian, state_scale
+from femfit.model.dynamics import evaluated, exponential_step, state_derivative, state_jacobian, state_scale
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
@@ -103,6 +103,12 @@ def step(model, states, volts, seconds):
 
 def step_slopes(model, states, volts, seconds):
     return exponential_jacobian(model, states, voltage_of(model, volts), seconds)
+
+
+def exponential_jacobian(model, states, volts, seconds):
+    """Jacobians (points, order, order) of a step, column after column in the equations."""
+    values = evaluated(model, model.equations.step_slope(seconds), states, volts, step=seconds)
+    return values.reshape(len(states), model.order, model.order).swapaxes(1, 2)
 
 
 def differences(model, function, states, volts):
