@@ -19,12 +19,11 @@ import numpy as np
 from femfit.core.errors import FilterError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
-from femfit.core.sweep_columns import is_current
-from femfit.core.text import amount
 from femfit.estimate.constants import OBSERVED_SHARE, SETTLING_STEPS
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import FilterNoise
 from femfit.estimate.process import FilterProcess
+from femfit.estimate.words import sentence
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 
@@ -53,20 +52,7 @@ class ErrorBound(Printed):
         return np.asarray(self.deviations < OBSERVED_SHARE * self.first)
 
     def __str__(self) -> str:
-        against = f"with {', '.join(self.sensors)} against the process noises that it allows for"
-        lines = [f"Best that any filter can do {against}, the body held still:"]
-        for place, deviations, observed in zip(self.places, self.deviations, self.observed, strict=True):
-            currents = [amount(float(place[k]), "A") for k, name in enumerate(self.names) if is_current(name)]
-            where = " and ".join([f"at {amount(place[0], 'm')}", *currents])
-            bounds = [
-                f"{name.rpartition('_')[0].replace('_', ' ')} to {amount(float(deviation), name.rpartition('_')[2])}"
-                for name, deviation, is_observed in zip(self.names, deviations, observed, strict=True)
-                if is_observed and name.rpartition("_")[2] in {"m", "A", "V", "N"}
-            ]
-            bounds = bounds or ["nothing that was not known before"]
-            hidden = "" if observed[0] else "; the distance cannot be told"
-            lines.append(f"  {where}: {', '.join(bounds)}{hidden}")
-        return "\n".join(lines)
+        return sentence("filter", "bound", self)
 
 
 def error_bound(

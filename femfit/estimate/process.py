@@ -14,6 +14,7 @@ import numpy as np
 
 from femfit.core.errors import FilterError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray, central_differences
+from femfit.estimate.words import sentence
 
 Transition = Callable[[FloatArray, FloatArray], FloatArray]
 Measure = Callable[[FloatArray], FloatArray]
@@ -152,28 +153,7 @@ class FilterOutcome(IntEnum):
     @property
     def sentence(self) -> str:
         """What happened and what to do about it."""
-        return _SENTENCES[self]
-
-
-_SENTENCES = {
-    FilterOutcome.RUNNING: "The filter runs.",
-    FilterOutcome.COVARIANCE_LOST: (
-        "The covariance is no longer positive definite: the readings lie far outside of what the model predicts, the "
-        "process covariance is not positive definite, or the filter runs in single precision. Check them in this order."
-    ),
-    FilterOutcome.NOT_FINITE: (
-        "A measurement, input or estimate is not a finite number. Check the sensor's samples and the initial state; a "
-        "sample that is missing may be NaN."
-    ),
-    FilterOutcome.LEFT_MODEL: (
-        "The estimate went far outside of the distances and currents for which the model was fitted: the moving part "
-        "is lost or the initial state is wrong. Start again from a measured distance."
-    ),
-    FilterOutcome.INNOVATIONS_OUT_OF_BAND: (
-        "Most innovations stayed outside of their 99.9 % band: model, noise or sensor are not what the filter was "
-        "given. Check the sensor's offset (4-state filter), the measurement noise and the force law."
-    ),
-}
+        return sentence("filter", "outcome", self.name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,4 +50,5 @@ def templates_of(package: str) -> "Environment":
 def _environment() -> "Environment":
     environment = templates_of("femfit.estimate")
     environment.globals |= {name: value for name, value in vars(constants).items() if name.isupper()}
+    environment.globals["zip"] = zip
     return environment
