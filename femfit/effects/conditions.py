@@ -1,7 +1,7 @@
 """What is known of a reading beside its distance and current, and facts of the base model that effects scale by."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -119,6 +119,33 @@ class Conditions:
     memory: Mapping[str, Expression] = field(default_factory=dict)
     # What effects with states recall of the order in which the readings were taken; empty where it is not known
     recalled: Mapping[str, Expression] = field(default_factory=dict)
+
+    @property
+    def numbers(self) -> dict[str, Any]:
+        """What is known of a point as numbers by name, none of which is NaN for a temperature."""
+        coil, magnet = warmth(self.coil_temperature_C), warmth(self.magnet_temperature_C)
+        low, high = self.current_turn_A
+        temperatures = {
+            "coil_K": coil.kelvin, "coil_unknown": coil.unknown, "magnet_K": magnet.kelvin, "magnet_unknown": magnet.unknown,
+        }
+        plain = {name: getattr(self, name) for name in _PLAIN}
+        return {**plain, **temperatures, "turn_low_A": low, "turn_high_A": high, **self.memory, **self.recalled}
+
+    def with_numbers(self, numbers: Mapping[str, SX]) -> "Conditions":
+        """The conditions with expressions in place of their :attr:`numbers`."""
+        return replace(
+            self,
+            coil_temperature_C=Warmth(numbers["coil_K"], numbers["coil_unknown"]),
+            magnet_temperature_C=Warmth(numbers["magnet_K"], numbers["magnet_unknown"]),
+            current_turn_A=(numbers["turn_low_A"], numbers["turn_high_A"]),
+            memory={name: numbers[name] for name in self.memory},
+            recalled={name: numbers[name] for name in self.recalled},
+            **{name: numbers[name] for name in _PLAIN},
+        )
+
+
+_PLAIN = ("branch", "time_s", "elapsed", "frequency_Hz", "velocity_m_s", "current_rate_A_s", "motional_V")
+"""Conditions that are one number each."""
 
 
 def like(value: Any, points: Any) -> Any:

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from typing import Any, SupportsIndex
 
 from femfit.core.graph import Expression
-from femfit.core.numerics import BoolArray, ComplexArray, FloatArray
+from femfit.core.numerics import BoolArray, FloatArray
 from femfit.effects.conditions import Conditions, Nominal
 
 Parameters = Mapping[str, Any]
@@ -97,8 +97,8 @@ class Memory:
         (states, i, conditions, p) -> mapping of name to time derivative at the velocity and the current's rate of the
         conditions; linear in that rate for each of its signs.
     response : callable or None
-        (frequency in Hz, p) -> complex part of the flux linkage that does not follow a small sinusoidal
-        current, the body held: what an impedance shows of the states; None where it shows nothing.
+        (s = j w in 1/s, p) -> complex part of the flux linkage that does not follow a small sinusoidal current, the body
+        held: what an impedance shows of the states; None where it shows nothing.
     recall : callable or None
         (currents in the order in which they were read, whether a run begins there, nominal) -> mapping of name to
         array, for :attr:`Conditions.recalled`: what ``steady_state`` needs of that order; None where it needs nothing.
@@ -107,9 +107,9 @@ class Memory:
     names: tuple[str, ...]
     amplitudes: tuple[str, ...]
     spread: float
-    steady_state: Callable[[FloatArray, FloatArray, Conditions, Parameters], Mapping[str, FloatArray]]
+    steady_state: Callable[[Expression, Expression, Conditions, Parameters], States]
     rate: Callable[[States, Expression, Conditions, Parameters], States]
-    response: Callable[[FloatArray, Parameters], ComplexArray] | None = None
+    response: Callable[[Any, Parameters], Any] | None = None
     recall: Callable[[FloatArray, BoolArray, Nominal], Mapping[str, FloatArray]] | None = None
 
 
@@ -120,7 +120,7 @@ Coenergy = Callable[[Expression, Expression, Expression], Expression]
 CoenergyChange = Callable[[Coenergy, Expression, Expression, Expression, Conditions, Parameters], Expression]
 Force = Callable[[Expression, Expression, Conditions, Parameters], Expression]
 CircuitChange = Callable[[Expression, Expression, Expression, Conditions, Parameters], tuple[Expression, Expression]]
-FurtherImpedance = Callable[[Expression, Expression, Expression, Conditions, Parameters], ComplexArray]
+FurtherImpedance = Callable[[Expression, Expression, Expression, Conditions, Parameters], Any]
 Readings = Callable[
     [Mapping[str, Expression], Expression, Expression, Conditions, Parameters], Mapping[str, Expression]
 ]

@@ -20,10 +20,12 @@ R. L. Stoll, The Analysis of Eddy Currents (Clarendon, 1974), chapter 2 (diffusi
 H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968), section 2.2 (coupled windings).
 """
 
+from typing import Any
+
 import numpy as np
 
 from femfit.core.graph import Expression
-from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import (
     Calibration,
@@ -47,10 +49,9 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
     return {f"eddy_{mode}": change - states[f"eddy_{mode}"] * (faster / p["time_s"]) for mode, faster in _MODES.items()}
 
 
-def _response(frequency: FloatArray, p: Parameters) -> ComplexArray:
+def _response(s: Any, p: Parameters) -> Any:
     """What of the flux does not follow a small current: the sum of s_k s / (s + 1 / tau_k)."""
-    s = np.asarray(2j * np.pi * frequency, dtype=np.complex128)
-    return np.sum([p[f"{mode}_share"] * s / (s + faster / p["time_s"]) for mode, faster in _MODES.items()], axis=0)
+    return sum(s * p[f"{mode}_share"] / (s + faster / p["time_s"]) for mode, faster in _MODES.items())
 
 
 def _coenergy(
@@ -107,7 +108,7 @@ EDDY_CURRENT_LAG = Effect(
         names=tuple(f"eddy_{mode}" for mode in _MODES),
         amplitudes=tuple(f"{mode}_share" for mode in _MODES),
         spread=0.02,
-        steady_state=lambda d, i, conditions, p: {f"eddy_{mode}": np.zeros_like(i) for mode in _MODES},
+        steady_state=lambda d, i, conditions, p: {f"eddy_{mode}": 0.0 * i for mode in _MODES},
         rate=_rate,
         response=_response,
     ),

@@ -184,7 +184,7 @@ def _following(inductance: FloatArray, distance: FloatArray, frequency: FloatArr
     """The share g at distances and frequencies, shape (d, f, n, n)."""
     at_each = np.broadcast_to(distance[:, None], (len(distance), len(frequency)))
     alone, share = inductance[:, None], np.ones_like(at_each, dtype=np.complex128)
-    induced = induced_impedance(alone, frequency, share, eddy, at_each)
+    induced = induced_impedance(alone, 2j * np.pi * frequency, share, eddy.patterns(at_each))
     return np.asarray(induced @ np.linalg.inv(alone) / (2j * np.pi * frequency[:, None, None]))
 
 

@@ -189,7 +189,7 @@ class ActuatorModel(Printed):
         d, i = self._points(distance, current, extrapolate)
         inductance = self.magnetics.inductance(d, i)
         f = checked_frequency(np.asarray(frequency, dtype=np.float64), inductance.shape[:-2])
-        return SmallSignal(self, d, i, inductance, f, following_share(self.effects, f))
+        return SmallSignal(self, d, i, inductance, f, following_share(self.effects, 2j * np.pi * f))
 
     def _evaluate(
         self,

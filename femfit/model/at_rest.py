@@ -1,44 +1,144 @@
-"""What effects make of co-energy and Hall field at rest, by points: of readings whose conditions differ."""
+"""A model under effects at rest, by points: of readings whose conditions differ, and by its effects' parameters.
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+What is asked is one expression of the recorded setting, of the conditions and of the parameters, so that one function
+serves all values of them.
+"""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import GraphFunction, building, slope
+from femfit.core.graph import Expression, GraphFunction, building, of_variable, slope
 from femfit.core.numerics import FloatArray
-from femfit.effects.conditions import Conditions, Warmth, warmth
-from femfit.effects.effect import AddedEffect
+from femfit.effects.conditions import Conditions
+from femfit.effects.effect import AddedEffect, Coenergy
 from femfit.effects.stages import changed_coenergy
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import coenergy_of
 
+SETS = 128
+"""Numerical: sets of effects whose functions a model keeps."""
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """What an expression at a point is written in: distance, currents (n,), conditions and parameters as symbols."""
+
+    model: ActuatorModel  # Without effects
+    distance: SX
+    currents: SX
+    conditions: Conditions
+    effects: tuple[AddedEffect, ...]
+
+    def parameters(self, names: Sequence[tuple[int, str]]) -> SX:
+        """Some parameters, each by the number of its effect and its name."""
+        return ca.vertcat(SX(0, 1), *(self.effects[k].parameters[name] for k, name in names))
+
+    def resting(self, distance: Expression, currents: Expression) -> "Point":
+        """The point at another setting, with the states that it lacks as on a slow sweep."""
+        states = dict(self.conditions.memory)
+        first = currents[0] if currents.numel() else SX(0.0)
+        for added in self.effects:
+            memory = added.effect.memory
+            if added.effect.coenergy is not None and memory is not None and not set(memory.names) & set(states):
+                states |= memory.steady_state(distance, first, self.conditions, added.parameters)
+        return replace(self, distance=distance, currents=currents, conditions=replace(self.conditions, memory=states))
+
+    @property
+    def coenergy(self) -> Coenergy:
+        """W'(d, i, h) as the effects change it, in the states of the point."""
+        return changed_coenergy(coenergy_of(self.model), self.effects, self.conditions)
+
+    def magnetic(self, *, slopes: bool) -> dict[str, SX]:
+        """Force, flux linkages, field at the Hall element, and where asked motional constants and inductances (n, n)."""
+        coenergy, n = self.coenergy, self.currents.numel()
+
+        def derived(x: SX) -> SX:
+            d, i = x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:])
+            value = SX(coenergy(d, i, 0.0))
+            linkage = ca.gradient(value, i)
+            parts = [-ca.gradient(value, d), linkage, slope(lambda h: coenergy(d, i, h), 0.0)]
+            if slopes:
+                parts += [-ca.jacobian(linkage, d), ca.vec(ca.jacobian(linkage, i))]
+            return ca.vertcat(*(ca.densify(part) for part in parts))
+
+        found = of_variable(derived, ca.vertcat(self.distance, self.currents))
+        names, sizes = ("force", "flux_linkage", "hall_T"), [1, n, 1]
+        if slopes:
+            names, sizes = (*names, "motional_constant", "inductance"), [*sizes, n, n * n]
+        return dict(zip(names, ca.vertsplit(found, [0, *accumulate(sizes)]), strict=True))
+
+
+def at_points(
+    model: ActuatorModel,
+    what: Hashable,
+    expressions: Callable[[Point], Mapping[str, SX]],
+    distance: FloatArray,
+    currents: FloatArray,
+    effects: Sequence[AddedEffect],
+    conditions: Conditions,
+) -> dict[str, FloatArray]:
+    """Expressions (entries,) by name at distances (N,) and currents (N, n), each of shape (entries, N).
+
+    Parameters
+    ----------
+    what : hashable
+        What tells the expressions from others of the same model.
+    effects : sequence of AddedEffect
+        In place of the model's own.
+    """
+    known, numbers = model.without_effects.resting, conditions.numbers
+    key = what, tuple(id(added.effect) for added in effects), tuple(numbers), conditions.running
+    while len(known) > SETS:
+        known.pop(next(iter(known)), None)
+    if key not in known:  # beside the effects themselves, so that their addresses stay theirs
+        known[key] = tuple(effects), *_function(model, expressions, currents.shape[1], effects, conditions)
+    given = np.empty((len(numbers), len(distance)))
+    for row, value in zip(given, numbers.values(), strict=True):
+        row[:] = value
+    sizes = [added.parameters[p.name] for added in effects for p in added.effect.parameters]
+    _, names, ends, function = known[key]
+    values = function(np.concatenate([distance[None], currents.T]), given, np.array(sizes, dtype=np.float64))
+    return dict(zip(names, np.split(values, ends), strict=True))
+
+
+def _function(
+    model: ActuatorModel,
+    expressions: Callable[[Point], Mapping[str, SX]],
+    n: int,
+    effects: Sequence[AddedEffect],
+    conditions: Conditions,
+) -> tuple[list[str], list[int], GraphFunction]:
+    """Names of the expressions, where each but the last ends, and ((d, currents), conditions, parameters) -> all."""
+    with building():
+        d, i, numbers = SX.sym("d"), SX.sym("i", n), conditions.numbers
+        given, sizes = SX.sym("given", len(numbers)), SX(0, 1)
+        symbols = []
+        for added in effects:
+            own = SX.sym(added.effect.name, len(added.effect.parameters))
+            named = zip((p.name for p in added.effect.parameters), ca.vertsplit(own), strict=True)
+            symbols.append(replace(added, parameters=dict(named)))
+            sizes = ca.vertcat(sizes, own)
+        at = conditions.with_numbers(dict(zip(numbers, ca.vertsplit(given), strict=True)))
+        found = expressions(Point(model.without_effects, d, i, at, tuple(symbols)))
+        ends = list(accumulate(value.numel() for value in found.values()))[:-1]
+        output = ca.vertcat(*(ca.densify(ca.vec(value)) for value in found.values()))
+        return list(found), ends, GraphFunction([ca.vertcat(d, i), given, sizes], output)
+
 
 @dataclass(frozen=True, eq=False)
 class AtRest:
-    """What a bench shows of readings at rest, N of n currents."""
+    """What a model shows of points at rest, N of n currents."""
 
     force: FloatArray  # In N, shape (N,)
     flux_linkage: FloatArray  # In Wb, shape (N, n)
     hall_T: FloatArray  # Field at the Hall element, shape (N,); 0 without one
-    # In N/A and H, shapes (N, n) and (N, n, n); NaN where they were not asked for
-    motional_constant: FloatArray
-    inductance: FloatArray
-
-
-KEPT, SETS = 2, 64
-"""Numerical: results that are kept of each set of effects, and sets."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Known:
-    """A function of a set of effects, and what it gave last."""
-
-    effects: tuple[AddedEffect, ...]
-    function: GraphFunction
-    values: dict[tuple[bytes, ...], FloatArray] = field(default_factory=dict)
+    motional_constant: FloatArray  # In N/A, shape (N, n)
+    inductance: FloatArray  # In H, shape (N, n, n)
 
 
 def at_rest(
@@ -47,85 +147,22 @@ def at_rest(
     currents: FloatArray,
     effects: Sequence[AddedEffect],
     conditions: Conditions,
-    *,
-    slopes: bool = True,
 ) -> AtRest:
     """What effects in place of a model's own make of it at distances (N,) and currents (N, n).
 
     Where the conditions lack an effect's states, these are as on a slow sweep.
-
-    Parameters
-    ----------
-    slopes : bool
-        Whether motional constants and inductances are asked for.
     """
-    acting = tuple(added for added in effects if added.effect.coenergy is not None)
-    memory = _states(distance, currents, acting, conditions)
-    known = model.without_effects.resting
-    key = tuple(id(added.effect) for added in acting), tuple(memory), conditions.running, slopes
-    while len(known) > SETS:
-        known.pop(next(iter(known)), None)
-    if key not in known:  # beside the effects themselves, so that their addresses stay theirs
-        known[key] = _Known(acting, _function(model, acting, tuple(memory), conditions, slopes))
-    warmths = warmth(conditions.coil_temperature_C), warmth(conditions.magnet_temperature_C)
-    rows = [x for one in warmths for x in (one.kelvin, one.unknown)] + list(memory.values())
-    given = np.empty((len(rows), len(distance)))
-    for row, x in zip(given, rows, strict=True):
-        row[:] = x
-    sizes = [added.parameters[p.name] for added in acting for p in added.effect.parameters]
-    inputs = np.concatenate([distance[None], currents.T]), given, np.array(sizes, dtype=np.float64)
-    asked = tuple(x.tobytes() for x in inputs)
-    if asked not in known[key].values:  # a fit changes one size of one effect at a time
-        while len(known[key].values) >= KEPT:
-            known[key].values.pop(next(iter(known[key].values)))
-        known[key].values[asked] = known[key].function(*inputs)
-        known[key].values[asked].setflags(write=False)
-    values = known[key].values[asked]
-    n, count = currents.shape[1], len(distance)
-    force, flux, seen, rest = np.split(values, np.cumsum([1, n, 1]))
-    if not slopes:
-        rest = np.full((n + n * n, count), np.nan)
-    return AtRest(force[0], flux.T, seen[0], rest[:n].T, rest[n:].T.reshape(count, n, n))
 
+    def magnetic(point: Point) -> dict[str, SX]:
+        return point.resting(point.distance, point.currents).magnetic(slopes=True)
 
-def _states(
-    distance: FloatArray, currents: FloatArray, effects: Sequence[AddedEffect], conditions: Conditions
-) -> dict[str, FloatArray]:
-    states: dict[str, FloatArray] = {}
-    for added in effects:
-        memory = added.effect.memory
-        if memory is not None:
-            known = {name: conditions.memory[name] for name in memory.names if name in conditions.memory}
-            states |= known or memory.steady_state(distance, currents[:, 0], conditions, added.parameters)
-    return states
-
-
-def _function(
-    model: ActuatorModel, effects: Sequence[AddedEffect], states: Sequence[str], conditions: Conditions, slopes: bool
-) -> GraphFunction:
-    """((d, currents), (temperatures, states), parameters) -> all of :class:`AtRest`, one below the other."""
-    n = len(model.without_effects.current_names)
-    with building():
-        d, i, given = SX.sym("d"), SX.sym("i", n), SX.sym("given", 4 + len(states))
-        sizes, symbols = SX(0, 1), []
-        for added in effects:
-            own = SX.sym(added.effect.name, len(added.effect.parameters))
-            sizes = ca.vertcat(sizes, own)
-            symbols.append(replace(added, parameters=_named(added, own)))
-        at = replace(
-            conditions,
-            coil_temperature_C=Warmth(given[0], given[1]),
-            magnet_temperature_C=Warmth(given[2], given[3]),
-            memory=dict(zip(states, ca.vertsplit(given[4:]), strict=True)),
-        )
-        changed = changed_coenergy(coenergy_of(model), symbols, at)
-        coenergy, field = SX(changed(d, i, 0.0)), slope(lambda h: changed(d, i, h), 0.0)
-        linkage = ca.gradient(coenergy, i)
-        parts = [-ca.gradient(coenergy, d), linkage, field]
-        if slopes:
-            parts += [-ca.jacobian(linkage, d), ca.vec(ca.jacobian(linkage, i))]
-        return GraphFunction([ca.vertcat(d, i), given, sizes], ca.vertcat(*(ca.densify(part) for part in parts)))
-
-
-def _named(added: AddedEffect, sizes: SX) -> Mapping[str, SX]:
-    return {p.name: sizes[k] for k, p in enumerate(added.effect.parameters)}
+    acting, n = tuple(added for added in effects if added.effect.coenergy is not None), currents.shape[1]
+    values = at_points(model, "at rest", magnetic, distance, currents, acting, conditions)
+    columns = {name: value.T for name, value in values.items()}
+    return AtRest(
+        columns["force"][:, 0],
+        columns["flux_linkage"],
+        columns["hall_T"][:, 0],
+        columns["motional_constant"],
+        columns["inductance"].reshape(len(distance), n, n),
+    )

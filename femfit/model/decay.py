@@ -12,12 +12,17 @@ T. Schmelzer and L. N. Trefethen, Electronic Transactions on Numerical Analysis 
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as ca
+import numpy as np
 from casadi import SX
+from numpy.typing import NDArray
 
 from femfit.core.graph import settled
+
+ComplexExpressions: TypeAlias = NDArray[Any]
+"""An array of :class:`Complex`."""
 
 LEAST_DECAY = 1e-6
 """Numerical: smaller products of step and R/L, and those of a co-energy that is extended to a negative inductance, are
@@ -53,16 +58,16 @@ def decayed(inductance: SX, resistances: SX, driving: SX, step: SX) -> tuple[SX,
         rate = driving / inductance
         return first * rate, (1.0 - first) / z * rate
     totals = [SX.zeros(m, k), SX.zeros(m, k)]
-    own, right = step * ca.diag(resistances), [[_Complex(x, SX(0.0)) for x in row] for row in _rows(driving)]
+    own, right = step * ca.diag(resistances), [[Complex(x, SX(0.0)) for x in row] for row in _rows(driving)]
     for pole, residue in POLES.items():
         matrix = [
-            [_Complex(own[i, j] + pole.real * inductance[i, j], pole.imag * inductance[i, j]) for j in range(m)]
+            [Complex(own[i, j] + pole.real * inductance[i, j], pole.imag * inductance[i, j]) for j in range(m)]
             for i in range(m)
         ]
         factors = _factored(matrix)
         parts = [*(x for row in factors for x in row), *(x for row in _solved(factors, right) for x in row)]
         numbers = settled(ca.vertcat(*(part for x in parts for part in (x.real, x.imag))))
-        known = iter([_Complex(numbers[2 * n], numbers[2 * n + 1]) for n in range(len(parts))])
+        known = iter([Complex(numbers[2 * n], numbers[2 * n + 1]) for n in range(len(parts))])
         factors = [[next(known) for _ in row] for row in factors]
         found = [[next(known) for _ in row] for row in right]
         missing = [
@@ -82,7 +87,7 @@ def _rows(matrix: SX) -> list[list[Any]]:
     return [ca.horzsplit(row) for row in ca.vertsplit(matrix)]
 
 
-def _less(right: "_Complex", row: list["_Complex"], column: list["_Complex"]) -> "_Complex":
+def _less(right: "Complex", row: list["Complex"], column: list["Complex"]) -> "Complex":
     for a, b in zip(row, column, strict=True):
         right = right - a * b
     return right
@@ -113,23 +118,53 @@ def _solved(factors: list[list[Any]], right: list[list[Any]]) -> list[list[Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class _Complex:
-    """A complex number of two expressions."""
+class Complex:
+    """A complex number of two expressions; what it meets may be one of one expression, or a number."""
 
     real: SX
     imag: SX
 
-    def __sub__(self, other: "_Complex") -> "_Complex":
-        return _Complex(self.real - other.real, self.imag - other.imag)
+    @classmethod
+    def of(cls, value: Any) -> "Complex":
+        """The same number, also out of an array without axes, or a real one."""
+        value = value.item() if isinstance(value, np.ndarray) else value
+        return value if isinstance(value, cls) else cls(SX(value), SX(0.0))
 
-    def __mul__(self, other: "_Complex") -> "_Complex":
-        return _Complex(
+    def __add__(self, other: Any) -> "Complex":
+        other = Complex.of(other)
+        return Complex(self.real + other.real, self.imag + other.imag)
+
+    def __sub__(self, other: Any) -> "Complex":
+        return self + Complex.of(other) * -1.0
+
+    def __neg__(self) -> "Complex":
+        return self * -1.0
+
+    def __mul__(self, other: Any) -> "Complex":
+        other = Complex.of(other)
+        return Complex(
             self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real
         )
 
-    def __truediv__(self, other: "_Complex") -> "_Complex":
+    def __truediv__(self, other: Any) -> "Complex":
+        other = Complex.of(other)
         size = other.real**2 + other.imag**2
-        return _Complex(
+        return Complex(
             (self.real * other.real + self.imag * other.imag) / size,
             (self.imag * other.real - self.real * other.imag) / size,
         )
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def complex_array(matrix: SX) -> ComplexExpressions:
+    """A matrix of expressions as an array of complex numbers, with which numpy multiplies matrices."""
+    result = np.empty(matrix.shape, dtype=object)
+    for place in np.ndindex(*matrix.shape):
+        result[place] = Complex.of(matrix[place])
+    return result
+
+
+def solved(matrix: ComplexExpressions, right: ComplexExpressions) -> ComplexExpressions:
+    """A^-1 B of small complex matrices, A symmetric with pivots that do not vanish."""
+    return np.array(_solved(_factored([list(row) for row in matrix]), [list(row) for row in right]), dtype=object)

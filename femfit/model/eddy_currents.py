@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
 from itertools import combinations_with_replacement
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -31,6 +32,7 @@ from casadi import SX
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.model.coordinate import DistanceCoordinate, DistanceSplines
+from femfit.model.decay import complex_array
 from femfit.model.magnetics import Magnetics
 
 
@@ -87,6 +89,15 @@ class EddyForms:
 
 
 @dataclass(frozen=True, eq=False)
+class Patterns:
+    """What an impedance takes of the patterns at distances: arrays, or arrays of complex expressions."""
+
+    coupling: Any  # C, shape (..., n, r)
+    inductance: Any  # Q in H, shape (..., r, r)
+    resistances_ohm: Any  # Shape (r,)
+
+
+@dataclass(frozen=True, eq=False)
 class EddyCurrents:
     """The patterns of a model; what depends on the distance are splines with N functions of u(d).
 
@@ -130,6 +141,15 @@ class EddyCurrents:
             coupling = coupling.reshape(*coupling.shape[:-1], n, r)
             found.append(EddyForms(coupling, linkage, inductance[..., self._places], hall))
         return found
+
+    def patterns(self, distance: Any) -> Patterns:
+        """What an impedance takes at distances (...), or at that of an expression."""
+        if not isinstance(distance, SX):
+            (at,) = self.forms(distance)
+            return Patterns(at.coupling, at.inductance, self.resistances_ohm)
+        coupling, _, _, inductance = self._entries(distance)
+        own = complex_array(inductance)[:, 0][self._places]
+        return Patterns(complex_array(coupling), own, complex_array(SX(self.resistances_ohm))[:, 0])
 
     def whole_forms(self, distance: FloatArray, *orders: int) -> list[EddyForms]:
         """As :meth:`forms`, for all currents."""

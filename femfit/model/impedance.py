@@ -13,18 +13,22 @@ spline of its own times ln(1 + a)^2 / 2 adds the second.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from casadi import SX
 
 from femfit.core.errors import DomainError
+from femfit.core.graph import Expression
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Parameters
-from femfit.model.bspline import basis_matrix
+from femfit.model.bspline import CellTable, basis_matrix, cells_of
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.eddy_currents import EddyCurrents, EddyForms
+from femfit.model.decay import Complex, ComplexExpressions, solved
+from femfit.model.eddy_currents import Patterns
 from femfit.model.hall import HallField
 
 if TYPE_CHECKING:
@@ -35,52 +39,47 @@ SHORTED = "_shorted_H"
 """Ends the column of the inductance of a circuit beside another that is shorted."""
 
 
-def following_share(effects: Iterable[AddedEffect], frequency: FloatArray) -> ComplexArray:
-    """h(w) at frequencies in Hz: how much of the flux linkage follows a small current, and how late."""
-    share = np.ones(np.shape(frequency), dtype=np.complex128)
+def following_share(effects: Iterable[AddedEffect], s: Any) -> Any:
+    """h at s = j w in 1/s: how much of the flux linkage follows a small current, and how late.
+
+    Of an array, or of an expression as a :class:`~femfit.model.decay.Complex`.
+    """
+    share = 0.0 * s + 1.0
     for added in effects:
-        if added.memory is not None and added.memory.response is not None:
-            share = share - added.memory.response(frequency, added.parameters)
+        memory = added.effect.memory
+        if memory is not None and memory.response is not None:
+            share = share - memory.response(s, added.parameters)
     return share
 
 
-def induced_impedance(
-    inductance: FloatArray,
-    frequency: FloatArray,
-    share: ComplexArray,
-    eddy: EddyCurrents | None,
-    distance: FloatArray,
-) -> ComplexArray:
+def induced_impedance(inductance: Any, s: Any, share: Any, patterns: Patterns | None) -> Any:
     """Voltages in V that flux induces in n circuits, for each ampere: Z without resistances and what is in series.
 
-    With eddy currents E for each ampere that is s L (1 + C E) with s = j w.
+    With eddy currents E for each ampere that is s L (1 + C E). Of arrays, or of expressions.
 
     Parameters
     ----------
     inductance : array, shape (..., n, n)
         In H, without what lags.
-    share : array
-        How much of it follows, as of :func:`following_share`.
+    s, share : array
+        j w, and how much of the flux linkage follows, as of :func:`following_share`.
     """
-    s = (2j * np.pi * frequency)[..., None, None]
-    following = share[..., None, None] * inductance
-    if eddy is None:
-        return np.asarray(s * following)
-    (at,) = eddy.forms(distance)
-    return np.asarray(
-        s * (following + following @ at.coupling @ _carried(following, frequency, eddy.resistances_ohm, at))
-    )
+    s, share = (np.asarray(x)[..., None, None] for x in (s, share))
+    following = share * inductance
+    if patterns is None:
+        return s * following
+    return s * (following + following @ patterns.coupling @ _carried(following, s, patterns))
 
 
 def with_further_impedance(
-    z: ComplexArray,
+    z: Any,
     effects: Iterable[AddedEffect],
-    distance: FloatArray,
-    current: FloatArray,
-    frequency: FloatArray,
+    distance: Any,
+    current: Any,
+    frequency: Any,
     conditions: Conditions,
-) -> ComplexArray:
-    """Z of n circuits, (..., n, n), with what effects show at its points beside W' and the resistances.
+) -> Any:
+    """Z of n circuits, (..., n, n) of arrays or of expressions, with what effects show at its points beside W' and the resistances.
 
     Parameters
     ----------
@@ -93,7 +92,7 @@ def with_further_impedance(
     return z
 
 
-def impedances_by_column(z: ComplexArray, circuits: Sequence[str]) -> dict[str, ComplexArray]:
+def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
     """What is read of impedances (..., n, n) in ohm, by the column of the inductance.
 
     Each circuit with all others open, Z_jj; of two the voltage of the first over the current of the second, Z_jk; and
@@ -116,15 +115,14 @@ def impedances_by_column(z: ComplexArray, circuits: Sequence[str]) -> dict[str, 
     return found
 
 
-def _carried(following: ComplexArray, frequency: FloatArray, resistances: FloatArray, at: EddyForms) -> ComplexArray:
-    """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h(w) L, (..., n, n).
+def _carried(following: Any, s: Any, patterns: Patterns) -> Any:
+    """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h L, (..., n, n).
 
     (R_e + s (C^T h L C + Q)) E = -s C^T h L.
     """
-    s = (2j * np.pi * frequency)[..., None, None]
-    linked = s * (np.swapaxes(at.coupling, -1, -2) @ following)
-    own = np.diag(resistances) + linked @ at.coupling + s * at.inductance
-    return np.asarray(-np.linalg.solve(own, linked), dtype=np.complex128)
+    linked = s * (np.swapaxes(patterns.coupling, -1, -2) @ following)
+    own = linked @ patterns.coupling + (s * patterns.inductance + np.diag(patterns.resistances_ohm))
+    return -(solved(own, linked) if own.dtype == object else np.linalg.solve(own, linked))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +138,9 @@ class SmallSignal:
 
     def impedance(self) -> ComplexArray:
         """Z in ohm, (..., n, n)."""
-        model, s = self.model, (2j * np.pi * self.frequency)[..., None, None]
-        at = np.broadcast_to(self.distance, self.inductance.shape[:-2])
-        induced = induced_impedance(self.inductance, self.frequency, self.share, model.eddy, at)
-        z = np.diag(model.resistances_ohm) + s * model.series_inductances_H + induced
+        model, s = self.model, 2j * np.pi * self.frequency
+        induced = induced_impedance(self.inductance, s, self.share, self._patterns)
+        z = np.diag(model.resistances_ohm) + s[..., None, None] * model.series_inductances_H + induced
         if model.conditions is not None:
             first = self.currents[..., 0]
             d, i, f = (np.broadcast_to(one, z.shape[:-2]).ravel() for one in (self.distance, first, self.frequency))
@@ -166,15 +163,19 @@ class SmallSignal:
         eddy = self.model.eddy
         return self._transfer(along) if eddy is None else self._transfer(along, eddy.forms(self.distance)[0].hall)
 
+    @cached_property
+    def _patterns(self) -> Patterns | None:
+        eddy = self.model.eddy
+        return None if eddy is None else eddy.patterns(np.broadcast_to(self.distance, self.inductance.shape[:-2]))
+
     def _transfer(self, along: FloatArray, by_pattern: FloatArray | None = None) -> ComplexArray:
         """What follows the static field, by circuit, and the patterns' own part beside that, (..., r)."""
         rows = self.share[..., None, None] * along[..., None, :]
-        eddy, points = self.model.eddy, self.frequency.shape
-        if eddy is not None and by_pattern is not None:
-            (at,) = eddy.forms(np.broadcast_to(self.distance, self.inductance.shape[:-2]))
-            following = self.share[..., None, None] * self.inductance
-            carried = _carried(following, self.frequency, eddy.resistances_ohm, at)
-            rows = rows + (rows @ at.coupling + by_pattern[..., None, :]) @ carried
+        patterns, points = self._patterns, self.frequency.shape
+        if patterns is not None and by_pattern is not None:
+            s, following = (2j * np.pi * self.frequency)[..., None, None], self.share[..., None, None] * self.inductance
+            carried = _carried(following, s, patterns)
+            rows = rows + (rows @ patterns.coupling + by_pattern[..., None, :]) @ carried
         rows = np.broadcast_to(rows, (*np.broadcast_shapes(rows.shape[:-2], points), *rows.shape[-2:]))[..., 0, :]
         return np.asarray(rows)
 
@@ -210,24 +211,44 @@ class ImpedanceChange:
 
     def __call__(
         self,
-        distance: FloatArray,
-        current: FloatArray,
-        frequency: FloatArray,
+        distance: Any,
+        current: Any,
+        frequency: Any,
         conditions: Conditions,  # noqa: ARG002  a stage's signature
         p: Parameters,
-    ) -> ComplexArray:
-        """Further ohm at points (n,), of several circuits (n, circuits, circuits); none at the frequency 0."""
+    ) -> Any:
+        """Further ohm at points (n,), of several circuits (n, circuits, circuits); none at the frequency 0.
+
+        Of expressions an array of complex ones.
+        """
         low = np.exp(self.knots[2][0])
         at = self.coordinate.of(distance), current, np.log(np.maximum(frequency, low))
-        bases = [
-            basis_matrix(np.clip(x, knots[0], knots[-1]), knots, degree)
-            for x, knots, degree in zip(at, self.knots, self.degrees, strict=True)
-        ]
+        inside = [np.clip(x, knots[0], knots[-1]) for x, knots in zip(at, self.knots, strict=True)]
         size = p[self.parameter]
-        size = float(np.log1p(size)) if self.share else size
+        size = np.log1p(size) if self.share else size
+        if isinstance(frequency, SX):
+            return self._spline(inside, size) * Complex(SX(0.0), 2.0 * np.pi * frequency)
+        bases = [
+            basis_matrix(x, knots, degree) for x, knots, degree in zip(inside, self.knots, self.degrees, strict=True)
+        ]
         along = size * self.coefficients + (0.0 if self.bend is None else 0.5 * size**2 * self.bend)
         spline = np.einsum("na,nb,nc,abc...->n...", *bases, along)
         return np.asarray(2j * np.pi * (frequency * spline.T).T)
+
+    def _spline(self, at: Sequence[Any], size: Expression) -> ComplexExpressions:
+        """S of expressions within the grid, for each entry of the impedance."""
+        bend = np.zeros_like(self.coefficients) if self.bend is None else self.bend
+        parts = [x.reshape(*self.coefficients.shape[:3], -1) for x in (self.coefficients, bend)]
+        axes = [cells_of(knots, degree) for knots, degree in zip(self.knots, self.degrees, strict=True)]
+        entries = CellTable(axes, np.concatenate([y for x in parts for y in (x.real, x.imag)], axis=-1)).at(*at)
+        real, imag, real_bend, imag_bend = np.split(np.arange(len(entries)), 4)
+        return np.array(
+            [
+                Complex(size * entries[a] + 0.5 * size**2 * entries[c], size * entries[b] + 0.5 * size**2 * entries[e])
+                for a, b, c, e in zip(real, imag, real_bend, imag_bend, strict=True)
+            ],
+            dtype=object,
+        )
 
 
 def impedance_change(

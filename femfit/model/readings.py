@@ -1,23 +1,34 @@
-"""What a bench would read of an actuator model: the one prediction of compare, diagnose, add and suggest."""
+"""What a bench would read of an actuator model: the one prediction of compare, diagnose, add and suggest.
 
-from collections.abc import Collection, Iterable, Sequence
+Readings are an expression of what is recorded and of the effects' parameters; values, slopes by the parameters and
+slopes by the setting are derived from it.
+"""
 
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import casadi as ca
 import numpy as np
+from casadi import SX
 
+from femfit.core.graph import Expression
 from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import flux_columns, resistance_column, voltage_columns
-from femfit.effects.conditions import Conditions, like
+from femfit.effects.conditions import Conditions
 from femfit.effects.effect import CHANNELS, AddedEffect
 from femfit.effects.stages import hall_point, recorded, true_setting, with_further_force
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.at_rest import AtRest, at_rest
+from femfit.model.at_rest import AtRest, Point, at_points, at_rest
+from femfit.model.decay import Complex, complex_array
 from femfit.model.impedance import following_share, impedances_by_column, induced_impedance, with_further_impedance
-from femfit.model.magnetics import only_current
-from femfit.model.with_effects import eddy_with_sources, resistance_of
+from femfit.model.with_effects import patterns_with_sources, resistance_of
 
 LOW_HZ = 1e-6
 """Numerical: of an impedance at no frequency; its eddy currents have died out, and a winding that is shorted carries
 no current."""
+
+Parameter = tuple[int, str]
+"""Of a sequence of effects: the number of one, and a name among its parameters."""
 
 
 def predict_readings(
@@ -49,26 +60,116 @@ def predict_readings(
     dict of str to array, each of shape (n,)
         Channels that the model can predict: hall_V only with a sensor, voltage_V only with a circuit.
     """
-    base = model.without_effects
     added = tuple(model.effects if effects is None else effects)
-    d, i = np.asarray(distance, dtype=np.float64), base.validity.with_axis(np.asarray(current, dtype=np.float64))
-    d, i = true_setting(added, d, i, conditions)
-    bridge = base.has_winding and any(name.startswith(("inductance", "resistance")) for name in channels)
-    seen = at_rest(base, d, i, added, conditions, slopes=bridge)
-    first = only_current(i[:, :1])
-    values = {"force_N": with_further_force(added, seen.force.copy(), d, first, conditions)}
-    values |= dict(zip(flux_columns(base.current_names), seen.flux_linkage.T.copy(), strict=True))
+    found = readings_by(model, distance, current, conditions, added, (), channels)
+    return {name: values[0] for name, values in found.items()}
+
+
+def readings_by(
+    model: ActuatorModel,
+    distance: FloatArray,
+    current: FloatArray,
+    conditions: Conditions,
+    effects: Sequence[AddedEffect],
+    parameters: Sequence[Parameter],
+    channels: Collection[str] = CHANNELS,
+) -> dict[str, FloatArray]:
+    """Readings as of :func:`predict_readings`, then their slopes by parameters of effects; each (1 + parameters, n)."""
+    wanted, bridge = tuple(parameters), _bridge(model, channels)
+
+    def derived(point: Point) -> dict[str, SX]:
+        names, values = _stacked(point, bridge)
+        rows = ca.horzcat(values, ca.jacobian(values, point.parameters(wanted)))
+        return dict(zip(names, ca.vertsplit(rows), strict=True))
+
+    return _at_rows(model, ("readings", bridge, wanted), derived, distance, current, effects, conditions)
+
+
+def setting_slopes(
+    model: ActuatorModel,
+    distance: FloatArray,
+    current: FloatArray,
+    conditions: Conditions,
+    channels: Collection[str] = CHANNELS,
+) -> dict[str, FloatArray]:
+    """First and second derivatives of readings by the recorded distance, then first ones by each current.
+
+    Of each channel that the model predicts with its effects, of shape (2 + circuits, n).
+    """
+
+    def derived(point: Point) -> dict[str, SX]:
+        names, values = _stacked(point, bridge)
+        slope = ca.jacobian(values, point.distance)
+        parts = [slope, ca.jacobian(slope, point.distance), ca.jacobian(values, point.currents)]
+        return dict(zip(names, ca.vertsplit(ca.horzcat(*parts)), strict=True))
+
+    bridge = _bridge(model, channels)
+    return _at_rows(model, ("setting", bridge), derived, distance, current, model.effects, conditions)
+
+
+def _bridge(model: ActuatorModel, channels: Collection[str]) -> bool:
+    """Whether impedances are wanted and there are any."""
+    return model.without_effects.has_winding and any(name.startswith(("inductance", "resistance")) for name in channels)
+
+
+def _at_rows(
+    model: ActuatorModel,
+    what: Hashable,
+    expressions: Callable[[Point], Mapping[str, SX]],
+    distance: FloatArray,
+    current: FloatArray,
+    effects: Sequence[AddedEffect],
+    conditions: Conditions,
+) -> dict[str, FloatArray]:
+    d = np.asarray(distance, dtype=np.float64)
+    i = model.without_effects.validity.with_axis(np.asarray(current, dtype=np.float64))
+    conditions = replace(conditions, frequency_Hz=np.fmax(conditions.frequency_Hz, LOW_HZ))
+    return at_points(model, what, expressions, d, i, effects, conditions)
+
+
+def _stacked(point: Point, bridge: bool) -> tuple[tuple[str, ...], SX]:
+    """Names of the channels, and what is recorded of each."""
+    values = _recorded(point, bridge)
+    return tuple(values), ca.vertcat(*(SX(value) for value in values.values()))
+
+
+def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
+    """What is recorded of each channel, impedances among them where there is a bridge."""
+    base, effects, conditions = point.model, point.effects, point.conditions
+    d, i = true_setting(effects, point.distance, point.currents, conditions)
+    seen = point.resting(d, i).magnetic(slopes=bridge)
+    first, hall_T = i[0] if i.numel() else SX(0.0), seen["hall_T"]
+    values: dict[str, Expression] = {"force_N": with_further_force(effects, seen["force"], d, first, conditions)}
+    values |= dict(zip(flux_columns(base.current_names), ca.vertsplit(seen["flux_linkage"]), strict=True))
     if base.sensor is not None:
-        field = hall_seen(base, seen, d, i, added, conditions)
-        values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * field
+        if any(added.effect.hall_point for added in effects):
+            then_d, then_i = hall_point(effects, d, first, conditions)
+            then = ca.vertcat(SX(0, 1), *[then_i, *ca.vertsplit(i)[1:]][: i.numel()])
+            hall_T = point.resting(then_d, then).magnetic(slopes=False)["hall_T"]
+        values["hall_V"] = base.sensor.quiescent_V + base.sensor.sensitivity_V_per_T * hall_T
     # What the driver does to a commanded voltage does not show: a bench reads across the winding
-    ohms = [resistance_of(circuit, added, i[:, k], conditions) for k, circuit in enumerate(base.circuits)]
-    values |= {name: ohms[k] * i[:, k] for k, name in enumerate(voltage_columns(base.circuit_names))}
+    ohms = [resistance_of(circuit, effects, i[k], conditions) for k, circuit in enumerate(base.circuits)]
+    values |= {name: ohms[k] * i[k] for k, name in enumerate(voltage_columns(base.circuit_names))}
     if bridge:
-        known = np.stack(ohms, axis=1) if ohms else np.full(i.shape, np.nan)
-        shown = _impedances(base, d, i, conditions, added, seen.inductance, known)
+        inductance = ca.reshape(seen["inductance"], i.numel(), i.numel())
+        shown = _impedances(point, d, first, inductance, ohms or [SX(np.nan)] * i.numel())
         values |= {name: shown[name] for name in shown if ohms or not name.startswith("resistance")}
-    return recorded(added, values, d, first, conditions)
+    return recorded(effects, values, d, first, conditions)
+
+
+def _impedances(point: Point, d: SX, first: SX, low: SX, ohms: Sequence[SX]) -> dict[str, Expression]:
+    """Resistances and inductances in series of n circuits, of low inductances (n, n) and ohms."""
+    base, effects, conditions = point.model, point.effects, point.conditions
+    w = 2.0 * np.pi * conditions.frequency_Hz
+    s, series = Complex(SX(0.0), w), [one.inductance_H for one in base.circuits] or [0.0]
+    share = following_share(effects, s)
+    z = induced_impedance(complex_array(low), s, share, patterns_with_sources(base, effects, d))
+    z = with_further_impedance(z, effects, d, first, conditions.frequency_Hz, conditions)
+    z, shown = z + np.diag(np.array([s * henry + ohm for henry, ohm in zip(series, ohms, strict=True)], dtype=object)), {}
+    for name, found in impedances_by_column(z, base.circuit_names).items():
+        one = Complex.of(found)
+        shown[resistance_column(name)], shown[name] = one.real, one.imag / w
+    return shown
 
 
 def hall_seen(
@@ -84,25 +185,4 @@ def hall_seen(
         return seen.hall_T
     then_d, then_i = hall_point(effects, distance, currents[:, 0], conditions)
     then = np.concatenate([then_i[:, None], currents[:, 1:]], axis=1)
-    return at_rest(base, then_d, then, effects, conditions, slopes=False).hall_T
-
-
-def _impedances(
-    base: ActuatorModel,
-    d: FloatArray,
-    currents: FloatArray,
-    conditions: Conditions,
-    added: Sequence[AddedEffect],
-    low: FloatArray,
-    ohms: FloatArray,
-) -> dict[str, FloatArray]:
-    """Resistances and inductances in series of n circuits, of low inductances (rows, n, n) and ohms (rows, n)."""
-    f = np.fmax(like(conditions.frequency_Hz, d), LOW_HZ)
-    share, eddy = following_share(added, f), eddy_with_sources(base, added)
-    z = with_further_impedance(induced_impedance(low, f, share, eddy, d), added, d, currents[:, 0], f, conditions)
-    w, series = 2.0 * np.pi * f, [one.inductance_H for one in base.circuits] or [0.0]
-    z, shown = z + np.eye(low.shape[-1]) * (ohms + 1j * w[:, None] * series)[:, None, :], {}
-    for name, one in impedances_by_column(z, base.circuit_names).items():
-        shown[resistance_column(name)] = one.real
-        shown[name] = one.imag / w
-    return shown
+    return at_rest(base, then_d, then, effects, conditions).hall_T

@@ -2,20 +2,22 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 
+import casadi as ca
 import numpy as np
 from casadi import SX
 
 from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, slope
-from femfit.core.numerics import FloatArray
 from femfit.device.electrics import Circuit
 from femfit.effects.catalogue import OF_THE_WHOLE, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy, Effect
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.eddy_currents import EddyCurrents
+from femfit.model.decay import Complex, complex_array
+from femfit.model.eddy_currents import EddyCurrents, Patterns
 from femfit.model.hall import HallField
 from femfit.model.magnetics import Magnetics
 from femfit.model.sensed_effects import pickups_with_effects
@@ -207,12 +209,22 @@ def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Ed
     return found
 
 
-def resistance_of(
-    circuit: Circuit, effects: Iterable[AddedEffect], current: FloatArray, conditions: Conditions
-) -> FloatArray:
-    """Resistance in ohm of a circuit at its currents, as its own effects change it."""
-    own = [added for added in effects if added.effect.of in ("", circuit.name)]
-    ohms, _ = circuit_of(
-        own, np.full_like(current, circuit.resistance_ohm), np.zeros_like(current), current, conditions
+def patterns_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect], distance: SX) -> Patterns | None:
+    """The patterns of the same eddy currents at an expression's distance, the effects' parameters expressions as well."""
+    if base.eddy is None:
+        return None
+    found, (_, *currents) = base.eddy.patterns(distance), source_scales(effects, base.eddy.circuits)
+    factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
+    return replace(
+        found,
+        coupling=found.coupling / complex_array(ca.vertcat(*currents)),
+        resistances_ohm=found.resistances_ohm * Complex.of(factor),
     )
-    return ohms
+
+
+def resistance_of(
+    circuit: Circuit, effects: Iterable[AddedEffect], current: Expression, conditions: Conditions
+) -> Expression:
+    """Resistance in ohm of a circuit at its current, as its own effects change it."""
+    own, none = [added for added in effects if added.effect.of in ("", circuit.name)], 0.0 * current
+    return circuit_of(own, circuit.resistance_ohm + none, none, current, conditions)[0]

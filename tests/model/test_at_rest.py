@@ -1,4 +1,4 @@
-"""Readings at rest whose conditions differ, and that are asked for the same again and again."""
+"""Readings at rest whose conditions differ."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from femfit.effects.conditions import Conditions
-from femfit.model.at_rest import KEPT, at_rest
+from femfit.model.at_rest import at_rest
 from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import added
 from support.model_kinds import states_of
@@ -55,15 +55,3 @@ def test_without_a_winding_there_are_forces_alone(model_kind):
     plain = magnets.magnetics.force(states[:, 0], np.zeros((5, 0)))
     np.testing.assert_allclose(found.force, 0.81 * plain, rtol=1e-12)
     assert found.inductance.shape == (5, 0, 0)
-
-
-def test_what_was_asked_before_is_given_again_by_value_and_cannot_be_changed(levitation_model):
-    d, i = settings()
-    at, shares = Conditions(nominal_of(levitation_model)), np.linspace(0.05, 0.3, KEPT + 2)
-    asked = [[added("magnet_demagnetisation", loss=share)] for share in shares]
-    first = [at_rest(levitation_model, d, i, one, at).force for one in asked]
-    for one, wanted in zip(asked, first, strict=True):
-        np.testing.assert_array_equal(at_rest(levitation_model, d.copy(), i.copy(), one, at).force, wanted)
-    assert not np.array_equal(first[0], first[1])
-    with pytest.raises(ValueError, match="read-only"):
-        first[-1][0] = 0.0
