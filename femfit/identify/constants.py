@@ -71,9 +71,6 @@ FILTER_CHANCE = 0.05
 ROUNDING = 1e-3
 """Numerical: weighted sums of squares closer than this are equal; a refit stops within it."""
 
-COLUMN_STEP = 1e-3
-"""Numerical: step of a difference over the width of a parameter's plausible range."""
-
 ROUNDED = 1e-9
 """Numerical: what an effect changes over its plausible range, in parts of a reading, up to which it is rounding."""
 

@@ -11,7 +11,7 @@ from femfit.core.numerics import FloatArray, IntArray
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect, Effect, EffectParameter
 from femfit.effects.friction import REST
-from femfit.identify.constants import COLUMN_STEP, ROUNDED
+from femfit.identify.constants import ROUNDED
 from femfit.identify.readings.observations import Observations
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import CHANNELS
@@ -142,23 +142,11 @@ def columns_at(added: AddedEffect, observations: Observations) -> list[EffectCol
 
 
 def _columns(effect: Effect, nonlinear: Mapping[str, float], observations: Observations) -> list[EffectColumns]:
-    pairs = [(p, _column(effect, p, nonlinear, observations)) for p in effect.amplitudes]
-    least = ROUNDED * np.abs(observations.base)
+    absent = AddedEffect(effect, effect.null() | dict(nonlinear))
+    slopes = observations.slopes([absent], [(0, p.name) for p in effect.amplitudes])
+    pairs, least = list(zip(effect.amplitudes, slopes.T, strict=True)), ROUNDED * np.abs(observations.base)
     visible = [(p, column) for p, column in pairs if np.any(np.abs(column) * p.width > least)]
     if not visible:
         return []
     amplitudes, columns = zip(*visible, strict=True)
     return [EffectColumns(effect, tuple(amplitudes), nonlinear, np.stack(columns, axis=1))]
-
-
-def _column(effect: Effect, p: EffectParameter, shape: Mapping[str, float], observations: Observations) -> FloatArray:
-    """Change of the readings per unit of one amplitude: a central difference, one-sided at a bound."""
-    step = COLUMN_STEP * (p.plausible[1] - p.plausible[0])
-    up, down = min(p.null + step, p.upper), max(p.null - step, p.lower)
-
-    def at(value: float) -> FloatArray:
-        if value == p.null:
-            return observations.base
-        return observations.predict([AddedEffect(effect, effect.null() | dict(shape) | {p.name: value})])
-
-    return np.asarray((at(up) - at(down)) / (up - down))

@@ -3,7 +3,7 @@
 Of a bench table these are the readings that can be compared, and what the effects need to know of each row.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from femfit.identify.readings.impedance import away_from_bias, weighed_by_magnit
 from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.readings.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
 from femfit.identify.readings.settings import (
-    current_directions,
     current_names,
     currents_in,
     inductive,
@@ -32,7 +31,7 @@ from femfit.identify.readings.settings import (
 from femfit.identify.series.observations import series_observations
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.readings import predict_readings
+from femfit.model.readings import Parameter, predict_readings, readings_by, setting_slopes
 from femfit.model.with_effects import nominal_of
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.measurement import OF_RUNS, BenchTable, Measurement, TimeSeries
@@ -80,32 +79,28 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
     rows = dict(zip(channels, pieces, strict=True))
     away = away_from_bias(model, d, i)
     weighing = weighed_by_magnitude(model, d, i, conditions, channels, table.declared_noise, away)
-    predict = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
-    moved, stacked, far = predict.moved, predict.stacked, 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
-    ahead, behind = moved(far, 0.0), moved(-far, 0.0)
-    slope = (ahead - behind) / (2.0 * far)
+    prediction = _BenchPrediction(model, d, i, conditions, rows, weighing.weight)
+    stacked = prediction.stacked
+    slope, curvature, *by_current = stacked(setting_slopes(model, d, i, conditions, channels)).T
     own_misfit, declared = model_tolerance(model), dict(table.declared_noise)
     tolerance = {name: np.full(len(d), own_misfit.get(parts_of(name)[0], 0.0)) for name in channels} | dict(
         weighing.tolerance
     )
-    uncertain = [slope * declared.get("distance_m", 0.0)]
-    for direction, name in zip(current_directions(model), current_names(model) or ("current_A",), strict=True):
-        more = 1e-3 * max(nominal.current_max_A - nominal.current_min_A, 1e-9)
-        along = (moved(0.0, more * direction) - moved(0.0, -more * direction)) / (2.0 * more)
-        uncertain.append(along * declared.get(name, 0.0))
+    settings = "distance_m", *(current_names(model) or ("current_A",))
+    uncertain = [along * declared.get(name, 0.0) for name, along in zip(settings, (slope, *by_current), strict=False)]
     observations = Observations(
         channels=channels,
         channel=channel,
         row=np.concatenate(pieces),
-        value=stacked({name: measured[name].to_numpy(dtype=np.float64) for name in channels}),
+        value=stacked({name: measured[name].to_numpy(dtype=np.float64)[None] for name in channels})[:, 0],
         covariates=covariates,
         given=table.given,
-        predict=InTheirRuns(predict, covariates["run"].to_numpy(dtype=int)[np.concatenate(pieces)]),
+        prediction=InTheirRuns(prediction, covariates["run"].to_numpy(dtype=int)[np.concatenate(pieces)]),
         distance_slope=slope,
-        distance_curvature=(ahead - 2.0 * stacked(reading) + behind) / far**2,
+        distance_curvature=curvature,
         nominal=nominal,
         declared_noise={name: sd for name, sd in (declared | dict(weighing.noise)).items() if name in channels},
-        tolerance=stacked(tolerance),
+        tolerance=stacked({name: values[None] for name, values in tolerance.items()})[:, 0],
         setting_columns=np.stack(uncertain, axis=1),
         findings=(
             *table.findings,
@@ -117,7 +112,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
         declared_distance_m=declared.get("distance_m"),
         declared_run={name: declared[OF_RUNS + name] for name in channels if OF_RUNS + name in declared},
         magnitude=weighing.magnitude,
-        weight=stacked(dict.fromkeys(channels, np.ones(len(d)))) if weighing.weight else None,
+        weight=stacked(dict.fromkeys(channels, np.ones((1, len(d)))))[:, 0] if weighing.weight else None,
     )
     return with_bias(observations, model, away.flux, i, current_names(model))
 
@@ -144,20 +139,15 @@ class _BenchPrediction:
     rows: Mapping[str, IntArray]  # Of each channel
     weight: Mapping[str, FloatArray]  # Of impedances, of every row
 
-    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
-        return self._predicted(self.distance_m, self.current_A, (*self.model.effects, *effects))
-
-    def moved(self, distance_m: float, current_A: float | FloatArray) -> FloatArray:
-        """The readings at other distances and currents."""
-        return self._predicted(self.distance_m + distance_m, self.current_A + current_A, self.model.effects)
-
-    def _predicted(self, d: FloatArray, i: FloatArray, effects: tuple[AddedEffect, ...]) -> FloatArray:
-        return self.stacked(predict_readings(self.model, d, i, self.conditions, effects, tuple(self.rows)))
+    def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
+        own, setting = self.model.effects, (self.model, self.distance_m, self.current_A, self.conditions)
+        places = [(len(own) + k, name) for k, name in parameters]
+        return self.stacked(readings_by(*setting, (*own, *effects), places, tuple(self.rows)))
 
     def stacked(self, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Values of the rows as one vector, channel after channel."""
+        """Values of the rows (k, N) as columns (M, k), channel after channel."""
         weighed = {name: values[name] * self.weight[name] for name in self.weight}
-        return np.concatenate([weighed.get(name, values[name])[piece] for name, piece in self.rows.items()])
+        return np.concatenate([weighed.get(name, values[name])[:, piece].T for name, piece in self.rows.items()])
 
 
 def _covariates(rows: pd.DataFrame, of_circuits: tuple[str, ...] = ()) -> pd.DataFrame:

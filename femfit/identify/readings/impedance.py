@@ -29,7 +29,7 @@ from femfit.core.sweep_columns import resistance_column
 from femfit.core.text import amount_range
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
-from femfit.identify.constants import COLUMN_STEP, FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
+from femfit.identify.constants import FREQUENCY_SLACK, LEAST_LINKED, OF_THREE
 from femfit.identify.readings.observations import Observations
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
@@ -91,11 +91,8 @@ def with_bias(
         return observations
     keys = [f"materials.{name}.conductivity_MS_per_m" for name in bias.materials]
     conduct = [drawn for drawn in model.without_effects.drawn if drawn.key in keys]
-    slopes = np.zeros((len(observations.row), len(conduct)))
-    for k, drawn in enumerate(conduct):
-        ends = [AddedEffect(drawn.effect, {drawn.parameter: step}) for step in (COLUMN_STEP, -COLUMN_STEP)]
-        ahead, behind = (observations.predict((added,)) for added in ends)
-        slopes[:, k] = (ahead - behind) / (2.0 * COLUMN_STEP)
+    as_drawn = [AddedEffect(drawn.effect, {drawn.parameter: 0.0}) for drawn in conduct]
+    slopes = observations.slopes(as_drawn, [(k, drawn.parameter) for k, drawn in enumerate(conduct)])
     off = away[observations.row, None]
     sides = [side for side in (np.maximum(off, 0.0), np.maximum(-off, 0.0)) if side.any()]  # each has its own factor
     tolerance = np.hypot(observations.tolerance, np.linalg.norm(0.5 * off**2 * slopes, axis=1))

@@ -4,7 +4,7 @@ All readings stand in one vector, channel after channel, each channel in the ord
 time series differ only in how this view is built.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, wraps
 from typing import Any, TypeVar
@@ -19,8 +19,10 @@ from femfit.core.text import weighed_amount
 from femfit.effects.conditions import Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.readings import Parameter
 
-Predict = Callable[[Iterable[AddedEffect]], FloatArray]
+Prediction = Callable[[Sequence[AddedEffect], Sequence[Parameter]], FloatArray]
+"""(further effects, parameters of theirs) -> readings, then their slopes by each parameter; (M, 1 + parameters)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +49,7 @@ class Observations:
     # ``frequency_Hz``
     covariates: pd.DataFrame
     given: tuple[str, ...]  # Columns of the file that hold numbers
-    predict: Predict  # Further effects -> what the model with them predicts, shape (M,)
+    prediction: Prediction
     distance_slope: FloatArray  # Change of each reading per metre of distance: what a re-mount changes; shape (M,)
     # Change of that per metre: what a re-mount changes where the force grows steeply; shape (M,)
     distance_curvature: FloatArray
@@ -82,6 +84,14 @@ class Observations:
     def base(self) -> FloatArray:
         """What the model predicts, shape (M,)."""
         return self.predict(())
+
+    def predict(self, effects: Iterable[AddedEffect]) -> FloatArray:
+        """What the model with further effects predicts, shape (M,)."""
+        return self.prediction(tuple(effects), ())[:, 0]
+
+    def slopes(self, effects: Iterable[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
+        """Slopes of that by parameters of these effects, shape (M, parameters)."""
+        return self.prediction(tuple(effects), parameters)[:, 1:]
 
     @property
     def clocked(self) -> bool:
@@ -165,7 +175,7 @@ class Observations:
             setting_columns=self.setting_columns[keep],
             weight=None if self.weight is None else self.weight[keep],
             bias_columns=None if self.bias_columns is None else self.bias_columns[keep],
-            predict=_Kept(self.predict, keep),
+            prediction=_Kept(self.prediction, keep),
         )
 
     def with_values(self, value: FloatArray) -> "Observations":
@@ -197,22 +207,24 @@ def once_for_settings(function: Callable[[Observations], Result]) -> Callable[[O
 class InTheirRuns:
     """Predictions with each effect in the runs in which it acts."""
 
-    predict: Predict
+    prediction: Prediction
     run: IntArray  # Of each reading, shape (M,)
 
-    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
-        """What the model with further effects predicts, shape (M,)."""
-        effects = tuple(effects)
+    def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
+        """As :data:`Prediction`; in other runs the slopes by an effect's parameters are zero."""
         ends = sorted({end for added in effects if added.runs for end in (added.runs[0], added.runs[1] + 1)})
         if not ends:
-            return self.predict(effects)
-        result = np.empty(len(self.run))
+            return self.prediction(effects, parameters)
+        result = np.zeros((len(self.run), 1 + len(parameters)))
         stage = np.searchsorted(ends, self.run, side="right")
         for number in np.unique(stage):
             here = stage == number
             run = self.run[here][0]
-            acting = [added for added in effects if added.runs is None or added.runs[0] <= run <= added.runs[1]]
-            result[here] = self.predict(acting)[here]
+            acting = [k for k, a in enumerate(effects) if a.runs is None or a.runs[0] <= run <= a.runs[1]]
+            moving = [j for j, (k, _) in enumerate(parameters) if k in acting]
+            some = [(acting.index(parameters[j][0]), parameters[j][1]) for j in moving]
+            values = self.prediction([effects[k] for k in acting], some)
+            result[np.ix_(here, [0, *(1 + j for j in moving)])] = values[here]
         return result
 
 
@@ -220,11 +232,11 @@ class InTheirRuns:
 class _Kept:
     """Predictions of the readings that were kept."""
 
-    predict: Predict
+    prediction: Prediction
     keep: BoolArray
 
-    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
-        return self.predict(effects)[self.keep]
+    def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
+        return self.prediction(effects, parameters)[self.keep]
 
 
 def model_tolerance(model: ActuatorModel) -> dict[str, float]:

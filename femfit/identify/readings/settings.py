@@ -38,12 +38,6 @@ def currents_in(model: ActuatorModel, rows: pd.DataFrame) -> FloatArray:
     return np.stack([rows.get(name, pd.Series(np.nan, rows.index)).to_numpy(np.float64) for name in names], axis=1)
 
 
-def current_directions(model: ActuatorModel) -> list[FloatArray]:
-    """A unit change of each current, that broadcasts with :func:`currents_in`."""
-    names = current_names(model)
-    return list(np.eye(len(names))) if names else [np.ones(())]
-
-
 def leading_current(model: ActuatorModel, columns: Mapping[str, FloatArray]) -> str:
     """Column of the current that was varied most, counted in widths of its range; the only one of one circuit."""
     names = current_names(model)

@@ -14,7 +14,7 @@ from femfit.effects.effect import AddedEffect, EffectParameter
 from femfit.effects.words import titled, titles_of
 from femfit.identify.comparison.lack_of_fit import LackOfFit, pattern_space
 from femfit.identify.comparison.misfit import ErrorFall, error_fall
-from femfit.identify.constants import COLUMN_STEP, HARMS, LEAST_CHANGE
+from femfit.identify.constants import HARMS, LEAST_CHANGE
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.checked_refit import channel_rms
@@ -45,11 +45,12 @@ def effect_sizes(observations: Observations, fit: Refit) -> tuple[EffectSize, ..
     """The largest change that each effect makes of each channel within the data, with its 95 % interval."""
     weight = np.ones_like(observations.value) if observations.weight is None else observations.weight
     base = observations.base / weight
+    slopes = observations.slopes(fit.effects, [(k, p.name) for k, p in fit.free]) * [p.width for _, p in fit.free]
     result = list[EffectSize]()
     for k, added in enumerate(fit.effects):
         # What the predictions gain by the effect, the others in place
         change = observations.predict(fit.effects) - observations.predict(fit.effects[:k] + fit.effects[k + 1 :])
-        error = partial(_standard_error, observations, fit, k)
+        error = partial(_standard_error, slopes, fit, k)
         result += largest_changes(added.effect.name, observations, change / weight, base, error, weight)
     return tuple(result)
 
@@ -84,23 +85,11 @@ def largest_changes(
         )
 
 
-def _standard_error(observations: Observations, fit: Refit, k: int, reading: int) -> float:
-    """The variance of the change that effect k makes at one reading, to first order."""
+def _standard_error(slopes: FloatArray, fit: Refit, k: int, reading: int) -> float:
+    """Standard error of the change that effect k makes at one reading, by slopes (M, p) over plausible ranges."""
     free = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
-    here = observations.select(np.arange(len(observations.value)) == reading)
-    slopes = []
-    for j in free:
-        added, p = fit.effects[k], fit.free[j][1]
-        value, step = added.parameters[p.name], COLUMN_STEP * (p.plausible[1] - p.plausible[0])
-        ends = (min(value + step, p.upper), max(value - step, p.lower))
-        moved = [
-            (*fit.effects[:k], replace(added, parameters={**added.parameters, p.name: x}), *fit.effects[k + 1 :])
-            for x in ends
-        ]
-        up, down = (float(here.predict(effects)[0]) for effects in moved)
-        slopes.append((up - down) / (ends[0] - ends[1]) * (p.plausible[1] - p.plausible[0]))
-    slope = np.array(slopes)
-    return float(np.sqrt(max(slope @ fit.covariance[np.ix_(free, free)] @ slope, 0.0))) if free else 0.0
+    slope = slopes[reading, free]
+    return float(np.sqrt(max(slope @ fit.covariance[np.ix_(free, free)] @ slope, 0.0)))
 
 
 def suspicious_values(

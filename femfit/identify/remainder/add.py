@@ -8,7 +8,6 @@ import numpy as np
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import device_effects
-from femfit.identify.constants import COLUMN_STEP
 from femfit.identify.decision.campaign import guessed_noises
 from femfit.identify.noise.whitening import Whitening
 from femfit.identify.readings.bench import placed
@@ -107,15 +106,7 @@ def _columns_of(model: ActuatorModel, measured: Measurement, named: Collection[s
     staying = [effect for effect in model.effects if effect.effect.name not in named]
     fitted = [effect for effect in model.effects if effect.effect.name in named]
     observations = placed(with_effects(model, staying), measured)
-    base, columns = observations.predict(fitted), []
-    for k, effect in enumerate(fitted):
-        for p in effect.effect.parameters:
-            step = (
-                COLUMN_STEP * p.width * (-1.0 if effect.parameters[p.name] + COLUMN_STEP * p.width > p.upper else 1.0)
-            )
-            moved = replace(effect, parameters={**effect.parameters, p.name: effect.parameters[p.name] + step})
-            columns.append((observations.predict([*fitted[:k], moved, *fitted[k + 1 :]]) - base) / step)
-    return np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
+    return observations.slopes(fitted, [(k, p.name) for k, one in enumerate(fitted) for p in one.effect.parameters])
 
 
 def _decided(whitening: Whitening, learnt: Learnt) -> FloatArray | None:

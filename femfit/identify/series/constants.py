@@ -67,3 +67,6 @@ command's kinks of the current in a window of 36 samples."""
 
 TURNS_OF_MISFIT = 5.0
 """Assumed: how often the misfit of a flux linkage turns its sign over the domain."""
+
+SLOPE_STEP = 1e-3
+"""Numerical: step of a difference over the width of a parameter's plausible range."""

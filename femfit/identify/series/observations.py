@@ -35,7 +35,7 @@ from femfit.identify.series.balances import (
     model_readings,
     voltage_balances,
 )
-from femfit.identify.series.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, TURNS_OF_MISFIT
+from femfit.identify.series.constants import MEDIAN_CHANCE, REMEMBERED, RESTLESS, SLOPE_STEP, TURNS_OF_MISFIT
 from femfit.identify.series.measured import (
     MeasuredChannel,
     Recorded,
@@ -50,6 +50,7 @@ from femfit.identify.series.views import View, balance_view, sensor_view
 from femfit.identify.series.weights import lay_windows, window_weights
 from femfit.identify.words import finding
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.readings import Parameter
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import TimeSeries
 
@@ -135,14 +136,14 @@ def _assembled(
     number = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
     offset = [0 if view is views[0] else len(views[0].covariates) for view, _ in channels]
 
-    predict = _SeriesPrediction(
+    prediction = _SeriesPrediction(
         model,
         views,
         exact,
         dict(zip(names, pieces, strict=True)),
         dict(zip(names, scale, strict=True)),
     )
-    change, present = predict.change, model.effects
+    change, present = prediction.change, model.effects
     step = 1e-3 * (nominal.distance_max_m - nominal.distance_min_m)
     covariates = pd.concat([view.covariates for view in views], ignore_index=True)
     # What a bench would have to read to show as much as each balance does
@@ -153,10 +154,10 @@ def _assembled(
         channels=names,
         channel=number,
         row=row,
-        value=predict.stacked({c.name: c.measured for _, c in channels}),
+        value=prediction.stacked({c.name: c.measured for _, c in channels}),
         covariates=covariates,
         given=(*series.given, *(shown[name] for name in names if name in shown)),
-        predict=InTheirRuns(predict, covariates["run"].to_numpy(dtype=int)[row]),
+        prediction=InTheirRuns(prediction, covariates["run"].to_numpy(dtype=int)[row]),
         distance_slope=(change(present, step) - change(present, -step)) / (2.0 * step),
         distance_curvature=(change(present, step) - 2.0 * change(present) + change(present, -step)) / step**2,
         nominal=nominal,
@@ -181,7 +182,21 @@ class _SeriesPrediction:
     rows: Mapping[str, IntArray]
     scale: Mapping[str, FloatArray]
 
-    def __call__(self, effects: Iterable[AddedEffect]) -> FloatArray:
+    def __call__(self, effects: Sequence[AddedEffect], parameters: Sequence[Parameter]) -> FloatArray:
+        """Slopes are differences: states and eddy currents at a node follow from all nodes before, one by one."""
+        values = [self._predicted(effects)]
+        for k, name in parameters:
+            added = effects[k]
+            p, here = next(p for p in added.effect.parameters if p.name == name), added.parameters[name]
+            ends = min(here + SLOPE_STEP * p.width, p.upper), max(here - SLOPE_STEP * p.width, p.lower)
+            ahead, behind = (
+                self._predicted((*effects[:k], replace(added, parameters={**added.parameters, name: at}), *effects[k + 1 :]))
+                for at in ends
+            )
+            values.append((ahead - behind) / (ends[0] - ends[1]))
+        return np.stack(values, axis=1)
+
+    def _predicted(self, effects: Iterable[AddedEffect]) -> FloatArray:
         together = (*self.model.effects, *effects)
         faster = prod(added.effect.eddy(added.parameters) for added in together if added.effect.eddy is not None)
         slow = tuple(added for added in together if added.effect.eddy is None)
