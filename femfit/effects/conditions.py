@@ -126,13 +126,17 @@ class Conditions:
         coil, magnet = warmth(self.coil_temperature_C), warmth(self.magnet_temperature_C)
         low, high = self.current_turn_A
         temperatures = {
-            "coil_K": coil.kelvin, "coil_unknown": coil.unknown, "magnet_K": magnet.kelvin, "magnet_unknown": magnet.unknown,
+            "coil_K": coil.kelvin,
+            "coil_unknown": coil.unknown,
+            "magnet_K": magnet.kelvin,
+            "magnet_unknown": magnet.unknown,
         }
         plain = {name: getattr(self, name) for name in _PLAIN}
         return {**plain, **temperatures, "turn_low_A": low, "turn_high_A": high, **self.memory, **self.recalled}
 
     def with_numbers(self, numbers: Mapping[str, SX]) -> "Conditions":
         """The conditions with expressions in place of their :attr:`numbers`."""
+        plain: dict[str, Any] = {name: numbers[name] for name in _PLAIN}
         return replace(
             self,
             coil_temperature_C=Warmth(numbers["coil_K"], numbers["coil_unknown"]),
@@ -140,7 +144,7 @@ class Conditions:
             current_turn_A=(numbers["turn_low_A"], numbers["turn_high_A"]),
             memory={name: numbers[name] for name in self.memory},
             recalled={name: numbers[name] for name in self.recalled},
-            **{name: numbers[name] for name in _PLAIN},
+            **plain,
         )
 
 

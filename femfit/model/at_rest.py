@@ -54,7 +54,7 @@ class Point:
         return changed_coenergy(coenergy_of(self.model), self.effects, self.conditions)
 
     def magnetic(self, *, slopes: bool) -> dict[str, SX]:
-        """Force, flux linkages, field at the Hall element, and where asked motional constants and inductances (n, n)."""
+        """Force, flux linkages and field at the Hall element; on demand motional constants, and inductances (n n,)."""
         coenergy, n = self.coenergy, self.currents.numel()
 
         def derived(x: SX) -> SX:
@@ -67,10 +67,10 @@ class Point:
             return ca.vertcat(*(ca.densify(part) for part in parts))
 
         found = of_variable(derived, ca.vertcat(self.distance, self.currents))
-        names, sizes = ("force", "flux_linkage", "hall_T"), [1, n, 1]
+        sizes = {"force": 1, "flux_linkage": n, "hall_T": 1}
         if slopes:
-            names, sizes = (*names, "motional_constant", "inductance"), [*sizes, n, n * n]
-        return dict(zip(names, ca.vertsplit(found, [0, *accumulate(sizes)]), strict=True))
+            sizes |= {"motional_constant": n, "inductance": n * n}
+        return dict(zip(sizes, ca.vertsplit(found, [0, *accumulate(sizes.values())]), strict=True))
 
 
 def at_points(

@@ -142,9 +142,7 @@ class Complex:
 
     def __mul__(self, other: Any) -> "Complex":
         other = Complex.of(other)
-        return Complex(
-            self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real
-        )
+        return Complex(self.real * other.real - self.imag * other.imag, self.real * other.imag + self.imag * other.real)
 
     def __truediv__(self, other: Any) -> "Complex":
         other = Complex.of(other)

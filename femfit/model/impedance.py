@@ -40,7 +40,7 @@ SHORTED = "_shorted_H"
 
 
 def following_share(effects: Iterable[AddedEffect], s: Any) -> Any:
-    """h at s = j w in 1/s: how much of the flux linkage follows a small current, and how late.
+    """Take h at s = j w in 1/s: how much of the flux linkage follows a small current, and how late.
 
     Of an array, or of an expression as a :class:`~femfit.model.decay.Complex`.
     """
@@ -79,7 +79,7 @@ def with_further_impedance(
     frequency: Any,
     conditions: Conditions,
 ) -> Any:
-    """Z of n circuits, (..., n, n) of arrays or of expressions, with what effects show at its points beside W' and the resistances.
+    """Z of n circuits, (..., n, n), with what effects show at its points beside W' and the resistances.
 
     Parameters
     ----------

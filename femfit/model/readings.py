@@ -165,7 +165,8 @@ def _impedances(point: Point, d: SX, first: SX, low: SX, ohms: Sequence[SX]) -> 
     share = following_share(effects, s)
     z = induced_impedance(complex_array(low), s, share, patterns_with_sources(base, effects, d))
     z = with_further_impedance(z, effects, d, first, conditions.frequency_Hz, conditions)
-    z, shown = z + np.diag(np.array([s * henry + ohm for henry, ohm in zip(series, ohms, strict=True)], dtype=object)), {}
+    beside = np.array([s * henry + ohm for henry, ohm in zip(series, ohms, strict=True)], dtype=object)
+    z, shown = z + np.diag(beside), dict[str, Expression]()
     for name, found in impedances_by_column(z, base.circuit_names).items():
         one = Complex.of(found)
         shown[resistance_column(name)], shown[name] = one.real, one.imag / w

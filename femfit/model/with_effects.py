@@ -210,14 +210,14 @@ def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Ed
 
 
 def patterns_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect], distance: SX) -> Patterns | None:
-    """The patterns of the same eddy currents at an expression's distance, the effects' parameters expressions as well."""
+    """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None
     found, (_, *currents) = base.eddy.patterns(distance), source_scales(effects, base.eddy.circuits)
     factor = prod(one.effect.eddy(one.parameters) for one in effects if one.effect.eddy is not None)
     return replace(
         found,
-        coupling=found.coupling / complex_array(ca.vertcat(*currents)),
+        coupling=found.coupling / complex_array(SX(ca.vertcat(*currents))),
         resistances_ohm=found.resistances_ohm * Complex.of(factor),
     )
 

@@ -173,8 +173,6 @@ def explained_share(campaign: Campaign, fit: Refit, excess: float) -> float:
     target = campaign.whitened_residual
     moving = [j for j, (_, p) in enumerate(fit.free) if not p.nonlinear and not fit.active[j]]
     columns = fit.jacobian[:, moving]
-    if not moving:
-        return 0.0
     # To first order about the fit: what the readings are beside the part that no small change of the fit explains
     free = [(p, fit.effects[k].parameters[p.name]) for k, p in fit.free]
     to_null = [(p.null - value) / p.width for p, value in free]

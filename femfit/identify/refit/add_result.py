@@ -89,7 +89,7 @@ def _standard_error(slopes: FloatArray, fit: Refit, k: int, reading: int) -> flo
     """Standard error of the change that effect k makes at one reading, by slopes (M, p) over plausible ranges."""
     free = [j for j, (number, _) in enumerate(fit.free) if number == k and not fit.active[j]]
     slope = slopes[reading, free]
-    return float(np.sqrt(max(slope @ fit.covariance[np.ix_(free, free)] @ slope, 0.0)))
+    return float(np.sqrt(max(float(slope @ fit.covariance[np.ix_(free, free)] @ slope), 0.0)))
 
 
 def suspicious_values(

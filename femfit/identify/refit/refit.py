@@ -293,17 +293,13 @@ def _at_bounds(
 def _seen_nonlinear(start: Start, observations: Observations) -> list[EffectParameter]:
     """The nonlinear parameters that change what the effect's amplitudes do to these readings."""
     columns = start.columns
-    some = np.array([0.1 * (p.plausible[1] - p.plausible[0]) for p in columns.amplitudes])
+    some = np.array([0.1 * p.width for p in columns.amplitudes])
     values = columns.parameters(np.where(some <= columns.bounds[1], some, -some))
-    usual = observations.predict([AddedEffect(columns.effect, values)])
-
-    def seen(p: EffectParameter) -> bool:
-        step = 0.1 * (p.plausible[1] - p.plausible[0])
-        changed = values[p.name] + (step if values[p.name] + step <= p.upper else -step)
-        moved = observations.predict([AddedEffect(columns.effect, values | {p.name: changed})])
-        return bool(np.any(moved != usual))
-
-    return [p for p in columns.effect.parameters if p.nonlinear and seen(p)]
+    nonlinear = [p for p in columns.effect.parameters if p.nonlinear]
+    for p in nonlinear:  # where a parameter usually stands it may have no slope
+        values[p.name] += 0.1 * p.width * (1.0 if values[p.name] + 0.1 * p.width <= p.upper else -1.0)
+    slopes = observations.slopes([AddedEffect(columns.effect, values)], [(0, p.name) for p in nonlinear])
+    return [p for p, slope in zip(nonlinear, slopes.T, strict=True) if np.any(slope != 0.0)]
 
 
 def _with_intervals(fit: Refit, x: FloatArray, width: FloatArray) -> tuple[AddedEffect, ...]:

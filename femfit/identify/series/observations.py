@@ -190,7 +190,9 @@ class _SeriesPrediction:
             p, here = next(p for p in added.effect.parameters if p.name == name), added.parameters[name]
             ends = min(here + SLOPE_STEP * p.width, p.upper), max(here - SLOPE_STEP * p.width, p.lower)
             ahead, behind = (
-                self._predicted((*effects[:k], replace(added, parameters={**added.parameters, name: at}), *effects[k + 1 :]))
+                self._predicted(
+                    (*effects[:k], replace(added, parameters={**added.parameters, name: at}), *effects[k + 1 :])
+                )
                 for at in ends
             )
             values.append((ahead - behind) / (ends[0] - ends[1]))
