@@ -2,8 +2,8 @@
 
 CasADi writes what is called often as C, a compiler translates it in the background; what runs it today goes on until
 that is done, and for good where nothing comes of it. All do the same operations on doubles in the same order (none are
-contracted) with the system's library of mathematics, so that their results agree to the bit and it does not matter which
-of them gave a number.
+contracted) with the system's library of mathematics: their results agree to the bit, and it does not matter which of
+them gave a number.
 
 What was compiled is kept under the hash of its source and command, in the user's cache folder: ``femfit`` in
 ``XDG_CACHE_HOME`` or ``LOCALAPPDATA``, else in ``~/.cache``. The environment's ``FEMFIT_COMPILER`` names another

@@ -97,8 +97,8 @@ class Memory:
         (states, i, conditions, p) -> mapping of name to time derivative at the velocity and the current's rate of the
         conditions; linear in that rate for each of its signs.
     response : callable or None
-        (s = j w in 1/s, p) -> complex part of the flux linkage that does not follow a small sinusoidal current, the body
-        held: what an impedance shows of the states; None where it shows nothing.
+        (s = j w in 1/s, p) -> complex part of the flux linkage that does not follow a small sinusoidal current, the
+        body held: what an impedance shows of the states; None where it shows nothing.
     recall : callable or None
         (currents in the order in which they were read, whether a run begins there, nominal) -> mapping of name to
         array, for :attr:`Conditions.recalled`: what ``steady_state`` needs of that order; None where it needs nothing.
