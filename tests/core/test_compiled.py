@@ -1,7 +1,5 @@
 """Machine code of a function: the interpreter's results to the bit, and the interpreter wherever there is none."""
 
-import shutil
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
@@ -12,10 +10,7 @@ from casadi import SX
 from femfit.core import compiled
 from femfit.core.compiled import Compilation
 from femfit.core.graph import GraphFunction, building, row_of
-
-needs_compiler = pytest.mark.skipif(
-    not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="no C compiler on this machine"
-)
+from support.compiling import needs_compiler, waited_for
 
 TABLE = np.random.default_rng(3).normal(size=(40, 2))
 
@@ -42,14 +37,6 @@ def of_everything():
 def a_simple_function(factor=2.0):
     x = SX.sym("x")
     return ca.Function("f", [x], [factor * x])
-
-
-def waited_for(compilation):
-    """Its library."""
-    until = time.monotonic() + 60.0
-    while (library := compilation.after(100)) is None and compilation._next < np.inf and time.monotonic() < until:
-        time.sleep(0.01)
-    return library
 
 
 def value(library, x):

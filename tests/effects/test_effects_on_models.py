@@ -1,6 +1,9 @@
 """Every effect on every kind of model that can have it: one co-energy, and many points as one alone."""
 
+import pickle
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from femfit.core.numerics import central_differences
 from femfit.effects.catalogue import BUILT_IN, OF_EACH, effect_by_name, of_circuit
 from femfit.model.with_effects import with_effects
 from support.added_effects import under_effects, usual
+from support.compiling import compile_at_once, needs_compiler
 from support.model_kinds import rates, states_of
 from support.readings import hall_voltage
 
@@ -79,6 +83,25 @@ def test_an_effect_at_its_null_leaves_the_motion_as_it_is_and_points_move_alone_
     if model.sensor is not None:
         seen = hall_voltage(moved, states)
         close(np.concatenate([hall_voltage(moved, states[k : k + 1]) for k in range(20)]), seen, 1e-12)
+
+
+@pytest.mark.nightly
+@needs_compiler
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
+def test_machine_code_under_an_effect_gives_what_arrays_do_and_a_copy_and_a_fork_do_the_same(
+    effect, model, monkeypatch, tmp_path
+):
+    moved = changed(model, effect)
+    states, volts = states_of(moved, 20)
+    in_arrays = rates(moved, states, volts)
+    libraries = compile_at_once(monkeypatch, tmp_path)
+    copied = pickle.loads(pickle.dumps(moved))  # noqa: S301  what was pickled here
+    compiled = rates(copied, states, volts)
+    assert libraries
+    assert all(libraries)
+    np.testing.assert_array_equal(compiled, in_arrays)
+    with ProcessPoolExecutor(1, get_context("fork")) as forked:
+        np.testing.assert_array_equal(forked.submit(rates, copied, states, volts).result(), in_arrays)
 
 
 def test_a_lag_is_outermost_in_whatever_order_effects_are_added(levitation_model):
