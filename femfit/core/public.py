@@ -3,13 +3,14 @@
 import functools
 import inspect
 import os
+import sys
 import threading
 from collections.abc import Callable
 from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController, threadpool_limits
 
 from femfit.core.errors import ArgumentError, DomainError
 from femfit.core.text import quoted
@@ -56,8 +57,9 @@ class _OneBlasThread:
         with self.lock:
             self.calls[call] = threading.get_ident()
             if self.limit is None:
-                self.limit = threadpool_limits(None, user_api="blas")  # the caller's, noted before it is changed
-                threadpool_limits(1, user_api="blas")
+                libraries = _libraries(len(sys.modules))
+                self.limit = libraries.limit(limits=None, user_api="blas")  # the caller's, noted before it is changed
+                libraries.limit(limits=1, user_api="blas")
 
     def leave(self, call: object) -> None:
         """End a call, also one that an interrupt kept from beginning."""
@@ -75,6 +77,12 @@ class _OneBlasThread:
         if not self.calls and self.limit is not None:
             self.limit.restore_original_limits()
             self.limit = None
+
+
+@functools.lru_cache(1)
+def _libraries(modules: int) -> ThreadpoolController:  # noqa: ARG001  by which one is known to have come
+    """The loaded libraries with threads of their own; to search for them takes milliseconds."""
+    return ThreadpoolController()
 
 
 _ONE_BLAS_THREAD = _OneBlasThread()
