@@ -327,7 +327,7 @@ class ActuatorModel(Printed):
         """Whether the equations of motion and current differ from those of the model's W', R and m."""
         return bool(self.memories) or any(added.effect.force or added.effect.circuit for added in self.effects)
 
-    @cached_property
+    @property
     def memories(self) -> tuple[Memory, ...]:
         """Those of effects whose parameters need states."""
         return tuple(added.memory for added in self.effects if added.memory is not None)

@@ -80,6 +80,7 @@ def test_an_effect_at_its_null_leaves_the_motion_as_it_is_and_points_move_alone_
     together = rates(moved, states, volts)
     alone = [rates(moved, states[k : k + 1], volts[k : k + 1]) for k in range(20)]
     close(np.concatenate(alone), together, 1e-11)
+    assert pickle.dumps(moved)  # and what was worked out of it stays behind
     if model.sensor is not None:
         seen = hall_voltage(moved, states)
         close(np.concatenate([hall_voltage(moved, states[k : k + 1]) for k in range(20)]), seen, 1e-12)
