@@ -57,7 +57,8 @@ def _require_free(directory: Path, mark: str) -> None:
     earlier = any((directory / name).exists() for name in (mark, NEW, "femfit_runtime/__init__.py"))
     if any(directory.iterdir()) and not earlier:
         raise RunDirectoryError(
-            f"{directory} must be absent, empty or an earlier export; it holds other files. Choose another directory."
+            f"{directory} must be absent, empty or an earlier export with {mark}; it holds other files. Choose another "
+            "directory."
         )
 
 

@@ -189,6 +189,33 @@ def test_a_record_is_followed_from_the_command_line(model, exported, tmp_path):
     assert_alike(found[:, 1::2], wanted[:, n : 2 * n])
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (None, "cannot be read: No such file"),
+        ("", "it lacks time_s, voltage_V"),
+        ("time_s,voltage_V\n0,1\n", "it lacks"),
+        ("fast", "could not convert string to float: 'fast'"),
+    ],
+    ids=["no file", "empty", "no reading", "no number"],
+)
+def test_a_record_that_cannot_be_followed_is_refused_in_a_line(levitation_model, tmp_path, text, said):
+    export_estimator(levitation_model, tmp_path)
+    columns = runpy.run_path(str(tmp_path / FILE))["COLUMNS"]
+    record, header = tmp_path / "record.csv", ",".join(["time_s", "voltage_V", *columns])
+    if text is not None:  # with the mark that Excel puts before UTF-8
+        record.write_text(f"{header}\n{text},1,{',2.5' * len(columns)}\n" if text == "fast" else text, "utf-8-sig")
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / FILE), str(record)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert said in done.stderr
+    if text == "fast":
+        assert "line 2" in done.stderr
+
+
 def test_the_file_imports_nothing_but_the_library_of_python_and_numpy_where_it_is(exported):
     tree = ast.parse((exported / FILE).read_text(encoding="utf-8"))
     imported = {one.name for node in ast.walk(tree) if isinstance(node, ast.Import) for one in node.names}
