@@ -24,6 +24,7 @@ from functools import cached_property
 from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import ClassVar
 
 import casadi as ca
 import numpy as np
@@ -38,6 +39,9 @@ OFTEN, ASKED = 50_000, 5_000
 
 ALONE = 10
 """Measured: as many points in arrays cost what one point alone does."""
+
+LARGEST = 2_000_000
+"""Chosen: characters of C up to which a compiler takes tens of seconds at most; beyond, minutes."""
 
 KEPT = 200
 """Conventional: compiled functions that stay in the cache; the one not used for longest goes first."""
@@ -100,6 +104,8 @@ class Compilation:
         Of vectors, with one vector as its output, all dense; its name is f.
     """
 
+    _latest: ClassVar[subprocess.Popen[str] | None] = None
+
     def __init__(self, function: ca.Function) -> None:
         self._function = function
         self._compiler: subprocess.Popen[str] | None = None
@@ -121,7 +127,7 @@ class Compilation:
         """Begin, or see whether it is done."""
         self._next = inf
         try:
-            if self._command is None:
+            if self._command is None or len(self._source) > LARGEST:
                 return
             if self._target.exists():
                 self._stop()
@@ -163,11 +169,14 @@ class Compilation:
         return TemporaryDirectory(prefix="compiling-", dir=self._target.parent, ignore_cleanup_errors=True)
 
     def _begin(self) -> None:
+        """Start the compiler, one in a process at a time."""
+        if Compilation._latest is not None and Compilation._latest.poll() is None:
+            return
         self._target.parent.mkdir(parents=True, exist_ok=True)
         place = Path(self._workplace.name)
         (place / "f.c").write_text(self._source, encoding="utf-8")
         with (place / "f.c").open() as source, (place / "said.txt").open("w") as said:
-            self._compiler = subprocess.Popen(  # noqa: S603  the compiler that the user has or names
+            Compilation._latest = self._compiler = subprocess.Popen(  # noqa: S603  the compiler that the user has or names
                 [*(self._command or ()), "-o", str(place / "f.so")], stdin=source, stdout=said, stderr=said, text=True
             )
         atexit.register(self._stop)

@@ -71,6 +71,19 @@ def test_threads_and_later_runs_share_what_was_compiled(cache):
     assert kept.stat().st_ino == written
 
 
+@needs_compiler
+def test_one_compiler_works_at_a_time_and_none_on_what_takes_minutes(cache, monkeypatch):
+    first, second = (Compilation(a_simple_function(factor)) for factor in (3.0, 4.0))
+    assert first.after(100) is second.after(100) is None
+    assert second._compiler is None
+    assert value(waited_for(second), 2.0) == 8.0
+    assert value(waited_for(first), 2.0) == 6.0
+    monkeypatch.setattr(compiled, "LARGEST", 100)
+    large = Compilation(a_simple_function(5.0))
+    assert large.after(100) is None
+    assert large._next == np.inf
+
+
 def test_without_a_compiler_nothing_is_compiled(cache, monkeypatch):
     monkeypatch.setenv("FEMFIT_COMPILER", "")
     compilation = Compilation(a_simple_function())
