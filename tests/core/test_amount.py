@@ -51,13 +51,10 @@ def test_a_value_is_written_within_its_interval(unit):
         assert unit_of_value == unit_of_ends
 
 
-def test_numbers_very_large_or_small_are_powers_of_ten():
+def test_counts_powers_of_ten_and_probabilities_are_said_in_words_of_their_size():
     assert rounded(1.234e-7, 2) == "1.2e-07"
     assert probability(1e-9) == "p < 1e-06"
     assert probability(0.0312) == "p = 0.031"
-
-
-def test_one_of_a_thing_has_no_plural():
     said = [counted(n, "row was", "rows were") for n in (0, 1, 2)]
     assert said == ["0 rows were", "1 row was", "2 rows were"]
     assert counted(1200, "point") == "1,200 points"

@@ -1,10 +1,19 @@
 """The error tree: each of ours is also a builtin, and survives the way back from a worker process."""
 
+import gc
+import os
 import pickle
+import signal
+import time
+from weakref import ref
 
+import numpy as np
 import pytest
 
 from femfit.core import errors
+from femfit.core.errors import DomainError
+from femfit.core.processes import process_pool
+from femfit.core.results import remembered
 
 
 def tree():
@@ -24,3 +33,55 @@ def test_an_actuator_error_keeps_its_problems_through_a_pickle():
     assert again.problems == error.problems
     assert str(again) == str(error)
     assert "2 problems" in str(error)
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, "all"])
+def test_what_is_no_number_of_workers_is_refused_with_what_was_given(workers):
+    with pytest.raises(DomainError, match=str(workers)):
+        process_pool(workers)
+
+
+def test_a_worker_does_not_hear_the_ctrl_c_of_a_terminal_which_goes_to_all():
+    with process_pool(1) as pool:
+        assert signal.SIGINT in pool.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ()).result()
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+def test_a_block_that_is_interrupted_waits_for_no_worker():
+    begin = time.monotonic()
+
+    def interrupted():
+        with process_pool(1) as pool:
+            pool.submit(os.getpid).result()
+            pool.submit(time.sleep, 60.0)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert time.monotonic() - begin < 50.0
+
+
+class Coil:
+    """Something that a weak reference can point to."""
+
+
+def test_it_is_worked_out_once_for_each_object():
+    calls = []
+    found = remembered(lambda coil: calls.append(coil) or len(calls))
+    one, two = Coil(), Coil()
+    assert [found(one), found(two), found(one)] == [1, 2, 1]
+
+
+def test_its_arrays_cannot_be_written_to():
+    found = remembered(lambda _: np.zeros(2))
+    with pytest.raises(ValueError, match="read-only"):
+        found(Coil())[0] = 1.0
+
+
+def test_it_keeps_no_object_alive():
+    found, coil = remembered(lambda _: np.zeros(2)), Coil()
+    found(coil)
+    seen = ref(coil)
+    del coil
+    gc.collect()
+    assert seen() is None
