@@ -3,21 +3,26 @@
 import json
 import math
 import re
-from dataclasses import fields
-from pathlib import Path
+from dataclasses import fields, replace
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from femfit.device.checks import swept
 from femfit.device.decimals import scaled
 from femfit.device.drawing import unit_vector
-from femfit.device.electrics import HallElement
+from femfit.device.electrics import HallElement, where_clipped
 from femfit.device.load import actuator_from_toml, read_actuator, starter_text
 from femfit.device.parts import smallest_winding_area, wire_resistance
+from femfit.device.rewrite import only
 from femfit.device.schema import HallEntry
 from femfit.device.summary import remarks, sweep_manifest_entry
+from femfit.field.sweep_rows import clipped_hall
+from femfit.tables.sweep_table import SweepTable
+from support.actuators import GEOMETRY
+from support.expected import unmentioned
 
-GEOMETRY = Path(__file__).parents[2] / "geometry"
 PLUNGER = (GEOMETRY / "plunger-solenoid.toml").read_text(encoding="utf-8")
 
 
@@ -26,31 +31,25 @@ def area(vertices) -> float:
     return 0.5 * sum(r0 * z1 - r1 * z0 for (r0, z0), (r1, z1) in zip(vertices, turned, strict=True))
 
 
-def test_the_rig_and_the_printed_suspension_differ_only_in_their_coil():
+def test_the_rig_and_the_printed_suspension_differ_only_in_their_coil_and_have_the_core_of_table_1():
     printed, rig = (read_actuator(GEOMETRY / f"{name}.toml") for name in ("emaws", "emaws-rig"))
     for part in ("fixed", "moving", "supplies_V", "sample_time_s", "sweep", "hall"):
         assert getattr(printed, part) == getattr(rig, part)
     assert (printed.coil.turns, rig.coil.turns) == (30, 308)
     # eq. (32): R / L = 165.6 1/s and 1 / L = 61.61 1/H, R to the three digits the file gives
     assert rig.coil.resistance_ohm == pytest.approx(165.6 / 61.61, abs=0.005)
-
-
-def test_the_core_of_the_suspension_has_the_volume_of_table_1():
     rig = read_actuator(GEOMETRY / "emaws-rig.toml")
     volume = sum(2 * math.pi * area(r.vertices_m) * (r.vertices_m[0][0] + r.vertices_m[1][0]) / 2 for r in rig.fixed)
     by_hand = math.pi * (2 * 0.005 * (0.02**2 - 0.0025**2) + 0.015 * (0.01**2 - 0.0025**2))
     assert volume == pytest.approx(by_hand, rel=1e-12)
 
 
-def test_the_plunger_has_the_mass_of_its_steel_and_its_winding_the_resistance_of_its_wire():
+def test_resistances_and_masses_of_the_plunger_and_of_copper_are_those_by_hand():
     actuator = read_actuator(GEOMETRY / "plunger-solenoid.toml")
     # steel at 7.85 g/cm3; the file gives three digits
     assert actuator.mechanics.mass_kg == pytest.approx(7850 * math.pi * 0.005**2 * 0.035, rel=2e-3)
     # mean radius 9.5 mm: 560 turns are 33.427 m of 0.15904 mm^2
     assert actuator.coil.resistance_ohm == pytest.approx(33.427 * 0.017241 / 0.15904, rel=1e-4)
-
-
-def test_copper_has_the_resistance_of_its_turns_and_gains_393_per_mille_per_kelvin():
     # By hand: 308 turns of 2 pi 15 mm are 29.028 m; 0.18857 mm^2 of copper at 0.017241 ohm mm^2/m.
     cold = wire_resistance(308, 0.015, 0.49e-3)
     assert cold == pytest.approx(29.028 * 0.017241 / 0.18857, rel=1e-4)
@@ -127,3 +126,34 @@ def test_two_coils_in_series_are_one_circuit_of_the_manifest(tmp_path):
     assert entry["resistance_ohm"] == pytest.approx(1.0 + sum(coil.resistance_ohm for coil in actuator.coils))
     assert (entry["voltage_min_V"], entry["voltage_max_V"]) == (-24.0, 24.0)
     assert "turns" not in entry
+
+
+HALL = HallElement(0.0, 0.0)  # 50 V/T about 2.5 V, clipped at 0 and 5 V: beyond 50 mT on either side
+
+
+DISTANCE, CURRENT = (x.ravel() for x in np.meshgrid(1e-3 * np.arange(1, 11), [0.0, 0.5, 1.0]))
+FIELD = 0.07 - 10.0 * DISTANCE + 0.02 * CURRENT  # 60 mT of the magnet at 1 mm, 10 mT less a millimetre; the coil's
+
+
+@pytest.mark.parametrize(
+    ("sensitivity", "factor", "facts"),
+    [
+        (50.0, 1.0, ["5 V", "1.00 to 2.00 mm", "at 0 A", "1.00 to 4.00 mm", "at 1.0 A"]),
+        (50.0, -1.0, ["0 V", "1.00 to 2.00 mm"]),
+        (5.0, 1.0, []),
+        (50.0, np.nan, []),  # points that failed are not clipped
+    ],
+)
+def test_clipping_is_said_at_the_smallest_current_and_at_the_one_that_reaches_farthest(sensitivity, factor, facts):
+    said = where_clipped(replace(HALL, sensitivity_V_per_T=sensitivity), DISTANCE, CURRENT, factor * FIELD)
+    assert not unmentioned(facts, said)
+    assert bool(said) == bool(facts)
+
+
+def test_a_sweep_says_where_its_element_is_clipped():
+    rows = pd.DataFrame({"distance_m": DISTANCE, "current_A": CURRENT, "hall_T": FIELD})
+    table = SweepTable(rows.assign(force_N=1.0, status="ok"), {})
+    actuator = replace(read_actuator(GEOMETRY / "emaws-rig.toml"), sensors=(HALL,))
+    (said,) = clipped_hall(only(actuator), table)
+    assert where_clipped(HALL, DISTANCE, CURRENT, FIELD) in said
+    assert clipped_hall(only(replace(actuator, sensors=())), table) == []

@@ -1,14 +1,17 @@
 """Which numbers of a file are one face, and what a machinist calls it: a face with the cone beside it is one number."""
 
+import math
 import tomllib
 from functools import cache
 
 import pytest
+import shapely
 
 from femfit.core.errors import UsageError
 from femfit.device.drawn_faces import drawn_faces
 from femfit.device.drawn_numbers import in_picture, numbers_from_toml, read_numbers
 from femfit.device.load import parse, read_text
+from femfit.device.outlines import arc_circle, arc_points, circle, flattened, reversed_outline
 from femfit.identify.calibration.numbers import Drawing
 from support.actuators import GEOMETRY
 from support.conical import CONICAL
@@ -171,3 +174,29 @@ def test_a_tolerance_of_its_flat_part_or_of_its_own_is_a_faces_tolerance():
     assert tolerance(f'"{POLE}" = 0.03') == (0.03, True)
     assert tolerance("length_mm = 0.04") == (0.04, True)
     assert tolerance('"coils.winding.turns" = 2') == (0.05, False)
+
+
+@pytest.mark.parametrize(("centre", "area"), [((0.0, 3.0), 2.0 * math.pi), ((5.0, 1.0), 4.0 * math.pi)])
+def test_a_circle_has_its_area_and_turns_counter_clockwise(centre, area):
+    polygon = shapely.Polygon(flattened(*circle(centre, 2.0)))
+    assert polygon.exterior.is_ccw
+    assert polygon.area == pytest.approx(area, rel=3e-4)
+    assert polygon.bounds[0] >= 0.0
+
+
+def test_the_other_sense_of_an_outline_and_of_an_arc_has_the_same_points():
+    corners, bulges = [(0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0)], [0.3, 0.0, -0.2, 0.0]
+    there = shapely.Polygon(flattened(corners, bulges))
+    back = shapely.Polygon(flattened(*reversed_outline(corners, bulges)))
+    assert not back.exterior.is_ccw
+    assert there.symmetric_difference(back).area < 1e-12
+    there = arc_points((1.0, 0.0), (0.0, 1.0), 0.4)
+    back = arc_points((0.0, 1.0), (1.0, 0.0), -0.4)
+    for one, other in zip(there, back[::-1], strict=True):
+        assert one == pytest.approx(other, abs=1e-14)
+
+
+def test_a_quarter_circle_has_its_centre():
+    centre, radius = arc_circle((2.0, 0.0), (0.0, 2.0), math.tan(math.pi / 8.0))
+    assert centre == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert radius == pytest.approx(2.0)
