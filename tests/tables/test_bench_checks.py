@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from femfit.tables.measurement_checks import without_outliers
+from femfit.tables.measurement_checks import branch_from_order, without_outliers
 from femfit.tables.measurement_file import read_bench_table
 
 DISTANCES, CURRENTS = np.linspace(0.016, 0.044, 10), np.linspace(0.0, 1.4, 8)
@@ -142,16 +142,13 @@ def test_the_weight_of_a_body_that_hovers_is_no_stuck_channel(tmp_path, weights,
     assert "stuck" not in codes(table)
 
 
-def test_a_stuck_channel_is_set_aside_from_where_it_sticks(tmp_path):
+def test_a_stuck_channel_is_set_aside_from_where_it_sticks_and_a_coarse_one_is_none(tmp_path):
     rows = bench()
     rows.loc[100:139, "force_N"] = rows.loc[100, "force_N"]
     table = read(tmp_path, rows)
     assert np.flatnonzero(table.rows["force_N"].isna()).tolist() == list(range(100, 140))
     assert (codes(table)[0], table.findings[0].column) == ("stuck", "force_N")
     assert "40 rows" in str(table.findings[0])
-
-
-def test_a_coarse_channel_that_hardly_changes_is_not_stuck(tmp_path):
     rows = bench()
     far = rows["distance_m"] > 0.03
     flat = np.where(far, 0.0, rows["force_N"])  # a balance that shows 0.00 N beyond 30 mm in every run
@@ -159,22 +156,19 @@ def test_a_coarse_channel_that_hardly_changes_is_not_stuck(tmp_path):
     assert table.findings == ()
 
 
-def test_rows_that_stand_twice_count_once(tmp_path):
+def test_rows_that_stand_twice_count_once_and_runs_without_a_column_are_told_apart(tmp_path):
     rows = bench(1)
     table = read(tmp_path, pd.concat([rows, rows[:50]]))
     assert len(table.rows) == len(rows)
     assert "50" in str(next(one for one in table.findings if one.code == "copies"))
     by_chance = read(tmp_path, pd.concat([rows, rows[:1]]).drop(columns=["order"]).round(12))
     assert "copies" not in codes(by_chance)  # readings to 0.01 mN may be equal by chance
-
-
-def test_runs_without_a_column_are_told_apart_by_their_order(tmp_path):
     table = read(tmp_path, bench(3).drop(columns=["run"]))
     assert table.rows["run"].unique().tolist() == [1.0, 2.0, 3.0]
     assert "2 times" in str(table.findings[0])
 
 
-def test_a_clock_that_was_reset_within_a_run_is_not_sorted_by(tmp_path):
+def test_a_clock_that_was_reset_or_jumps_is_told_and_a_sorted_file_put_back(tmp_path):
     rows = bench(1)
     clock = 0.7 * rows["order"] + 0.013
     clock[60:] -= 30.0
@@ -183,20 +177,14 @@ def test_a_clock_that_was_reset_within_a_run_is_not_sorted_by(tmp_path):
     assert "run 1" in str(table.findings[0])
     assert table.rows["distance_m"].to_numpy() == pytest.approx(rows["distance_m"].to_numpy())
     assert table.rows["order"].tolist() == list(range(len(rows)))
-
-
-def test_a_file_sorted_by_setting_is_put_back_into_the_order_of_measuring(tmp_path):
-    rows = bench(2)
-    table = read(tmp_path, rows.sort_values(["run", "current_A", "distance_m"], kind="stable"))
-    assert table.findings == ()
-    assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
-
-
-def test_a_jump_of_the_clock_is_told(tmp_path):
     rows = bench(1)
     table = read(tmp_path, rows.assign(order=rows["order"] + 5000 * (rows["order"] > 70)))
     assert codes(table) == ["order"]
     assert all(fact in str(table.findings[0]) for fact in ("5001", "after 70", "run 1"))
+    rows = bench(2)
+    table = read(tmp_path, rows.sort_values(["run", "current_A", "distance_m"], kind="stable"))
+    assert table.findings == ()
+    assert table.rows["force_N"].to_numpy() == pytest.approx(rows["force_N"].to_numpy())
 
 
 def test_an_outlier_whose_neighbours_weights_are_not_found_is_kept(tmp_path, monkeypatch):
@@ -224,3 +212,39 @@ def test_what_must_be_looked_at_first_comes_first(tmp_path):
     first, *_ = str(read(tmp_path, rows.assign(distance_m=1e3 * rows["distance_m"]))).splitlines()
     assert "distance_m" in first
     assert "mm" in first
+
+
+UP = np.linspace(0.0, 1.4, 6)
+CYCLE = [*UP, *UP[-2::-1]]
+
+
+def table(current, distance=0.02, run=1.0):
+    return pd.DataFrame({"run": run, "distance_m": distance, "current_A": current})
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (pd.concat([table(CYCLE), table(CYCLE, 0.03)], ignore_index=True), 2 * [*6 * [1.0], *5 * [-1.0]]),
+        # a turning point that is read twice, and an ammeter's noise
+        (table(np.array([*UP, *UP[::-1]]) + 1e-4 * np.tile([1.0, -1.0, 0.5], 4)), [*7 * [1.0], *5 * [-1.0]]),
+    ],
+)
+def test_a_cycle_rises_to_its_turning_point_and_falls_after_it(rows, expected):
+    branch, (finding,) = branch_from_order(rows)
+    assert branch.tolist() == expected
+    assert (finding.code, finding.column) == ("branch-assumed", "branch")
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        table(np.tile(UP, 4), np.repeat([0.02, 0.03, 0.04, 0.05], 6)),  # sorted: every distance begins anew
+        table(np.repeat(UP, 6), np.tile(np.linspace(0.02, 0.03, 6), 6)),  # distances within currents
+        table(np.random.default_rng(1).permutation(np.tile(UP, 6))),  # in random order
+        table(np.full(9, 0.7)),
+        table(np.full(9, np.nan)),
+    ],
+)
+def test_currents_that_were_not_cycled_tell_no_branch(rows):
+    assert branch_from_order(rows) == (None, [])

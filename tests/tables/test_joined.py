@@ -26,21 +26,15 @@ def record(path, size=1.0):
     return read_measurement(path)
 
 
-def test_runs_and_mounts_of_each_file_are_its_own(tmp_path):
+def test_runs_mounts_and_segments_of_each_file_are_its_own(tmp_path):
     joined = joined_measurements([bench(tmp_path / "a.csv"), bench(tmp_path / "b.csv", 1, mount=7, current_A=0.5)])
     assert joined.rows["run"].tolist() == [1, 1, 1, 2, 2, 2, 3, 3, 3]
     assert joined.rows["mount"].tolist() == [1, 1, 1, 2, 2, 2, 3, 3, 3]
     assert joined.rows["force_N"].tolist() == [0, 1, 2, 3, 4, 5, 0, 1, 2]
     assert "current_A" in joined.given
     assert "a.csv and " in joined.source
-
-
-def test_one_measurement_is_itself(tmp_path):
     alone = bench(tmp_path / "a.csv")
     assert joined_measurements([alone]) is alone
-
-
-def test_records_keep_their_segments_apart(tmp_path):
     one, other = record(tmp_path / "a.csv"), record(tmp_path / "b.csv", 0.9)
     joined = joined_measurements([one, other])
     assert joined.rows["run"].nunique() == 2

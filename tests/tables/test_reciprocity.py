@@ -94,16 +94,13 @@ def test_a_flux_of_another_model_is_refused_and_a_constant_one_tells_nothing(law
     assert severities == ["error", "error", "warning"]
 
 
-def test_inductance_times_current_is_flux_where_no_magnet_is(make_law):
+def test_inductance_is_flux_where_no_magnet_is_and_stays_inductance_beside_one(make_law, law):
     table = make_law(magnet=False, saturating=True).table()
     expected = table.pop("flux_linkage")
     table["inductance"] = (expected / table["current"]).where(table["current"] > 0)
     filled, findings = flux_from_inductance(table)
     np.testing.assert_allclose(filled["flux_linkage"], expected, rtol=1e-12)
     assert only(findings).severity == "info"
-
-
-def test_inductance_beside_a_magnet_stays_inductance(law):
     table = law.table()
     apparent = (table.pop("flux_linkage") / table["current"]).where(table["current"] > 0)
     for inductance, fact in ((apparent, "zero current"), (1e-4 + 6e-6 / (table["distance"] + 8e-3), "")):
@@ -128,15 +125,12 @@ def test_a_force_counted_away_from_the_magnet_is_turned(make_law, magnet, curren
     assert findings == []
 
 
-def test_the_users_word_on_the_sign_decides(law):
+def test_the_users_word_on_the_sign_decides_and_other_polarities_are_said_and_not_changed(law):
     table = law.table()
     kept, _ = settle_force_sign(table.assign(force=-table["force"]), "keep")
     flipped, _ = settle_force_sign(table, "flip")
     assert (kept["force"] < 0).all()
     assert (flipped["force"] < 0).all()
-
-
-def test_a_repelling_polarity_and_a_force_that_grows_with_distance_are_said_and_not_changed(law):
     table = law.table()
     weaker = table.assign(force=law.force(table["distance"], -table["current"] / 4))
     same, findings = settle_force_sign(weaker, "auto")

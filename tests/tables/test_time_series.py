@@ -143,16 +143,13 @@ def test_rows_of_one_coarse_stamp_are_spread_evenly(step, tmp_path):
     assert [one.code for one in result.findings] == ["coarse-clock"]
 
 
-def test_coarse_stamps_are_spread_in_each_stretch_of_the_clock(tmp_path):
+def test_coarse_stamps_are_spread_in_each_stretch_of_the_clock_or_refused_where_their_rows_change(tmp_path):
     table = record(400, 2e-4)
     table.loc[200:, "time_s"] += 0.5
     table["time_s"] = np.floor(table["time_s"] * 1e3 + 1e-9) * 1e-3
     result = series(tmp_path, table)
     assert result.rows["segment"].unique().tolist() == [0, 1]
     assert np.delete(np.diff(result.rows["time_s"]), 199) == pytest.approx(2e-4, rel=1e-2)
-
-
-def test_stamps_of_changing_numbers_of_rows_are_refused(tmp_path):
     table = record(400, 2e-4)
     bursts = np.cumsum(np.random.default_rng(2).integers(2, 9, 400))
     table["time_s"] = 1e-3 * np.searchsorted(bursts, np.arange(400), side="right")
