@@ -1,7 +1,8 @@
-"""One folder in which each command is run once."""
+"""One folder in which each command is run once, and a model file."""
 
 import pytest
 
+from femfit.model.json_file import write_model
 from support.cli_case import Case, write_inputs
 
 
@@ -11,3 +12,9 @@ def case(levitation_model, tmp_path_factory):
     folder = tmp_path_factory.mktemp("case")
     write_inputs(levitation_model, folder)
     return Case(folder)
+
+
+@pytest.fixture
+def model_file(levitation_model, tmp_path):
+    write_model(levitation_model, tmp_path / "model.json")
+    return tmp_path / "model.json"

@@ -21,7 +21,6 @@ from femfit.cli.main import COMMANDS
 from femfit.cli.output import PATIENCE, duration, loop_progress, progress, status
 from femfit.cli.run import _Steps
 from femfit.field import sweep_task
-from femfit.model.json_file import write_model
 from support.command import FEMFIT, femfit
 from support.small_drawing import SMALL
 
@@ -39,12 +38,6 @@ def test_help_lists_every_command_and_imports_nothing_heavy():
     text = femfit("--help").stdout
     assert all(f" {name} " in text for name, _, _ in COMMANDS)
     assert "--install-completion" in text
-
-
-@pytest.fixture
-def model_file(levitation_model, tmp_path):
-    write_model(levitation_model, tmp_path / "model.json")
-    return tmp_path / "model.json"
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
@@ -273,7 +266,14 @@ def lines(capsys):
     return capsys.readouterr().err.splitlines()
 
 
-def test_long_work_tells_its_end_with_the_first_result_and_then_every_ten_seconds(clock, capsys):
+def test_long_work_tells_its_end_with_the_first_result_and_then_every_ten_seconds_and_short_work_nothing(clock, capsys):
+    with progress("sweep x", "points") as show:
+        for done in range(11):
+            show(done, 10)
+            clock[0] += 0.5
+    with status("Reading") as say:
+        say("Estimating the noise")
+    assert lines(capsys) == []
     with progress("sweep x", "points") as show:
         show(0, 100)
         for done in range(1, 101):
@@ -282,16 +282,6 @@ def test_long_work_tells_its_end_with_the_first_result_and_then_every_ten_second
     said = lines(capsys)
     assert said[0] == "sweep x: 1 of 100 points, about 3 min left"
     assert len(said) == 20
-
-
-def test_work_of_a_few_seconds_prints_nothing(clock, capsys):
-    with progress("sweep x", "points") as show:
-        for done in range(11):
-            show(done, 10)
-            clock[0] += 0.5
-    with status("Reading") as say:
-        say("Estimating the noise")
-    assert lines(capsys) == []
 
 
 def test_what_an_interrupted_run_left_takes_no_time_of_this_one(clock, capsys):

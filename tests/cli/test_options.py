@@ -5,6 +5,7 @@ import json
 import shlex
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -83,118 +84,8 @@ def contents(place):
     return {path: hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
-USAGE = """
-nosuch
-sweep
-fit
-import bare.csv
-import-fem old.fem
-add model.json hall_offset bench.csv
-sweep small.toml --workers 0
-fit sweep.csv --model F9                          | F1e
-fit sweep.csv --model coenergy --constraints rising
-fit sweep.csv --model F1e --functions cubic,cubic
-fit sweep.csv --model F1e --bound d^-9=0:1
-fit sweep.csv --model F1e --bound d^-4            | COLUMN=LOW:HIGH | d^-4=0:1e-8
-fit sweep.csv --model F1e --bound d^-4=1          | COLUMN=LOW:HIGH
-fit sweep.csv --model F1e --bound d^-4=a:b        | COLUMN=LOW:HIGH
-fit sweep.csv --model F1e --bound d^-4=nan:1      | 'd^-4=nan:1'
-fit sweep.csv --supply-V 12
-fit sweep.csv --where variant                     | --where | COLUMN=VALUE
-diagnose model.json bench.csv --exclude gremlins
-diagnose model.json bench.csv --bootstrap -1
-add model.json gremlins bench.csv -o new          | core_saturation
-suggest model.json                                | --plan
-compare model.json bench.csv --unit force_N       | --unit
-compare model.json bench.csv --noise force_N=little | --noise
-compare model.json one-impedance.csv --setting distance_mm=two | COLUMN=NUMBER
-export model.json --to fmu -o new                 | estimator
-export model.json                                 | --output
-simulate model.json --filter ukf9
-simulate model.json --runs 0
-simulate model.json --seconds -1
-simulate model.json --dropout 2
-simulate model.json --seed -1
-simulate model.json --controller fuzzy
-heat plunger-solenoid.toml --frequency-Hz 50      | frequency | sweep
-import bare.csv -o new --flip-force --keep-force  | exclude
-import bare.csv -o new --file-current-A one       | commas
-view emaws-rig.toml --row 1                       | run directory
-view emaws-rig.toml --what mesh --what vtu -o new.png | directory
-view emaws-rig.toml --what mesh -o new.vtu        | mesh
-view emaws-rig.toml -o new.gif                    | .png | .svg | .pdf
-simulate solenoid.json --voltage 12 --controller pid | open loop
-simulate solenoid.json --voltage 12 --noise 3     | open loop
-simulate solenoid.json --voltage 12 --force-scale 1.1 | open loop
-simulate solenoid.json --voltage 12 --runs 3      | open loop
-simulate solenoid.json --duration-ms 5            | --voltage
-view bearing.toml --distance-mm 0.5 --current-A 1 | lower, upper
-simulate halves.json --voltage inner=six          | bias=2,diff=1
-calibrate small.toml -o new.toml                  | measurement
-calibrate small.toml bench.csv --numbers moving.magnet.height_mm -o new.toml | number of this drawing
-calibrate small.toml bench.csv --numbers remanence --with nothing_like_it -o new.toml | nothing_like_it
-"""
-
-ERRORS = """
-run nosuch.toml                                   | nosuch.toml
-sweep nosuch.toml                                 | nosuch.toml
-fit nosuch                                        | nosuch
-fit nosuch.csv                                    | nosuch.csv
-export nosuch.json -o new                         | nosuch.json
-simulate nosuch.json                              | nosuch.json
-import nosuch.csv -o new                          | nosuch.csv
-import-fem nosuch.fem -o new.toml                 | nosuch.fem
-compare model.json nosuch.csv                     | nosuch.csv
-audit nosuch.json
-simulate later.json                               | schema 99 | Update femfit
-export later.json -o new                          | schema 99
-export bench.csv -o new                           | bench.csv | JSON
-simulate blind.json                               | [sensors.NAME]
-import bare.csv -o new                            | --unit distance_m=mm
-import bare.csv -o new --column nothing=force     | columns
-import bare.csv -o new --unit force=parsec        | --unit force
-import-fem old.fem -o new/a.toml                  | old.fem | 3.2 | anisotropic
-new ball -o mine.toml                             | mine.toml
-run one-current.toml -o new                       | 3 currents | 5 distances
-run three.toml -o new                             | 3 currents and 3 distances
-run emaws-variants.toml -o new                    | sweep.parameters
-sweep emaws-variants.toml -o new --signatures     | one variant
-sweep wordy.toml                                  | more
-view emaws-rig.toml --distance-mm 5               | 15 to 45 mm
-observe model.json bench.csv                      | time_s
-compare model.json bench.csv --noise forc_N=1     | force_N
-compare model.json one-impedance.csv              | --setting distance_mm
-compare model.json loop.csv                       | current_A | distance_m
-diagnose model.json loop.csv                      | current_A | distance_m
-compare model.json long.csv                       | 5,000 | 5,020
-compare model.json .
-compare model.json loop-of-links.csv
-compare loop-of-links.json bench.csv
-audit loop-of-links.json
-fit loop-of-links.csv
-integrate . -o new.csv
-observe model.json .
-simulate loop-of-links.json
-bench . -o new.csv
-bench coil.csv -o new.csv                         | distance_m
-bench ramp.csv -o new.csv --still-A 1e-6          | 2 plateaus
-integrate coil.csv --coil-area 0 -o new.csv       | > 0 m2
-integrate coil.csv --method cs1-offset -o new.csv | --coil-area
-integrate coil.csv --method cs2-identified --coil-area 0.05 -o new.csv | --lab
-integrate coil.csv --method cs2 --coil-area 0.05 -o new.csv | --current-to-field
-integrate coil.csv --method ffa1 -o new.csv       | --zero-reading-s
-integrate coil.csv --method ffa2 --lab coil.csv --field-model field.json -o new.csv | does not use
-integrate coil.csv --coil-area 0.05 --method cs2-identified --model model.json -o new.csv | --model | --distance-mm
-integrate coil.csv --coil-area 0.05 --method cs2-identified --model model.json --distance-mm 500 -o new.csv | fitted
-integrate coil.csv -o new.csv --json new.csv      | new.csv
-integrate coil.csv -o new.xlsx                    | .csv
-calibrate small.toml empty.csv --numbers remanence -o new.toml | empty.csv
-calibrate small.toml bench.csv --numbers remanence -o mine.toml | mine.toml
-calibrate emaws-variants.toml bench.csv -o new.toml | sweep.parameters
-"""
-
-TABLES = ((2, USAGE), (1, ERRORS))
-LINES = [(code, *line.partition("|")[::2]) for code, text in TABLES for line in text.strip().splitlines()]
+ROWS = [row.partition(" ")[::2] for row in Path(__file__).with_name("wrong-lines.txt").read_text().splitlines()[1:]]
+LINES = [(int(code), *line.partition("|")[::2]) for code, line in ROWS]
 
 
 @pytest.mark.parametrize(("code", "line", "mentions"), LINES, ids=lambda value: str(value).strip())

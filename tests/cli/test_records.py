@@ -13,6 +13,7 @@ from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
 from femfit.integrate.field_of_current import FieldModel, FieldTerms, read_field_model, write_field_model
 from femfit.integrate.integrate_coil import integrate_coil
 from femfit.model.json_file import write_model
+from support.actuators import GEOMETRY
 from support.command import femfit
 from support.halves import cut_in_two
 from support.one_current import flat
@@ -233,12 +234,6 @@ def test_a_field_model_with_a_number_that_none_has_is_refused(damage, tmp_path):
         read_field_model(path)
 
 
-@pytest.fixture
-def model_file(levitation_model, tmp_path):
-    write_model(levitation_model, tmp_path / "model.json")
-    return tmp_path / "model.json"
-
-
 @pytest.mark.nightly
 def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
     result = worked("simulate", model_file, "--json", tmp_path / "result.json")
@@ -301,13 +296,10 @@ def test_a_profile_gives_pull_in_and_drop_out_and_all_files(solenoid_file, tmp_p
     motion_of(solenoid_file, "--voltage", 12)  # its own table is replaced
 
 
-def test_start_duration_and_step_are_taken_in_millimetres_and_milliseconds(solenoid_file):
+def test_start_duration_and_step_are_in_millimetres_and_milliseconds_and_a_command_is_cut_at_the_supply(solenoid_file):
     rows, _ = motion_of(solenoid_file, "--voltage", 0, "--start-mm", 2, "--duration-ms", 5, "--step-ms", 0.05)
     assert (rows["distance_m"].iloc[0], rows["time_s"].iloc[-1]) == (pytest.approx(2e-3), pytest.approx(5e-3))
     np.testing.assert_allclose(np.diff(rows["time_s"]), 5e-5)
-
-
-def test_a_command_beyond_the_supply_is_cut_and_said(solenoid_file):
     said = [worked("simulate", solenoid_file, "--voltage", volts).stdout.splitlines() for volts in (24, 12)]
     assert said[0][0] == said[1][0]
     assert len(said[0]) == len(said[1]) + 1
@@ -318,3 +310,27 @@ def test_each_of_several_circuits_takes_its_own_voltage(tmp_path):
     rows, data = motion_of(tmp_path / "halves.json", "--voltage", "inner=6,outer=6")
     assert data["switchings"][0]["kind"] == "pull_in"
     assert set(rows) >= {"current_inner_A", "voltage_outer_V", "flux_linkage_inner_Wb"}
+
+
+@pytest.mark.nightly
+def test_a_device_is_tried_from_its_drawing_alone(tmp_path):
+    text = (GEOMETRY / "emaws-rig.toml").read_text(encoding="utf-8")
+    drawing = tmp_path / "rig.toml"
+    drawing.write_text(text.replace("stop = 45, step = 0.5", "stop = 45, step = 1.5"), encoding="utf-8")
+    done = femfit("trial", "--drawing", drawing, "-o", tmp_path / "trial", "--cases", 6, "--seed", 3)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("Nothing hidden: an effect was named in 0 of")
+    results = json.loads((tmp_path / "trial" / "results.json").read_text())
+    assert [one["number"] for one in results["cases"]] == [1, 2, 3, 4, 5, 6]
+    said = json.loads((tmp_path / "trial" / "campaigns" / "0001" / "diagnosis.json").read_text())
+    assert said["verdict"] == results["cases"][0]["verdict"]
+
+
+@pytest.mark.parametrize(("kind", "has"), [("magnet-pair", "no coil"), ("bearing", "2 coils in 2 circuits")])
+def test_a_drawing_that_the_virtual_bench_cannot_measure_is_refused_before_anything_is_solved(kind, has, tmp_path):
+    assert femfit("new", kind, "-o", tmp_path / "drawing.toml").returncode == 0
+    done = femfit("trial", "--drawing", tmp_path / "drawing.toml", "-o", tmp_path / "trial")
+    assert done.returncode != 0
+    assert has in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "trial").exists()
