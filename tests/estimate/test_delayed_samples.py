@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 import femfit as ff
-from femfit.core.errors import FilterError
-from femfit.core.numerics import central_differences
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.device.mechanics import Mechanics, Spring, Stop
 from femfit.estimate.error_bound import bound_along, without_stops
@@ -64,22 +62,6 @@ def test_predicted_readings_are_those_of_the_samples(name, delay):
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9 * np.ptp(wanted))
 
 
-@pytest.mark.parametrize("delay", [0.0, 1.5])
-def test_slopes_are_those_of_differences(delay):
-    model = of(delay_s=delay * STEP_S)
-    process = ff.kalman_filter(model, sensors=("search", "laser")).process
-    deviations = np.sqrt(np.diag(process.require_start_covariance()))
-    state = ff.kalman_filter(model, sensors=("search", "laser")).start([2e-3, 0.1, 0.5]).mean
-    wanted = central_differences(lambda x: process.transition(x, np.full(len(x), 9.0)), state, 1e-3 * deviations)
-    scale = deviations[None, :] / deviations[:, None]
-    # Differences of second order, whose truncation and rounding balance at eps^(2/3) = 4e-11; thirty times that
-    np.testing.assert_allclose(process.state_jacobian(state, np.array([9.0]))[0] * scale, wanted[0] * scale, atol=1e-9)
-    for output in process.outputs:
-        measure = output.measure
-        wanted = central_differences(lambda x, m=measure: m(x)[:, None], state, 1e-3 * deviations)[:, 0]
-        np.testing.assert_allclose(output.jacobian(state) * deviations, wanted * deviations, rtol=1e-9, atol=1e-9)
-
-
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
 def test_a_filter_follows_a_body_by_a_late_laser_where_a_prompt_one_is_believed_in_vain(kind):
     """The body moves on by more than the laser's noise within the delay."""
@@ -99,11 +81,6 @@ def test_a_filter_follows_a_body_by_a_late_laser_where_a_prompt_one_is_believed_
         errors.append(np.sqrt(np.mean((np.array(seen) - states[:, 0])[50:] ** 2)))
     assert errors[0] < 2e-5
     assert errors[1] > 3.0 * errors[0]
-
-
-def test_a_delay_longer_than_a_filter_remembers_is_refused():
-    with pytest.raises(FilterError, match="remembers"):
-        ff.kalman_filter(late(0.2), sensors=("laser",))
 
 
 def test_a_bound_of_readings_at_every_fourth_sample_is_that_of_a_fourth_of_the_information():

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.numerics import central_differences
 from femfit.device.electrics import CurrentSensor, Drive
 from femfit.estimate import fine_steps
 from femfit.estimate.fine_steps import advance, fastest_time_constant, in_fine_steps, substeps, unmoved
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
 from femfit.estimate.levitation import levitation_process
-from femfit.model.dynamics import runge_kutta_step, state_scale
+from femfit.model.dynamics import runge_kutta_step
 from femfit.model.sensors import predict_sensor, sensor_named
 from support.added_effects import under_effects
 from support.eddies import with_eddies
@@ -72,30 +71,6 @@ def test_sigma_points_lie_as_far_out_as_without_eddy_currents(levitation_model, 
         assert not moved.outcome.any()
         reached += asked
     assert reached[1] == pytest.approx(reached[0], rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("circuits", "eddied", "hall_bias"), [(1, True, False), (2, True, False), (1, False, False), (1, False, True)]
-)
-def test_the_jacobians_of_a_process_are_those_of_differences(levitation_model, circuits, eddied, hall_bias):
-    base = with_two_sensors(levitation_model)
-    model = base if circuits == 1 else with_two_sensors(cut_in_two(base))
-    model = with_eddies(model) if eddied else model
-    sensors = ("hall", "shunt") if circuits == 1 else ("shunt",)
-    process = levitation_process(model, sensors=sensors, hall_bias=hall_bias)
-    generator, scale = np.random.default_rng(4), np.append(state_scale(model), [0.5] * hall_bias)
-    states = resting(model, process.order) + generator.normal(size=(20, process.order)) * scale * 0.02
-    volts = generator.uniform(0.0, 2.0, (20, circuits))
-    volts = volts[:, 0] if circuits == 1 else volts
-    repeated = np.concatenate([volts] * (2 * process.order))
-    slopes = central_differences(lambda x: process.transition(x, repeated), states, scale)
-    found = process.state_jacobian(states, volts)
-    size = np.abs(slopes).max(axis=0) + 1e-12
-    size[0] += 1e-4  # a distance is rounded to 1e-17 m, over steps of 1e-7 of what is large
-    assert (np.abs(found - slopes) / size).max() < 1e-6
-    for output in process.outputs:
-        slope = central_differences(lambda x, o=output: o.measure(x)[:, None], states, scale)[:, 0]
-        np.testing.assert_allclose(process.output_jacobian(states, output), slope, atol=1e-6 * np.abs(slope).max())
 
 
 def tracked(model, filter_model, kind, steps=150):

@@ -72,15 +72,12 @@ def test_default_noise_leaves_the_filter_within_15_percent_of_the_bound(levitati
     assert ratio > 5.0
 
 
-def test_the_body_is_held_where_force_equals_weight(levitation_model):
+def test_the_body_is_held_where_force_equals_weight_and_nowhere_else(levitation_model):
     current = holding_current(levitation_model, 0.025)
     force = float(flat(levitation_model.magnetics).force(np.asarray(0.025), np.asarray(current)))
     assert force == pytest.approx(4.35e-3 * 9.80665, rel=1e-13)
     gradient = float(flat(levitation_model.magnetics).force_gradient(np.asarray(0.025), np.asarray(current)))
     assert unstable_pole(levitation_model, 0.025) == pytest.approx(np.sqrt(-gradient / 4.35e-3), rel=1e-12)
-
-
-def test_a_distance_at_which_nothing_holds_the_body_is_refused(levitation_model):
     with pytest.raises(DomainError, match="44 mm"):
         holding_current(levitation_model, 0.044)
     with pytest.raises(DomainError, match="60 mm"):
@@ -99,7 +96,12 @@ def test_the_noise_of_a_reading_adds_the_converters_rounding(levitation_model):
     assert reading_of(bare, "hall").white == sensor.noise_V
 
 
-def test_a_misfit_that_is_no_part_of_the_weight_is_not_taken_for_an_unknown_one(levitation_model):
+def test_default_noise_scales_as_its_derivation_says(levitation_model):
+    base = default_noise(levitation_model)
+    pole = unstable_pole(levitation_model, 0.022)
+    assert base.acceleration_density == pytest.approx(2.0 * (2.3e-4 * 9.80665) ** 2 / pole, rel=1e-12)
+    worse = replace(levitation_model, misfit=replace(levitation_model.misfit, force_rms_of_weight=2.3e-3))
+    assert default_noise(worse).acceleration_density == pytest.approx(100.0 * base.acceleration_density, rel=1e-12)
     weight = levitation_model.motion.mass_kg * levitation_model.motion.gravity_m_s2
     known = replace(levitation_model.misfit, force_rms_N=0.02 * weight, force_rms_of_weight=0.02)
     strong = replace(known, force_rms_of_weight=None)
@@ -107,14 +109,6 @@ def test_a_misfit_that_is_no_part_of_the_weight_is_not_taken_for_an_unknown_one(
         default_noise(replace(levitation_model, misfit=misfit)).acceleration_density for misfit in (known, strong)
     ]
     assert densities[1] == pytest.approx(densities[0])
-
-
-def test_default_noise_scales_as_its_derivation_says(levitation_model):
-    base = default_noise(levitation_model)
-    pole = unstable_pole(levitation_model, 0.022)
-    assert base.acceleration_density == pytest.approx(2.0 * (2.3e-4 * 9.80665) ** 2 / pole, rel=1e-12)
-    worse = replace(levitation_model, misfit=replace(levitation_model.misfit, force_rms_of_weight=2.3e-3))
-    assert default_noise(worse).acceleration_density == pytest.approx(100.0 * base.acceleration_density, rel=1e-12)
 
 
 def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
@@ -132,26 +126,12 @@ def test_q_is_the_covariance_of_integrated_white_acceleration(levitation_model):
     assert np.linalg.eigvalsh(Q[:2, :2] / np.sqrt(np.outer(np.diag(Q)[:2], np.diag(Q)[:2]))).min() > 0.1
 
 
-def test_the_direct_distance_inverts_the_hall_voltage(levitation_model):
+def test_the_direct_distance_inverts_the_hall_voltage_whichever_way_the_element_sees_the_magnet(levitation_model):
     d, i = RANDOM.uniform(0.015, 0.045, 500), RANDOM.uniform(0.0, 1.4, 500)
     found, clipped = hall_inverse(levitation_model).distance(levitation_model.sensor.voltage(d, i), i[:, None])
     # Rounding of 2.5 V is 4e-16 V, at the far edge's 1.5 V/m 3e-16 m; Newton's last step leaves a few of it.
     np.testing.assert_allclose(found, d, atol=1e-13)
     assert not clipped.any()
-
-
-def test_the_direct_distance_is_clipped_to_the_box_and_flagged(levitation_model):
-    sensor = levitation_model.sensor
-    edge = sensor.voltage(np.array([0.015, 0.045]), np.asarray(0.5))
-    volts = np.array([edge[0] + 0.01, edge[1] - 0.01, np.nan, np.inf, edge.mean()])
-    found, clipped = hall_inverse(levitation_model).distance(volts, np.array([0.5]))
-    np.testing.assert_array_equal(clipped, [True, True, True, True, False])
-    np.testing.assert_array_equal(found[:2], [0.015, 0.045])
-    assert np.isnan(found[2:4]).all()
-    assert 0.015 < found[4] < 0.045
-
-
-def test_a_hall_element_that_sees_the_magnet_the_other_way_round_is_inverted_too(levitation_model):
     turned = replace(levitation_model, sensor=replace(levitation_model.sensor, sensitivity_V_per_T=-50.0))
     d = np.linspace(0.016, 0.044, 20)
     volts = turned.sensor.voltage(d, np.asarray(0.3))
@@ -160,6 +140,25 @@ def test_a_hall_element_that_sees_the_magnet_the_other_way_round_is_inverted_too
     assert not clipped.any()
     low, _ = hall_inverse(turned).distance(np.array([0.0]), np.array([0.3]))
     assert low[0] == 0.015
+
+
+def test_the_direct_distance_is_clipped_to_the_box_and_flagged_and_disturbs_no_other(levitation_model):
+    sensor = levitation_model.sensor
+    edge = sensor.voltage(np.array([0.015, 0.045]), np.asarray(0.5))
+    volts = np.array([edge[0] + 0.01, edge[1] - 0.01, np.nan, np.inf, edge.mean()])
+    found, clipped = hall_inverse(levitation_model).distance(volts, np.array([0.5]))
+    np.testing.assert_array_equal(clipped, [True, True, True, True, False])
+    np.testing.assert_array_equal(found[:2], [0.015, 0.045])
+    assert np.isnan(found[2:4]).all()
+    assert 0.015 < found[4] < 0.045
+    # A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are solved.
+    inverse = hall_inverse(levitation_model)
+    volts = levitation_model.require_sensor().voltage(np.array(0.022), np.array(0.5))
+    distance, clipped = inverse.distance(np.array([volts, 4.9, volts]), np.array([[0.5], [1e4], [np.nan]]))
+    assert distance[0] == pytest.approx(0.022, abs=1e-12)
+    assert clipped.tolist() == [False, True, True]
+    assert distance[1] in (levitation_model.validity.distance_min_m, levitation_model.validity.distance_max_m)
+    assert np.isnan(distance[2])
 
 
 def test_a_hall_voltage_that_turns_cannot_be_inverted(levitation_model):
@@ -190,14 +189,3 @@ def test_batched_cholesky_equals_numpys_and_names_each_failure():
 def test_central_differences_do_not_lose_their_digits_near_zero(size):
     found = central_differences(lambda x: 9.80665 - 5.0 * x, np.array([[size]]), np.array([0.02]))
     np.testing.assert_allclose(found, [[[-5.0]]], rtol=1e-7)
-
-
-def test_a_reading_outside_of_its_range_does_not_disturb_the_others(levitation_model):
-    # A diverging observer's current moves the range of voltages: such a reading is clipped, its neighbours are solved.
-    inverse = hall_inverse(levitation_model)
-    volts = levitation_model.require_sensor().voltage(np.array(0.022), np.array(0.5))
-    distance, clipped = inverse.distance(np.array([volts, 4.9, volts]), np.array([[0.5], [1e4], [np.nan]]))
-    assert distance[0] == pytest.approx(0.022, abs=1e-12)
-    assert clipped.tolist() == [False, True, True]
-    assert distance[1] in (levitation_model.validity.distance_min_m, levitation_model.validity.distance_max_m)
-    assert np.isnan(distance[2])

@@ -77,20 +77,6 @@ def test_every_filter_is_the_kalman_filter_on_a_linear_process(make):
 
 
 @pytest.mark.parametrize("make", [UnscentedFilter, ExtendedFilter])
-def test_errors_and_innovations_lie_in_their_bands_on_a_linear_process(make):
-    runs, steps = 40, 100
-    truth, inputs, outputs = linear_record(steps, runs, np.random.default_rng(2))
-    filter_ = make(linear_process())
-    state = filter_.start(np.zeros(3), np.eye(3), runs)
-    nis = np.empty((steps, runs))
-    for k in range(steps):
-        state = filter_.step(state, inputs[k], outputs[k])
-        nis[k] = state.normalised_innovation_squared
-    assert errors_are_as_large_as_said(state, truth[-1])
-    assert consistency_band(nis.size, 0.99).contains(nis.mean())
-
-
-@pytest.mark.parametrize("make", [UnscentedFilter, ExtendedFilter])
 def test_errors_and_innovations_lie_in_their_bands_on_the_levitating_magnet(
     levitation_model, make, stabilised, as_the_plant_moves
 ):

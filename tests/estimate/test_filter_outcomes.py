@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 
 from femfit.core.errors import FilterError, MissingPartError
+from femfit.device.electrics import CurrentSensor
+from femfit.estimate.error_bound import bound_along
 from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import ExtendedFilter, UnscentedFilter, kalman_filter
 from femfit.estimate.levitation import levitation_process
 from femfit.estimate.process import FilterOutcome, FilterProcess, Output
 from femfit.model.json_file import write_model
 from support.covariances import initial_covariance
+from support.halves import cut_in_two
+from support.readings import LASER
+from support.solenoids import solenoid
 
 ALL = [UnscentedFilter, ExtendedFilter]
 START = np.array([0.022, 0.0, 0.32])
@@ -32,7 +37,7 @@ def plain_process(transition=lambda x, _u: x, covariance=None):
     )
 
 
-@pytest.mark.parametrize("filter_class", [UnscentedFilter, ExtendedFilter])
+@pytest.mark.parametrize("filter_class", ALL)
 def test_a_covariance_that_is_lost_is_named_and_its_run_becomes_nan(filter_class):
     # A process covariance with a negative eigenvalue takes the covariance below zero after a few steps.
     filter_ = filter_class(plain_process(covariance=np.diag([1e-6, -0.3])))
@@ -71,6 +76,27 @@ def test_an_estimate_far_outside_of_the_model_is_named(process, filter_class):
     assert state.outcomes() == (FilterOutcome.RUNNING, FilterOutcome.LEFT_MODEL, FilterOutcome.LEFT_MODEL)
 
 
+@pytest.mark.parametrize("kind", ["ukf", "ekf"])
+@pytest.mark.parametrize(
+    ("hall", "outcome"),
+    [
+        (np.nan, FilterOutcome.RUNNING),
+        (np.inf, FilterOutcome.NOT_FINITE),
+        (1e160, FilterOutcome.LEFT_MODEL),
+        (50.0, None),
+    ],
+)
+def test_what_goes_wrong_is_named_alike_in_one_run_in_many_and_by_the_general_path(
+    levitation_model, kind, hall, outcome
+):
+    filter_ = kalman_filter(levitation_model, kind)
+    alone, two = (filter_.start([0.022, 0.0, 0.32], runs=runs) for runs in (1, 2))
+    named = {filter_.step(alone, 0.86, hall).outcomes()[0], *filter_.step(two, 0.86, hall).outcomes()}
+    named |= {*filter_.update(filter_.predict(alone, 0.86), hall).outcomes()}
+    assert len(named) == 1
+    assert outcome in {None, *named}
+
+
 @pytest.mark.parametrize("filter_class", ALL)
 def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_window(levitation_model, filter_class):
     """The filter is told of 0.1 mV; the sensor jumps by +-10 mV from sample to sample."""
@@ -80,58 +106,35 @@ def test_a_jumping_sensor_takes_the_innovations_out_of_their_band_within_the_win
     filter_ = filter_class(process, divergence_steps=50)
     state = filter_.start(START, initial_covariance(1e-5, 1e-3, 1e-3), runs=2)
     clean = float(process.outputs[0].measure(START[None])[0])
+    alone = filter_.start(START, initial_covariance(1e-5, 1e-3, 1e-3))
     named_at = None
     for k in range(60):
         # The mean is held, as the magnet is by its controller: only the innovations tell.
         held = replace(filter_.predict(state, 0.86), mean=np.tile(START, (2, 1)))
-        state = filter_.update(held, np.array([clean + 0.01 * rng.choice([-1.0, 1.0]), clean]))
+        jumping = clean + 0.01 * rng.choice([-1.0, 1.0])
+        state = filter_.update(held, np.array([jumping, clean]))
+        alone = filter_.step(replace(alone, mean=START[None]), 0.86, clean + 3.0 * (jumping - clean))
         if named_at is None and state.diverged[0]:
             named_at = k
     assert state.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND, FilterOutcome.RUNNING)
+    assert alone.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND,)
     # The fraction 1 - (1 - 1/50)^k passes one half at the 35th innovation out of the band.
     assert named_at == 34
     assert np.isfinite(state.mean[0]).all()
 
 
-def test_the_first_outcome_stays(process):
-    filter_ = UnscentedFilter(process)
-    state = filter_.start(np.array([0.2, 0.0, 0.3]), initial_covariance())
-    state = filter_.predict(state, 0.86)
-    state = filter_.update(state, np.nan)
-    assert state.outcomes() == (FilterOutcome.LEFT_MODEL,)
-
-
-@pytest.mark.parametrize(
-    ("mean", "covariance", "message"),
-    [
-        (np.zeros(2), np.eye(3), r"shapes \(3,\) and \(3, 3\).*instead received \(2,\)"),
-        (START, np.diag([1.0, 1.0, 0.0]), "positive definite"),
-        (np.array([np.nan, 0.0, 0.0]), np.eye(3), "finite"),
-    ],
-)
-def test_a_bad_start_is_refused(process, mean, covariance, message):
-    with pytest.raises(FilterError, match=message):
-        UnscentedFilter(process).start(mean, covariance)
-
-
-def test_sigma_points_without_spread_are_refused(process):
-    with pytest.raises(FilterError, match="alpha > 0"):
-        UnscentedFilter(process, alpha=0.0)
-
-
-@pytest.mark.parametrize(("part", "absent"), [("circuits", ()), ("motion", None), ("sensor", None)])
-def test_a_model_without_a_part_makes_no_process(levitation_model, part, absent):
-    with pytest.raises(MissingPartError, match=part.rstrip("s")):
-        levitation_process(replace(levitation_model, **{part: absent}))
-
-
-def test_states_are_never_changed_in_place(process, record):
+def test_states_are_never_changed_in_place_and_the_first_outcome_stays(process, record):
     filter_ = UnscentedFilter(process)
     state = filter_.start(START, initial_covariance())
     before = state.mean.copy(), state.covariance.copy()
     filter_.step(state, record.voltage[0, 0], record.hall[0, 0])
     np.testing.assert_array_equal(state.mean, before[0])
     np.testing.assert_array_equal(state.covariance, before[1])
+    filter_ = UnscentedFilter(process)
+    state = filter_.start(np.array([0.2, 0.0, 0.3]), initial_covariance())
+    state = filter_.predict(state, 0.86)
+    state = filter_.update(state, np.nan)
+    assert state.outcomes() == (FilterOutcome.LEFT_MODEL,)
 
 
 def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
@@ -143,38 +146,12 @@ def test_the_single_step_is_taken(levitation_model, record, monkeypatch):
     assert np.isfinite(state.mean).all()
 
 
-@pytest.mark.parametrize(
-    ("hall", "outcome"), [(np.nan, FilterOutcome.RUNNING), (np.inf, FilterOutcome.NOT_FINITE), (50.0, None)]
-)
-def test_what_goes_wrong_is_named_as_by_the_general_path(levitation_model, hall, outcome):
-    filter_ = kalman_filter(levitation_model)
-    state = filter_.start([0.022, 0.0, 0.32])
-    named = filter_.step(state, 0.86, hall).outcomes()
-    assert named == filter_.update(filter_.predict(state, 0.86), hall).outcomes()
-    assert outcome is None or named == (outcome,)
-
-
-def test_innovations_out_of_their_band_are_named_in_one_run_too(levitation_model):
-    process = levitation_process(levitation_model)
-    process = replace(process, outputs=(replace(process.outputs[0], variance=(1e-4) ** 2),))
-    filter_ = UnscentedFilter(process, divergence_steps=20)
-    state = filter_.start(np.array([0.022, 0.0, 0.32]), initial_covariance(1e-5, 1e-3, 1e-3))
-    clean, generator = state.mean, np.random.default_rng(4)
-    volts = float(process.outputs[0].measure(clean)[0])
-    for _ in range(30):
-        held = replace(state, mean=clean)  # the body is held by its controller: only the innovations tell
-        state = filter_.step(held, 0.86, volts + 0.03 * generator.choice([-1.0, 1.0]))
-    assert state.outcomes() == (FilterOutcome.INNOVATIONS_OUT_OF_BAND,)
-
-
 def test_a_filter_starts_without_a_covariance_and_reads_its_model_from_a_file(levitation_model, tmp_path):
     write_model(levitation_model, tmp_path / "model.json")
     filter_ = kalman_filter(tmp_path / "model.json", "ekf")
     state = filter_.start([0.022, 0.0, 0.32])
     assert state.mean.tolist() == [[0.022, 0.0, 0.32, 0.0]]
     assert np.sqrt(state.covariance[0, 0, 0]) == pytest.approx(1e-3)
-    with pytest.raises(FilterError, match="ukf, ekf"):
-        kalman_filter(levitation_model, "kf")
 
 
 @pytest.mark.parametrize("kind", ["ukf", "ekf"])
@@ -189,9 +166,58 @@ def test_a_step_reads_the_outputs_that_stand_in_the_place_of_its_own(levitation_
     assert abs(stepped.innovation[0] - built.step(state, 1.1, 2.7).innovation[0]) > 0.4
 
 
-@pytest.mark.parametrize("kind", ["ukf", "ekf"])
-def test_a_reading_without_measure_is_named_in_one_run_as_in_many(levitation_model, kind):
-    built = kalman_filter(levitation_model, kind)
-    for runs in (1, 2):
-        state = built.step(built.start([0.022, 0.0, 0.4], runs=runs), 1.1, 1e160)
-        assert state.outcomes()[0] is FilterOutcome.LEFT_MODEL
+SHUNT = CurrentSensor(name="current", noise=2e-3, circuit="coil")
+
+
+def stepped(readings, **options):
+    """A filter of a solenoid with an ammeter and a laser is asked for one step."""
+
+    def ask(_):
+        model = replace(solenoid(), sample_time_s=1e-4, other_sensors=(SHUNT, LASER))
+        built = kalman_filter(model, sensors=("laser", "current"))
+        built.step(built.start([3e-3, 0.0, 0.0], **options), 0.0, readings)
+
+    return ask
+
+
+def of_sensors(given=(SHUNT, LASER), **options):
+    return lambda _: kalman_filter(replace(solenoid(), sample_time_s=1e-4, other_sensors=given), **options)
+
+
+def started(mean, covariance):
+    return lambda rig: UnscentedFilter(levitation_process(rig)).start(mean, covariance)
+
+
+def asked_for_one_voltage(_):
+    built = kalman_filter(cut_in_two(replace(solenoid(), other_sensors=(LASER,))))
+    built.step(built.start([3e-3, 0.0, 0.5, 0.5]), 1.2, 3e-3)
+
+
+REFUSALS = {
+    "start of another order": (started(np.zeros(2), np.eye(3)), r"shapes \(3,\) and \(3, 3\).*instead received \(2,\)"),
+    "start without spread": (started(START, np.diag([1.0, 1.0, 0.0])), "positive definite"),
+    "start that is no number": (started(np.array([np.nan, 0.0, 0.0]), np.eye(3)), "finite"),
+    "sigma points without spread": (lambda rig: UnscentedFilter(levitation_process(rig), alpha=0.0), "alpha > 0"),
+    "no circuit": (lambda rig: levitation_process(replace(rig, circuits=())), "circuit"),
+    "no motion": (lambda rig: levitation_process(replace(rig, motion=None)), "motion"),
+    "no sensor": (lambda rig: levitation_process(replace(rig, sensor=None)), "sensor"),
+    "no such filter": (lambda rig: kalman_filter(rig, "kf"), "ukf, ekf"),
+    "no such sensor": (of_sensors(sensors=("radar",)), "radar"),
+    "a name in place of names": (of_sensors(sensors="laser"), "sequence"),
+    "bias of what is not read": (of_sensors(sensors=("laser",), biases=("current",)), "cannot be estimated"),
+    "sensor without noise": (of_sensors((replace(SHUNT, noise=0.0),)), "noise"),
+    "delay beyond what is remembered": (of_sensors((replace(LASER, delay_s=0.2),)), "remembers"),
+    "reading of one sensor of two": (stepped(3e-3), "2 readings"),
+    "readings of runs in place of sensors": (stepped(np.zeros(3), runs=3), "2 readings"),
+    "voltage of one circuit of two": (asked_for_one_voltage, "2 voltages"),
+    "path longer than its inputs": (
+        lambda rig: bound_along(kalman_filter(rig).process, np.zeros((3, 4)), np.zeros(2)), r"3 .* 2",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSALS)
+def test_what_cannot_be_filtered_is_refused_with_what_is_needed(levitation_model, name):
+    ask, message = REFUSALS[name]
+    with pytest.raises((FilterError, MissingPartError), match=message):
+        ask(levitation_model)

@@ -1,10 +1,11 @@
-"""One run by the quick step, by the general path and in a batch has the same numbers, whatever model and sensors."""
+"""Whatever model and sensors: one run and a batch have the same numbers, and slopes are those of differences."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from femfit.core.numerics import central_differences
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
 from femfit.estimate.kalman_filter import kalman_filter
 from support.added_effects import under_effects
@@ -37,12 +38,20 @@ CASES = {
     "hall": (lambda rig: rig, {}),
     "bias of the hall element": (lambda rig: rig, {"hall_bias": True}),
     "effects": (lambda rig: under_effects(rig, ("core_saturation", {"mmf_loss_3": 0.02})), {}),
+    "effects of the bench": (lambda _: under_effects(free(SEVERAL), ("current_gain", {"gain_error": 0.25})), {}),
     "eddy currents": (with_eddies, {}),
     "laser and current": (lambda _: free(SEVERAL), {"sensors": ("laser", "current")}),
     "bias of the force": (lambda _: free(SEVERAL), {"sensors": ("cell", "mems", "current"), "biases": ("cell",)}),
     "pickup coil": (with_pickup, {"sensors": ("search", "current")}),
     "halves": (halves, {}),
 }
+
+
+def first_of(model):
+    """A state at rest or near it, without what a filter adds to the model's."""
+    n = len(model.circuits)
+    first = [3.5e-3, 0.0, 0.1] if model.sample_time_s == 1e-4 else [0.022, 0.0, *[0.32] * n]
+    return [*first, *[0.0] * (len(model.state_names) - len(first))]
 
 
 def a_record(filter_, first, volts):
@@ -76,8 +85,7 @@ def test_the_quick_step_the_general_path_and_a_batch_agree(name, kind, levitatio
     make, options = CASES[name]
     model = make(levitation_model)
     filter_, n = kalman_filter(model, kind, **options), len(model.circuits)
-    first = [3.5e-3, 0.0, 0.1] if model.sample_time_s == 1e-4 else [0.022, 0.0, *[0.32] * n]
-    first = [*first, *[0.0] * (len(model.state_names) - len(first))]
+    first = first_of(model)
     rest = model.resistances_ohm * (first[2] if n else 0.0)
     volts = rest + np.random.default_rng(5).uniform(-0.2, 0.2, (STEPS, RUNS, n))
     volts = volts[..., 0] if n == 1 else volts
@@ -96,3 +104,30 @@ def test_the_quick_step_the_general_path_and_a_batch_agree(name, kind, levitatio
             general = filter_.update(filter_.predict(general, given), read)
         assert_same(alone, general, 0, tolerance)
         assert_same(batch, general, run, tolerance)  # summation order may differ with the batch's size; nothing else
+
+
+SLOPES = CASES | {
+    "late laser": (lambda _: free((SHUNT, replace(LASER, delay_s=1.5e-4))), {}),
+    "late pickup coil": (lambda _: searched(noise=2e-3, delay_s=1.5e-4), {}),
+    "halves with eddy currents": (lambda rig: with_eddies(halves(rig)), {}),
+}
+
+
+@pytest.mark.parametrize("name", SLOPES)
+def test_the_slopes_of_steps_and_readings_are_those_of_differences(name, levitation_model):
+    """In the deviations of the start, which say what is large."""
+    make, options = SLOPES[name]
+    model = make(levitation_model)
+    filter_, n, generator = kalman_filter(model, "ekf", **options), len(model.circuits), np.random.default_rng(4)
+    process = filter_.process
+    scale = np.sqrt(np.diag(process.require_start_covariance()))
+    states = filter_.start(first_of(model), runs=6).mean + 0.02 * scale * generator.normal(size=(6, process.order))
+    volts = generator.uniform(0.0, 2.0, (6, n) if n > 1 else 6)
+    repeated = np.concatenate([volts] * (2 * process.order))
+    wanted = central_differences(lambda x: process.transition(x, repeated), states, scale) * scale
+    size = np.abs(wanted).max(axis=0) + 1e-3 * scale[:, None]  # rounded over steps of 1e-5 of what is large
+    assert (np.abs(process.state_jacobian(states, volts) * scale - wanted) / size).max() < 1e-6
+    for output in process.outputs:
+        wanted = central_differences(lambda x, o=output: o.measure(x)[:, None], states, scale)[:, 0] * scale
+        found = process.output_jacobian(states, output) * scale
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-6 * np.abs(wanted).max())

@@ -63,12 +63,6 @@ def test_the_filter_of_the_halves_is_that_of_the_whole(whole, kind, digits):
     np.testing.assert_allclose(np.sqrt(np.diag(first[1].covariance[0]))[:3], deviation, rtol=digits)
 
 
-def test_a_filter_asks_for_a_voltage_of_each_circuit(halves):
-    filter_ = kalman_filter(halves)
-    with pytest.raises(FilterError, match="2 voltages"):
-        filter_.step(filter_.start([0.024, 0.0, 0.5, 0.5]), 1.2, [0.024, 0.5])
-
-
 def test_magnets_alone_are_followed_by_a_laser(levitation_model):
     model = replace(magnets_alone(levitation_model), other_sensors=(LASER,))
     filter_ = kalman_filter(model)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from femfit.core.errors import FilterError, MissingPartError
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.dynamics import exponential_step
@@ -106,31 +105,3 @@ def test_the_jacobian_at_a_stop_is_that_of_differences():
     for k in range(3):
         slope = (process.transition(states + step * np.eye(3)[k], volts) - process.transition(states, volts)) / step[k]
         np.testing.assert_allclose(process.state_jacobian(states, volts)[:, :, k], slope, rtol=1e-3, atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"sensors": ("radar",)}, "radar"),
-        ({"sensors": "laser"}, "sequence"),
-        ({"sensors": ("laser",), "biases": ("current",)}, "cannot be estimated"),
-    ],
-)
-def test_sensors_that_cannot_be_read_are_refused(model, given, said):
-    with pytest.raises((FilterError, MissingPartError), match=said):
-        kalman_filter(model, **given)
-
-
-def test_a_sensor_without_noise_is_refused_with_the_remedy(model):
-    silent = replace(model, other_sensors=(replace(SHUNT, noise=0.0),))
-    with pytest.raises(FilterError, match="noise"):
-        kalman_filter(silent)
-    assert kalman_filter(model).process.outputs[1].name == "laser"
-
-
-def test_a_measurement_of_the_wrong_length_is_refused(model):
-    filter_ = kalman_filter(model, sensors=("laser", "current"))
-    with pytest.raises(FilterError, match="2 readings"):
-        filter_.step(filter_.start([3e-3, 0.0, 0.0]), 0.0, 3e-3)
-    with pytest.raises(FilterError, match="2 readings"):
-        filter_.update(filter_.start([3e-3, 0.0, 0.0], runs=3), np.zeros(3))
