@@ -1,4 +1,4 @@
-"""A filter that breaks down is named, run by run, and one run alone is one of many."""
+"""A filter that breaks down is named, run by run, one alone as of many, and what none can take is refused."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A record of several circuits through their filter: halves of a coil are the coil, and a bearing is followed."""
+"""Records through filters: of several circuits, halves and a bearing; of short ways; and with eddy currents."""
 
 from dataclasses import replace
 

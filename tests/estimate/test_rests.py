@@ -1,4 +1,4 @@
-"""Rests on stops, held bodies and lift-off are recognised by the noise, and a hover is not one of them."""
+"""Rests on stops, held bodies, lift-off and seatings are recognised, and a hover or a blocked body is none of them."""
 
 from dataclasses import replace
 

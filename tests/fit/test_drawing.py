@@ -76,7 +76,7 @@ def test_splines_follow_the_slopes_of_force_flux_linkage_and_hall_field(table, m
             assert np.abs(change / size - wanted).max() <= 1e-3 * np.abs(wanted).max() + least
 
 
-def test_a_model_file_keeps_the_numbers_and_an_added_one(model, tmp_path):
+def test_a_model_file_keeps_the_numbers_and_an_added_one_and_damage_is_refused_by_its_place(model, tmp_path):
     drawn = _drawn(model, HEIGHT)
     added = with_effects(model, [AddedEffect(drawn.effect, {"change_mm": 0.05}, {"change_mm": (0.04, 0.06)})])
     write_model(added, tmp_path / "model.json")
@@ -87,9 +87,6 @@ def test_a_model_file_keeps_the_numbers_and_an_added_one(model, tmp_path):
     assert float(again.force(0.006, 0.7)) == pytest.approx(float(added.force(0.006, 0.7)), rel=1e-12)
     copied = copy.deepcopy(again)
     assert float(copied.force(0.006, 0.7)) == pytest.approx(float(added.force(0.006, 0.7)), rel=1e-12)
-
-
-def test_a_damaged_number_is_refused_by_its_place(model, tmp_path):
     write_model(model, tmp_path / "model.json")
     data = json.loads((tmp_path / "model.json").read_text())
     data["drawn"][0]["tolerance"] = -1.0

@@ -185,15 +185,12 @@ def test_data_that_determine_no_solution_are_refused_with_the_reason(matrix, y, 
         solve_bounded_qp(matrix, y, sigma)
 
 
-def test_least_squares_that_do_not_converge_are_a_fit_error():
+def test_rows_weigh_by_their_standard_deviation_and_what_does_not_converge_is_an_error():
+    solution = solve_bounded_qp(np.ones((2, 1)), np.array([0.0, 1.0]), np.array([1.0, 0.5]))
+    assert solution.x[0] == pytest.approx(0.8, rel=1e-12)
     rng = np.random.default_rng(1)
     with pytest.raises(FitError, match="20 coefficients"):
         bounded_qp.non_negative(rng.random((30, 20)), rng.random(30), steps=1)
-
-
-def test_rows_weigh_by_their_standard_deviation():
-    solution = solve_bounded_qp(np.ones((2, 1)), np.array([0.0, 1.0]), np.array([1.0, 0.5]))
-    assert solution.x[0] == pytest.approx(0.8, rel=1e-12)
 
 
 def tensor_spline(count_u, count_i, u, i, order=0):

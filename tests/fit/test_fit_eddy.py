@@ -113,15 +113,17 @@ def test_the_stated_error_holds_what_the_splines_miss_between_the_distances(kept
     assert (told < 10.0).all()  # a force's slope happens to be missed by little half-way
 
 
-def test_as_many_states_are_kept_as_there_are_patterns_where_the_error_needs_them():
+def test_as_many_states_are_kept_as_the_patterns_or_the_motion_need():
     assert fit_eddy(made_up(patterns=3), Plain(), 1e-9).count == 3
-
-
-def test_one_pattern_is_one_state():
     table = made_up(patterns=1)
     eddy = fit_eddy(table, Plain(), 0.01)
     assert eddy.count == 1
     assert eddy.error.largest < 1e-3
+    table = made_up(circuits=0, hall=False)
+    eddy = fit_eddy(table, Plain(), 0.02)
+    assert eddy.couplings.shape[1] == 0
+    assert 1 <= eddy.count < 12
+    assert fit_eddy(None, Plain()) is None
 
 
 @pytest.mark.parametrize("frequency", [100.0, 1e-5])
@@ -172,19 +174,14 @@ def test_beside_iron_that_saturates_nothing_swings_between_the_distances():
     assert at == pytest.approx(values[:, 0])
 
 
-def test_without_circuits_the_motion_decides():
-    table = made_up(circuits=0, hall=False)
-    eddy = fit_eddy(table, Plain(), 0.02)
-    assert eddy.couplings.shape[1] == 0
-    assert 1 <= eddy.count < 12
-
-
-def test_inductances_that_are_not_positive_are_refused():
+def test_inductances_that_are_not_positive_and_a_single_distance_make_no_model():
     table = made_up(patterns=2)
     broken = table.flux_linkage.copy()
     broken[3, 1:, 2:] *= -1.0
     with pytest.raises(FitError, match="Sweep more distances"):
         fit_eddy(replace(table, flux_linkage=broken), Plain(), 1e-9)
+    with pytest.raises(FitError, match="at 1 mm alone"):
+        fit_eddy(made_up().at(np.array([0])), Plain())
 
 
 def test_a_fit_repeats_up_to_which_frequency_thick_sheets_hold():
@@ -197,11 +194,6 @@ def test_a_fit_repeats_up_to_which_frequency_thick_sheets_hold():
     assert sheet_notes(replace(swept, eddy=None)) == ()
 
 
-def test_eddy_currents_at_one_distance_make_no_model():
-    with pytest.raises(FitError, match="at 1 mm alone"):
-        fit_eddy(made_up().at(np.array([0])), Plain())
-
-
 def test_slopes_of_the_departures_are_their_derivatives():
     choice = StateChoice(made_up(), FREQUENCIES)
     rng = np.random.default_rng(2)
@@ -210,10 +202,6 @@ def test_slopes_of_the_departures_are_their_derivatives():
     above, below = (place.departures(combinations + side * change) for side in (1.0, -1.0))
     along = (place.slopes(combinations) * change).sum(axis=(-2, -1))
     assert along == pytest.approx((above - below) / 2.0, rel=1e-6, abs=1e-12)
-
-
-def test_a_table_without_eddy_currents_makes_a_model_without():
-    assert fit_eddy(None, Plain()) is None
 
 
 def with_conductivity(table, share):

@@ -46,11 +46,14 @@ def test_the_force_of_an_exact_table_is_found_without_any_force():
     assert fit.model.require_circuit().voltage_max_V == 12.0
 
 
-def test_what_the_table_needed_is_said():
+def test_what_the_table_needed_and_what_a_law_misses_is_said():
     said = (Finding("column", "info", "current_mA was read as current_A."),)
     fit = fit_inductance(dataclasses.replace(table(), findings=said), **OPTIONS)
     assert "note: current_mA was read as current_A." in str(fit)
     assert fit.to_dict()["notes"] == ["current_mA was read as current_A."]
+    step = np.where(table().distance < 8e-3, 0.15, 0.1)
+    fit = fit_inductance(InductanceTable(table().distance, table().current, step), law="F2e")
+    assert any("of the inductance's change" in note for note in fit.notes)
 
 
 def test_noise_of_one_per_cent_never_makes_the_force_repel():
@@ -62,10 +65,15 @@ def test_noise_of_one_per_cent_never_makes_the_force_repel():
     np.testing.assert_allclose(found[middle], force(D, 1.0)[middle], rtol=0.3)
 
 
-def test_too_few_distances_are_refused():
+def test_inductances_that_make_no_force_are_refused_with_the_cause():
     short = InductanceTable(D[:4], np.ones(4), inductance(D[:4]))
     with pytest.raises(FitError, match="needs as many distances"):
         fit_inductance(short, **OPTIONS)
+    with pytest.raises(UsageError, match="lowest voltage must be below its highest"):
+        fit_inductance(table(), **OPTIONS | {"supply_V": (12.0, 0.0)})
+    rising = InductanceTable(table().distance, table().current, 0.25 - table().inductance)
+    with pytest.raises(FitError, match=r"must fall.*110.1 mH at 1 mm.*how far the plunger has entered"):
+        fit_inductance(rising, **OPTIONS)
 
 
 def written_table(directory):
@@ -116,11 +124,6 @@ def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
     assert "--model must name one" in refused.stderr
 
 
-def test_a_supply_whose_lowest_voltage_is_its_highest_is_refused():
-    with pytest.raises(UsageError, match="lowest voltage must be below its highest"):
-        fit_inductance(table(), **OPTIONS | {"supply_V": (12.0, 0.0)})
-
-
 def test_a_table_with_forces_is_no_table_of_inductances(tmp_path):
     path = tmp_path / "bench.csv"
     path.write_text("distance_mm,current_A,inductance_mH,force_N\n1,1,100,0.5\n")
@@ -128,15 +131,3 @@ def test_a_table_with_forces_is_no_table_of_inductances(tmp_path):
     path.write_text("distance_mm,inductance_mH\n1,100\n")
     with pytest.raises(TableError, match="lacks current_A"):
         read_inductance_table(path)
-
-
-def test_an_inductance_that_rises_with_the_distance_is_refused_with_the_cause():
-    rising = InductanceTable(table().distance, table().current, 0.25 - table().inductance)
-    with pytest.raises(FitError, match=r"must fall.*110.1 mH at 1 mm.*how far the plunger has entered"):
-        fit_inductance(rising, **OPTIONS)
-
-
-def test_a_law_that_misses_the_inductances_change_says_so():
-    step = np.where(table().distance < 8e-3, 0.15, 0.1)
-    fit = fit_inductance(InductanceTable(table().distance, table().current, step), law="F2e")
-    assert any("of the inductance's change" in note for note in fit.notes)

@@ -11,7 +11,6 @@ from femfit.fit.ranking import rank_laws
 from femfit.laws.catalogue import BUILT_IN
 from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.network_magnetics import OPERATIONS, NetworkMagnetics
-from support.coenergies import partials
 from support.counting import Counting
 from support.one_current import flat
 from support.plungers import DEVICES, network_of, plunger_table
@@ -71,17 +70,6 @@ def test_force_and_flux_linkage_are_those_of_the_closed_form(sign):
     # Products of a dozen roundings each.
     np.testing.assert_allclose(flat(LAW).force(DISTANCE, sign * CURRENT), force, rtol=1e-9)
     np.testing.assert_allclose(flat(LAW).flux_linkage(DISTANCE, sign * CURRENT), linkage(), rtol=1e-9)
-
-
-@pytest.mark.parametrize("order", [(0, 0), (1, 0), (0, 1), (1, 1), (0, 2), (2, 1)])
-def test_each_derivative_is_the_difference_quotient_of_the_one_below(order):
-    def at(d, i, a, b):
-        return partials(LAW.expression, d, i, ((a, b),))[0]
-
-    for step, raised in ((1e-7, (1, 0)), (1e-4, (0, 1))):
-        ends = [at(DISTANCE + s * step * raised[0], CURRENT + s * step * raised[1], *order) for s in (1.0, -1.0)]
-        exact = at(DISTANCE, CURRENT, order[0] + raised[0], order[1] + raised[1])
-        np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), exact, atol=1e-4 * np.abs(exact).max())
 
 
 def test_far_below_saturation_the_current_pulls_with_its_square():

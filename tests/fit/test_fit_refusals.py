@@ -21,8 +21,6 @@ from support.plungers import plunger_table
 from support.saturating_bearing import CIRCUIT, ENTRY
 from support.sweeps import ACTUATOR, force_table, full_table
 
-G = 9.80665
-
 
 class Active(Bearing):
     """Circuits that would give energy away: the mutual inductance is larger than their own."""

@@ -106,13 +106,10 @@ def test_coil_and_magnet_part_come_apart_and_hold_between_the_rows():
     assert fit.field.spline.y_degree == 1
 
 
-def test_a_field_that_is_quadratic_in_the_current_takes_a_parabola():
+def test_a_parabola_is_taken_where_the_field_is_quadratic_and_noise_buys_no_cells():
     rows = rows_of_table(full_table(CLOSED), MASS, 9.80665)
     fit = fit_hall(rows, rows.hall + 1e-3 * rows.current**2)
     assert fit.field.spline.y_degree == 2
-
-
-def test_noise_does_not_buy_cells():
     rows = rows_of_table(full_table(CLOSED), MASS, 9.80665)
     noisy = rows.hall + 1e-4 * np.random.default_rng(0).standard_normal(len(rows.hall))
     fit = fit_hall(rows, noisy)
