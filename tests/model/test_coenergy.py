@@ -8,7 +8,6 @@ from femfit.laws.catalogue import BUILT_IN
 from femfit.model.bspline import LINE, TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.eddy_currents import EddyMagnetics
-from femfit.model.json_file import model_from_dict, model_to_dict
 from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
 from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
 from femfit.simulation.open_loop import simulate
@@ -52,28 +51,6 @@ def assert_close(values, wanted, rtol=1e-10):
     np.testing.assert_allclose(values, wanted, rtol=0.0, atol=rtol * np.abs(wanted).max())
 
 
-def central_difference(function, x, width):
-    """Fourth-order central difference."""
-    near, far = function(x + width) - function(x - width), function(x + 2 * width) - function(x - 2 * width)
-    return (8.0 * near - far) / (12.0 * width)
-
-
-@pytest.mark.parametrize("order", [(0, 0), (1, 0), (0, 1), (1, 1), (0, 2)])
-def test_each_derivative_is_the_difference_quotient_of_the_one_below(magnetics, order):
-    def derivative(d, i, in_distance, in_current):
-        return partials(magnetics.expression, d, i, ((in_distance, in_current),))[0]
-
-    quotients = (
-        central_difference(lambda d: derivative(d, CURRENT, *order), DISTANCE, 2e-5),
-        central_difference(lambda i: derivative(DISTANCE, i, *order), CURRENT, 2e-3),
-    )
-    # Rounding 1e-16 / (width / scale 1e-3) and truncation (1e-3)^4 of terms up to d^-9 relative to their largest value.
-    for quotient, raised in zip(quotients, ((1, 0), (0, 1)), strict=True):
-        exact = derivative(DISTANCE, CURRENT, *np.add(order, raised))
-        scale = np.abs(exact).max() + 1e-12 * np.abs(derivative(DISTANCE, CURRENT, *order)).max() / 2e-5
-        assert np.abs(quotient - exact).max() < 1e-6 * scale
-
-
 def test_named_quantities_are_the_co_energys_derivatives_and_broadcast(magnetics):
     orders = ((1, 0), (0, 1), (1, 1), (0, 2), (2, 0))
     d_w, i_w, di_w, ii_w, dd_w = partials(magnetics.expression, DISTANCE, CURRENT, orders)
@@ -88,16 +65,6 @@ def test_named_quantities_are_the_co_energys_derivatives_and_broadcast(magnetics
     grid = flat(magnetics).force(DISTANCE[:, None], CURRENT[None, :3])
     assert_close(grid[:, 1], flat(magnetics).force(DISTANCE, CURRENT[1]), 1e-13)
     assert flat(magnetics).force(np.asarray(0.02), np.asarray(0.3)).shape == ()
-
-
-def test_hall_slopes_are_difference_quotients(levitation_model):
-    field = levitation_model.sensor.field
-    value, in_distance, in_current = flat(field).derivatives(DISTANCE, CURRENT)
-    assert_close(value, flat(field).field(DISTANCE, CURRENT), 1e-13)
-    quotient = central_difference(lambda d: flat(field).field(d, CURRENT), DISTANCE, 2e-5)
-    assert np.abs(quotient - in_distance).max() < 1e-7 * np.abs(in_distance).max()
-    quotient = central_difference(lambda i: flat(field).field(DISTANCE, i), CURRENT, 2e-3)
-    assert np.abs(quotient - in_current).max() < 1e-9 * np.abs(in_current).max()
 
 
 def test_a_coordinate_between_two_gaps_has_the_slopes_of_differences_and_leads_back():
@@ -251,16 +218,6 @@ def test_the_inductance_is_held_at_that_of_the_last_current(saturating, end, bey
         np.testing.assert_allclose(values, last, rtol=1e-6)  # 1e-9 A inside, its slope changes it by as little
 
 
-@pytest.mark.parametrize("current", [-8.0, -0.2, 1.2, 15.0])
-def test_force_and_flux_linkage_stay_slopes_of_one_coenergy(saturating, current):
-    magnetics, h, i = saturating.magnetics, 1e-7, np.full(17, current)
-    rise = (flat(magnetics).force(BETWEEN, i + 1e-3) - flat(magnetics).force(BETWEEN, i - 1e-3)) / 2e-3
-    fall = -(flat(magnetics).flux_linkage(BETWEEN + h, i) - flat(magnetics).flux_linkage(BETWEEN - h, i)) / (2.0 * h)
-    # Central differences of second order over a thousandth of an ampere and 0.1 um
-    np.testing.assert_allclose(rise, fall, rtol=1e-4, atol=1e-6 * np.abs(rise).max())
-    np.testing.assert_allclose(rise, flat(magnetics).motional_constant(BETWEEN, i), atol=1e-6 * np.abs(rise).max())
-
-
 def test_all_energy_of_a_simulation_far_beyond_the_currents_is_accounted_for(saturating):
     motions = [
         simulate(saturating, voltage_V=120.0, start_m=start, duration_s=0.01, outside="extrapolate")
@@ -272,14 +229,6 @@ def test_all_energy_of_a_simulation_far_beyond_the_currents_is_accounted_for(sat
         assert np.all(np.diff(motion.table["current_A"][:20]) > 0.0)
     # How the integrator's steps meet the kink of the inductance at the last current is chance, worth 1e-6 at times
     assert np.median([abs(one.energy.remainder_J) / one.energy.supplied_J for one in motions]) < 1e-6
-
-
-def test_the_file_continues_it_alike(saturating):
-    again = model_from_dict(model_to_dict(saturating)).magnetics
-    orders = ((0, 0), (1, 0), (0, 1), (1, 1), (0, 2))
-    d, i = BETWEEN[:5], np.array([-2.0, 0.0, 0.5, 1.0, 15.0])
-    wanted = partials(saturating.magnetics.expression, d, i, orders)
-    np.testing.assert_array_equal(partials(again.expression, d, i, orders), wanted)
 
 
 def test_a_field_goes_on_as_a_straight_line():

@@ -1,4 +1,6 @@
-"""How far currents get within a step, against the exponential of a matrix, and the elimination that it takes."""
+"""How far currents get within a step, against the exponential of a matrix; a table of it, against its poles."""
+
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -7,18 +9,23 @@ from casadi import SX
 from scipy.linalg import expm
 
 from femfit.core.graph import GraphFunction, building
-from femfit.core.numerics import central_differences
-from femfit.model.decay import decayed, eliminated
+from femfit.model.decay import decayed
+from femfit.model.dynamics import exponential_step
+from femfit.model.responses import ResponseTable
+from support.eddies import with_eddies
+from support.halves import cut_in_two
+from support.model_kinds import voltage_of
+from support.solenoids import solenoid
 
 RANDOM = np.random.default_rng(6)
 PRODUCTS = np.geomspace(1e-6, 1e4, 21)
 """Step times R/L."""
 
 
-def positive(m, count=None):
-    """Symmetric positive definite matrices."""
-    parts = RANDOM.normal(size=(*([] if count is None else [count]), m, m))
-    return parts @ np.swapaxes(parts, -1, -2) + 0.1 * np.eye(m)
+def positive(m):
+    """A symmetric positive definite matrix."""
+    parts = RANDOM.normal(size=(m, m))
+    return parts @ parts.T + 0.1 * np.eye(m)
 
 
 def shares(inductance, resistances, step):
@@ -31,13 +38,12 @@ def shares(inductance, resistances, step):
     return whole[:m, m : 2 * m] @ np.linalg.inv(inductance), whole[:m, 2 * m :] @ np.linalg.inv(inductance)
 
 
-def function_of(m, wide=None):
-    """(L, R, b, h) -> both parts, one column below the other; b is of so many columns."""
-    wide = m if wide is None else wide
+def function_of(m):
+    """(L, R, b, h) -> both parts, one column below the other."""
     with building():
-        inputs = [SX.sym(name, size) for name, size in (("L", m * m), ("R", m), ("b", m * wide), ("h", 1))]
+        inputs = [SX.sym(name, size) for name, size in (("L", m * m), ("R", m), ("b", m * m), ("h", 1))]
         matrix, resistances, driving, step = inputs
-        parts = decayed(ca.reshape(matrix, m, m), resistances, ca.reshape(driving, m, wide), step)
+        parts = decayed(ca.reshape(matrix, m, m), resistances, ca.reshape(driving, m, m), step)
         return GraphFunction(inputs, ca.vertcat(*(ca.vec(part) for part in parts)))
 
 
@@ -65,38 +71,63 @@ def test_one_winding_decays_exactly_and_one_of_no_inductance_keeps_its_rate():
     np.testing.assert_allclose(negative, [[-1.0] * 3, [-0.5] * 3], rtol=1e-6)
 
 
-@pytest.mark.parametrize("m", [1, 3])
-def test_the_slopes_of_a_decay_are_its_differences(m):
-    function = function_of(m, 1)
+PATTERNS = [(10e-3, 3e-3, 0.5e-3), (1e-6, 2e-5, 0.1)]
+
+
+def states_of(model, low_m, high_m, points=300):
+    """Random states in a random order, and voltages."""
+    random, n = np.random.default_rng(3), len(model.circuits)
+    result = random.normal(0.0, 0.3, (points, model.order))
+    result[:, 0], result[:, 1] = random.uniform(low_m, high_m, points), random.normal(0.0, 0.1, points)
+    return result, voltage_of(model, random.uniform(-3.0, 3.0, (points, n)))
+
+
+@pytest.mark.parametrize("circuits", [1, 2])
+@pytest.mark.parametrize("times", PATTERNS)
+@pytest.mark.parametrize("points", [1, 30, 2000])
+def test_a_step_by_the_table_is_that_by_poles(levitation_model, circuits, times, points):
+    """Beyond the knots as well, from 15 to 45 mm, where splines are continued; steps of their own go by poles."""
+    model = with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model), times)
+    assert model.equations.linear
+    states, volts = states_of(model, 0.010, 0.050, points)
+    step = model.sample_time_s
+    found = exponential_step(model, states, volts, step)
+    wanted = exponential_step(model, states, volts, np.full((points, 1), step))
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-8 * np.abs(wanted).max())
+
+
+def test_saturating_iron_has_no_table():
+    linear = solenoid()
+    spline = linear.magnetics.spline
+    i_knots = np.r_[[-2.0] * 4, [2.0] * 4]
+    curved = replace(
+        spline, y_knots=i_knots, y_degree=3, coefficients=np.repeat(spline.coefficients, [1, 2, 1], axis=1)
+    )
+    for magnetics, has_one in ((linear.magnetics, True), (replace(linear.magnetics, spline=curved), False)):
+        model = with_eddies(replace(linear, magnetics=magnetics), (8e-3, 2e-3))
+        assert model.equations.linear == has_one
+
+
+def test_a_table_is_as_good_as_asked_and_holds_its_ends_where_no_winding_is():
+    """The second winding's inductance falls to nothing at 3.2, beyond the domain."""
+    resistances, step = np.array([1.0, 2.0]), 0.3
+
+    def inductance(d):
+        second = np.where(d < 3.2, 3.2 - d, np.nan)
+        return np.stack([np.exp(-d) + 1.0, 0.1 / d, 0.1 / d, second], axis=-1).reshape(-1, 2, 2)
+
+    table = ResponseTable(inductance, resistances, step, (1.0, 3.0))
     with building():
-        x = SX.sym("x", m * m + 2 * m + 1)
-        matrix, resistances, driving, step = ca.vertsplit(x, [0, m * m, m * m + m, m * m + 2 * m, x.numel()])
-        parts = decayed(ca.reshape(matrix, m, m), resistances, driving, step)
-        slope = GraphFunction([x], ca.vec(ca.jacobian(ca.vertcat(*parts), x)))
-    at = np.array([[*positive(m).ravel(), *RANDOM.uniform(0.5, 2.0, m), *RANDOM.normal(size=m), h] for h in (0.1, 3.0)])
-
-    def symmetric(points):
-        one = points[:, : m * m].reshape(-1, m, m)
-        return np.column_stack([0.5 * (one + np.swapaxes(one, 1, 2)).reshape(-1, m * m), points[:, m * m :]])
-
-    def stepped(points):
-        parts = np.split(symmetric(points).T, [m * m, m * m + m, m * m + 2 * m])
-        return function(*parts).T
-
-    wanted = central_differences(stepped, at, np.ones(at.shape[1]))
-    found = slope(at.T).T.reshape(len(at), at.shape[1], -1).swapaxes(1, 2)
-    along = found[..., : m * m].reshape(*found.shape[:2], m, m)
-    found[..., : m * m] = 0.5 * (along + np.swapaxes(along, 2, 3)).reshape(*found.shape[:2], m * m)  # in both places
-    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-7 * np.abs(wanted).max())
-
-
-@pytest.mark.parametrize("m", [1, 2, 4])
-def test_elimination_solves_what_numpy_solves(m):
+        d = SX.sym("d")
+        function = GraphFunction([d], ca.vertcat(*(ca.vec(part) for part in table.at(d))))
     with building():
-        matrix, right = SX.sym("A", m * m), SX.sym("B", 2 * m)
-        solution = ca.vec(eliminated(ca.reshape(matrix, m, m), ca.reshape(right, m, 2)))
-        function = GraphFunction([matrix, right], solution)
-    matrices, rights = positive(m, 50), RANDOM.normal(size=(50, m, 2))
-    found = function(matrices.reshape(50, -1).T, rights.transpose(2, 1, 0).reshape(2 * m, 50))
-    wanted = np.linalg.solve(matrices, rights)
-    np.testing.assert_allclose(found.T.reshape(50, 2, m).swapaxes(1, 2), wanted, rtol=1e-8, atol=1e-11)
+        matrix = SX.sym("L", 4)
+        parts = decayed(ca.reshape(matrix, 2, 2), SX(resistances), SX.eye(2), SX(step))
+        by_poles = GraphFunction([matrix], ca.vertcat(*(ca.vec(part) for part in parts)))
+    at = np.sort(np.random.default_rng(0).uniform(1.0, 3.0, 2000))
+    wanted = by_poles(inductance(at).reshape(-1, 4).T)
+    size = np.abs(wanted).max(axis=1, keepdims=True)
+    assert (np.abs(function(at[None]) - wanted) / size).max() < 1e-8  # of the poles; the table's own is 1e-11
+    far = function(np.array([[3.5, 9.0]]))
+    assert np.isfinite(far).all()
+    np.testing.assert_array_equal(far[:, 0], far[:, 1])

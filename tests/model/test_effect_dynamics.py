@@ -24,17 +24,6 @@ def states(model, runs=5):
     return np.stack([0.0207 + 0.0011 * t, 0.03 + 0.01 * t, 0.4 + 0.03 * np.sin(t), *own], axis=1)
 
 
-def test_the_slope_of_a_reading_at_rest_is_that_of_its_sensor(levitation_model):
-    effects = [added("hall_saturation", cubic_loss=0.1, limited_loss=0.5), added("hall_coil_pickup", pickup_V=0.2)]
-    sensor = with_effects(levitation_model, effects).sensor
-    d, i = np.array([0.016, 0.021, 0.033]), np.array([0.2, 0.9, 1.3])
-    _, in_distance, in_current = flat(sensor.field).derivatives(d, i)
-    up, down = flat(sensor.field).field(d + 1e-7, i), flat(sensor.field).field(d - 1e-7, i)
-    np.testing.assert_allclose(in_distance, (up - down) / 2e-7, rtol=1e-6)
-    up, down = flat(sensor.field).field(d, i + 1e-5), flat(sensor.field).field(d, i - 1e-5)
-    np.testing.assert_allclose(in_current, (up - down) / 2e-5, rtol=1e-6)
-
-
 def linkage(model, x):
     """Flux linkage at the states of effects."""
     at = Conditions(nominal_of(model), memory=dict(zip(model.memory_names, x[:, 3:].T, strict=True)))

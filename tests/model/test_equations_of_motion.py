@@ -1,13 +1,13 @@
 """The equations of motion of every kind of model: power balance, slopes, exact decays, orders of convergence."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
 from femfit.core.errors import MissingPartError
-from femfit.core.numerics import central_differences
 from femfit.device.electrics import Drive, PositionSensor
 from femfit.device.mechanics import Mechanics, Spring
 from femfit.effects.catalogue import BUILT_IN
@@ -25,7 +25,6 @@ from support.eddies import with_eddies
 from support.halves import cut_in_two
 from support.model_kinds import (
     KINDS,
-    SPRUNG,
     differences,
     field_energy,
     held,
@@ -72,12 +71,18 @@ def test_power_in_is_heat_work_and_growth_of_the_field_energy(model):
     np.testing.assert_allclose(balance, supplied, rtol=0.0, atol=1e-6 * size)
 
 
-@pytest.mark.parametrize("name", [*KINDS, *(effect.name for effect in BUILT_IN)])
-def test_the_jacobian_is_the_slope_of_the_rates(name, model_kind, levitation_model):
-    effects = [effect for effect in BUILT_IN if effect.name == name]
-    model = with_effects(levitation_model, [usual(effects[0], 0.2)]) if effects else model_kind(name)
+def assert_slopes_of_rates(model):
     states, volts = states_of(model, 8)
     assert_slopes(slopes(model, states, volts), differences(model, rates, states, volts), 1e-5)
+
+
+def test_the_jacobian_is_the_slope_of_the_rates(model):
+    assert_slopes_of_rates(model)
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda effect: effect.name)
+def test_the_jacobian_under_an_effect_is_the_slope_of_the_rates(effect, levitation_model):
+    assert_slopes_of_rates(with_effects(levitation_model, [usual(effect, 0.2)]))
 
 
 @pytest.mark.parametrize("seconds", [5e-4, 5e-3])
@@ -90,8 +95,17 @@ def test_the_jacobian_of_a_step_is_the_slope_of_the_step(model, seconds):
     assert_slopes(step_slopes(model, states, volts, seconds), differences(model, stepped, states, volts), 5e-5)
 
 
-@pytest.mark.parametrize("seconds", [1e-5, 5e-4, 5e-3, 0.05])
-@pytest.mark.parametrize("name", LINEAR)
+LONG = ("magnets with eddies", 0.05)
+"""Its table of responses asks for 32,436 inductances, the others for 14 to 272: a minute beside the rest."""
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        pytest.param(*case, marks=[pytest.mark.nightly] * (case == LONG))
+        for case in product(LINEAR, [1e-5, 5e-4, 5e-3, 0.05])
+    ],
+)
 def test_currents_of_a_held_body_decay_exactly_whatever_the_step(name, model_kind, seconds):
     """By the matrix exponential; where the midpoint method left 0.50 for 0.37, 0.63 for 0.22 and 0.91 for 0.15."""
     model = held(model_kind(name))
@@ -308,11 +322,3 @@ def test_dry_friction_stops_a_sliding_body_and_does_not_throw_it_back(levitation
     assert state[0, 1] < 1e-5
     stopped = 0.02 + 0.05**2 * 4.35e-3 / (2.0 * 0.2)
     assert state[0, 0] == pytest.approx(stopped, abs=0.05 * 4.0 * model.sample_time_s)  # rounded near rest
-
-
-def test_the_slope_of_dry_friction_is_that_of_the_rates_near_rest(levitation_model):
-    model = replace(levitation_model, motion=replace(SPRUNG, coulomb_N=2e-3))
-    states, volts = np.array([[0.0231, 1e-4, 0.5], [0.0317, -0.1, 0.9]]), np.full((2, 1), 1.3)
-    wide = np.tile(volts, (6, 1))
-    wanted = central_differences(lambda x: rates(model, x, wide), states, np.array([1e-2, 1e-2, 1.0]))
-    np.testing.assert_allclose(slopes(model, states, volts), wanted, rtol=1e-5, atol=1e-6 * np.abs(wanted).max())

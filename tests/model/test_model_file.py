@@ -127,10 +127,10 @@ def test_every_digit_survives_the_file_and_a_pickle(name, made, tmp_path):
             assert getattr(again, part) == getattr(model, part)
         np.testing.assert_equal(asdict(again.validity), asdict(model.validity))
         assert [sensor.name for sensor in again.other_sensors] == [sensor.name for sensor in model.other_sensors]
-        forces = [
-            side.windings.magnetics.force(states[:, 0], states[:, 2 : side.windings.end]) for side in (again, model)
-        ]
-        np.testing.assert_array_equal(*forces)
+        for beyond in (1.0, 20.0):  # of the currents that were swept
+            currents = beyond * states[:, 2 : model.windings.end]
+            forces = [side.windings.magnetics.force(states[:, 0], currents) for side in (again, model)]
+            np.testing.assert_array_equal(*forces)
         if model.sensor and model.eddy is None:
             voltages = [side.sensor.voltage(states[:, 0], states[:, 2]) for side in (again, model) if side.circuits]
             assert not voltages or voltages[0].tolist() == voltages[1].tolist()
@@ -149,21 +149,18 @@ def test_arrays_of_eddy_currents_are_read_to_the_last_bit(made):
     assert eddy.scaled(1.0, np.array([1.25])).bias.current_A == pytest.approx(BIAS.current_A / 1.25)  # as ampere-turns
 
 
-def test_a_file_holds_no_part_that_the_model_lacks(levitation_model):
+def test_every_field_of_the_model_is_written_and_no_part_that_it_lacks(levitation_model):
+    worked_out = {"base", "dynamics", "conditions"}  # the file holds the base itself
+    names = {field.name for field in fields(ActuatorModel)} - worked_out
+    drawn = DrawnEffect("coil.r_mm[1]", (), "coil.r_mm[1]", 20.0, "mm", 0.1, ())
+    model = replace(levitation_model, other_sensors=SENSORS, process_noise=ProcessNoise(1e-3), drawn=(drawn,))
+    assert set(model_to_dict(with_eddies(model))) == {"schema", *names}
     data = model_to_dict(levitation_model)
     assert data["motion"] == {"mass_kg": 4.35e-3, "gravity_m_s2": 9.80665}
     assert set(data["circuits"][0]) == {"resistance_ohm", "voltage_min_V", "voltage_max_V"}
     assert not {"eddy", "other_sensors"} & set(data)
     assert "bias" not in model_to_dict(with_eddies(levitation_model))["eddy"]
     assert model_to_dict(replace(levitation_model, circuits=()))["circuits"] == []
-
-
-def test_every_field_of_the_model_is_written(levitation_model):
-    worked_out = {"base", "dynamics", "conditions"}  # the file holds the base itself
-    names = {field.name for field in fields(ActuatorModel)} - worked_out
-    drawn = DrawnEffect("coil.r_mm[1]", (), "coil.r_mm[1]", 20.0, "mm", 0.1, ())
-    model = replace(levitation_model, other_sensors=SENSORS, process_noise=ProcessNoise(1e-3), drawn=(drawn,))
-    assert set(model_to_dict(with_eddies(model))) == {"schema", *names}
 
 
 def test_files_of_earlier_schemas_are_read(levitation_model):
@@ -244,6 +241,15 @@ DAMAGES = [
     ("every spring", ("motion", "near_stop"), {"distance_m": 0.05}, "at a larger distance than near_stop"),
     ("springs", ("motion", "far_stop"), {"distance_m": 0.05, "restitution": 1.5}, "0 to 1"),
     ("springs", ("motion", "far_stop"), {"distance_m": 0.05, "stiffness_N_per_m": 0.0}, "> 0"),
+    *(  # numbers of which no product is one
+        ("eddies", (*EDDY, key, *place), 1e308, f"damaged: eddy.{key}")
+        for key, place in (
+            ("inductances_H", (0, 0)),
+            ("couplings", (0, 0, 0)),
+            ("flux_linkages_Wb", (0, 0)),
+            ("resistances_ohm", (0,)),
+        )
+    ),
     ("eddies", (*EDDY, "resistances_ohm"), [1.0, -1.0, 1.0], "eddy.resistances_ohm must be .*numbers > 0"),
     ("eddies", (*EDDY, "circuits"), ["other"], "eddy.circuits must be .*those of the model"),
     ("eddies", (*EDDY, "couplings"), [[[1.0]]], "eddy.couplings must be .*as the knots and names beside it ask for"),
@@ -300,7 +306,7 @@ class Unknown(Magnetics):
         return 0.0
 
 
-def test_a_model_that_json_cannot_hold_is_refused_and_the_old_file_kept(levitation_model, tmp_path):
+def test_a_model_that_json_cannot_hold_is_refused_and_only_a_model_is_replaced(levitation_model, tmp_path):
     write_model(levitation_model, tmp_path / "model.json")
     before = (tmp_path / "model.json").read_text()
     for change, words in (
@@ -312,9 +318,6 @@ def test_a_model_that_json_cannot_hold_is_refused_and_the_old_file_kept(levitati
             write_model(replace(levitation_model, **change), tmp_path / "model.json")
     assert (tmp_path / "model.json").read_text() == before
     assert [path.name for path in tmp_path.iterdir()] == ["model.json"]
-
-
-def test_a_model_replaces_a_model_but_no_other_file(levitation_model, tmp_path):
     (tmp_path / "mine.csv").write_text("a,b\n1,2\n")
     with pytest.raises(OutputError, match=r"mine\.csv"):
         write_model(levitation_model, tmp_path / "mine.csv")

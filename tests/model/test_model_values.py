@@ -38,7 +38,7 @@ def test_distances_and_currents_that_do_not_broadcast_are_refused_with_their_sha
         levitation_model.force("far", 0.2, extrapolate=extrapolate)
 
 
-def test_the_validity_box_holds_its_edges_and_no_nan():
+def test_the_validity_box_holds_its_edges_and_no_nan_and_spans_a_grid_of_all_currents():
     rows = [
         (0.015, 0.0, True), (0.045, 1.4, True), (0.015 - 1e-12, 0.0, True), (0.0149, 0.5, False), (0.0451, 0.5, False),
         (0.02, -0.01, False), (0.02, 1.41, False), (np.nan, 0.5, False), (0.02, np.nan, False), (np.inf, 0.5, False),
@@ -50,9 +50,6 @@ def test_the_validity_box_holds_its_edges_and_no_nan():
         BOX.require(np.array([0.02, 0.06]), np.array([0.5]))
     with pytest.raises(DomainError, match="received nan mm"):
         BOX.require(np.asarray(np.nan), np.array([0.5]))
-
-
-def test_a_domain_spans_a_grid_of_all_currents():
     d, i = ValidityBox.of_currents((1e-3, 2e-3), (0.0, 1.0), (-1.0, 1.0)).grid(2, 3)
     assert (d.shape, i.shape) == ((18,), (18, 2))
     assert {tuple(row) for row in i.tolist()} == {(a, b) for a in (0.0, 0.5, 1.0) for b in (-1.0, 0.0, 1.0)}
