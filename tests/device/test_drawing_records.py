@@ -62,10 +62,12 @@ def test_current_and_distance_may_be_drawn_with_the_parameters():
 
 
 @pytest.mark.parametrize("path", sorted(GEOMETRY.glob("*.toml")), ids=lambda path: path.stem)
-def test_each_drawing_of_the_project_loads_under_its_own_name(path):
+def test_each_drawing_of_the_project_loads_under_its_own_name_and_its_record_rebuilds_it(path):
     text = path.read_text(encoding="utf-8")
     assert variants_from_toml(text, directory=GEOMETRY).variants
-    assert read_actuator(path).name == path.stem
+    actuator = read_actuator(path)
+    assert actuator.name == path.stem
+    assert actuator_from_record(asdict(actuator), "record") == actuator
 
 
 @pytest.mark.parametrize("name", ["moving-coil", "magnets", "two-coils"])
