@@ -28,15 +28,11 @@ def several(fit):
     return several_circuits(fit.model)
 
 
-def test_the_force_is_odd_in_the_differential_current(several):
+def test_a_bearings_numbers_are_those_of_its_closed_form_and_one_circuit_has_no_such_chapter(several, levitation_model):
     middle = len(several.distance_m) // 2
     force = several.grid.force[:, middle]
     np.testing.assert_allclose(several.along, [1.0, -1.0], rtol=1e-3)
     np.testing.assert_allclose(force, -force[::-1], atol=1e-3 * np.abs(force).max())  # of the fit
-
-
-def test_stiffness_and_force_per_current_are_those_of_the_closed_form(several):
-    middle = len(several.distance_m) // 2
     np.testing.assert_allclose(several.bias_A, [1.0, 1.0])  # half of 2 A: without a magnet nothing holds at 0 A
     np.testing.assert_allclose(several.holding_A[middle], several.bias_A, rtol=1e-3)
     per_current = TRUTH.force_per_current(1.0)
@@ -44,17 +40,14 @@ def test_stiffness_and_force_per_current_are_those_of_the_closed_form(several):
     assert several.stiffness_N_per_m[middle] == pytest.approx(TRUTH.stiffness(1.0), rel=0.02)  # a second derivative
     own = TRUTH.AREA / (0.5 * TRUTH.GAP + TRUTH.PATH)
     assert several.coupling[middle] == pytest.approx(1e-3 / own, rel=5e-3)
+    assert several_circuits(levitation_model) is None
 
 
-def test_the_currents_that_hold_balance_the_weight(fit):
+def test_the_currents_that_hold_balance_the_weight():
     model = fit_model(table_of(TRUTH)).model  # it stands: 4.9 N pull it down
     several = several_circuits(model)
     force = model.magnetics.force(several.distance_m, several.holding_A)
     np.testing.assert_allclose(force, -9.81 * 0.5, rtol=1e-8)
-
-
-def test_one_circuit_has_no_such_chapter(levitation_model):
-    assert several_circuits(levitation_model) is None
 
 
 def test_the_audit_knows_several_circuits(table, fit, tmp_path):

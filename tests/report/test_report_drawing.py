@@ -12,18 +12,12 @@ from femfit.report.parts import full_section, half_sections, mirrored, moving_co
 from support.actuators import rectangle
 
 
-def test_a_ring_becomes_a_left_and_a_right_outline():
+def test_a_half_section_becomes_two_outlines_or_one_across_the_axis():
     left, right = full_section(rectangle(0.005, 0.02, -0.025, -0.02), shift=0.01)
     np.testing.assert_allclose(right.min(axis=0), [0.005, -0.015])
     np.testing.assert_allclose(left.max(axis=0), [-0.005, -0.01])
-
-
-def test_a_cylinder_becomes_one_outline_across_the_axis():
     (outline,) = full_section(rectangle(0.0, 0.0055, 0.0, 0.005))
     np.testing.assert_allclose([outline.min(axis=0), outline.max(axis=0)], [[-0.0055, 0.0], [0.0055, 0.005]])
-
-
-def test_a_polygon_that_touches_the_axis_in_part_stays_one_outline():
     tee = ((0.0, -0.02), (0.015, -0.02), (0.015, -0.015), (0.005, -0.015), (0.005, 0.0), (0.0, 0.0))
     (outline,) = full_section(tee)
     assert shapely.Polygon(outline).area == pytest.approx(2.0 * shapely.Polygon(tee).area)
@@ -59,14 +53,11 @@ def test_every_starter_is_drawn_with_all_its_parts(name):
     assert figure.axes[0].patches
 
 
-def test_a_moving_coil_is_drawn_where_it_stands():
+def test_a_moving_coil_is_drawn_where_it_stands_and_a_ball_round():
     actuator = actuator_from_toml(starter_text("voice-coil"))
     assert moving_corners(actuator, -0.006)[:, 1].min() == pytest.approx(-0.006)
     (winding,) = [shift for _, shift, kind in half_sections(actuator, -0.006) if kind == "winding"]
     assert winding == -0.006
-
-
-def test_a_ball_is_drawn_round():
     actuator = actuator_from_toml(starter_text("ball"))
     corners = moving_corners(actuator, 0.0)
     np.testing.assert_allclose(np.hypot(corners[:, 0], corners[:, 1] - 0.0125), 0.0125, rtol=1e-9)

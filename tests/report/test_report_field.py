@@ -104,12 +104,6 @@ def test_cells_cover_each_element_once(point):
     assert np.abs(area[body]).sum() == pytest.approx(RADIUS * HEIGHT, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["emaws-rig", "plunger-solenoid", "emaws-saturable"])
-def test_an_actuators_record_gives_the_actuator(name):
-    actuator = read_actuator(GEOMETRY / f"{name}.toml")
-    assert actuator_from_record(asdict(actuator), "manifest") == actuator
-
-
 def test_a_damaged_record_is_refused_with_its_key():
     record = asdict(read_actuator(GEOMETRY / "emaws-rig.toml"))
     record["coils"][0]["turns"] = "many"

@@ -1,4 +1,4 @@
-"""Figures as a notebook gets them: plain functions that return matplotlib figures."""
+"""Figures as a notebook gets them, those of a misfit among them, and pictures drawn without a screen."""
 
 import re
 import subprocess
@@ -9,19 +9,34 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from femfit.report.drawing import actuator_figure
-from femfit.report.field_figures import colour_limit, colours_of, field_figure, flux_levels
-from femfit.report.force_figures import (
-    changes_sign,
-    coil_figure,
-    force_curves_figure,
-    force_map_figure,
-    stroke_figure,
+from femfit.effects.effect import AddedEffect, EffectParameter
+from femfit.identify.comparison.misfit import MeasuredCurves
+from femfit.identify.readings.bench import placed
+from femfit.model.bspline import TensorSpline
+from femfit.model.carried import (
+    Brake,
+    Carried,
+    Curve,
+    FieldChange,
+    FieldTerm,
+    FurtherResistance,
+    ReadingChange,
+    SettingChange,
+    bounded_basis,
+    carried_effect,
 )
+from femfit.model.coordinate import DistanceCoordinate
+from femfit.report.cutaway import draw_off_screen
+from femfit.report.drawing import actuator_figure
+from femfit.report.explained_figures import remainder_figure
+from femfit.report.field_figures import colour_limit, colours_of, field_figure, flux_levels
+from femfit.report.force_figures import changes_sign, coil_figure, force_curves_figure, force_map_figure, stroke_figure
 from femfit.report.loop_report import spectrum_figure, steps_figure
+from femfit.report.misfit_figures import curves_figure, worst_first
 from femfit.report.model_figures import hall_figure, ranking_figure, residual_figure
 from femfit.report.rating import rate, reciprocity, sweep_grid
-from femfit.report.style import svg_uri
+from femfit.report.style import style, svg_uri
+from support.campaign import campaign
 
 WITH_UNIT = re.compile(r"\([^()]*(mm|A|V|N|T|H|%|s|Hz|µm)[^()]*\)|operations")
 
@@ -60,15 +75,15 @@ def test_axes_are_labelled_with_units(figures):
             assert WITH_UNIT.search(label), (name, label)
 
 
-def test_the_same_figure_gives_the_same_bytes(rig_content):
+def test_figures_leave_matplotlib_as_it_was_and_give_the_same_bytes_again(rig_content, figures):
     one, two = (svg_uri(lambda: actuator_figure(rig_content.actuator, 0.022), "actuator") for _ in range(2))
     assert one == two
-
-
-def test_matplotlibs_own_settings_are_left_as_they_were(rig_content):
     before = dict(mpl.rcParams)
     svg_uri(lambda: actuator_figure(rig_content.actuator, 0.022), "actuator")
     assert dict(mpl.rcParams) == before
+    assert figures
+    if "matplotlib.pyplot" in sys.modules:
+        assert sys.modules["matplotlib.pyplot"].get_fignums() == []
 
 
 def test_importing_the_report_loads_neither_matplotlib_nor_pyvista():
@@ -77,12 +92,6 @@ def test_importing_the_report_loads_neither_matplotlib_nor_pyvista():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_figures_keep_no_state_in_pyplot(figures):
-    assert figures
-    if "matplotlib.pyplot" in sys.modules:
-        assert sys.modules["matplotlib.pyplot"].get_fignums() == []
 
 
 def test_the_ranking_has_a_bar_for_each_fitted_law_with_the_recommended_one_marked(figures, rig_content):
@@ -119,14 +128,11 @@ def test_an_actuator_without_field_is_drawn_without_lines(rig_content):
     field_figure(rig_content.actuator, none).draw_without_rendering()
 
 
-def test_a_reciprocal_table_agrees_and_a_wrong_flux_does_not(rig_content):
+def test_a_table_on_a_grid_is_reciprocal_and_points_off_it_are_not_arranged(rig_content):
     grid = sweep_grid(rig_content.fit.rows)
     assert reciprocity(grid) < 3e-3  # a cubic spline through 13 distances
     doubled = replace(grid, flux_linkage=2.0 * grid.flux_linkage)
     assert reciprocity(doubled) == pytest.approx(1.0, abs=0.2)  # at the second distance, k_m itself
-
-
-def test_points_that_do_not_fill_a_grid_are_not_arranged(rig_content):
     rows = rig_content.fit.rows
     assert sweep_grid(rows.take(np.arange(len(rows.force)) != 3)) is None
 
@@ -148,3 +154,120 @@ def test_a_force_of_both_signs_is_drawn_on_linear_axes(rig_content):
     image = force_map_figure(grid, 0.02).axes[0].collections[0]
     # White is no force: the scale is as long for repulsion as for attraction.
     assert image.norm.vmin == -image.norm.vmax == -np.abs(1e3 * grid.force).max()
+
+
+DYING = "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"
+RAISING = "raise ImportError('libGL.so.1')\n"
+HANGING = "import time\ntime.sleep(60)\n"
+
+
+def child_imports(monkeypatch, tmp_path, source):
+    """Let the child, and only it, import this instead of pyvista."""
+    (tmp_path / "pyvista.py").write_text(source)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("source", "reason", "timeout"),
+    [
+        (DYING, "killed by signal 11", 60.0),
+        (RAISING, "ended with code 1", 60.0),
+        (HANGING, r"no picture within 0.5 s", 0.5),
+    ],
+    ids=["segmentation fault", "import error", "endless"],
+)
+def test_a_child_that_fails_leaves_a_reason_and_this_process_alive(
+    rig_content, monkeypatch, tmp_path, source, reason, timeout
+):
+    child_imports(monkeypatch, tmp_path, source)
+    image, why = draw_off_screen(rig_content.actuator, rig_content.field, timeout=timeout)
+    assert image is None
+    assert re.search(reason, why)
+
+
+@pytest.mark.nightly
+def test_where_vtk_can_draw_the_picture_is_cropped_and_in_colour(rig_content, tmp_path):
+    drawn, why = draw_off_screen(rig_content.actuator, rig_content.field)
+    if drawn is None:
+        pytest.skip(why)
+    from matplotlib.image import imread
+
+    (tmp_path / "picture.png").write_bytes(drawn)
+    image = imread(tmp_path / "picture.png")[..., :3]
+    assert min(image.shape[:2]) > 300
+    assert (image.max(axis=2) - image.min(axis=2) > 0.3).mean() > 0.01  # the magnet and |B| are coloured
+
+
+@pytest.fixture
+def curves():
+    x = np.linspace(0.01, 0.03, 9)
+    level = np.arange(9) % 2
+    return MeasuredCurves(
+        channel="force_N",
+        along="distance_m",
+        over="current_A",
+        levels=np.array([0.0, 1.0]),
+        axis=x,
+        before=np.array([1e-3 / x, 2e-3 / x]),
+        after=np.array([1.1e-3 / x, 2.2e-3 / x]),
+        x=x,
+        level=level,
+        measured=1.1e-3 * (1 + level) / x,
+        misfit_before=1e-4 * (1 + level) / x,
+        misfit_after=np.zeros(9),
+        noise=1e-4,
+    )
+
+
+def test_readings_stand_on_both_sets_of_curves_in_one_scale(curves):
+    figure = curves_figure(curves, fitted=True)
+    above = figure.axes[:2]
+    assert above[0].get_ylim() == above[1].get_ylim()
+    for axes in above:
+        drawn = np.concatenate([line.get_ydata() for line in axes.get_lines() if line.get_marker() == "o"])
+        np.testing.assert_allclose(np.sort(drawn), np.sort(1e3 * curves.measured))  # in mN
+    below = [np.concatenate([line.get_ydata() for line in axes.get_lines()[:2]]) for axes in figure.axes[2:]]
+    assert np.abs(below[0]).max() > 0.0
+    np.testing.assert_array_equal(below[1], 0.0)
+
+
+def test_a_record_has_points_without_curves_and_without_anything_added_one_column(curves):
+    assert len(curves_figure(curves, fitted=False).axes) == 2
+    none = replace(curves, before=np.zeros((0, 9)), after=np.zeros((0, 9)))
+    lines = curves_figure(none, fitted=False).axes[0].get_lines()
+    assert {line.get_marker() for line in lines} == {"o"}
+
+
+def test_the_channel_that_misses_by_most_of_its_noise_comes_first(curves):
+    small = replace(curves, channel="hall_V", misfit_before=0.1 * curves.misfit_before)
+    assert [one.channel for one in worst_first([small, curves])] == ["force_N", "hall_V"]
+
+
+def test_every_part_has_its_panel(levitation_model):
+    share = EffectParameter("share", bounds=(0.0, 1.0), plausible=(0.0, 1.0), description="How much of it.")
+    knots, expand = bounded_basis(0.02, 0.04, cells=3, degree=3)
+    every = expand @ np.linspace(0.0, 1e-3, expand.shape[1])
+    curve = Curve("share", knots, 3, every)
+    spline = TensorSpline(knots, np.array([-9.0, 9.0]), 3, 0, every[:, None])
+    term = FieldTerm("share", DistanceCoordinate(1.0, inverse=False), spline, spline)
+    carried = Carried(
+        FieldChange((term,)),
+        SettingChange(curve, curve),
+        ReadingChange({"force_N": curve, "flux_linkage_Wb": curve, "hall_V": curve}, {"force_N": curve}),
+        Brake(curve, 1e-3),
+        FurtherResistance(curve),
+    )
+    added = AddedEffect(carried_effect("unexplained", "It is not known.", [share], carried), {"share": 1.0})
+    observations = placed(levitation_model, campaign(levitation_model, 3, distances=7, currents=5))
+    with style():
+        axes = [ax for ax in remainder_figure(added, observations).axes if ax.get_xlabel()]
+    said = [ax.get_title(loc="left") or ax.get_ylabel() for ax in axes]
+    assert len(said) == len(set(said)) == 11
+    # The force of dW' is its slope with the other sign, drawn in its own unit
+    drawn = next(ax for ax in axes if ax.get_title(loc="left").startswith("force"))
+    d = np.linspace(0.02, 0.04, 5)
+    slope = (curve.at(d + 1e-7, {"share": 1.0}) - curve.at(d - 1e-7, {"share": 1.0})) / 2e-7
+    low, high = drawn.collections[0].get_clim()
+    assert high == -low
+    assert high == pytest.approx(1e3 * np.abs(slope).max(), rel=0.1)
+    assert "(mN)" in drawn.get_title(loc="left")

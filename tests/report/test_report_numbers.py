@@ -58,18 +58,12 @@ def test_significant_digits_are_as_many_as_asked_for(value, digits):
         assert len(re.sub(r"^0*", "", mantissa.replace(".", ""))) == digits
 
 
-def test_fractions_become_per_cent():
+def test_fractions_axes_and_exponents_are_written_as_a_reader_expects():
     assert percent(0.0036).replace("\u00a0", " ") == "0.36 %"
     assert percent(1.03, 3).replace("\u00a0", " ") == "103 %"
     assert percent(float("inf")) == "unknown"
-
-
-def test_forces_are_drawn_in_the_unit_of_their_size():
     assert axis_scale([0.24, -0.1], "N") == (1e3, "mN")
     assert axis_scale([29.8, float("nan")], "force_N") == (1.0, "N")
-
-
-def test_exponents_of_formulas_are_raised():
     assert formula_markup("a d^-4 + b (d^2 + R^2)^(-3/2)") == (
         "a d<sup>−4</sup> + b (d<sup>2</sup> + R<sup>2</sup>)<sup>−3/2</sup>"
     )

@@ -13,8 +13,6 @@ from femfit.core.errors import FemfitError, RunDirectoryError
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, PositionSensor
 from femfit.device.load import read_actuator, starter_text
 from femfit.device.mechanics import Stop
-from femfit.effects.catalogue import effect_by_name
-from femfit.effects.effect import AddedEffect
 from femfit.fit.build import fit_model
 from femfit.identify.decision.diagnose import diagnose
 from femfit.identify.experiments.suggest import Suggestion, suggest
@@ -24,7 +22,7 @@ from femfit.report.bench_report import render_diagnosis
 from femfit.report.page import ReportContent, write_page
 from femfit.tables.measurement import CHANNELS
 from support.bearing import ENTRY, Symmetric, table_with_hall
-from support.campaign import NOISE, campaign
+from support.campaign import NOISE, campaign, hidden
 from support.page import Page
 from support.pages import NUMBER
 from support.snapshot import check_snapshot
@@ -273,11 +271,6 @@ def test_what_is_no_result_and_a_report_that_grows_too_large_are_refused_and_not
 
 
 SIZE = {"distances": 7, "currents": 5}
-
-
-def hidden(name, **values):
-    effect = effect_by_name(name)
-    return AddedEffect(effect, effect.null() | values)
 
 
 HALL = hidden("hall_offset", offset_V=0.02)

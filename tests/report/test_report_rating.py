@@ -60,7 +60,7 @@ def stopped(content, near=0.02, far=0.04):
     return replace(content, model=replace(content.model, motion=motion), actuator=drawn)
 
 
-def test_what_is_said_of_a_device_ends_at_its_stops_and_not_with_the_sweep(plunger_content):
+def test_what_is_said_of_a_device_ends_at_its_stops_and_not_with_the_sweep(plunger_content, rig_content):
     content = stopped(plunger_content)
     rated = rate(content.model, content.actuator)
     cold = rated.feed("cold")
@@ -69,9 +69,6 @@ def test_what_is_said_of_a_device_ends_at_its_stops_and_not_with_the_sweep(plung
     assert (rated.distance_m[0], rated.distance_m[-1]) == (0.02, 0.04)
     assert growth(content.model, content.model.validity.current_max_A).distance_m == 0.02
     assert strongest_point(content.actuator)[0] == 0.02
-
-
-def test_the_weight_is_carried_between_the_stops_alone(rig_content):
     free, held = carried_range(rig_content.model), carried_range(stopped(rig_content, near=0.02).model)
     assert free.low_m < 0.02 <= held.low_m
 
@@ -90,13 +87,10 @@ def test_the_time_constant_is_that_of_coil_and_what_is_in_series(rig_content):
     np.testing.assert_allclose(longer, 0.05 / without.cold_ohm)
 
 
-def test_an_actuator_with_a_magnet_is_also_fed_with_nothing(rig_content, rating):
+def test_a_device_is_rated_with_what_it_is_fed_with(rig_content, rating):
     assert rating.feed("idle") is None
     idle = rate(rig_content.model, rig_content.actuator).feed("idle")
     assert idle.force_near_N == pytest.approx(float(rig_content.model.force(0.015, 0.0)))
-
-
-def test_a_model_without_a_drawing_is_rated_at_the_supply_alone(rig_content):
     rating = rate(rig_content.model, None)
     assert rating.feed("rated") is None
     assert rating.reference.name == "warm"
