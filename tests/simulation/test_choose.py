@@ -96,6 +96,20 @@ def test_a_loop_whose_linear_form_grows_is_not_simulated_as_a_remedy(growing, mo
     assert not loop.held("with backstepping").any()
 
 
+@pytest.mark.nightly
+def test_a_latency_that_leaves_no_pid_is_named_and_nothing_unstable_is_advised(levitation_model):
+    """At 22 mm the rig's magnet runs away by a factor e in 30 ms; 50 ms are more than any PID bears."""
+    model = replace(levitation_model, reference_distances_m=(0.022,))
+    design = design_loop(model, latency=100)
+    reason = design.why_no("pid")
+    assert "latency" in reason
+    assert "50 ms" in reason
+    bench = design.bench("ekf")
+    assert bench.growth(design.controller("backstepping")) > 0.0
+    assert "backstepping" not in reason
+    assert not design_loop(model).why_no("pid")
+
+
 def test_a_model_of_which_no_loop_is_stable_is_not_studied_but_told_why(levitation_model, monkeypatch):
     monkeypatch.setattr(LoopDesign, "why_no", lambda _, name: f"No {name}.")
     with pytest.raises(DomainError, match=r"No backstepping\. No pid\. No state-feedback\."):

@@ -1,15 +1,21 @@
-"""What a loop says of its margins and of innovations that lie beside their band."""
+"""What a loop says of its progress, of why it is lost, of its margins and of innovations beside their band."""
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import femfit as ff
 from femfit.estimate.noise import ConsistencyBand, default_noise
 from femfit.model.validity import ProcessNoise
+from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
-from femfit.simulation.loop_text import TOO_CAUTIOUS, consistency_line, observed_lines
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.loop_text import TOO_CAUTIOUS, consistency_line, design_lines, observed_lines
+from femfit.simulation.lost_loop import LostLoop
 from femfit.simulation.study_rows import HoldRow
+from femfit.simulation.why_lost import hardware_limit, reach, short_of_room
+from support.expected import unmentioned
 
 
 def hold(quality):
@@ -47,3 +53,148 @@ def test_errors_that_a_plant_does_not_have_are_named_as_the_cause_of_small_innov
     assert loop.expects_absent_errors == below
     assert not replace(loop, plant="another").expects_absent_errors
     assert len(str(replace(loop, plant="another")).splitlines()) == len(str(loop).splitlines()) - below
+
+
+def told(model, **options):
+    parts = []
+    close_loop(model, runs=1, targets_m=(0.022,), progress=lambda *part: parts.append(part), **options)
+    return parts
+
+
+def test_a_loop_counts_its_samples_up_to_the_last(levitation_model):
+    parts = told(levitation_model, controller="pid", seconds=0.1)
+    names, done, total = zip(*parts, strict=True)
+    assert set(names) == {"closed loop"}
+    assert len(set(total)) == 1
+    assert list(done) == sorted(set(done))
+    assert total[0] - 50 <= done[-1] < total[0]  # it reports at every 50th sample
+
+
+def test_the_trials_of_a_lost_loop_are_told_apart(levitation_model):
+    names = [name for name, *_ in told(levitation_model, controller="pid", stuck_after_s=0.05, seconds=0.4)]
+    assert names[0] == "closed loop"
+    tried = set(names[1:]) - {"closed loop"}
+    assert len(tried) > 1
+    assert all(name.startswith("why runs are lost") for name in tried)
+
+
+def run(model, **options):
+    options = {"controller": "backstepping", "estimator": "ukf", "runs": 2, "seconds": 0.4, **options}
+    return close_loop(model, **options)
+
+
+def lost(model, **options):
+    loop = run(model, **options)
+    assert loop.held < loop.runs
+    return loop.advice
+
+
+def with_laser(model, **fields):
+    (laser,) = model.other_sensors
+    return replace(model, other_sensors=(replace(laser, **fields),))
+
+
+def of_rig(_, rig):
+    return rig
+
+
+def of_laser(noise=None, voltage_max_V=None):
+    """The rig with a laser of so much noise, on such a supply; 0.852 V hold the body."""
+
+    def made(optical, _):
+        model = optical if noise is None else with_laser(optical, noise=noise)
+        highest = voltage_max_V or model.circuit.voltage_max_V
+        return replace(model, circuits=(replace(model.circuit, voltage_max_V=highest),))
+
+    return made
+
+
+DIRECT = {"estimator": "direct", "noise": 0.012, "controller": None, "targets_m": (0.022,), "runs": 4, "seconds": 0.2}
+"""Without a filter the body falls."""
+FILTERED = DIRECT | {"estimator": "ukf"}
+CAUSES = {
+    "gains": (of_laser(), {"controller": "pid", "gains": {"kp": 40.0, "kd": 1.0}, "seconds": 1.5}, "The gains given"),
+    "gains that are unstable with the exact state": (
+        of_laser(), {"controller": "pid", "bandwidth_rad_s": 3000.0, "seconds": 1.0}, "The gains given",
+    ),
+    "noise that fills the commands": (of_laser(1.0), {}, "The sensors' noise: laser 1.00 V", "to the driver's limit"),
+    "authority": (
+        of_laser(60e-3, 1.02 * 0.852), {}, "The authority: at 22.0 mm", "brings a body at rest back",
+    ),
+    "a fault that was asked for": (of_rig, FILTERED | {"noise": None, "stuck_after_s": 0.05}, "", "sensor stuck"),
+    "no filter": (of_rig, DIRECT, "", "Use a filter"),
+    "noise beside the signal of 0.9 V": (of_rig, FILTERED | {"noise": 1.0}, "", "sensors' noise", "!Use a filter"),
+    "a fault where the loop is lost without it": (
+        of_rig, DIRECT | {"stuck_after_s": 0.05}, "", "!Without the fault", "sensors' noise", "sensor stuck",
+    ),
+}  # fmt: skip
+LONG = ("no filter", "noise beside the signal of 0.9 V", "a fault where the loop is lost without it")
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.nightly] * (n in LONG)) for n in CAUSES])
+def test_a_lost_loop_names_its_cause_with_its_numbers_and_never_what_is_done_already(name, optical, levitation_model):
+    make, options, first, *words = CAUSES[name]
+    said = lost(make(optical, levitation_model), **options)
+    assert said.startswith(first)
+    assert not unmentioned(words, said)
+
+
+def test_the_loop_itself_is_held(optical):
+    assert run(optical).held == 2
+
+
+@pytest.mark.nightly
+def test_a_latency_that_the_linear_loop_does_not_bear_comes_before_the_driver(optical):
+    """A stronger driver would hold these runs for a while: the loop grows about its rest, and so reaches any limit."""
+    words = lost(optical, latency=80, seconds=1.5)
+    assert words.startswith("The delay: 40 ms")
+    borne = round(float(words.partition("; with ")[2].split(" ms")[0]) / 0.5)
+    design = design_loop(optical, latency=80)
+    bench, late = (replace(design, latency=samples).bench("ukf") for samples in (borne, borne + 1))
+    controller = design.backstepping  # gains that come nearest to a stable loop at this latency
+    assert bench.growth(controller) < 0.0 < late.growth(controller)
+
+
+@pytest.mark.nightly
+def test_a_latency_that_a_slower_loop_bears_is_designed_for(optical):
+    """20 ms are 0.7 of the time in which the body runs away by a factor e."""
+    design = design_loop(optical, latency=40)
+    assert design.bench("ukf").growth(design.backstepping) < 0.0
+    assert design.bench("ukf").growth(design_loop(optical).backstepping) > 0.0
+    assert run(optical, latency=40, seconds=1.5).held == 2
+
+
+def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(optical):
+    """1 % above the voltage that holds the body: noise of 5 mV fills it."""
+    weak = replace(optical, circuits=(replace(optical.circuit, voltage_max_V=1.01 * 0.852),))
+    full = lost_loop(optical)
+    assert short_of_room(full) == ""
+    loop = lost_loop(with_laser(weak, noise=5e-3))
+    left = 1e3 * (weak.circuit.voltage_max_V - loop.design.points[0].commands[0])
+    assert f"leaves {left:.2g} mV" in short_of_room(loop)
+
+
+def test_a_sensor_that_ends_before_the_driver_does_is_named(optical):
+    """At 22 mm the laser reads 2.2 V; the driver brings the body back from more than the 0.1 mm up to 2.21 V."""
+    assert reach(lost_loop(optical))[1] > 1e-3
+    assert hardware_limit(lost_loop(optical)).startswith("The authority")
+    words = hardware_limit(lost_loop(with_laser(optical, maximum=2.21)))
+    assert words.startswith("The sensors' range")
+    assert "farther, although" in words
+
+
+def test_a_loop_next_to_its_longest_latency_is_called_thin_and_told_what_it_would_keep_without(optical):
+    words = {latency: told_margins(optical, latency) for latency in (0, 26)}
+    assert "stable with gains" in words[26]
+    assert "thin" in words[26]
+    assert "without latency" in words[26]
+    assert "thin" not in words[0]
+
+
+def told_margins(model, latency):
+    return "\n".join(design_lines(design_loop(model, latency=latency), [("backstepping", "ukf")]))
+
+
+def lost_loop(model):
+    experiment = Experiment("backstepping", "ukf", model.reference_distances_m)
+    return LostLoop(design_loop(model), experiment, np.random.default_rng(1), 2, 800, 800, 0, None)

@@ -92,13 +92,10 @@ def test_a_current_amplifier_ramps_at_its_voltage_and_then_follows():
     assert motion.table["voltage_V"][-1] == pytest.approx(2.0)
 
 
-def test_a_current_amplifier_of_a_bandwidth_approaches_with_it():
+def test_a_current_amplifier_approaches_with_its_bandwidth_and_keeps_to_its_limits():
     motion = simulate(coil(Drive("current", bandwidth_Hz=50.0)), current_A=0.2, duration_s=0.01)
     expected = 0.2 * (1.0 - np.exp(-100.0 * np.pi * motion.table["time_s"]))
     np.testing.assert_allclose(motion.table["current_A"], expected, atol=DENSE_A)
-
-
-def test_a_current_amplifier_keeps_to_its_limits_and_is_not_commanded_in_volts():
     motion = simulate(coil(Drive("current", None, 0.0, 0.25)), current_A=0.5, duration_s=0.01)
     assert motion.table["current_A"].max() == pytest.approx(0.25)
     assert motion.notes

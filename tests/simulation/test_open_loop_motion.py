@@ -1,9 +1,10 @@
-"""Motion in open loop against closed forms: fall, spring, friction, rebounds, and the fixed-step plant."""
+"""Motion in open loop: closed forms of fall, spring, friction and rebounds; the fixed-step plant; eddy currents."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
@@ -12,7 +13,9 @@ from femfit.model.dynamics import runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.profile import Profile
-from support.added_effects import usual
+from support.added_effects import under_effects, usual
+from support.eddies import magnets_alone, with_eddies
+from support.halves import cut_in_two
 from support.solenoids import LinearInductance, NoField, inductance, solenoid
 
 
@@ -22,13 +25,10 @@ def body(**mechanics):
     return replace(model, motion=Mechanics(**{"mass_kg": 0.02, "gravity_m_s2": 0.0} | mechanics))
 
 
-def test_a_body_falls_by_half_g_t_squared():
+def test_a_body_falls_by_half_g_t_squared_and_swings_on_a_spring_as_a_cosine():
     found = simulate(body(gravity_m_s2=9.80665), voltage_V=0.0, start_m=1e-3, duration_s=0.03).table
     np.testing.assert_allclose(found["distance_m"], 1e-3 + 0.5 * 9.80665 * found["time_s"] ** 2, atol=1e-12)
     np.testing.assert_allclose(found["velocity_m_s"], 9.80665 * found["time_s"], atol=1e-10)
-
-
-def test_a_mass_on_a_spring_swings_as_a_cosine():
     found = simulate(body(springs=(Spring(80.0, 0.0, 3e-3),)), voltage_V=0.0, start_m=1e-3, duration_s=0.4).table
     swing = 3e-3 - 2e-3 * np.cos(np.sqrt(80.0 / 0.02) * found["time_s"])
     np.testing.assert_allclose(found["distance_m"], swing, atol=1e-9)  # of 4 mm, over four periods
@@ -73,8 +73,13 @@ def test_a_stop_that_gives_way_returns_the_speed_that_it_is_said_to(restitution)
     assert abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
 
 
-def test_a_body_pressed_on_its_stop_rests_until_the_force_exceeds_the_spring():
-    motion = simulate(solenoid(), voltage_V=12.0)
+HOLDING = ForceTable((0.0, 2e-3, 4e-3), (3.0, 0.5, 0.1))
+
+
+@pytest.mark.parametrize("spring", [Spring(200.0, 0.1, 4e-3), HOLDING])
+def test_a_body_pressed_on_its_stop_rests_until_the_force_exceeds_that_of_the_spring(spring):
+    stops = {"near_stop": Stop(0.2e-3, 0.2), "far_stop": Stop(4e-3, 0.2)}
+    motion = simulate(solenoid(Mechanics(0.025, 0.0, springs=(spring,), **stops)), voltage_V=12.0)
     start = next(event for event in motion.events if event.name == "starts")
     coil = inductance(4e-3)
     current = np.sqrt(2.0 * 0.1 * 5e-3**2 / 3e-5)  # F = i^2 |dL/dd| / 2 against a preload of 0.1 N
@@ -84,31 +89,17 @@ def test_a_body_pressed_on_its_stop_rests_until_the_force_exceeds_the_spring():
     assert np.all(motion.table["distance_m"][motion.table["time_s"] < start.time_s] == 4e-3)
 
 
-def test_a_held_force_table_lets_the_body_go_where_it_says():
-    table = ForceTable((0.0, 2e-3, 4e-3), (3.0, 0.5, 0.2))
-    model = solenoid(Mechanics(0.025, 0.0, springs=(table,), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3)))
-    start = next(event for event in simulate(model, voltage_V=12.0).events if event.name == "starts")
-    assert start.current_A == pytest.approx(np.sqrt(2.0 * 0.2 * 5e-3**2 / 3e-5), rel=1e-6)
-
-
-def test_a_solenoid_with_a_constant_slope_moves_as_an_own_quadrature_says():
+def test_a_solenoid_with_a_constant_slope_moves_as_scipy_says():
     model = replace(solenoid(), magnetics=LinearInductance(), motion=Mechanics(0.025, 9.80665))
     found = simulate(model, voltage_V=9.0, start_m=4e-3, duration_s=0.02).table
 
-    def rates(x):
+    def rates(_, x):
         d, v, i = x
-        whole = 0.05 - 5.0 * d
-        return np.array([v, 9.80665 - 2.5 * i**2 / 0.025, (9.0 - 20.0 * i + 5.0 * v * i) / whole])
+        return v, 9.80665 - 2.5 * i**2 / 0.025, (9.0 - 20.0 * i + 5.0 * v * i) / (0.05 - 5.0 * d)
 
-    x, step = np.array([4e-3, 0.0, 0.0]), 1e-6
-    for _ in range(20_000):
-        k1 = rates(x)
-        k2 = rates(x + 0.5 * step * k1)
-        k3 = rates(x + 0.5 * step * k2)
-        x = x + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rates(x + step * k3))
-    assert found["distance_m"][-1] == pytest.approx(x[0], rel=1e-8)
-    assert found["velocity_m_s"][-1] == pytest.approx(x[1], rel=1e-8)
-    assert found["current_A"][-1] == pytest.approx(x[2], rel=1e-8)
+    exact = solve_ivp(rates, (0.0, 0.02), [4e-3, 0.0, 0.0], rtol=1e-11, atol=1e-14).y[:, -1]
+    for name, value in zip(("distance_m", "velocity_m_s", "current_A"), exact, strict=True):
+        assert found[name][-1] == pytest.approx(value, rel=1e-8)
 
 
 @pytest.mark.parametrize("effect", ["", "viscous_friction", "eddy_current_lag", "coil_temperature"])
@@ -160,3 +151,95 @@ def test_eddy_currents_delay_the_pull_in_and_take_energy_also_while_the_diode_bl
     stops = next(event.time_s for event in slow.events if event.name == "current_stops")
     assert np.all(slow.table["current_A"][slow.table["time_s"] > stops] == 0.0)
     assert [one.kind for one in slow.switchings] == ["pull_in", "drop_out"]
+
+
+TIMES = (8e-3, 1e-5)
+HELD = Mechanics(0.025, 0.0, springs=(Spring(0.0, 5.0),), near_stop=Stop(0.2e-3), far_stop=Stop(4e-3))
+"""Pressed on its far stop."""
+
+
+def closes(motion):
+    return abs(motion.energy.remainder_J) < 1e-6 * motion.energy.supplied_J
+
+
+def test_a_solid_solenoid_switches_later_and_the_energy_is_all_there():
+    """Patterns of 10 us and 8 ms in one run."""
+    plain, solid = solenoid(), with_eddies(solenoid(), TIMES)
+    command = Profile("voltage", np.array([0.0, 0.16]), np.array([12.0, 0.0]))
+    fast, slow = (simulate(model, drive=command, duration_s=0.25) for model in (plain, solid))
+    assert [one.kind for one in slow.switchings] == ["pull_in", "drop_out"]
+    for before, after in zip(fast.switchings, slow.switchings, strict=True):
+        assert after.switching_time_s > before.switching_time_s
+    assert closes(slow)
+    heat = sum(slow.table[name] ** 2 for name in ("eddy_1_A", "eddy_2_A"))  # of 1 ohm each
+    assert np.trapezoid(heat, slow.table["time_s"]) == pytest.approx(slow.energy.eddy_J, rel=2e-2)
+    assert slow.energy.eddy_J > 0.001 * slow.energy.supplied_J
+    assert fast.energy.eddy_J == 0.0
+    assert "eddy currents" in str(slow)
+    assert "eddy" not in str(fast)
+
+
+def test_effects_beside_eddy_currents_leave_the_motion_where_they_do_nothing():
+    model = with_eddies(solenoid(), TIMES)
+    plain, under = (
+        simulate(one, voltage_V=12.0, duration_s=0.015).table
+        for one in (model, under_effects(model, ("supply_sag", {})))
+    )
+    for name in ("distance_m", "current_A", "force_N"):
+        np.testing.assert_allclose(under[name], plain[name], atol=1e-3 * np.abs(plain[name]).max())  # the table's error
+
+
+def test_a_blocked_winding_leaves_its_core_the_eddy_currents():
+    """Once the diode blocks, the current is zero and the force decays with the slowest pattern."""
+    model = with_eddies(solenoid(HELD, Drive(diode_V=0.7)), (20e-3, 2e-3))
+    command = Profile("voltage", np.array([0.0, 0.02]), np.array([12.0, 0.0]))
+    motion = simulate(model, drive=command, duration_s=0.08, start_m=4e-3)
+    (stop,) = [event.time_s for event in motion.events if event.name == "current_stops"]
+    table = motion.table
+    after = table["time_s"] > stop + 0.01
+    assert not table["current_A"][after].any()
+    assert closes(motion)
+    # Time constants of the two patterns beside an open winding, the eigenvalues of L_ee / R_e
+    there = model.windings.magnetics.state(np.array(4e-3), np.zeros(3)).inductance[1:, 1:]
+    slowest = np.linalg.eigvalsh(there).max()
+    linked = table["flux_linkage_Wb"][after]
+    rate = np.polyfit(table["time_s"][after][-50:], np.log(np.abs(linked[-50:])), 1)[0]
+    assert -1.0 / rate == pytest.approx(slowest, rel=1e-2)
+
+
+@pytest.mark.parametrize("bandwidth", [None, 2000.0])
+def test_behind_an_amplifier_eddy_currents_answer_a_current_that_is_given(bandwidth):
+    drive = Drive("current", bandwidth_Hz=bandwidth)
+    model = with_eddies(solenoid(HELD, drive), (20e-3, 2e-3))
+    model = replace(model, circuits=(replace(model.circuit, voltage_min_V=-500.0, voltage_max_V=500.0),))
+    command = Profile("current", np.array([0.0, 0.02]), np.array([0.0, 0.5]), "linear")
+    motion = simulate(model, drive=command, duration_s=0.02, start_m=4e-3, sample_time_s=1e-5)
+    time, current = motion.table["time_s"], motion.table["current_A"]
+    if bandwidth is None:
+        np.testing.assert_allclose(current, 25.0 * time, atol=1e-6)
+    there = model.windings.magnetics.state(np.array(4e-3), np.zeros(3)).inductance
+    # A e' = -e - L_ei i' with e(0) = 0: e = -(1 - exp(-t / A)) L_ei i' of a ramp
+    times, modes = np.linalg.eigh(there[1:, 1:])
+    along = modes.T @ there[1:, 0] * 25.0
+    patterns = -(modes @ (along[:, None] * (1.0 - np.exp(-time / times[:, None])))).T
+    flux = there[0, 0] * 25.0 * time + patterns @ there[0, 1:]
+    late = time > 0.01
+    shift = 0.0 if bandwidth is None else there[0, 0] * 25.0 / (2.0 * np.pi * bandwidth)
+    found = motion.table["flux_linkage_Wb"]
+    constant = found[0]  # nothing moves: what the patterns' magnets link is constant
+    np.testing.assert_allclose((found - constant)[late], flux[late] - shift, atol=2e-3 * flux.max())
+    assert closes(motion)
+
+
+def test_the_energy_of_two_circuits_and_of_a_fall_past_a_ring_is_all_there(levitation_model):
+    stop = replace(levitation_model.motion, far_stop=Stop(0.04), near_stop=Stop(0.016))
+    model = with_eddies(cut_in_two(replace(levitation_model, motion=stop)), TIMES)
+    motion = simulate(model, voltage_V={"inner": 1.0, "outer": 0.0}, duration_s=0.05, start_m=0.04)
+    assert closes(motion)
+    assert motion.energy.eddy_J > 0.0
+    body = replace(levitation_model.motion, near_stop=None, far_stop=Stop(0.044))
+    model = with_eddies(magnets_alone(replace(levitation_model, motion=body)), (5e-3, 1e-4))
+    motion = simulate(model, duration_s=0.06, start_m=0.036, outside="extrapolate")
+    assert closes(motion)
+    assert motion.energy.eddy_J > 0.0
+    assert motion.energy.source_J == 0.0

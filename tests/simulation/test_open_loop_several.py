@@ -119,16 +119,13 @@ def test_magnets_alone_fall_without_a_command(levitation_model):
         simulate(model, voltage_V=1.0)
 
 
-def test_a_command_names_its_circuits(bearing):
+def test_a_command_and_the_end_of_the_domain_name_their_circuits(bearing):
     with pytest.raises(UsageError, match="lower, upper"):
         simulate(bearing, voltage_V=2.0)
     with pytest.raises(UsageError, match="sideways"):
         simulate(bearing, voltage_V={"sideways": 2.0})
     motion = simulate(bearing, voltage_V={"lower": 40.0}, duration_s=1e-3)
     assert "lower" in motion.notes[0]
-
-
-def test_leaving_the_domain_names_the_circuit(bearing):
     motion = simulate(bearing, voltage_V={"lower": 24.0}, duration_s=0.05)
     assert motion.left_domain[0][0] == "current_lower"
     assert motion.events[-1].current_A[0] == pytest.approx(2.0, rel=1e-5)

@@ -1,4 +1,4 @@
-"""Where a body begins, its step response against closed forms, and what a drawing's own supply does."""
+"""Where a body begins, its step response, what a drawing's own supply does, and what is called a switching."""
 
 from dataclasses import replace
 
@@ -7,9 +7,11 @@ import pytest
 
 from femfit.device.electrics import Drive
 from femfit.device.mechanics import Mechanics, Spring, Stop
+from femfit.simulation.events import Event
 from femfit.simulation.open_loop import simulate
+from femfit.simulation.profile import Profile
 from femfit.simulation.supply import motion_at_supply
-from femfit.simulation.switching import step_response
+from femfit.simulation.switching import command_before, step_response, switchings
 from support.solenoids import NoField, solenoid
 
 STOPS = {"near_stop": Stop(1e-3), "far_stop": Stop(5e-3)}
@@ -46,13 +48,10 @@ def test_rise_overshoot_and_settling_of_a_second_order_system(ratio):
     assert time[np.argmax(way > 0.9)] - time[np.argmax(way > 0.1)] == pytest.approx(found.rise_s, abs=1e-3)
 
 
-def test_what_has_not_settled_or_does_not_move_has_no_step_response():
+def test_what_does_not_move_settle_or_ends_on_a_stop_has_no_step_response():
     time = np.linspace(0.0, 1.0, 1001)
     assert step_response(time, 1e-3 * time) is None
     assert step_response(time, np.full(1001, 1e-3)) is None
-
-
-def test_a_motion_onto_a_stop_is_no_step_response():
     springs = {"springs": (Spring(500.0, 0.0, 3e-3),), "viscous_N_s_per_m": 5.0}
     free = replace(solenoid(), motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **springs))
     stopped = replace(free, motion=Mechanics(mass_kg=0.02, gravity_m_s2=0.0, **springs, near_stop=Stop(2.9e-3)))
@@ -86,7 +85,7 @@ def test_a_body_between_stops_is_switched_on_and_off():
     assert found.switchings[1].rested_s < found.duration_s
 
 
-def test_a_body_on_springs_gets_a_step_that_it_can_follow():
+def test_a_body_on_springs_gets_a_step_that_it_can_follow_between_its_stops():
     model = on_springs(springs=(Spring(2e3, 0.0, 3e-3),), viscous_N_s_per_m=5.0)
     found = motion_at_supply(model)
     assert found.step is not None
@@ -94,9 +93,6 @@ def test_a_body_on_springs_gets_a_step_that_it_can_follow():
     parts = [model.circuit.voltage_max_V / 2.0**k for k in range(7)]
     assert found.profile.value[0] in parts
     assert found.table["distance_m"][-1] < found.table["distance_m"][0]
-
-
-def test_a_body_that_springs_hold_between_its_stops_is_stepped_and_not_driven_onto_them():
     model = on_springs(
         springs=(Spring(80.0, 0.0, 3e-3),), viscous_N_s_per_m=2.0, near_stop=Stop(2e-3), far_stop=Stop(4e-3)
     )
@@ -105,17 +101,81 @@ def test_a_body_that_springs_hold_between_its_stops_is_stepped_and_not_driven_on
     assert found.profile.value[0] < model.circuit.voltage_max_V
 
 
-def test_a_body_that_the_supply_is_too_weak_for_is_said_to_stay():
+def test_where_the_supply_moves_nothing_it_is_said_to_stay_or_there_is_no_such_motion():
     strong = on_springs(springs=(Spring(500.0, 1.0, 5e-3),), near_stop=Stop(0.5e-3), far_stop=Stop(5e-3))
     motion = motion_at_supply(strong)
     assert not motion.switchings
     assert motion.table["distance_m"] == pytest.approx(5e-3)
-
-
-def test_what_nothing_keeps_in_place_or_a_current_feeds_has_no_such_motion():
     levitated = replace(solenoid(), motion=Mechanics(mass_kg=0.02))
     amplifier = on_springs(near_stop=Stop(0.5e-3), far_stop=Stop(5e-3))
     amplifier = replace(amplifier, circuits=(replace(amplifier.circuit, drive=Drive("current")),))
     assert motion_at_supply(levitated) is None
     assert motion_at_supply(amplifier) is None
     assert motion_at_supply(replace(solenoid(), motion=None)) is None
+
+
+STEP = (Profile("voltage", np.array([0.0]), np.array([12.0])),)
+
+
+@pytest.mark.parametrize(
+    ("names", "kinds"),
+    [
+        (("starts", "hits_near", "hits_near", "rests_near", "starts", "hits_far"), ["pull_in", "drop_out"]),
+        # thrown from stop to stop, as a vibration motor is
+        (("starts", "hits_near", "hits_far", "hits_near"), ["pull_in", "to_far", "to_near"]),
+        # a stop that gives way has no rest
+        (("starts", "hits_near", "leaves_near", "hits_far"), ["pull_in", "drop_out"]),
+        # an event that is no contact changes nothing
+        (("starts", "hits_near", "current_leaves_domain", "hits_far"), ["pull_in", "to_far"]),
+        # from between the stops
+        (("starts", "hits_far"), ["to_far"]),
+    ],
+)
+def test_a_body_switches_where_it_rested_on_the_stop_that_it_leaves(names, kinds):
+    events = [Event(1e-3 * k, name, 1e-3, 0.3, 0.5) for k, name in enumerate(names, start=1)]
+    begun_at = None if names == ("starts", "hits_far") else "far"
+    assert [one.kind for one in switchings(events, begun_at, STEP)] == kinds
+
+
+def chopped(begin, end, period=1e-4, share=0.8, high=24.0, low=0.0):
+    """Times and values of pulses from begin to end."""
+    starts = np.arange(begin, end - 0.5 * period, period)
+    return [pair for start in starts for pair in ((start, high), (start + share * period, low))]
+
+
+def held(points):
+    time, value = zip(*points, strict=True)
+    return [Profile("voltage", np.array(time), np.array(value))]
+
+
+def test_pauses_rises_and_single_steps_are_told_from_chopping():
+    steps = held([(0.0, 0.0), (0.01, 12.0), (0.05, 0.0)])
+    assert [command_before(steps, time) for time in (0.005, 0.012, 0.06)] == [0.0, 0.01, 0.05]
+    points = [(0.0, 0.0), *chopped(0.01, 0.03), (0.04, 12.0)]
+    assert command_before(held(points), 0.02003) == pytest.approx(0.01)
+    last_off = chopped(0.01, 0.03)[-1][0]
+    assert command_before(held(points), 0.032) == pytest.approx(last_off)  # the driver stays off from here
+    assert command_before(held(points), 0.041) == pytest.approx(0.04)
+    points = [(0.0, 0.0), (0.002, 24.0), *((t + 0.004, v) for t, v in [(0.0, 0.0), *chopped(1e-4, 2e-3, share=0.3)])]
+    assert command_before(held(points), 0.00513) == pytest.approx(0.002)
+    points = chopped(0.0, 0.02)
+    assert command_before(held(points), 0.01503, after=0.0101) == pytest.approx(0.0102, abs=1e-4)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+def test_chopping_is_one_command_from_its_beginning(noise):
+    points = [(0.0, 24.0), *chopped(0.001, 0.02, low=18.0), (0.02, 0.0)]
+    random = np.random.default_rng(1)
+    points = [(time, value + noise * random.uniform(-1.0, 1.0)) for time, value in points]
+    assert command_before(held(points), 0.01503) == 0.0  # the first level is that of the pulses
+    assert command_before(held(points), 0.0207) == pytest.approx(0.02)
+
+
+def test_a_chopped_supply_switches_as_late_as_its_mean():
+    """The current follows the mean voltage, for a period is far below its time constant."""
+    model = solenoid()
+    period, share = 1e-4, 0.97
+    mean = simulate(model, voltage_V=11.64, duration_s=0.07).switchings[0]
+    pulses = simulate(model, drive=held(chopped(0.0, 0.07, period, share, 12.0))[0], duration_s=0.07).switchings[0]
+    assert pulses.command_s == 0.0
+    assert pulses.switching_time_s == pytest.approx(mean.switching_time_s, abs=3.0 * period)

@@ -64,19 +64,21 @@ def test_the_command_writes_numbers_and_picture(model, tmp_path):
     assert set(json.loads((tmp_path / "sense.json").read_text())["errors"]) >= {MOVES}
 
 
+@pytest.mark.parametrize(
+    ("error", "words", "options"),
+    [
+        (UsageError, "voltage_V", {"drive": ff.Profile("voltage", [0.0, 0.1], [12.0, 0.0]), "voltage_V": 3.0}),
+        (FilterError, "sampling rate", {"test_voltage_V": 1.0, "test_frequency_Hz": 6e3}),
+    ],
+)
+def test_two_commands_and_a_frequency_beyond_half_of_the_sampling_rate_are_refused(model, error, words, options):
+    with pytest.raises(error, match=words):
+        ff.sense(model, **options)
+
+
 def test_the_current_is_read_by_the_sensor_of_that_kind_whatever_its_name(model):
     shunt = CurrentSensor(name="shunt", noise=4e-3, circuit="coil")
     assert ff.sense(replace(model, other_sensors=(shunt,)), runs=1).sensors == ("shunt",)
-
-
-def test_a_drive_and_a_voltage_are_refused_together(model):
-    with pytest.raises(UsageError, match="voltage_V"):
-        ff.sense(model, drive=ff.Profile("voltage", [0.0, 0.1], [12.0, 0.0]), voltage_V=3.0)
-
-
-def test_a_test_frequency_beyond_half_of_the_sampling_rate_is_refused(model):
-    with pytest.raises(FilterError, match="sampling rate"):
-        ff.sense(model, test_voltage_V=1.0, test_frequency_Hz=0.6 / model.sample_time_s)
 
 
 def test_what_a_filter_remembers_of_a_late_sensor_begins_where_the_body_was(model):

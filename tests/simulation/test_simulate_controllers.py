@@ -1,16 +1,18 @@
-"""Controllers: poles where they were placed, stable over the whole range, clamped, without windup."""
+"""Controllers: poles where they were placed, stable over the whole range, clamped; the Riccati equation of scipy."""
 
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_are
 
+from femfit.core.errors import DomainError
 from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.loop_text import gains_text
-from femfit.simulation.operating_point import operating_point
+from femfit.simulation.operating_point import feedback_gain, operating_point, solve_riccati
 from femfit.simulation.plant import Plant
 from femfit.simulation.targets import Reference
 from femfit.simulation.tune import design_pid
@@ -121,15 +123,60 @@ def test_a_split_controller_gives_each_run_its_own(design):
         np.testing.assert_array_equal(memory[run, : words.shape[1]], words[0])
 
 
-def test_no_integral_given_is_no_integral_told(design):
+def test_gains_given_and_printed_are_those_of_the_controller(design):
     """The gains of the recursion are sums of large numbers: what they leave of no integral is rounding."""
     assert adjusted(design, "pid", gains={"ki": 0.0}).pid.parts["ki"] == 0.0
-
-
-def test_the_gains_printed_are_those_to_give(design):
     controller = design.controller("state-feedback")
     printed = re.findall(r"(\w+) (-?[\d.e+-]+) ", gains_text(design, controller))
     again = adjusted(design, "state-feedback", gains={name: float(value) for name, value in printed})
     own = again.controller("state-feedback")
     np.testing.assert_allclose(own.gains, controller.gains, rtol=1e-3)
     np.testing.assert_allclose(own.integral, controller.integral, rtol=1e-3)
+
+
+@pytest.mark.parametrize("latency", [0, 2])
+def test_poles_lie_where_they_are_given(design, latency):
+    """Of x+ = A x + B u(k - q), q+ = q + t d, u = -K x - P (pending) - k q, all written out here."""
+    poles = [-300.0, -120.0 + 60.0j, -120.0 - 60.0j, -40.0]
+    late = replace(design, latency=latency)
+    found = adjusted(late, "state-feedback", poles_rad_s=poles).controller("state-feedback")
+    bench, step = late.bench("exact"), design.model.sample_time_s
+    plant = bench.plants[bench.middle]
+    loop = np.zeros((4 + latency, 4 + latency))
+    law = -np.concatenate([found.gains[0], found.pending[0], found.integral])
+    loop[:3, :3], loop[-1, -1], loop[-1, 0] = plant.A[:3, :3], 1.0, step
+    if latency:
+        loop[:3, 2 + latency] = plant.B[:3, 0]
+        loop[3] = law
+        for k in range(1, latency):
+            loop[3 + k, 2 + k] = 1.0
+    else:
+        loop[:3] += np.outer(plant.B[:3, 0], law)
+    multipliers = np.linalg.eigvals(loop)
+    multipliers = multipliers[np.argsort(-np.abs(multipliers))]
+    rates = np.log(multipliers[:4]) / step
+    np.testing.assert_allclose(np.sort_complex(rates), np.sort_complex(np.array(poles)), rtol=1e-5)
+    # Commands on their way stay at zero, where a double root splits by the root of rounding
+    assert np.all(np.abs(multipliers[4:]) < 1e-3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_solution_is_that_of_scipy(seed):
+    generator = np.random.default_rng(seed)
+    n, m = 4, 1 + seed % 3
+    A, B = generator.standard_normal((n, n)), generator.standard_normal((n, m))
+    root, R = generator.standard_normal((n, n)), np.diag(generator.uniform(0.1, 10.0, m))
+    X = solve_discrete_are(A, B, root @ root.T, R)
+    # Both solve to rounding, times the condition of some hundreds that random matrices have
+    np.testing.assert_allclose(solve_riccati(A, B, root @ root.T, R), X, rtol=1e-8, atol=1e-8 * np.abs(X).max())
+    K = np.linalg.solve(R + B.T @ X @ B, B.T @ X @ A)
+    np.testing.assert_allclose(feedback_gain(A, B, root @ root.T, R), K, rtol=1e-7, atol=1e-7 * np.abs(K).max())
+
+
+def test_a_state_that_grows_is_brought_back_though_it_is_not_weighed_or_refused_where_it_cannot_be():
+    A, B = np.diag([2.0, 0.5]), np.eye(2)
+    X = solve_riccati(A, B, np.diag([0.0, 1.0]), np.eye(2))
+    K = np.linalg.solve(np.eye(2) + B.T @ X @ B, B.T @ X @ A)
+    assert np.abs(np.linalg.eigvals(A - B @ K)).max() == pytest.approx(0.5)  # the growing one mirrored
+    with pytest.raises(DomainError, match="stabilising"):
+        solve_riccati(A, np.array([[0.0], [1.0]]), np.eye(2), np.eye(1))

@@ -1,22 +1,22 @@
-"""Loops beyond one winding behind a bridge and a Hall element: drivers, springs, stops, several circuits."""
+"""Loops beyond one winding behind a bridge and a Hall element, and around plants that are not the model."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from femfit.core.errors import DomainError, MissingPartError
 from femfit.device.electrics import CurrentSensor, Drive
 from femfit.device.mechanics import Spring, Stop
 from femfit.fit.build import fit_model
 from femfit.model.drive import current_targets, winding_voltage
+from femfit.model.dynamics import runge_kutta_step
 from femfit.model.magnetics import Coefficient, LawMagnetics
-from femfit.simulation.close_loop import close_loop
+from femfit.simulation.close_loop import close_loop, run_loops
 from femfit.simulation.design import design_loop
+from femfit.simulation.experiment import Experiment
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant
 from support.bearing import ENTRY, Symmetric, table_with_hall
-from support.one_current import flat
 from support.readings import LASER_10_V as LASER
 
 
@@ -59,23 +59,6 @@ def test_a_steel_ball_is_held_by_the_default_controller_behind_every_driver(ball
     assert loop.tracking_rms_m.median < 4e-4
     currents = loop.result.series.currents_A
     assert np.nanmin(currents) >= 0.0
-
-
-def test_a_diode_keeps_the_current_from_turning_and_takes_it_down_with_its_voltage(ball):
-    model = driven(ball, diode_V=1.0)
-    plant, n = Plant(model), 400
-    state, currents = np.array([[0.018, 0.0, 0.5]]), []
-    far = replace(model, motion=replace(model.motion, mass_kg=1e6))  # it hardly moves meanwhile
-    plant = Plant(replace(far, motion=replace(far.motion, gravity_m_s2=0.0)))
-    for _ in range(n):
-        state = plant.step(state, np.zeros(1))
-        currents.append(state[0, 2])
-    time = model.sample_time_s * np.arange(1, n + 1)
-    inductance = flat(model.magnetics).inductance(np.array([0.018]), np.array([0.5]))[0]
-    tau = inductance / 2.69
-    exact = np.maximum((0.5 + 1.0 / 2.69) * np.exp(-time / tau) - 1.0 / 2.69, 0.0)
-    np.testing.assert_allclose(currents, exact, atol=2e-3)
-    assert currents[-1] == 0.0
 
 
 def test_an_amplifier_follows_its_command_as_its_bandwidth_and_voltage_allow(ball):
@@ -138,13 +121,6 @@ def test_a_current_sensor_alone_is_said_not_to_tell_a_body_at_rest(ball):
     assert close_loop(both, runs=2, seconds=0.3).held == 2
 
 
-def test_a_sensor_that_the_model_does_not_have_is_refused_by_name(ball):
-    with pytest.raises(MissingPartError, match="laser"):
-        design_loop(ball, sensors=("lidar",))
-    with pytest.raises(DomainError, match=r"0\.\.1 V"):
-        design_loop(replace(ball, other_sensors=(replace(LASER, maximum=1.0),)))
-
-
 @pytest.mark.nightly
 def test_a_bearing_is_held_by_the_direct_measurement_of_a_hall_element_that_all_currents_reach():
     entry = {**ENTRY, "mechanics": {"gravity_m_s2": 0.0}}
@@ -154,3 +130,43 @@ def test_a_bearing_is_held_by_the_direct_measurement_of_a_hall_element_that_all_
     assert loop.held == 1
 
     assert loop.estimate_rms_m.median < 2e-7
+
+
+def test_a_constant_disturbance_is_weight(levitation_model):
+    heavier = replace(levitation_model, motion=replace(levitation_model.motion, gravity_m_s2=10.0))
+    extra = levitation_model.motion.mass_kg * (10.0 - levitation_model.motion.gravity_m_s2)
+    start, voltage = np.array([[0.024, 0.0, 0.3]]), np.array([1.0])
+    np.testing.assert_allclose(
+        runge_kutta_step(levitation_model, start, voltage, levitation_model.sample_time_s, disturbance=extra),
+        Plant(heavier).step(start, voltage),
+        rtol=1e-13,
+    )
+
+
+def held(model, plant, runs=4, seconds=0.4, **options):
+    design = design_loop(model)
+    experiment = Experiment("backstepping", "ukf", (0.022,), **options)
+    return run_loops(design, experiment, np.random.default_rng(3), runs=runs, duration_s=seconds, plant=plant)
+
+
+@pytest.fixture(scope="module")
+def warm(levitation_model):
+    """The same actuator with a winding that is 8 K warmer: 3.1 % more resistance."""
+    circuit = replace(levitation_model.circuit, resistance_ohm=1.031 * levitation_model.circuit.resistance_ohm)
+    return replace(levitation_model, circuits=(circuit,), name="warm")
+
+
+@pytest.mark.nightly
+def test_the_model_itself_as_plant_changes_nothing(levitation_model):
+    own, none = (held(levitation_model, plant, runs=1, seconds=0.1) for plant in (levitation_model, None))
+    assert own.estimate_rms_m == none.estimate_rms_m
+    assert own.tracking_rms_m == none.tracking_rms_m
+
+
+def test_a_warmer_winding_than_believed_moves_the_estimate_and_shows_in_the_innovations(levitation_model, warm):
+    believed, true = held(levitation_model, warm), held(warm, warm)
+    assert believed.outcomes == true.outcomes == {"HELD": 4}
+    assert true.innovation_band.contains(true.normalised_innovation_squared)
+    assert believed.normalised_innovation_squared > 1.5 * true.innovation_band.upper
+    assert believed.estimate_rms_m.median > 2.0 * true.estimate_rms_m.median
+    assert believed.tracking_rms_m.median > 2.0 * true.tracking_rms_m.median

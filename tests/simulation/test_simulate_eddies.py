@@ -7,26 +7,96 @@ import numpy as np
 import pytest
 
 from femfit.device.electrics import Drive
+from femfit.device.mechanics import Mechanics
 from femfit.model.dynamics import extrapolated_step, runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.design import design_loop
 from femfit.simulation.linear_loop import linear_plant
 from femfit.simulation.loop import ClosedLoop, run_loop
+from femfit.simulation.open_loop import simulate
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
+from femfit.simulation.profile import Profile
 from femfit.simulation.sensor import SensorErrors, loop_sensors
 from femfit.simulation.targets import reference_steps
 from support.added_effects import added
 from support.eddies import with_eddies
 from support.halves import cut_in_two
+from support.readings import hall_voltage
 from support.solenoids import solenoid
 
+EFFECTS = [
+    added("eddy_current_lag", ring_share=0.2, diffusion_share=0.1),
+    added("hysteresis", width_medium=0.02),
+    added("sensor_delay", delay_s=1e-3),
+    added("magnet_demagnetisation", loss=0.03),
+    added("viscous_friction", damping_per_s=3.0),
+    added("driver_gain", gain_error=0.03),
+    added("hall_saturation", cubic_loss=0.02),
+]
 DISTANCE_M = 0.024
+
+
+@pytest.mark.parametrize("times", [(), (20e-3, 2e-3)])
+def test_the_plant_follows_a_diode_as_the_open_loop_does(times):
+    """The closed loop's steps keep the flux that patterns link where a diode blocks, and let no current turn."""
+    model = replace(solenoid(drive=Drive(diode_V=0.7)), sample_time_s=0.1e-3, motion=Mechanics(1e9, 0.0))
+    model = with_eddies(model, times) if times else model
+    command = Profile("voltage", np.array([0.0, 0.02]), np.array([12.0, 0.0]))
+    table = simulate(model, drive=command, duration_s=0.04, start_m=4e-3, sample_time_s=0.1e-3).table
+    plant = Plant(model)
+    state, found, currents = plant.start(np.array([[4e-3, 0.0, 0.0]])), [], []
+    for k in range(400):
+        found.append(float(model.windings.magnetics.force(state[:, 0], state[:, 2 : model.windings.end])[0]))
+        state = plant.step(state, np.array([12.0 if k < 200 else 0.0]))
+        currents.append(state[0, 2])
+    wanted = table["force_N"][:400]
+    np.testing.assert_allclose(found, wanted, atol=2e-3 * wanted.max())  # the diode blocks within a step
+    assert min(currents) >= 0.0
+    assert currents[-1] < 1e-12  # of patterns that go on, to rounding
 
 
 def a_start(model, runs=3):
     point = operating_point(model, DISTANCE_M)
     return np.tile(point.state, (runs, 1)), point
+
+
+SCALED = {
+    "plain": lambda rig: rig,
+    "eddy currents": with_eddies,
+    "halves with eddy currents": lambda rig: with_eddies(cut_in_two(rig)),
+    "effects": lambda rig: with_effects(rig, EFFECTS),
+}
+
+
+@pytest.mark.parametrize("name", SCALED)
+def test_runs_with_forces_of_their_own_step_as_each_alone_does(levitation_model, name):
+    """By the table of each force; force and motional constant are scaled alike, a force as it is changes nothing."""
+    model, scales, random = SCALED[name](levitation_model), np.array([1.1, 1.0, 1.1, 0.95]), np.random.default_rng(2)
+    batch, n = with_force_scale(model, scales), len(model.circuits)
+    state = random.normal(0.0, 0.05, (4, model.order))
+    state[:, 0], state[:, 2 : 2 + n] = 0.022, 0.4
+    state[2], volts = state[1], np.full((4, n), 1.1)
+    found, same = Plant(batch).step(state, volts), Plant(model).step(state, volts)
+    alone = [
+        Plant(with_force_scale(model, scale)).step(state[k : k + 1], volts[k : k + 1])[0]
+        for k, scale in enumerate(scales)
+    ]
+    np.testing.assert_allclose(found, alone, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(found[1], same[1], rtol=1e-9, atol=1e-12)
+    assert found[2, 1] < same[2, 1]  # the stronger one falls more slowly
+    if name == "plain":
+        base, d, i = model.magnetics, state[:, 0], state[:, 2:]
+        np.testing.assert_allclose(batch.magnetics.force(d, i), scales * base.force(d, i), rtol=1e-14)
+        motional = batch.magnetics.motional_constant(d, i)
+        np.testing.assert_allclose(motional, scales[:, None] * base.motional_constant(d, i), rtol=1e-14)
+        ends = [batch.magnetics.flux_linkage(d + s * 1e-6, i) for s in (1.0, -1.0)]
+        np.testing.assert_allclose(motional, (ends[1] - ends[0]) / 2e-6, rtol=1e-5)  # 1e-16 Wb over 2e-6 m
+        # The motional constant moves the inductance by 0.01 % for 1 % of force
+        np.testing.assert_allclose(batch.magnetics.inductance(d, i), base.inductance(d, i), rtol=1e-2)
+    if name == "eddy currents":  # the batch's own co-energy steps by eigenvalues
+        np.testing.assert_allclose(found, extrapolated_step(batch, state, volts[:, 0], model.sample_time_s), atol=1e-8)
+        np.testing.assert_array_equal(hall_voltage(batch, state), hall_voltage(model, state))
 
 
 @pytest.mark.parametrize("circuits", [1, 2])
@@ -69,19 +139,6 @@ def test_an_amplifier_brings_the_current_to_its_target_against_eddy_currents(lev
     assert moved[0, 2] == pytest.approx(0.5 - 0.2 * kept, rel=1e-3)
 
 
-@pytest.mark.parametrize("circuits", [1, 2])
-def test_a_wrong_force_leaves_eddy_currents_what_they_are(levitation_model, circuits):
-    model = with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model))
-    scaled = with_force_scale(model, np.full(3, 1.0))
-    state, generator = np.zeros((3, model.order)), np.random.default_rng(1)
-    state[:, 0], state[:, 2:] = DISTANCE_M, generator.normal(0.4, 0.1, (3, model.order - 2))
-    volts = np.ones((3, circuits))
-    one, two = (Plant(each).step(state, volts) for each in (model, scaled))
-    np.testing.assert_allclose(two, one, rtol=1e-9, atol=1e-12)
-    stronger = Plant(with_force_scale(model, np.full(3, 1.1))).step(state, volts)
-    assert (stronger[:, 1] < one[:, 1]).all()
-
-
 def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):
     model = with_eddies(levitation_model, (50e-3, 10e-3))
     _, point = a_start(model)
@@ -96,35 +153,7 @@ def test_the_linear_plant_has_the_eddy_currents_modes(levitation_model):
     assert 0.0 < poles.max() < grows
 
 
-def test_runs_with_forces_of_their_own_step_as_each_alone_does(levitation_model):
-    """By the table of each force; the batch's own co-energy steps by eigenvalues."""
-    model = with_eddies(levitation_model)
-    scales = np.array([1.1, 1.0, 1.1, 0.95])
-    random = np.random.default_rng(2)
-    state = random.normal(0.0, 0.2, (4, model.order))
-    state[:, 0], volts = random.uniform(0.02, 0.03, 4), random.uniform(0.5, 2.0, 4)
-    batch = with_force_scale(model, scales)
-    found = Plant(batch).step(state, volts)
-    np.testing.assert_allclose(found, extrapolated_step(batch, state, volts, model.sample_time_s), atol=1e-8)
-    alone = [
-        Plant(with_force_scale(model, scale)).step(state[k : k + 1], volts[k : k + 1])[0]
-        for k, scale in enumerate(scales)
-    ]
-    np.testing.assert_allclose(found, alone, rtol=1e-12, atol=1e-14)
-
-
 STEPS = 300
-
-
-EFFECTS = [
-    added("eddy_current_lag", ring_share=0.2, diffusion_share=0.1),
-    added("hysteresis", width_medium=0.02),
-    added("sensor_delay", delay_s=1e-3),
-    added("magnet_demagnetisation", loss=0.03),
-    added("viscous_friction", damping_per_s=3.0),
-    added("driver_gain", gain_error=0.03),
-    added("hall_saturation", cubic_loss=0.02),
-]
 
 
 def held(truth, believed, observer, seed=0):
@@ -163,13 +192,3 @@ def test_a_filter_that_does_not_know_them_sees_the_body_elsewhere(levitation_mod
     ignorant = held(with_effects(levitation_model, EFFECTS), levitation_model, "ukf")
     assert ignorant.estimate_rms_m.mean() > 3.0 * knowing("ukf").estimate_rms_m.mean()
     assert ignorant.normalised_innovation_squared.mean() > knowing("ukf").normalised_innovation_squared.mean()
-
-
-def test_a_scaled_force_scales_the_plant_with_effects_as_well(levitation_model):
-    model = with_effects(levitation_model, EFFECTS)
-    start = np.array([[0.022, 0.0, 0.4], [0.022, 0.0, 0.4]])
-    plant = Plant(with_force_scale(model, np.array([1.0, 1.1])))
-    state = plant.step(plant.start(start), np.full(2, 1.1))
-    same = Plant(model)
-    np.testing.assert_allclose(state[0], same.step(same.start(start), np.full(2, 1.1))[0], rtol=1e-12)
-    assert state[1, 1] < state[0, 1]  # it falls more slowly

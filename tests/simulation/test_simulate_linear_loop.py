@@ -157,7 +157,7 @@ def test_a_position_loop_of_a_levitation_needs_more_than_the_unstable_poles_forc
     assert not stable(3.0 * unstable**2, 1.3 * coil)
 
 
-def test_gains_of_ones_own_take_the_place_of_the_designed(design):
+def test_gains_of_ones_own_take_the_place_of_the_designed_in_both_forms(design):
     other = adjusted(design, "pid", gains={"kp": 400.0})
     assert other.controller("pid").parts["kp"] == pytest.approx(400.0)
     assert other.controller("pid").parts["kd"] == pytest.approx(design.pid.parts["kd"])
@@ -170,9 +170,6 @@ def test_gains_of_ones_own_take_the_place_of_the_designed(design):
         adjusted(design, "pid", poles_rad_s=(-1.0,))
     with pytest.raises(DomainError, match="> 0"):
         adjusted(design, "pid", bandwidth_rad_s=1e9)
-
-
-def test_pid_gains_are_the_same_in_both_forms(design):
     again = pid_of_parts(design.model, **design.pid.parts)
     np.testing.assert_allclose(again.gains, design.pid.gains, rtol=1e-9)
     assert again.filter_pole == pytest.approx(design.pid.filter_pole, rel=1e-9)

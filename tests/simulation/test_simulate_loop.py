@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from femfit.core.errors import DomainError
+from femfit.core.errors import DomainError, MissingPartError
 from femfit.model.json_file import write_model
 from femfit.model.validity import ValidityBox
 from femfit.simulation.close_loop import close_loop, run_loops
@@ -15,6 +15,7 @@ from femfit.simulation.experiment import Experiment, direct_distance, run_experi
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.plant import with_force_scale
 from femfit.simulation.summary import series_columns
+from support.readings import LASER_10_V
 
 SUPPORT = 300
 
@@ -132,36 +133,6 @@ def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_
     assert [file.name for file in (tmp_path / "loops").iterdir()] == ["series.csv"]
 
 
-def advice(model, **options):
-    return close_loop(model, runs=4, seconds=0.2, targets_m=(0.022,), **{"estimator": "ukf", **options}).advice
-
-
-@pytest.mark.nightly
-def test_a_loop_lost_for_want_of_a_filter_is_advised_to_take_one(levitation_model):
-    assert "Use a filter" in advice(levitation_model, estimator="direct", noise=0.012)
-
-
-@pytest.mark.nightly
-def test_the_advice_never_names_what_is_done_already(levitation_model):
-    """Noise of a volt on 0.9 V of signal: a filter is in the loop, and the model is the plant's."""
-    words = advice(levitation_model, noise=1.0)
-    assert "sensors' noise" in words
-    assert "Use a filter" not in words
-
-
-def test_a_fault_that_was_asked_for_is_named_as_the_cause(levitation_model):
-    assert "sensor stuck" in advice(levitation_model, stuck_after_s=0.05)
-
-
-@pytest.mark.nightly
-def test_a_fault_is_no_cause_alone_where_the_loop_is_lost_without_it(levitation_model):
-    """Without a filter the body falls, sensor stuck or not: neither of them alone is to blame."""
-    words = advice(levitation_model, estimator="direct", noise=0.012, stuck_after_s=0.05)
-    assert not words.startswith("Without the fault")
-    assert "sensors' noise" in words
-    assert "sensor stuck" in words
-
-
 @pytest.mark.nightly
 def test_a_rare_loss_is_tried_on_the_runs_that_were_lost(levitation_model):
     """Of 20 runs with dropouts a few are lost; four other runs would hold with the dropouts too."""
@@ -218,8 +189,58 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
         ({"seconds": float("nan")}, "seconds=nan"),
         ({"seconds": 1e12}, "fewer seconds"),
         ({"seconds": 1e300}, "fewer seconds"),
+        ({"sensors": ("lidar",)}, "hall"),
+        ({"controller": "state-feedback", "poles_rad_s": [-10.0]}, "-10"),
+        ({"controller": "state-feedback", "poles_rad_s": [-300.0, -200.0, -120.0 + 60.0j, -40.0]}, "conjugate"),
+        ({"controller": "state-feedback", "poles_rad_s": [-300.0, -9.0 + 2.0j, -9.0 + 2.0j, -40.0]}, "conjugate"),
     ],
 )
 def test_a_loop_that_cannot_be_run_is_refused_with_what_can(levitation_model, wrong, named):
-    with pytest.raises(DomainError, match=named):
+    with pytest.raises((DomainError, MissingPartError), match=named):
         close_loop(levitation_model, **{"targets_m": (0.022,), "runs": 1, "seconds": 0.01, **wrong})
+
+
+def of(part, **changes):
+    """A rig of which a part is another; of several circuits the only one."""
+
+    def made(rig):
+        old = rig.circuit if part == "circuit" else getattr(rig, part)
+        new = replace(old, **changes)
+        return replace(rig, **({"circuits": (new,)} if part == "circuit" else {part: new}))
+
+    return made
+
+
+def anywhere(rig):
+    return replace(rig, reference_distances_m=())
+
+
+def with_laser(**fields):
+    return lambda rig: replace(rig, sensor=None, other_sensors=(replace(LASER_10_V, **fields),))
+
+
+NO_LOOP = {
+    "no circuit": (lambda rig: replace(rig, circuits=()), "circuit"),
+    "no motion": (lambda rig: replace(rig, motion=None), "motion"),
+    "no sensor": (lambda rig: replace(rig, sensor=None), "sensor"),
+    "a supply too weak for 30 mm": (of("circuit", voltage_max_V=1.5), r"\d V"),
+    "a body that nothing holds": (lambda rig: anywhere(of("motion", mass_kg=1.0)(rig)), "levitates"),
+    "a Hall element that is saturated there": (of("sensor", sensitivity_V_per_T=2000.0), "sensitivity_V_per_T"),
+    "a Hall element that is saturated throughout": (
+        lambda rig: anywhere(of("sensor", sensitivity_V_per_T=2000.0)(rig)), "sensitivity_V_per_T",
+    ),
+    "a laser that ends at 10 mm": (with_laser(maximum=1.0), r"0\.\.1 V"),
+    "a sample time between those of the controller": (with_laser(sample_time_s=0.75e-3), "multiple"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NO_LOOP)
+def test_a_model_of_which_no_loop_can_be_designed_is_refused_with_the_remedy(levitation_model, name):
+    make, named = NO_LOOP[name]
+    with pytest.raises((DomainError, MissingPartError), match=named):
+        design_loop(make(levitation_model)).loop_sensors()
+
+
+def test_a_plant_that_cannot_hold_its_body_there_is_refused(levitation_model):
+    with pytest.raises(DomainError):
+        close_loop(levitation_model, plant=of("motion", mass_kg=0.1)(levitation_model), targets_m=(0.022,), runs=1)

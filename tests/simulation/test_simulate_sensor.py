@@ -51,7 +51,7 @@ def free(levitation_model, sensor):
     return replace(levitation_model, sensor=replace(sensor, adc_bits=0))
 
 
-def test_twelve_bits_over_five_volts_are_steps_of_one_and_a_fifth_millivolts(levitation_model):
+def test_a_converter_rounds_within_half_a_step_and_clips_to_its_range(levitation_model, sensor, free):
     (one,) = of(levitation_model)
     assert one.reading.step == pytest.approx(1.2207e-3, rel=1e-4)
     volts = np.linspace(0.1, 4.9, 100_001)
@@ -60,15 +60,9 @@ def test_twelve_bits_over_five_volts_are_steps_of_one_and_a_fifth_millivolts(lev
     error = convert(one, volts) - volts
     assert np.abs(error).max() <= 0.5 * one.reading.step * (1 + 1e-9)
     assert error.std() == pytest.approx(one.reading.step / np.sqrt(12.0), rel=1e-3)
-
-
-def test_the_output_is_clipped_to_its_range(levitation_model, sensor):
     (one,) = of(levitation_model)
     top = sensor.output_max_V - one.reading.step  # the largest code
     np.testing.assert_allclose(convert(one, np.array([-1.0, 9.0])), [sensor.output_min_V, top])
-
-
-def test_no_converter_leaves_the_voltage_alone(free):
     (one,) = of(free)
     np.testing.assert_array_equal(convert(one, np.array([1.23456789])), [1.23456789])
     assert one.reading.step == 0.0
@@ -82,19 +76,13 @@ def test_white_noise_has_its_deviation_and_no_correlation(free):
     assert abs(np.mean(noise[1:] * noise[:-1])) < 4 * 3.2e-3**2 / np.sqrt(20_000)
 
 
-def test_offset_and_ramp_add_volts(free):
+def test_offset_drift_a_stuck_sensor_and_dropouts_read_as_told(free, levitation_model, sensor):
     clean = free.sensor.voltage(np.asarray(0.025), np.asarray(0.5))
     values = readings(free, SensorErrors(offset=0.02, drift_per_s=0.1), steps=101)[:, 0]
     np.testing.assert_allclose(values - clean, 0.02 + 0.1 * STEP_S * np.arange(101), atol=1e-12)
-
-
-def test_a_stuck_sensor_repeats_its_last_reading(levitation_model):
     values = readings(levitation_model, SensorErrors(stuck_after_s=10 * STEP_S), steps=30, noise=3.2e-3)[:, 0]
     assert len(np.unique(values[:10])) > 3
     np.testing.assert_array_equal(values[10:], values[9])
-
-
-def test_dropouts_read_the_lower_end_as_often_as_told(levitation_model, sensor):
     values = readings(levitation_model, SensorErrors(dropout_probability=0.1), steps=200, runs=100)
     assert np.mean(values == sensor.output_min_V) == pytest.approx(0.1, abs=0.01)  # 4.7 sigma of 20000 draws
 
@@ -139,16 +127,13 @@ def test_between_two_states_a_cubic_is_met_exactly():
         assert state[2] == pytest.approx(1.0 + part * step, rel=1e-15)
 
 
-def test_a_slow_sensor_is_not_read_between_its_samples(several):
+def test_a_slow_sensor_is_not_read_between_its_samples_and_a_fault_is_of_the_sensor_that_has_it(several):
     sensors, random = of(several, names=("laser", "ammeter")), np.random.default_rng(0)
     assert [one.period for one in sensors] == [1, 4]
     last = np.full((1, 2), np.nan)
     seen = [read_sensors(sensors, SensorErrors(), last, np.ones((1, 2)), k, 0.0, random)[0] for k in range(8)]
     assert np.isfinite(np.array(seen)[:, 1]).tolist() == [True, False, False, False] * 2
     assert np.isfinite(np.array(seen)[:, 0]).all()
-
-
-def test_a_fault_is_of_the_sensor_that_has_it(several):
     sensors, random = of(several, names=("laser", "ammeter")), np.random.default_rng(0)
     errors = SensorErrors(faulty=np.array([0, 1]), offset=np.array([0.5, 0.25]))
     found = read_sensors(sensors, errors, np.full((2, 2), np.nan), np.zeros((2, 2)), 0, 0.0, random)

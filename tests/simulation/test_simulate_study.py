@@ -212,7 +212,7 @@ def tuned_pid_without_current(design):
     return made(found)
 
 
-def test_a_sine_shows_a_peak_of_its_amplitude_at_its_frequency():
+def test_the_spectrum_of_a_sine_peaks_at_its_amplitude_and_that_of_white_noise_is_flat():
     step = 0.5e-3
     time = step * np.arange(2000)
     record = 0.022 + 3e-5 * np.sin(2 * np.pi * 50.0 * time)[:, None]
@@ -220,9 +220,6 @@ def test_a_sine_shows_a_peak_of_its_amplitude_at_its_frequency():
     peak = int(np.argmax(amplitude))
     assert frequency[peak] == pytest.approx(50.0)
     assert amplitude[peak] == pytest.approx(3e-5, rel=2e-3)  # np.hanning is symmetric: 1/2000
-
-
-def test_white_noise_is_flat():
     noise = np.random.default_rng(0).normal(0.0, 1e-4, (1000, 200))
     amplitude = amplitude_spectrum(noise)[3:-3]
     halves = amplitude[: len(amplitude) // 2].mean(), amplitude[len(amplitude) // 2 :].mean()

@@ -7,7 +7,6 @@ import pytest
 from scipy.linalg import expm
 from scipy.stats import chi2
 
-from femfit.core.errors import DomainError
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, PositionSensor
 from femfit.fit.build import fit_model
 from femfit.model.drive import circuit_terms
@@ -97,11 +96,6 @@ def test_the_direct_measurement_stays_what_the_last_reading_said(slow):
     direct = direct_distance(slow, result.series)
     read = result.series.readings[::PERIOD, :, 0]  # The laser says the distance itself
     np.testing.assert_allclose(direct, np.repeat(read, PERIOD, axis=0), rtol=1e-9)
-
-
-def test_a_sample_time_between_those_of_the_controller_is_refused(levitation_model):
-    with pytest.raises(DomainError, match="multiple"):
-        design_with(levitation_model, NOISE, 1.5).loop_sensors()
 
 
 @pytest.mark.parametrize(("times", "period"), [(0.1, 1), (1.0, 1), (3.0, 3)])
