@@ -25,16 +25,10 @@ from femfit.field.sweep import run_sweep
 from femfit.tables.sweep_table import read_sweep_table
 from support.actuators import GEOMETRY
 from support.cli_case import DRAWN
-from support.command import femfit
+from support.command import femfit, worked
 from support.fem_files import suspension
 from support.page import Page
 from support.small_drawing import SLEEVED, SMALL
-
-
-def worked(*arguments, **options):
-    done = femfit(*arguments, **options)
-    assert done.returncode == 0, done.stderr
-    return done
 
 
 def test_every_drawing_can_be_asked_for():

@@ -17,7 +17,7 @@ from femfit.integrate.field_of_current import FieldModel, FieldTerms, write_fiel
 from femfit.model.json_file import write_model
 from support.actuators import GEOMETRY
 from support.campaign import campaign
-from support.command import femfit
+from support.command import femfit, worked
 from support.fem_files import STEEL, suspension
 from support.halves import cut_in_two
 from support.impedances import impedance_file
@@ -71,7 +71,7 @@ def folder(levitation_model, tmp_path_factory):
     drawing.materials[STEEL]["Mu_y"] = 3
     (place / "old.fem").write_text(drawing.text())
     for name in ("magnet-pair", "bearing"):
-        assert femfit("new", name, "-o", place / f"{name}.toml").returncode == 0
+        worked("new", name, "-o", place / f"{name}.toml")
     for name in ("loop-of-links.csv", "loop-of-links.json"):
         (place / name).symlink_to(name)
     (place / "mine.toml").write_text("mine")

@@ -14,7 +14,7 @@ from femfit.integrate.field_of_current import FieldModel, FieldTerms, read_field
 from femfit.integrate.integrate_coil import integrate_coil
 from femfit.model.json_file import write_model
 from support.actuators import GEOMETRY
-from support.command import femfit
+from support.command import femfit, worked
 from support.halves import cut_in_two
 from support.one_current import flat
 from support.solenoids import solenoid
@@ -39,12 +39,6 @@ def record(experiment, tmp_path_factory):
     path = tmp_path_factory.mktemp("record") / "coil.csv"
     table(experiment).to_csv(path, index=False)
     return path
-
-
-def worked(*arguments):
-    done = femfit(*arguments)
-    assert done.returncode == 0, done.stderr
-    return done
 
 
 def integrated(record, output, *options):
@@ -317,8 +311,7 @@ def test_a_device_is_tried_from_its_drawing_alone(tmp_path):
     text = (GEOMETRY / "emaws-rig.toml").read_text(encoding="utf-8")
     drawing = tmp_path / "rig.toml"
     drawing.write_text(text.replace("stop = 45, step = 0.5", "stop = 45, step = 1.5"), encoding="utf-8")
-    done = femfit("trial", "--drawing", drawing, "-o", tmp_path / "trial", "--cases", 6, "--seed", 3)
-    assert done.returncode == 0, done.stderr
+    done = worked("trial", "--drawing", drawing, "-o", tmp_path / "trial", "--cases", 6, "--seed", 3)
     assert done.stdout.startswith("Nothing hidden: an effect was named in 0 of")
     results = json.loads((tmp_path / "trial" / "results.json").read_text())
     assert [one["number"] for one in results["cases"]] == [1, 2, 3, 4, 5, 6]
@@ -328,7 +321,7 @@ def test_a_device_is_tried_from_its_drawing_alone(tmp_path):
 
 @pytest.mark.parametrize(("kind", "has"), [("magnet-pair", "no coil"), ("bearing", "2 coils in 2 circuits")])
 def test_a_drawing_that_the_virtual_bench_cannot_measure_is_refused_before_anything_is_solved(kind, has, tmp_path):
-    assert femfit("new", kind, "-o", tmp_path / "drawing.toml").returncode == 0
+    worked("new", kind, "-o", tmp_path / "drawing.toml")
     done = femfit("trial", "--drawing", tmp_path / "drawing.toml", "-o", tmp_path / "trial")
     assert done.returncode != 0
     assert has in done.stderr

@@ -10,7 +10,7 @@ import femfit as ff
 from femfit.device.electrics import CurrentSensor
 from femfit.estimate.process import FilterOutcome
 from femfit.model.json_file import write_model
-from support.command import femfit
+from support.command import worked
 from support.solenoids import solenoid
 from support.switching import CURRENT_A, logged, switched
 
@@ -89,8 +89,7 @@ def test_a_warm_winding_is_the_first_line_and_no_advice_on_the_sensor(tmp_path):
     write_model(solenoid(), tmp_path / "model.json")
     columns = ["time_s", "voltage_V", "current_A", "distance_m"]
     record(WARMER).rows[columns].to_csv(tmp_path / "warm.csv", index=False)
-    done = femfit("observe", tmp_path / "model.json", tmp_path / "warm.csv", "--json", tmp_path / "seen.json")
-    assert done.returncode == 0, done.stderr
+    done = worked("observe", tmp_path / "model.json", tmp_path / "warm.csv", "--json", tmp_path / "seen.json")
     first = done.stdout.splitlines()[0]
     assert "resistance" in first
     assert "14 % larger" in first

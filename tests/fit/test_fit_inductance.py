@@ -12,7 +12,7 @@ from femfit.fit.inductance import fit_inductance
 from femfit.model.json_file import read_model
 from femfit.tables.impedance_table import InductanceTable, is_inductance_table, read_inductance_table
 from support.actuators import GEOMETRY
-from support.command import femfit
+from support.command import femfit, worked
 from support.one_current import flat
 
 D = np.linspace(1e-3, 20e-3, 14)
@@ -87,11 +87,10 @@ def written_table(directory):
 def test_circuit_and_mass_come_from_an_actuator_file_unless_they_are_given(tmp_path):
     actuator = GEOMETRY / "plunger-solenoid.toml"
     drawn = read_actuator(actuator)
-    done = femfit(
+    worked(
         "fit", written_table(tmp_path), "--model", "two-exponentials", "--actuator", actuator, "--mass-g", 60,
         "-o", tmp_path / "model.json",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
     model = read_model(tmp_path / "model.json")
     assert model.circuit.resistance_ohm == drawn.coil.resistance_ohm
     assert model.circuit.voltage_max_V == drawn.circuits[0].voltage_max_V
@@ -112,11 +111,10 @@ def test_an_option_that_inductances_do_not_use_is_refused(option, tmp_path):
 def test_a_file_of_inductances_becomes_a_model_file(tmp_path):
     path = written_table(tmp_path)
     assert is_inductance_table(path)
-    done = femfit(
+    worked(
         "fit", path, "--model", "two-exponentials", "--mass-g", 60, "--resistance-ohm", 4, "--supply-V", "0:12",
         "-o", tmp_path / "model.json",
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
     model = read_model(tmp_path / "model.json")
     assert flat(model.magnetics).force(np.array([5e-3]), np.ones(1)) == pytest.approx(force(5e-3, 1.0), rel=1e-3)
     refused = femfit("fit", path)

@@ -7,7 +7,7 @@ import pytest
 
 import femfit as ff
 from support.bearing import grid
-from support.command import femfit
+from support.command import femfit, worked
 from support.saturating_bearing import DISTANCES, force, inductance, write_sweep
 
 ONE_SIDE = np.array([0.0, 1.0, 2.0, 3.0])
@@ -17,8 +17,7 @@ ONE_SIDE = np.array([0.0, 1.0, 2.0, 3.0])
 def folder(tmp_path_factory):
     """Swept from 0 A up, and fitted by the command."""
     folder = write_sweep(tmp_path_factory.mktemp("bearing") / "sweep", ONE_SIDE, ONE_SIDE)
-    told = femfit("fit", folder, "-o", folder / "model.json", "--json", folder / "fit.json")
-    assert told.returncode == 0, told.stderr
+    worked("fit", folder, "-o", folder / "model.json", "--json", folder / "fit.json")
     return folder
 
 
@@ -60,21 +59,19 @@ def test_an_audit_finds_a_quadratic_form_with_terms_of_magnets_wrong(folder):
     assert {"point_misfit", "force_without_current", "evenness"} <= {
         one["code"] for one in found if one["severity"] == "wrong"
     }
-    assert femfit("audit", folder / "model.json", "--json", folder / "audit.json").returncode == 0
+    worked("audit", folder / "model.json", "--json", folder / "audit.json")
     found = {one["code"]: one for one in json.loads((folder / "audit.json").read_text())["findings"]}
     assert {found[code]["severity"] for code in ("point_misfit", "force_without_current", "evenness")} == {"holds"}
 
 
 @pytest.mark.nightly
 def test_a_loop_holds_the_bearing_and_its_record_is_observed(folder, tmp_path):
-    told = femfit(
+    told = worked(
         "simulate", folder / "model.json", "--runs", 1, "--seconds", 0.05, "--controller", "state-feedback",
         "--csv", tmp_path / "loop.csv",
     )  # fmt: skip
-    assert told.returncode == 0, told.stderr
     assert "Held: 1 of 1" in told.stdout
-    told = femfit("observe", folder / "model.json", tmp_path / "loop.csv")
-    assert told.returncode == 0, told.stderr
+    worked("observe", folder / "model.json", tmp_path / "loop.csv")
 
 
 @pytest.mark.nightly

@@ -14,7 +14,7 @@ from femfit.simulation.blind import blind_bound, zeros_of
 from femfit.simulation.design import CONTROLLERS, design_loop
 from femfit.simulation.linear_loop import LinearController, LinearPlant
 from femfit.simulation.margins import margins, worst_of
-from support.command import femfit
+from support.command import worked
 from support.readings import LASER_10_V
 
 STEP = 1e-3
@@ -146,8 +146,7 @@ def test_the_rigs_thin_loop_is_called_thin_with_what_takes_its_margin(levitation
     for name, model in (("thin", levitation_model), ("sound", sensed)):
         write_model(model, tmp_path / f"{name}.json")
         options = ("--runs", 1, "--seconds", 0.05, "--controller", "backstepping")
-        done = femfit("simulate", tmp_path / f"{name}.json", *options)
-        assert done.returncode == 0, done.stderr
+        done = worked("simulate", tmp_path / f"{name}.json", *options)
         assert ("thin: " in done.stdout) == (name == "thin")
         if name == "thin":
             assert f"above {bound.modulus:.2g}" in done.stdout

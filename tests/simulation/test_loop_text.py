@@ -125,7 +125,7 @@ CAUSES = {
     "no filter": (of_rig, DIRECT, "", "Use a filter"),
     "noise beside the signal of 0.9 V": (of_rig, FILTERED | {"noise": 1.0}, "", "sensors' noise", "!Use a filter"),
     "a fault where the loop is lost without it": (
-        of_rig, DIRECT | {"stuck_after_s": 0.05}, "", "!Without the fault", "sensors' noise", "sensor stuck",
+        of_rig, DIRECT | {"stuck_after_s": 0.05}, "The sensors' noise", "sensor stuck",
     ),
 }  # fmt: skip
 LONG = ("no filter", "noise beside the signal of 0.9 V", "a fault where the loop is lost without it")

@@ -35,6 +35,13 @@ def femfit(*arguments, cwd=None):
     return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
 
 
+def worked(*arguments, **options):
+    """Run the command, which must not fail."""
+    done = femfit(*arguments, **options)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
 def separate_femfit(*arguments, **options):
     """Run the command in a process of its own, as a shell would."""
     return subprocess.run(
