@@ -47,32 +47,46 @@ def test_binary_files_are_known_by_their_content(tmp_path):
     assert kinds[3] in {files.TABLE, files.TEXT}
 
 
-def test_free_names_are_taken_and_an_earlier_result_of_the_same_kind_is_replaced(tmp_path):
-    (tmp_path / "empty.json").touch()
-    require_outputs(
-        [], (tmp_path / "empty.json", files.MODEL), (tmp_path / "absent.json", files.RESULT), (None, files.PAGE)
-    )
-    path = tmp_path / "c.json"
-    path.write_text('{"verdict": "agrees", "written_by": "femfit 0.1.0"}')
-    require_outputs([tmp_path / "m.json"], (path, files.RESULT))
-    (tmp_path / "o.csv").write_text("time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n")
-    require_outputs([tmp_path / "m.json"], (tmp_path / "o.csv", files.TABLE))
+LOOP = "run,time_s,estimated_distance_m\n1,0,0.02\n"
+TAKEN = [
+    ("empty.json", "", files.MODEL),
+    ("c.json", '{"verdict": "agrees", "written_by": "femfit 0.1.0"}', files.RESULT),
+    ("o.csv", "time_s,coil_voltage_V,field_T,field_sigma_T,offset_V\n0,0,0,0,0\n", files.TABLE),
+    ("loop.csv", LOOP, files.LOOP),
+    # names that are free, and promise no other format
+    ("absent.json", None, files.RESULT),
+    ("r.txt", None, files.RESULT),
+    ("result", None, files.RESULT),
+    ("p.htm", None, files.PAGE),
+    ("a.CSV", None, files.LOOP),
+]
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "kind"),
-    [
-        ("package.json", '{"name": "mine"}', files.RESULT),
-        ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", files.PAGE),
-        ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", files.TABLE),
-        ("bench.toml", "force_N = 2e-4\n", files.NOTES),
-        ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", files.DRAWING),
-        ("record.bin", "\0\1\2\3", files.RAW),
-    ],
-)
-def test_a_file_that_femfit_did_not_write_is_not_replaced(tmp_path, name, text, kind):
-    (tmp_path / name).write_text(text)
-    with pytest.raises(OutputError, match="not written by femfit"):
+@pytest.mark.parametrize(("name", "text", "kind"), TAKEN)
+def test_free_names_and_earlier_results_of_the_same_kind_are_taken(tmp_path, name, text, kind):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    require_outputs([tmp_path / "m.json"], (tmp_path / name, kind), (None, files.PAGE))
+
+
+KEPT = [
+    ("package.json", '{"name": "mine"}', files.RESULT, "not written by femfit"),
+    ("thesis.html", "<!DOCTYPE html><html><p>Chapter 1</p></html>", files.PAGE, "not written by femfit"),
+    ("bench.csv", "current_A,distance_m,force_N\n0.1,0.02,0.03\n", files.TABLE, "not written by femfit"),
+    ("bench.toml", "force_N = 2e-4\n", files.NOTES, "not written by femfit"),
+    ("rig.toml", "# my own drawing\n[coil]\nturns = 1\n", files.DRAWING, "not written by femfit"),
+    ("record.bin", "\0\1\2\3", files.RAW, "not written by femfit"),
+    ("loop.csv", LOOP, files.INTEGRATED, "loop"),
+    ("a.parquet", None, files.LOOP, r"ends in \.csv"),
+    ("p.pdf", None, files.PAGE, r"ends in \.html"),
+]
+
+
+@pytest.mark.parametrize(("name", "text", "kind", "words"), KEPT)
+def test_a_file_of_another_kind_and_a_name_of_another_format_are_refused(tmp_path, name, text, kind, words):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(OutputError, match=words):
         require_outputs([], (tmp_path / name, kind))
 
 
@@ -101,28 +115,6 @@ def test_a_sweep_table_is_not_replaced_by_a_record(tmp_path, kind):
     with pytest.raises(OutputError, match="a sweep table"):
         require_outputs([], (tmp_path / "sweep.csv", kind))
     require_outputs([], (tmp_path / "sweep.csv", files.SWEEP))
-
-
-def test_a_record_is_replaced_by_its_own_kind_alone(tmp_path):
-    (tmp_path / "loop.csv").write_text("run,time_s,estimated_distance_m\n1,0,0.02\n")
-    require_outputs([], (tmp_path / "loop.csv", files.LOOP))
-    with pytest.raises(OutputError, match="loop"):
-        require_outputs([], (tmp_path / "loop.csv", files.INTEGRATED))
-
-
-@pytest.mark.parametrize(
-    ("name", "kind"), [("r.txt", files.RESULT), ("result", files.RESULT), ("p.htm", files.PAGE), ("a.CSV", files.LOOP)]
-)
-def test_a_name_that_promises_no_other_format_is_taken(tmp_path, name, kind):
-    require_outputs([], (tmp_path / name, kind))
-
-
-@pytest.mark.parametrize(
-    ("name", "kind", "needed"), [("a.parquet", files.LOOP, ".csv"), ("p.pdf", files.PAGE, ".html")]
-)
-def test_a_name_of_another_format_is_refused_with_the_right_ending(tmp_path, name, kind, needed):
-    with pytest.raises(OutputError, match=rf"ends in \{needed}"):
-        require_outputs([], (tmp_path / name, kind))
 
 
 def fail_half_way(path, error):
