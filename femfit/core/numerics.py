@@ -101,7 +101,8 @@ def central_differences(
     for k in range(order):
         points[0, k, :, k] += width[:, k]
         points[1, k, :, k] -= width[:, k]
-    values = function(points.reshape(-1, order)).reshape(2, order, count, -1)
+    values = function(points.reshape(-1, order))
+    values = values.reshape(2, order, count, math.prod(values.shape[1:]))
     exact_width = np.stack([points[0, k, :, k] - points[1, k, :, k] for k in range(order)])
     return np.moveaxis((values[0] - values[1]) / exact_width[:, :, None], 0, -1)
 
