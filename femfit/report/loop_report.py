@@ -21,18 +21,12 @@ from femfit.report.style import (
 )
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_text import (
-    consistency_line,
-    gains_text,
-    margins_text,
-    observed_lines,
-    sensor_line,
-    sensor_word,
-)
+from femfit.simulation.loop_facts import consistency
 from femfit.simulation.margins import worst_of
 from femfit.simulation.study import ClosedLoopStudy
 from femfit.simulation.study_rows import FaultRow, SpectrumPair, StepSeries
 from femfit.simulation.summary import LoopSummary
+from femfit.simulation.words import sensor_word, sentence
 
 MM = 1e3
 MICRO = 1e6
@@ -51,44 +45,37 @@ def loop_figures(study: ClosedLoopStudy) -> dict[str, Drawing]:
 
 def loop_facts(study: ClosedLoopStudy) -> dict[str, Any]:
     """The numbers of a study as its template shows them."""
+    design = study.design
     filtered = [row for row in study.steps if row.measurement != "direct"]
     lost, runs = sum(row.runs - row.held for row in filtered), sum(row.runs for row in filtered)
     held = [row for row in study.holds if row.held]
     shares = [row.ratio / row.bound for row in held if np.isfinite(row.ratio)]
     return {
         "study": study,
-        "first": study.design.points[0],
-        "last": study.design.points[-1],
+        "first": design.points[0],
+        "last": design.points[-1],
         "lost": lost,
         "runs": runs,
         "verdict": [(name_of(row.controller), row.held, row.runs, row.rms_m) for row in filtered],
         "ratios": (min(r.ratio for r in held), max(r.ratio for r in held)) if shares else None,
         "bounds": (min(r.bound for r in held), max(r.bound for r in held)) if shares else None,
         "shares": (min(shares), max(shares)) if shares else None,
-        "consistency": consistency_line(study.holds),
+        "consistency": sentence("loop", "consistency", consistency(study.holds)),
         "ends": _ends(study),
         "series": [(f"steps-{s.controller}", name_of(s.controller), name_of(s.observer)) for s in study.series],
         "spectra": [(f"spectrum-{p.controller}", name_of(p.controller)) for p in study.spectra],
         "controllers": list(dict.fromkeys(row.controller for row in study.steps)),
         "margins": [
-            (
-                name_of(name),
-                margins_text(
-                    worst_of(study.design.margins(name, "ukf")),
-                    len(study.design.model.circuits),
-                    study.design.reads_slowly,
-                ),
-            )
-            for name in study.design.controllers
+            (name_of(name), sentence("loop", "margins", design, worst_of(design.margins(name, "ukf"))))
+            for name in design.controllers
         ],
         "gains": [
-            (name_of(name), gains_text(study.design, study.design.controller(name)))
-            for name in study.design.controllers
+            (name_of(name), sentence("loop", "gains", design, design.controller(name))) for name in design.controllers
         ],
         "bounded": any(np.isfinite(row.bound) for row in study.holds),
-        "missing": [(name_of(name), study.design.why_no(name)) for name in CONTROLLERS if study.design.why_no(name)],
-        "sensors": sensor_line(study.design),
-        "observed": observed_lines(study.design),
+        "missing": [(name_of(name), design.why_no(name)) for name in CONTROLLERS if design.why_no(name)],
+        "sensors": sentence("loop", "sensors", design),
+        "observed": sentence("loop", "observed", design),
         "measurements": list(dict.fromkeys(row.measurement for row in study.steps)),
         "steps": {(row.measurement, row.controller): row for row in study.steps},
         "faults": _fault_rows(study),

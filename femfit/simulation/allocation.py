@@ -23,6 +23,8 @@ References
 G. Schweitzer and E. H. Maslen (eds.), Magnetic Bearings (Springer, 2009), section 4.1.4 (differential driving mode).
 """
 
+from itertools import product
+
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray
@@ -57,6 +59,15 @@ def current_ranges(model: ActuatorModel) -> FloatArray:
     )
     result[(idle < EVEN_PART * busy) & (result[:, 0] < 0.0), 0] = 0.0
     return result
+
+
+def force_range(model: ActuatorModel, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Weakest and strongest force in N at distances in m, with the currents at the ends of :func:`current_ranges`."""
+    forces = [
+        circuit_terms(model, distance, np.tile(currents, (len(distance), 1)))[0]
+        for currents in product(*current_ranges(model))
+    ]
+    return np.min(forces, axis=0), np.max(forces, axis=0)
 
 
 @remembered

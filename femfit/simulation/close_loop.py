@@ -14,14 +14,17 @@ from femfit.core.public import random_generator
 from femfit.core.text import counted, quoted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
-from femfit.simulation.adjust import Choice, adjusted, choose
+from femfit.simulation.adjust import adjusted, choose
 from femfit.simulation.constants import SUPPORT_TIME_CONSTANTS
-from femfit.simulation.design import CONTROLLERS, OBSERVERS, ControllerName, LoopDesign, ObserverName, design_loop
-from femfit.simulation.experiment import Experiment, run_experiments
-from femfit.simulation.loop import LoopProgress, stage
-from femfit.simulation.lost_loop import LostLoop
+from femfit.simulation.controllers import ControllerName
+from femfit.simulation.design import CONTROLLERS, OBSERVERS, LoopDesign, ObserverName, design_loop
+from femfit.simulation.experiment import Experiment
+from femfit.simulation.loop import LoopProgress
+from femfit.simulation.loop_runs import LoopRuns
+from femfit.simulation.margins import Margins
 from femfit.simulation.summary import LoopSummary, Spread
 from femfit.simulation.why_lost import why_lost
+from femfit.simulation.words import sentence
 
 _MOST_STEPS = 2**48
 """Numbers in more than which no machine's addresses reach."""
@@ -129,10 +132,12 @@ def close_loop(
     design = design_loop(believed, noise, sensors=sensors, latency=latency)
     own_gains = bool(gains) or bandwidth_rad_s is not None or poles_rad_s is not None
     choice = None if controller or own_gains else choose(design, estimator)
-    controller = choice.controller if choice else controller or "pid"
-    design = adjusted(design, controller, gains=gains, bandwidth_rad_s=bandwidth_rad_s, poles_rad_s=poles_rad_s)
+    taken: ControllerName = controller or "pid"
+    if choice:
+        taken = next(iter(choice))
+    design = adjusted(design, taken, gains=gains, bandwidth_rad_s=bandwidth_rad_s, poles_rad_s=poles_rad_s)
     experiment = Experiment(
-        controller=controller,
+        controller=taken,
         observer=estimator,
         targets_m=design.targets_m,
         force_scale=force_scale,
@@ -151,21 +156,26 @@ def close_loop(
 
 
 def _first_that_holds(
-    choice: Choice, design: LoopDesign, experiment: Experiment, random: np.random.Generator, options: dict[str, Any]
+    choice: Mapping[ControllerName, Margins],
+    design: LoopDesign,
+    experiment: Experiment,
+    random: np.random.Generator,
+    options: dict[str, Any],
 ) -> LoopSummary:
     """The loop of the best linear margin that holds all runs: steps of the reference may be more than a margin tells.
 
     Where none does, that of the best margin with the cause of its loss.
     """
     lost: list[str] = []
-    for name in [name for name, margins in choice.margins.items() if margins.stable]:
+    for name in [name for name, margins in choice.items() if margins.stable]:
         noise = deepcopy(random)
         summary = run_loops(design, replace(experiment, controller=name), noise, advised=False, **options)
         if summary.held == summary.runs:
             random.bit_generator.state = noise.bit_generator.state
-            return replace(summary, choice=choice.text(lost))
+            return replace(summary, choice=sentence("loop", "choice", experiment.observer, choice, lost))
         lost.append(name)
-    return replace(run_loops(design, experiment, random, **options), choice=choice.text())
+    taken = sentence("loop", "choice", experiment.observer, choice, [])
+    return replace(run_loops(design, experiment, random, **options), choice=taken)
 
 
 def _distances(targets_m: Iterable[float]) -> tuple[float, ...]:
@@ -198,7 +208,7 @@ def run_loops(
     """
     steps = max(1, round(duration_s / design.model.sample_time_s))
     supported = 0 if experiment.believed_m is not None else design.steps(SUPPORT_TIME_CONSTANTS)
-    before = deepcopy(random)
+    loop = LoopRuns(design, experiment, deepcopy(random), runs, steps, steps, supported, plant, progress)
     too_long = DomainError(
         f"The memory does not suffice for {counted(runs, 'run')} of {duration_s:g} s, "
         f"{float(steps):.3g} samples each. Simulate "
@@ -207,22 +217,12 @@ def run_loops(
     if steps > _MOST_STEPS:
         raise too_long
     try:
-        (result,) = run_experiments(
-            design,
-            [experiment],
-            random,
-            runs=runs,
-            steps=steps,
-            windows=(slice(0, steps),),
-            supported_steps=supported,
-            recorded=recorded,
-            plant=plant,
-            show=stage(progress, "closed loop"),
-        )
+        result = loop.result("closed loop", random, windows=(slice(0, steps),), recorded=recorded)
     except MemoryError as error:
         raise too_long from error
     held, statistics = result.held, result.windows[0]
     quality, band = statistics.consistency(held)
+    advice = "" if held.all() or not advised else sentence("lost", "advice", loop, why_lost(loop, result))
     return LoopSummary(
         design=design,
         experiment=experiment,
@@ -236,9 +236,7 @@ def run_loops(
         tracking_rms_m=_spread(statistics.tracking_rms_m[held]),
         normalised_innovation_squared=quality if np.isfinite(quality) else None,
         innovation_band=band,
-        advice=""
-        if held.all() or not advised
-        else why_lost(LostLoop(design, experiment, before, runs, steps, steps, supported, plant, progress), result),
+        advice=advice,
         result=result,
     )
 

@@ -1,4 +1,4 @@
-"""Every number that decides how a loop is designed and studied, with its kind and source.
+"""Every number that decides how a loop is designed and studied, and what is printed, with its kind and source.
 
 Kinds: *derived* (from what is said), *conventional* (a usual choice, any near it would do), *calibrated* (on data that
 are named).
@@ -94,3 +94,15 @@ BANDWIDTHS = 14
 
 FIRST_FACTOR, LAST_FACTOR = 1.6, 1.05
 """Conventional: factors on one gain with which a search begins, and below which it ends: nearer gains are as good."""
+
+MOST_PRINTED = 6
+"""Conventional: ways to a stop that are printed; the JSON has all."""
+
+AT_ONCE = 1e-6
+"""Numerical: part of the simulated time below which a wait is the integrator's first step."""
+
+LEAST_SHARE = 1e-3
+"""Conventional: part of the energy supplied below which a share of it is not printed."""
+
+EXACT_M = 1e-9
+"""Numerical: an error below a nanometre is rounding: the estimate lies on the stop, as the body does."""

@@ -4,8 +4,9 @@ The linear position controller: proportional, integral and derivative of the dis
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -16,11 +17,23 @@ from femfit.simulation.allocation import currents_for_acceleration, limited
 from femfit.simulation.operating_point import OperatingPoint, resting_command, usable_coil_pole
 from femfit.simulation.targets import Reference
 
+ControllerName = Literal["backstepping", "pid", "state-feedback"]
+
 
 class Controller(ABC):
     """A controller; frozen, its memory of shape (runs, words) is passed in and out."""
 
+    name: ClassVar[ControllerName]
     words: int = 0
+
+    @property
+    @abstractmethod
+    def parts(self) -> dict[str, float]:
+        """Gains by the names that an engineer gives them, positive where they bring the body back."""
+
+    @abstractmethod
+    def with_parts(self, changed: Mapping[str, float]) -> "Controller":
+        """The controller in which some of the :attr:`parts` are changed."""
 
     @abstractmethod
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
@@ -42,13 +55,13 @@ class Controller(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class SplitController(Controller):
+class SplitController:
     """Different controllers for different runs of one batch."""
 
     parts: tuple[tuple[IntArray, Controller], ...]  # Indices of the runs and their controller; every run once
 
     @property
-    def words(self) -> int:  # type: ignore[override]
+    def words(self) -> int:
         """Those of the part that has the most."""
         return max(controller.words for _, controller in self.parts)
 
@@ -91,6 +104,23 @@ class Backstepping(Controller):
     position_gain: float
     velocity_gain: float
     current_gain_ohm: float = 0.0
+    name = "backstepping"
+
+    @property
+    def parts(self) -> dict[str, float]:
+        """The outer gains, and that of the current where a voltage is commanded."""
+        outer = {"position": self.position_gain, "velocity": self.velocity_gain}
+        return outer if commands_currents(self.model).all() else {**outer, "current": self.current_gain_ohm}
+
+    def with_parts(self, changed: Mapping[str, float]) -> "Backstepping":
+        """By their names."""
+        gains = {"current": self.current_gain_ohm, **self.parts, **changed}
+        return replace(
+            self,
+            position_gain=gains["position"],
+            velocity_gain=gains["velocity"],
+            current_gain_ohm=gains["current"],
+        )
 
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """The class's equations, clamped."""
@@ -167,6 +197,7 @@ class Pid(Controller):
     direction: tuple[float, ...] = (1.0,)
     current_gain_ohm: float = 0.0
     words = 4  # w(k-1), w(k-2), e(k-1), e(k-2)
+    name = "pid"
 
     def command(self, memory: FloatArray, estimate: FloatArray, reference: Reference) -> tuple[FloatArray, FloatArray]:
         """The recursion, clamped."""
@@ -203,6 +234,10 @@ class Pid(Controller):
             "filter_rad_s": float(rate),
             "current": self.current_gain_ohm,
         }
+
+    def with_parts(self, changed: Mapping[str, float]) -> "Pid":
+        """By all of the parts anew."""
+        return pid_of_parts(self.model, **{**self.parts, **changed}, direction=self.direction)
 
 
 def pid_of_parts(

@@ -10,16 +10,16 @@ import numpy as np
 from femfit.core.errors import DomainError, FilterError
 from femfit.core.numerics import FloatArray
 from femfit.estimate.constants import FIRST_DEVIATION_M
+from femfit.estimate.filter import Filter
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.levitation import chosen_sensors
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.sensors import HALL
-from femfit.simulation.blind import why_none
 from femfit.simulation.constants import COMMAND_ERRORS, DESIGN_POINTS, LEAST_SAMPLES, LONGEST_STAY_S, NEARLY
-from femfit.simulation.controllers import Backstepping, Controller, Pid
+from femfit.simulation.controllers import Controller, ControllerName
 from femfit.simulation.margins import Margins
-from femfit.simulation.observers import DirectObserver, Observer, SplitObserver, distance_inverse
+from femfit.simulation.observers import DirectObserver, distance_inverse
 from femfit.simulation.operating_point import OperatingPoint, operating_point
 from femfit.simulation.sensor import LoopSensor, loop_sensors, sensor_noise
 from femfit.simulation.targets import covered, derived_targets, reference_rate, require_sensed
@@ -32,12 +32,15 @@ from femfit.simulation.tune import (
     tuned_pid,
     tuned_regulator,
 )
+from femfit.simulation.words import sentence
 
-ControllerName = Literal["backstepping", "pid", "state-feedback"]
 ObserverName = Literal["direct", "ukf", "ekf", "ukf4", "ekf4"]
 
 CONTROLLERS: tuple[ControllerName, ...] = get_args(ControllerName)
 OBSERVERS: tuple[ObserverName, ...] = get_args(ObserverName)
+
+FED_BACK: tuple[ControllerName, ...] = ("backstepping", "state-feedback")
+"""Controllers that feed back the current."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,15 @@ class LoopDesign:
     latency: int = 0  # Samples from a reading to the command that it leads to
     given: Mapping[str, Controller] = field(default_factory=dict)  # In place of the designed ones
     command_error: float = 1.0  # Factor on the error of the drivers' voltages that the filters allow for
+    # What is worked out when it is asked for: controllers or why there are none, why none is stable, benches
+    _designed: dict[str, Controller | str] = field(default_factory=dict, init=False)
+    _reasons: dict[str, str] = field(default_factory=dict, init=False)
+    _benches: dict[str, Bench] = field(default_factory=dict, init=False)
+
+    @property
+    def command_unit(self) -> str:
+        """Of the first circuit's command."""
+        return "A" if self.model.circuits[0].drive.kind == "current" else "V"
 
     @property
     def rate_rad_s(self) -> float:
@@ -103,51 +115,50 @@ class LoopDesign:
         """Whether a sensor is not read at each sample."""
         return any(sensor.period > 1 for sensor in self.loop_sensors())
 
-    @property
-    def backstepping(self) -> Backstepping:
-        """The nonlinear controller, be it stable or not."""
-        return cast("Backstepping", self.controller("backstepping"))
-
-    @property
-    def pid(self) -> Pid | None:
-        """The PID controller; None where none was found that is stable."""
-        return None if self.why_no("pid") else cast("Pid", self.controller("pid"))
-
     def controller(self, name: ControllerName) -> Controller:
         """The controller of this name, or what comes nearest to a stable one."""
         made = self._made(name)
-        if made is None:
-            raise DomainError(self._reasons[name])
+        if isinstance(made, str):
+            raise DomainError(made)
         return made
 
     def why_no(self, name: ControllerName) -> str:
         """Why no stable controller of this name was found; empty where there is one, or where gains are given."""
-        if self._made(name) is not None and name not in self.given and name not in self._reasons:
-            bench = self._filtered
-            self._reasons[name] = "" if bench.growth(self._designed[name]) < 0.0 else why_none(self, name, bench)
-        return self._reasons.get(name, "") if name not in self.given else ""
+        made = self._made(name)
+        if isinstance(made, str) or name in self.given:
+            return made if isinstance(made, str) else ""
+        if name not in self._reasons:
+            self._reasons[name] = "" if self._is_stable(name) else self._what_stands_against(name)
+        return self._reasons[name]
+
+    def _is_stable(self, name: ControllerName) -> bool:
+        made = self._made(name)
+        return not isinstance(made, str) and self._filtered.growth(made) < 0.0
+
+    def _what_stands_against(self, name: ControllerName) -> str:
+        """Other controllers and a shorter latency are advised only where they are stable."""
+        rivals = [rival for rival in FED_BACK if rival != name and self._is_stable(rival)]
+        without_latency = bool(self.latency) and not replace(self, latency=0, given={}).why_no(name)
+        return sentence("loop", "none_stable", self, name, rivals, without_latency)
 
     @property
     def controllers(self) -> tuple[ControllerName, ...]:
         """The names of the controllers that keep the body at rest, as far as the linear loop tells."""
         return tuple(name for name in CONTROLLERS if not self.why_no(name))
 
-    def _made(self, name: ControllerName) -> Controller | None:
+    def _made(self, name: ControllerName) -> Controller | str:
+        """The controller that is given or designed, or why none can be."""
         if name in self.given:
             return self.given[name]
-        if name not in self._designed and name not in self._reasons:
+        if name not in self._designed:
             try:
-                self._designed[name] = self._design(name)
+                if name == "backstepping":
+                    self._designed[name] = tuned_backstepping(self._filtered, self.points)
+                else:
+                    self._designed[name] = (tuned_pid if name == "pid" else tuned_regulator)(self._filtered)
             except DomainError as error:
-                self._reasons[name] = str(error)
-        return self._designed.get(name)
-
-    def _design(self, name: ControllerName) -> Controller:
-        if name == "backstepping":
-            return tuned_backstepping(self._filtered, self.points)
-        if name == "pid":
-            return tuned_pid(self._filtered)
-        return tuned_regulator(self._filtered)
+                self._designed[name] = str(error)
+        return self._designed[name]
 
     @cached_property
     def _filtered(self) -> Bench:
@@ -167,25 +178,11 @@ class LoopDesign:
             return bench
         return replace(bench, noisier=biased)
 
-    @cached_property
-    def _designed(self) -> dict[str, Controller]:
-        return {}
-
-    @cached_property
-    def _reasons(self) -> dict[str, str]:
-        return {}
-
-    @cached_property
-    def _benches(self) -> dict[str, Bench]:
-        return {}
-
     def bench(self, observer: ObserverName | Literal["exact"]) -> Bench:
         """What linear controllers are judged in."""
         if observer not in self._benches:
             made = None if observer == "exact" else self.observer(observer)
-            single = None if isinstance(made, SplitObserver) else made  # never one of several
-            bench = make_bench(self.model, self.points, self.loop_sensors(), single, self.latency)
-            self._benches[observer] = bench
+            self._benches[observer] = make_bench(self.model, self.points, self.loop_sensors(), made, self.latency)
         return self._benches[observer]
 
     def margins(self, name: ControllerName, observer: ObserverName | Literal["exact"]) -> tuple[Margins, ...]:
@@ -193,7 +190,7 @@ class LoopDesign:
         return self.bench(observer).judge(self.controller(name))
 
     @cached_property
-    def told(self) -> tuple[float, float] | None:
+    def settled_errors(self) -> tuple[float, float] | None:
         """Rms errors of distance and velocity that a settled filter expects at rest; None where it cannot tell them.
 
         It stands in the middle of the reference and allows for the filter's process noises, so that a filter in a
@@ -203,6 +200,11 @@ class LoopDesign:
             return settled_errors(self.bench("ekf"))
         except DomainError:
             return None
+
+    @property
+    def settled_errors_of_trust(self) -> tuple[float, float] | None:
+        """The same of a filter that trusts its commands."""
+        return replace(self, command_error=1.0).settled_errors
 
     @property
     def filter_noise(self) -> FilterNoise:
@@ -215,7 +217,7 @@ class LoopDesign:
             base, voltage_V=tuple(volts.tolist()) if len(volts) > 1 else float(volts[0]), hall_V=hall, sensors=white
         )
 
-    def observer(self, name: ObserverName, distance_deviation_m: float = FIRST_DEVIATION_M) -> Observer:
+    def observer(self, name: ObserverName, distance_deviation_m: float = FIRST_DEVIATION_M) -> Filter | DirectObserver:
         """The observer of this name: a filter for the sensors, or the direct measurement by the first of them.
 
         The filters whose names end in 4 estimate the first sensor's bias as a state more.
@@ -282,19 +284,19 @@ def keeping_margins(design: LoopDesign) -> LoopDesign:
     one that comes near to it is enough.
     """
     design = replace(design, command_error=1.0)
+
+    def score(tried: LoopDesign, observer: ObserverName | Literal["exact"] = "ekf") -> float:
+        bench = tried.bench(observer)
+        return bench.score(tuned_backstepping(bench, tried.points))
+
     try:
-        tried = [(_score(design, "ekf"), design)]
-        most = min(1.0, NEARLY * _score(design, "exact")) if tried[0][0] > 0.0 else 0.0
+        tried = [(score(design), design)]
+        most = min(1.0, NEARLY * score(design, "exact")) if tried[0][0] > 0.0 else 0.0
         for factor in COMMAND_ERRORS if most > 0.0 else ():
             if tried[-1][0] >= most:
                 break
             cautious = replace(design, command_error=factor)
-            tried.append((_score(cautious, "ekf"), cautious))
+            tried.append((score(cautious), cautious))
     except (DomainError, FilterError):  # whose controllers say why there is none
         return design
     return near_the_best(tried)
-
-
-def _score(design: LoopDesign, observer: Literal["ekf", "exact"]) -> float:
-    bench = design.bench(observer)
-    return bench.score(tuned_backstepping(bench, design.points))

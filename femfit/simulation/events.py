@@ -8,26 +8,20 @@ event is a zero of the dense output.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import partial
 
 import numpy as np
-from scipy.integrate import OdeSolution, solve_ivp
+from scipy.integrate import OdeSolution
 
 from femfit.core.errors import SimulationError
 from femfit.core.numerics import FloatArray
-from femfit.simulation.feed import BLOCKED, CONDUCTING, Line
+from femfit.core.sweep_columns import circuit_currents
+from femfit.simulation.feed import AT_MAX, AT_MIN, BLOCKED, CONDUCTING, FOLLOWING, Line
 from femfit.simulation.profile import Profile
-from femfit.simulation.system import ENERGIES, SIDES, Lines, Mode, Side, System, Watch
+from femfit.simulation.system import ENERGIES, Lines, Mode, Reading, Side, System, integrated
 
-RTOL = 1e-9
-"""Derived: a thousand steps may each miss by so much before the energies are off by a millionth."""
-
-STIFF = 3000.0
-"""Conventional: fastest rate times duration from which an implicit method costs less than an explicit one's steps."""
-
-INTERPOLATED = 3.0
-"""Chosen: longest step times the fastest rate; over longer ones the table between the steps, which is interpolated, is
-off by a ten-thousandth of the range although the steps are right."""
+SLACK = 1e-6
+"""Conventional: part of the validity domain's width by which a point may lie outside of it, as one at its edge does."""
 
 _MOST_EVENTS = 100_000
 _MOST_AT_ONCE = 50
@@ -56,40 +50,28 @@ class Stretch:
     solution: OdeSolution
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
-    """All stretches and events, and the last state with its energies."""
+@dataclass(frozen=True)
+class Watch:
+    """An event: a function of time and state whose zero it is, the direction that counts, and what answers it."""
 
-    stretches: tuple[Stretch, ...]
-    events: tuple[Event, ...]
-    first: FloatArray
-    last: FloatArray
-    end_s: float
-    # Name of the range (distance, current, current_NAME) that was left, and when; the rest is extrapolated, or none
-    left_domain: tuple[tuple[str, float], ...]
+    value: Reading
+    direction: float
+    answer: Callable[[], None]
 
 
-def run(system: System, profiles: Sequence[Profile], state: FloatArray, duration: float, extrapolate: bool) -> Run:
-    """Simulate from a state at rest; one profile a circuit."""
-    walk = _Walk(system, profiles, np.concatenate([state, np.zeros(len(ENERGIES))]), duration, extrapolate)
-    walk.begin()
-    while walk.time < duration and not walk.ended:
-        walk.advance()
-    return Run(
-        tuple(walk.stretches), tuple(walk.events), walk.first, walk.state, walk.time, tuple(walk.left_domain.items())
-    )
+class Walk:
+    """A motion from a state at rest, one profile a circuit: its stretches and events so far, and the last state.
 
-
-class _Walk:
-    """The state between two stretches."""
+    Behind its own states the state has the energies that have gone. ``left_domain`` says which ranges (distance,
+    current, current_NAME) were left, and when; what comes after is extrapolated, or none.
+    """
 
     def __init__(
         self, system: System, profiles: Sequence[Profile], state: FloatArray, duration: float, extrapolate: bool
     ) -> None:
-        self.system, self.profiles, self.duration, self.extrapolate = system, profiles, duration, extrapolate
+        state = np.concatenate([state, np.zeros(len(ENERGIES))])
+        self.system, self.profiles, self.extrapolate = system, profiles, extrapolate
         self.first, self.state, self.time = state.copy(), state.copy(), 0.0
-        self.mode = Mode((CONDUCTING,) * len(profiles))
-        self.lines: Lines = tuple(Line(0.0, 0.0, 0.0) for _ in profiles)
         turns = sorted({turn for profile in profiles for turn in profile.turns_s.tolist() if 0.0 < turn < duration})
         self.turns = [*turns, duration]
         self.stretches: list[Stretch] = []
@@ -98,34 +80,25 @@ class _Walk:
         self.ended = False
         self.longest_step = np.inf
         self.at_once = 0
-        self.answers: dict[str, Callable[[], None]] = {  # of the body
-            "hits_near": lambda: self._hit("near"),
-            "hits_far": lambda: self._hit("far"),
-            "touches_near": lambda: self._touch("near", True),
-            "touches_far": lambda: self._touch("far", True),
-            "leaves_near": lambda: self._touch("near", False),
-            "leaves_far": lambda: self._touch("far", False),
-            "still": self._still,
-            "up": lambda: self._start(1),
-            "down": lambda: self._start(-1),
-        }
-
-    def begin(self) -> None:
-        """The first mode: on a stop or not, held or moving."""
+        # The first mode: on a stop or not, held or moving
+        self.mode = Mode((CONDUCTING,) * len(profiles))
         self._command()
-        d = float(self.state[0])
-        stops = {side: self.system.stop(side) for side in SIDES}
-        reached = [(side, stop) for side, stop in stops.items() if stop is not None and stop.distance_m == d]
-        support = next((side for side, stop in reached if stop.stiffness_N_per_m is None), None)
-        self.mode = replace(self.mode, touching=next((side for side, _ in reached if side != support), None))
-        self.mode = self.system.from_rest(self.mode, support, self._net())
+        reached = [side for side, stop in system.stops.items() if stop.distance_m == float(state[0])]
+        support = next((side for side in reached if system.stops[side].stiffness_N_per_m is None), None)
+        self.mode = replace(self.mode, touching=next((side for side in reached if side != support), None))
+        self._rest_or_move(support, self._net())
+        while self.time < duration and not self.ended:
+            self._advance()
 
-    def advance(self) -> None:
+    def _advance(self) -> None:
         """To the next event or turn of the command."""
         system, start = self.system, self.time
         end = next(turn for turn in self.turns if turn > start)
-        watches = system.watches(self.mode, self.lines, tuple(self.left_domain))
-        solution = self._integrate(watches, end)
+        watches = [*self._of_body(), *self._of_domain()]
+        for k in range(len(self.lines)):
+            watches += self._of_circuit(k)
+        events = [(watch.value, watch.direction) for watch in watches]
+        solution = integrated(system, self.mode, self.lines, self.state, (start, end), events, self.longest_step)
         self.state, self.time = solution.y[:, -1].copy(), float(solution.t[-1])
         self.stretches.append(Stretch(start, self.time, self.mode, self.lines, solution.sol))
         self.longest_step = np.inf
@@ -133,7 +106,7 @@ class _Walk:
         if not occurred:
             self._command()
         for watch in occurred:
-            self._answer(watch)
+            watch.answer()
         self.at_once = self.at_once + 1 if self.time == start else 0
         if len(self.events) > _MOST_EVENTS or self.at_once > _MOST_AT_ONCE:
             raise SimulationError(
@@ -142,75 +115,88 @@ class _Walk:
                 f"{self.events[-1].name}. Simulate a shorter time, or give the stops a smaller restitution."
             )
 
-    def _integrate(self, watches: list[Watch], end: float) -> Any:
-        system, functions = self.system, []
-        for watch in watches:
+    def _of_body(self) -> list[Watch]:
+        """The body starts, comes to a stop or leaves it, or stands still."""
+        system, mode, lines = self.system, self.mode, self.lines
+        if mode.held:
 
-            def value(time: float, state: FloatArray, watch: Watch = watch) -> float:
-                return watch.value(time, state)
+            def over(time: float, state: FloatArray, way: int = 1) -> float:
+                return way * system.net_force(mode, lines, time, state) - system.breakaway_N
 
-            value.terminal, value.direction = True, watch.direction  # type: ignore[attr-defined]
-            functions.append(value)
-        fastest = self._fastest_rate()
-        stiff = fastest * (end - self.time) > STIFF
-        longest = self.longest_step if stiff or not fastest else min(self.longest_step, INTERPOLATED / fastest)
-        with np.errstate(over="ignore", invalid="ignore"):
-            solution = solve_ivp(
-                system.rates(self.mode, self.lines),
-                (self.time, end),
-                self.state,
-                method="LSODA" if stiff else "DOP853",
-                rtol=RTOL,
-                atol=RTOL * self.scales(),
-                events=functions,
-                dense_output=True,
-                max_step=longest,
-            )
-        if solution.status < 0 or not np.all(np.isfinite(solution.y[:, -1])):
-            raise SimulationError(
-                f"The motion must be finite; it cannot be followed beyond {1e3 * solution.t[-1]:.6g} ms, at "
-                f"{1e3 * solution.y[0, -1]:.4g} mm{self._currents_there(solution.y[:, -1])}. Keep it within the "
-                "validity domain."
-            )
-        return solution
+            ways = [way for way, blocked in ((1, "far"), (-1, "near")) if mode.support != blocked]
+            return [Watch(partial(over, way=way), 1.0, partial(self._start, way)) for way in ways]
+        watches = []
+        for side, stop in system.stops.items():
 
-    def scales(self) -> FloatArray:
-        """What is large for each state: the domain's ranges, and what the largest force does over them."""
-        box, system = self.system.domain, self.system
-        travel = box.distance_max_m - box.distance_min_m
-        currents = np.abs(box.current_limits_A).max(axis=1)[: len(system.feed.windings)]
-        work = system.force_scale_N * travel
-        speed = np.sqrt(work / system.mechanics.mass_kg)
-        result = np.ones(system.size + len(ENERGIES))
-        end = 2 + len(currents)
-        result[0], result[1], result[2:end] = travel, speed, currents
-        result[end : end + len(system.eddies_A)] = system.eddies_A
-        result[system.size :] = work
-        return result
+            def depth(_: float, state: FloatArray, side: Side = side, risen: float = 0.0) -> float:
+                return system.depth(side, state) + risen
 
-    def _fastest_rate(self) -> float:
-        system, windings = self.system, self.system.feed.model.windings
-        rate = system.feed.bandwidth
-        if windings.count:
-            magnetic = windings.magnetics.state(self.state[0], self.state[2 : windings.end])
-            decay = np.linalg.solve(magnetic.inductance + windings.series_H, np.diag(windings.resistances_ohm))
-            rate = max(rate, float(np.abs(decay).sum(axis=1).max()))
-        stop = None if self.mode.touching is None else system.stop(self.mode.touching)
-        if stop is not None and stop.stiffness_N_per_m is not None:
-            rate = max(rate, float(np.sqrt(stop.stiffness_N_per_m / system.mechanics.mass_kg)))
-        return rate
+            if stop.stiffness_N_per_m is None:
+                watches.append(Watch(depth, 1.0, partial(self._hit, side)))
+            elif mode.touching == side:  # a body that rises by less is not said to leave
+                leaving = partial(depth, risen=system.least_rebound_m)
+                watches.append(Watch(leaving, -1.0, partial(self._touch, side, touching=False)))
+            else:
+                watches.append(Watch(depth, 1.0, partial(self._touch, side, touching=True)))
+        if mode.sliding:
+            watches.append(Watch(lambda _, state: float(state[1]), -float(mode.sliding), self._still))
+        return watches
+
+    def _of_domain(self) -> list[Watch]:
+        """Distance or a current leaves the validity domain."""
+        windings, box = self.system.feed.windings, self.system.feed.model.validity
+        names = [column.rpartition("_")[0] for column in circuit_currents([w.circuit.name for w in windings])]
+        limits = box.current_limits_A.tolist()
+        ranges = {"distance": (0, box.distance_min_m, box.distance_max_m)}
+        ranges |= {name: (2 + k, *limits[k]) for k, name in enumerate(names)}
+        watches = []
+        for name, (index, low, high) in ranges.items():
+            slack = SLACK * (high - low)
+
+            def inside(
+                _: float, state: FloatArray, k: int = index, low: float = low - slack, high: float = high + slack
+            ) -> float:
+                # Of a mirrored domain all currents count reversed together, where most of them flow that way
+                reversed_together = k >= 2 and box.mirrored and float(np.sum(state[2 : 2 + len(limits)])) < 0.0
+                value = -float(state[k]) if reversed_together else float(state[k])
+                return min(value - low, high - value)
+
+            if name not in self.left_domain:
+                watches.append(Watch(inside, -1.0, partial(self._leave, name)))
+        return watches
+
+    def _of_circuit(self, k: int) -> list[Watch]:
+        """A diode or an amplifier of one circuit begins or ends to hold its current."""
+        feed, size, mode, lines = self.system.feed, self.system.size, self.mode, self.lines
+        winding, circuit, state_of_drive = feed.windings[k], feed.windings[k].circuit, mode.feed[k]
+        if state_of_drive == BLOCKED:
+            flows = partial(self._switch, k, "current_flows", CONDUCTING)
+            return [Watch(lambda time, state: feed.conducts(mode.feed, k, lines, time, state[:size]), 1.0, flows)]
+        if state_of_drive == FOLLOWING:
+
+            def volts(time: float, state: FloatArray) -> float:
+                return feed.flow(mode.feed, lines, time, state[:size]).voltage_V[k]
+
+            slack = 1e-9 * winding.voltage_scale_V
+            return [
+                Watch(lambda time, state: volts(time, state) - circuit.voltage_max_V - slack, 1.0, self._settle),
+                Watch(lambda time, state: circuit.voltage_min_V - slack - volts(time, state), 1.0, self._settle),
+            ]
+        if state_of_drive in {AT_MAX, AT_MIN}:
+            sign = 1.0 if state_of_drive == AT_MAX else -1.0
+            behind = lambda time, state: sign * (lines[k].at(time) - float(state[2 + k]))  # noqa: E731
+            return [Watch(behind, -1.0, partial(self._reach, k))]
+        stops = partial(self._switch, k, "current_stops", BLOCKED)
+        return [] if winding.diode_V is None else [Watch(lambda _, state: float(state[2 + k]), -1.0, stops)]
 
     def _command(self) -> None:
         """The line from now on, and the feed's mode that it asks for."""
-        self.lines = tuple(Line(self.time, *profile.line(self.time)) for profile in self.profiles)
+        self.lines: Lines = tuple(Line(self.time, *profile.line(self.time)) for profile in self.profiles)
         self._settle()
 
     def _settle(self) -> None:
         feed, state = self.system.feed, self.state[: self.system.size]
         self.mode = replace(self.mode, feed=feed.settled(self.mode.feed, self.lines, self.time, state))
-
-    def _net(self) -> float:
-        return self.system.net_force(self.mode, self.lines, self.time, self.state)
 
     def _tell(self, name: str, circuit: int | None = None) -> None:
         d, v, *i = (float(value) for value in self.state[: 2 + len(self.lines)])
@@ -218,69 +204,71 @@ class _Walk:
         named = windings[circuit].circuit.name if circuit is not None and len(windings) > 1 else ""
         self.events.append(Event(self.time, name, d, v, i[0] if len(i) == 1 else tuple(i), named))
 
-    def _currents_there(self, state: FloatArray) -> str:
-        return "".join(f" and {current:.4g} A" for current in state[2 : 2 + len(self.lines)])
+    def _leave(self, name: str) -> None:
+        self._tell(f"{name}_leaves_domain")
+        self.left_domain[name] = self.time
+        self.ended = not self.extrapolate
 
-    def _answer(self, watch: Watch) -> None:
-        if watch.name in self.answers:
-            self.answers[watch.name]()
-        elif watch.circuit is not None:
-            self._answer_circuit(watch.name, watch.circuit)
-        else:
-            self._tell(f"{watch.name}_leaves_domain")
-            self.left_domain[watch.name] = self.time
-            self.ended = not self.extrapolate
+    def _switch(self, k: int, event: str, state_of_drive: str) -> None:
+        self._tell(event, k)
+        if state_of_drive == BLOCKED:
+            self.state[2 + k] = 0.0
+        feed = self.mode.feed
+        self.mode = replace(self.mode, feed=(*feed[:k], state_of_drive, *feed[k + 1 :]))
 
-    def _answer_circuit(self, name: str, k: int) -> None:
-        if name in {"blocks", "conducts"}:
-            self._tell("current_stops" if name == "blocks" else "current_flows", k)
-            feed = list(self.mode.feed)
-            feed[k] = BLOCKED if name == "blocks" else CONDUCTING
-            if name == "blocks":
-                self.state[2 + k] = 0.0
-            self.mode = replace(self.mode, feed=tuple(feed))
-            return
-        if name == "reaches":  # an amplifier its command; else its voltage's end
-            self.state[2 + k] = self.lines[k].at(self.time)
+    def _reach(self, k: int) -> None:
+        """An amplifier comes to its command."""
+        self.state[2 + k] = self.lines[k].at(self.time)
         self._settle()
+
+    def _slides(self, direction: int) -> int:
+        """The direction that dry friction brakes; 0 where there is none."""
+        return direction if self.system.mechanics.coulomb_N else 0
 
     def _start(self, direction: int) -> None:
         self._tell("starts")
-        self.mode = replace(self.mode, held=False, support=None, sliding=self.system.slides(direction))
+        self.mode = replace(self.mode, held=False, support=None, sliding=self._slides(direction))
+
+    def _net(self) -> float:
+        return self.system.net_force(self.mode, self.lines, self.time, self.state)
+
+    def _rest_or_move(self, support: Side | None, net: float, event: str = "") -> None:
+        """A body at rest stays so, which is told as an event, or moves where the net force in N takes it."""
+        system = self.system
+        up, down = net > system.breakaway_N and support != "far", net < -system.breakaway_N and support != "near"
+        if up or down:
+            self.mode = replace(self.mode, held=False, support=None, sliding=self._slides(1 if up else -1))
+            return
+        self.mode = replace(self.mode, held=True, support=support, sliding=0)
+        if event:
+            self._tell(event)
 
     def _still(self) -> None:
         self.state[1] = 0.0
-        self.mode = self.system.from_rest(self.mode, None, self._net())
-        if self.mode.held:
-            self._tell("sticks")
+        self._rest_or_move(None, self._net(), "sticks")
 
     def _touch(self, side: Side, touching: bool) -> None:
-        stop = self.system.stop(side)
-        assert stop is not None  # noqa: S101  only such a stop is watched
         self._tell(f"{'hits' if touching else 'leaves'}_{side}")
         if touching:
-            self.state[0] = stop.distance_m
+            self.state[0] = self.system.stops[side].distance_m
         self.mode = replace(self.mode, touching=side if touching else None)
 
     def _hit(self, side: Side) -> None:
         """The speed is turned round and cut by the restitution; one that ends the rebounds is taken whole."""
-        system, stop = self.system, self.system.stop(side)
-        assert stop is not None  # noqa: S101  only such a stop is watched
+        system, stop, mass = self.system, self.system.stops[side], self.system.mechanics.mass_kg
         self._tell(f"hits_{side}")
         away = 1 if side == "near" else -1
         before, self.state[0] = float(self.state[1]), stop.distance_m
         net = self._net()
-        pressing = (-away * net + system.mechanics.coulomb_N) / system.mechanics.mass_kg
+        pressing = (-away * net + system.mechanics.coulomb_N) / mass
         after = -stop.restitution * before
         if pressing > 0.0 and after**2 < 2.0 * pressing * system.least_rebound_m:
             after = 0.0
         self.state[1] = after
-        self.state[system.size + ENERGIES.index("impact")] += 0.5 * system.mechanics.mass_kg * (before**2 - after**2)
+        self.state[system.size + ENERGIES.index("impact")] += 0.5 * mass * (before**2 - after**2)
         if after == 0.0:
-            self.mode = system.from_rest(self.mode, side, net)
-            if self.mode.held:
-                self._tell(f"rests_{side}")
+            self._rest_or_move(side, net, f"rests_{side}")
             return
-        self.mode = replace(self.mode, sliding=system.slides(away))
+        self.mode = replace(self.mode, sliding=self._slides(away))
         if pressing > 0.0:  # so that the rebound is not stepped over
             self.longest_step = 0.5 * abs(after) / pressing

@@ -1,8 +1,8 @@
 """Several small experiments as one batch: what differs between them is an entry a run, not another loop."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -11,14 +11,16 @@ from femfit.core.numerics import FloatArray, IntArray
 from femfit.estimate.constants import FIRST_DEVIATION_M
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import currents_for_acceleration
-from femfit.simulation.controllers import SplitController
-from femfit.simulation.design import ControllerName, LoopDesign, ObserverName
-from femfit.simulation.loop import ClosedLoop, LoopResult, Show, TimeSeries, run_loop
+from femfit.simulation.controllers import ControllerName, SplitController
+from femfit.simulation.design import LoopDesign, ObserverName
+from femfit.simulation.loop import ClosedLoop, LoopResult, TimeSeries, run_loop
 from femfit.simulation.observers import SplitObserver, distance_inverse
 from femfit.simulation.operating_point import operating_point
 from femfit.simulation.plant import Plant, with_force_scale
 from femfit.simulation.sensor import SensorErrors
 from femfit.simulation.targets import Reference, reference_steps, stack_references
+
+_ERRORS = ("noise_scale", "offset", "drift_per_s", "stuck_after_s", "dropout_probability")
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,11 @@ class Experiment:
     # Distance that the observer starts with; None: the true one. The filter is told of so large an error.
     believed_m: float | None = None
     start_error_m: float = 0.0  # How far the body truly starts from the first reference distance
+
+    @property
+    def first_belief_m(self) -> float:
+        """Distance that the observer starts with."""
+        return self.targets_m[0] if self.believed_m is None else self.believed_m
 
     def __post_init__(self) -> None:
         for name, value, lawful, needed in (
@@ -63,29 +70,21 @@ def run_experiments(
     *,
     runs: int,
     steps: int,
-    windows: tuple[slice, ...] = (),
-    supported_steps: int = 0,
-    noise_blocks: int = 1,
-    recorded: int | None = None,
     plant: ActuatorModel | None = None,
     path_steps: int | None = None,
-    show: Show | None = None,
+    **options: Any,
 ) -> tuple[LoopResult, ...]:
-    """Run experiments side by side.
+    """Run experiments side by side on the same noise, so that what differs between them is not hidden by it.
 
     Parameters
     ----------
-    noise_blocks : int
-        The experiments are this many equal blocks in a row that see the same noise, so that what differs between the
-        blocks is not hidden by it.
-    recorded : int or None
-        Runs of the whole batch whose series are kept; None: all.
     plant : ActuatorModel or None
         What truly moves and is truly sensed, where that is another model than the design's.
     path_steps : int or None
         Samples that the reference is laid out for, where the runs end before its end.
-    show : callable or None
-        Takes the samples done and all of them, now and then.
+    options : optional
+        ``supported_steps``, ``windows``, ``recorded`` of the whole batch and ``show`` of
+        :func:`femfit.simulation.loop.run_loop`.
     """
     model = design.model
     truth = model if plant is None else replace(plant, sample_time_s=model.sample_time_s)
@@ -93,76 +92,63 @@ def run_experiments(
     def each(values: Sequence[float]) -> FloatArray:
         return np.repeat(np.asarray(values, dtype=np.float64), runs)
 
-    paths = [path.at(slice(0, steps)) for path in _paths(design, experiments, path_steps or steps)]
+    every = dict.fromkeys(e.targets_m for e in experiments)
+    paths = {targets: _path(design, targets, path_steps or steps).at(slice(0, steps)) for targets in every}
     scale = each([e.force_scale for e in experiments])
     loop = ClosedLoop(
         plant=Plant(with_force_scale(truth, scale) if np.any(scale != 1.0) else truth),
         sensors=design.loop_sensors(truth),
         errors=SensorErrors(
-            noise_scale=each([e.noise_scale for e in experiments]),
             faulty=each([_place(design, e.faulty) for e in experiments]),
-            offset=each([e.offset for e in experiments]),
-            drift_per_s=each([e.drift_per_s for e in experiments]),
-            stuck_after_s=each([e.stuck_after_s for e in experiments]),
-            dropout_probability=each([e.dropout_probability for e in experiments]),
-            blocks=noise_blocks,
+            blocks=len(experiments),
+            **{name: each([getattr(e, name) for e in experiments]) for name in _ERRORS},
         ),
         observer=_observers(design, experiments, runs),
         controller=SplitController(
             tuple(
-                (_rows([e.controller == name for e in experiments], runs), design.controller(name))
+                (_rows((e.controller == name for e in experiments), runs), design.controller(name))
                 for name in dict.fromkeys(e.controller for e in experiments)
             )
         ),
-        reference=paths[0]
-        if len({e.targets_m for e in experiments}) == 1
-        else stack_references(paths, [runs] * len(experiments)),
+        reference=paths[experiments[0].targets_m]
+        if len(paths) == 1
+        else stack_references([paths[e.targets_m] for e in experiments], [runs] * len(experiments)),
         latency=design.latency,
     )
     starts = np.array([operating_point(truth, e.targets_m[0]).state for e in experiments])
     beliefs = starts.copy()
     starts[:, 0] += [e.start_error_m for e in experiments]
-    beliefs[:, 0] = [e.targets_m[0] if e.believed_m is None else e.believed_m for e in experiments]
+    beliefs[:, 0] = [e.first_belief_m for e in experiments]
     result = run_loop(
         loop,
         np.repeat(starts, runs, axis=0),
         random,
         start_estimate=np.repeat(beliefs, runs, axis=0),
-        supported_steps=supported_steps,
-        windows=windows,
-        recorded=recorded,
-        show=show,
+        **options,
     )
     return tuple(result.part(slice(k * runs, (k + 1) * runs)) for k in range(len(experiments)))
 
 
-def _paths(design: LoopDesign, experiments: Sequence[Experiment], steps: int) -> list[Reference]:
-    """The reference of each experiment, with the current that a linear controller adds to its own."""
-    references: dict[tuple[float, ...], Reference] = {}
-    for e in experiments:
-        if e.targets_m not in references:
-            path = reference_steps(e.targets_m, steps, design.model.sample_time_s, design.reference_rate_rad_s)
-            currents = currents_for_acceleration(design.model, path.distance, path.acceleration, path.velocity)
-            references[e.targets_m] = replace(path, currents=currents)
-    return [references[e.targets_m] for e in experiments]
+def _path(design: LoopDesign, targets_m: tuple[float, ...], steps: int) -> Reference:
+    """The reference of an experiment, with the current that a linear controller adds to its own."""
+    path = reference_steps(targets_m, steps, design.model.sample_time_s, design.reference_rate_rad_s)
+    currents = currents_for_acceleration(design.model, path.distance, path.acceleration, path.velocity)
+    return replace(path, currents=currents)
 
 
-def _rows(mask: Sequence[bool], runs: int) -> IntArray:
-    return np.flatnonzero(np.repeat(mask, runs))
+def _rows(mask: Iterable[bool], runs: int) -> IntArray:
+    return np.flatnonzero(np.repeat(list(mask), runs))
 
 
 def _observers(design: LoopDesign, experiments: Sequence[Experiment], runs: int) -> SplitObserver | None:
     """One observer for all experiments that can share it; None where the state is known exactly."""
     if any(e.observer == "exact" for e in experiments):
         return None
-
-    def kind(e: Experiment) -> tuple[ObserverName, float]:
-        return cast("ObserverName", e.observer), abs((e.believed_m or e.targets_m[0]) - e.targets_m[0])
-
-    parts = []
-    for name, wrong in dict.fromkeys(kind(e) for e in experiments):
-        observer = design.observer(name, wrong or FIRST_DEVIATION_M)
-        parts.append((_rows([kind(e) == (name, wrong) for e in experiments], runs), observer))
+    kinds = [(cast("ObserverName", e.observer), abs(e.first_belief_m - e.targets_m[0])) for e in experiments]
+    parts = [
+        (_rows((each == kind for each in kinds), runs), design.observer(kind[0], kind[1] or FIRST_DEVIATION_M))
+        for kind in dict.fromkeys(kinds)
+    ]
     return SplitObserver(tuple(parts), 2 + len(design.model.circuits))
 
 

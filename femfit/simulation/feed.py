@@ -66,10 +66,9 @@ class Winding:
         return None if self.commands_current else self.circuit.drive.diode_V
 
     @property
-    def bandwidth(self) -> float | None:
-        """In rad/s of a current amplifier."""
-        hertz = self.circuit.drive.bandwidth_Hz
-        return None if hertz is None or not self.commands_current else 2.0 * pi * hertz
+    def bandwidth(self) -> float:
+        """In rad/s of a current amplifier; 0 where there is none, or none that matters."""
+        return 2.0 * pi * (self.circuit.drive.bandwidth_Hz or 0.0) if self.commands_current else 0.0
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -95,7 +94,7 @@ class Winding:
             return (self.circuit.voltage_max_V if mode == AT_MAX else self.circuit.voltage_min_V), False, 0.0
         command = line.at(time)
         if self.commands_current:
-            return (self.bandwidth or 0.0) * (command - current), True, 0.0
+            return self.bandwidth * (command - current), True, 0.0
         if self.diode_V is not None and command <= 0.0:
             return -self.diode_V, False, self.diode_V
         return command, False, 0.0
@@ -107,11 +106,6 @@ class Feed:
 
     model: ActuatorModel
     windings: tuple[Winding, ...]
-
-    @property
-    def bandwidth(self) -> float:
-        """The largest of the current amplifiers' in rad/s; 0 where there is none."""
-        return max((winding.bandwidth or 0.0 for winding in self.windings), default=0.0)
 
     def flow(self, modes: Modes, lines: Sequence[Line], time: float, state: FloatArray) -> Flow:
         """Currents and net force in a mode; ``state`` is (distance, velocity, currents, states of effects)."""
@@ -161,7 +155,7 @@ class Feed:
     def _alone(winding: Winding, line: Line, time: float, current: float) -> str:
         """The mode by the circuit's own command and current."""
         if winding.commands_current:
-            if winding.bandwidth is not None:
+            if winding.bandwidth:
                 return CONDUCTING
             behind = line.at(time) - current
             if abs(behind) > _TINY * max(abs(line.at(time)), abs(current), 1e-3):

@@ -21,6 +21,7 @@ import numpy as np
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import commands_currents
 from femfit.model.dynamics import state_scale
 from femfit.model.sensors import sample_weights, sampled_value
 from femfit.simulation.controllers import Controller
@@ -52,28 +53,29 @@ class LinearPlant:
 
 @dataclass(frozen=True, eq=False)
 class LinearController:
-    """Observer and controller together, from readings y to commands u: s+ = A s + B y, u = C s + D y."""
+    """Observer and controller of the module's head."""
 
-    A: FloatArray
-    B: FloatArray
-    C: FloatArray
+    P: FloatArray
+    G: FloatArray
+    L: FloatArray
+    M: FloatArray
+    E: FloatArray
+    N: FloatArray
     D: FloatArray
-    latency: int  # Samples from a command to its effect; the last entries of s are the commands on their way
-    order: int  # Of the plant, all of whose states are the readings where the state is known exactly
+    latency: int  # Samples from a command to its effect
 
     def response(self, z: ComplexArray) -> ComplexArray:
         """Commands over readings, of shape (frequencies, n, sensors).
 
-        Of the commands on their way only the oldest acts, which is the newest so many samples ago: u solves
-        u = H z^-(latency + 1) u + K y with the small loop of observer and controller alone.
+        Of the commands on their way only the oldest acts, so that u = W (G z^-(latency + 1) u + L y) with
+        W = (D + N (z - M)^-1 E) (1 - P/z)^-1.
         """
-        n, late = len(self.C), self.latency + 1
-        inner, oldest = slice(0, len(self.A) - n * late), slice(len(self.A) - n, None)
-        inputs = np.concatenate([self.A[inner, oldest], self.B[inner]], axis=1)
-        states = np.linalg.solve(z[:, None, None] * np.eye(len(inputs)) - self.A[inner, inner], inputs + 0j)
-        both = self.C[:, inner] @ states + np.concatenate([self.C[:, oldest], self.D], axis=1)
-        again = np.eye(n) - both[..., :n] * z[:, None, None] ** -late
-        return np.asarray(np.linalg.solve(again, both[..., n:]))
+        each, n = z[:, None, None], len(self.D)
+        inputs = np.concatenate([self.G * each ** -(self.latency + 1), self.L + 0j * each], axis=2)
+        estimate = np.linalg.solve(np.eye(len(self.P)) - self.P / each, inputs)
+        words = np.linalg.solve(each * np.eye(len(self.M)) - self.M, self.E + 0j)
+        both = (self.D + self.N @ words) @ estimate
+        return np.asarray(np.linalg.solve(np.eye(n) - both[..., :n], both[..., n:]))
 
 
 def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[LoopSensor]) -> LinearPlant:
@@ -82,113 +84,58 @@ def linear_plant(model: ActuatorModel, point: OperatingPoint, sensors: Sequence[
     rest = plant.start(point.state[None])[0]
     scale, push = state_scale(model), _command_scale(model, point)
 
-    A, B = _differences(plant.step, rest, point.commands, scale, push)
+    def step(both: FloatArray) -> FloatArray:
+        return plant.step(both[:, : len(rest)], both[:, len(rest) :])
+
+    both = differences(step, np.concatenate([rest, point.commands]), np.concatenate([scale, push]))
     slopes = []
     for sensor in sensors:
         # Of p samples one is read: what is seen is (p - 1)/2 samples old on average
         late = (sensor.delay + 0.5 * (sensor.period - 1)) * model.sample_time_s
         weights = sample_weights(replace(sensor.sensor, delay_s=late), model.sample_time_s)
-        slopes.append(np.outer(weights, _slope(partial(sampled_value, model, sensor.sensor), rest, scale)))
+        slope = differences(partial(sampled_value, model, sensor.sensor), rest, scale)
+        slopes.append(np.outer(weights, slope))
     C = np.zeros((len(sensors), max(map(len, slopes), default=1), len(rest)))
     for j, rows in enumerate(slopes):
         C[j, : len(rows)] = rows
     # As in a filter's R: noise that is met once in p samples tells as little as sqrt(p) times as much at each
     noise = np.array([sensor.reading.white * np.sqrt(sensor.period) for sensor in sensors])
-    return LinearPlant(A, B, C, noise)
-
-
-def exact_readings(plant: LinearPlant) -> LinearPlant:
-    """The plant where every state is known at once, without noise."""
-    order = len(plant.A)
-    return replace(plant, C=np.eye(order)[:, None], noise=np.zeros(order))
-
-
-def joined(
-    model: ActuatorModel,
-    point: OperatingPoint,
-    observer: tuple[FloatArray, FloatArray, FloatArray],
-    controller: Controller,
-    latency: int,
-) -> LinearController:
-    """A controller behind an observer that is linear already."""
-    n = len(point.commands)
-    order = model.order
-    P, G, L = observer
-    M, E, N, D = _controller(model, point, controller, len(P))
-    estimated, words, inputs = len(P), len(M), L.shape[1]
-    pending = n * (latency + 1)
-    size = estimated + words + pending
-    A, B = np.zeros((size, size)), np.zeros((size, inputs))
-    C, Dy = np.zeros((n, size)), D @ L
-    applied = slice(size - n, size)  # the oldest command on its way acted from the sample before to this one
-    A[:estimated, :estimated], A[:estimated, applied], B[:estimated] = P, G, L
-    rows = slice(estimated, estimated + words)
-    A[rows, :estimated], A[rows, rows], A[rows, applied], B[rows] = E @ P, M, E @ G, E @ L
-    C[:, :estimated], C[:, rows], C[:, applied] = D @ P, N, D @ G
-    first = slice(estimated + words, estimated + words + n)
-    A[first], B[first] = C, Dy
-    for k in range(latency):
-        start = estimated + words + n * (k + 1)
-        A[start : start + n, start - n : start] = np.eye(n)
-    return LinearController(A, B, C, Dy, latency, order)
+    return LinearPlant(both[:, : len(rest)], both[:, len(rest) :], C, noise)
 
 
 def closed_loop_matrix(plant: LinearPlant, controller: LinearController) -> FloatArray:
-    """The state matrix of the whole loop; its eigenvalues are the loop's poles."""
-    N, n = plant.B.shape
-    sensors, samples, _ = plant.C.shape
-    late = samples - 1
-    inner, size = N + sensors * late, N + sensors * late + len(controller.A)
-    y, F = np.zeros((sensors, size)), np.zeros((size, size))
-    y[:, :N] = plant.C[:, 0]
-    # A sensor's chain holds what earlier states add to its next readings, the next one first
-    for j in range(sensors if late else 0):
-        chain = np.arange(N + j * late, N + (j + 1) * late)
-        y[j, chain[0]] = 1.0
-        F[chain[:-1], chain[1:]] = 1.0
-        F[chain, :N] = plant.C[j, 1:]
-    control = slice(inner, size)
-    u = controller.D @ y
-    u[:, control] += controller.C
-    F[:N, :N] += plant.A
-    if controller.latency:  # the command given so many samples ago
-        start = size - n * controller.latency - n + n * (controller.latency - 1)
-        F[:N, start : start + n] += plant.B
-    else:
-        F[:N] += plant.B @ u
-    F[control] += controller.B @ y
-    F[control, control] += controller.A
-    return F
+    """The state matrix of the whole loop; its eigenvalues are the loop's poles.
+
+    Its states are those of the plant, what earlier ones add to each sensor's next readings, the estimate, the
+    controller's memory, and the commands given before, the last one first.
+    """
+    (order, n), (sensors, samples, _), k = plant.B.shape, plant.C.shape, controller
+    late, pending = samples - 1, n * (k.latency + 1)
+    sizes = [order, sensors * late, len(k.P), len(k.M), pending]
+    x, chains, estimate, memory, before = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    chains = chains.reshape(sensors, late, sum(sizes))
+    later = np.zeros_like(chains)
+    later[:, :-1] = chains[:, 1:]
+    readings = plant.C[:, 0] @ x + chains[:, :1].sum(axis=1)
+    estimate = k.P @ estimate + k.G @ before[-n:] + k.L @ readings
+    commands = np.concatenate([k.N @ memory + k.D @ estimate, before])
+    acting = commands[n * k.latency :][:n]
+    moved = plant.A @ x + plant.B @ acting
+    later += plant.C[:, 1:] @ x
+    memory = k.M @ memory + k.E @ estimate
+    return np.concatenate([moved, later.reshape(sizes[1], sum(sizes)), estimate, memory, commands[:pending]])
 
 
 def _command_scale(model: ActuatorModel, point: OperatingPoint) -> FloatArray:
     widths = state_scale(model)[2 : 2 + len(point.commands)]
-    amplified = [circuit.drive.kind == "current" for circuit in model.circuits]
-    return np.where(amplified, widths, widths * model.resistances_ohm)
+    return np.where(commands_currents(model), widths, widths * model.resistances_ohm)
 
 
-def _slope(function: Callable[[FloatArray], FloatArray], rest: FloatArray, scale: FloatArray) -> FloatArray:
-    """Gradient of a function of states (N, order) -> (N,)."""
+def differences(function: Callable[[FloatArray], FloatArray], rest: FloatArray, scale: FloatArray) -> FloatArray:
+    """Jacobian (m, n) of a function of points (N, n) -> (N, m) or (N,), by differences over a part of what is large."""
     steps = np.diag(_PROBE * scale)
-    values = function(np.concatenate([rest + steps, rest - steps]))
-    return np.asarray((values[: len(rest)] - values[len(rest) :]) / (2.0 * _PROBE * scale))
-
-
-def _differences(
-    step: Callable[[FloatArray, FloatArray], FloatArray],
-    rest: FloatArray,
-    commands: FloatArray,
-    scale: FloatArray,
-    push: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Jacobians of a step in its states, and in its commands or what else it takes."""
-    order, n = len(rest), len(commands)
-    both = np.concatenate([rest, commands])
-    steps = np.diag(_PROBE * np.concatenate([scale, push]))
-    points = np.concatenate([both + steps, both - steps])
-    moved = step(points[:, :order], points[:, order:])
-    slopes = (moved[: order + n] - moved[order + n :]) / (2.0 * _PROBE * np.concatenate([scale, push]))[:, None]
-    return slopes[:order].T, slopes[order:].T
+    values = function(np.concatenate([rest + steps, rest - steps])).reshape(2 * len(rest), -1)
+    return ((values[: len(rest)] - values[len(rest) :]) / (2.0 * _PROBE * scale)[:, None]).T
 
 
 def linear_observer(
@@ -199,7 +146,7 @@ def linear_observer(
     if observer is None:
         return np.zeros((order, order)), np.zeros((order, n)), np.eye(order)
     if isinstance(observer, DirectObserver):
-        return observer.linear(point)
+        return _linear_direct(model, point, observer)
     A, B, C, R = linear_filter(model, point, observer)
     covariance = solve_riccati(A.T, C.T, observer.process.process_covariance, R)
     gain = np.asarray(np.linalg.solve(C @ covariance @ C.T + R, C @ covariance).T, dtype=np.float64)
@@ -215,29 +162,46 @@ def linear_filter(
     rest = np.concatenate([point.state, np.zeros(process.order - 2 - n)])
     commands = point.commands if n > 1 else point.commands[0]
     A = process.state_jacobian(rest[None], np.array([commands]))[0]
-    push = _command_scale(model, point)
-    ends = [np.array([(point.commands + sign * _PROBE * push * row) for row in np.eye(n)]) for sign in (1.0, -1.0)]
-    moved = [process.transition(np.tile(rest, (n, 1)), end if n > 1 else end[:, 0]) for end in ends]
-    B = ((moved[0] - moved[1]) / (2.0 * _PROBE * push)[:, None]).T
+
+    def moved(inputs: FloatArray) -> FloatArray:
+        return process.transition(np.tile(rest, (len(inputs), 1)), inputs if n > 1 else inputs[:, 0])
+
+    B = differences(moved, point.commands, _command_scale(model, point))
     C = np.stack([process.output_jacobian(rest[None], output)[0] for output in process.outputs])
     # As in the bound: a sensor that is read at every p-th sample tells as much as one of p times the variance
     R = np.diag([output.variance * output.period for output in process.outputs])
     return A, B, C, R
 
 
-def _controller(
+def _linear_direct(
+    model: ActuatorModel, point: OperatingPoint, observer: DirectObserver
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Jacobians of a step of the direct measurement in state, commands and first reading."""
+    n, rest = len(point.commands), point.state
+    reading = observer.inverse.reading(rest[None, 0], model.currents_of(rest[None]))
+
+    def moved(points: FloatArray) -> FloatArray:
+        return observer.step(observer.start(points[:, : 2 + n]), points[:, 2 + n : -1], points[:, -1:]).mean
+
+    scales = state_scale(model)[: 2 + n], _command_scale(model, point), np.maximum(np.abs(reading), 1e-3)
+    slopes = differences(moved, np.concatenate([rest, point.commands, reading]), np.concatenate(scales))
+    return slopes[:, : 2 + n], slopes[:, 2 + n : -1], slopes[:, -1:]
+
+
+def linear_controller(
     model: ActuatorModel, point: OperatingPoint, controller: Controller, estimated: int
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """M, E, N and D of the module's head."""
-    n, words = len(point.commands), controller.words
+    """M, E, N and D of the module's head, for an estimate of so many states."""
+    n, states = len(point.commands), 2 + len(point.commands)
     still = np.zeros(1)
     reference = Reference(np.array([point.distance_m]), still, still, point.currents_A[None])
 
-    def step(estimates: FloatArray, memory: FloatArray) -> FloatArray:
-        return np.concatenate(controller.command(memory, estimates, reference), axis=1)
+    def step(both: FloatArray) -> FloatArray:
+        return np.concatenate(controller.command(both[:, states:], both[:, :states], reference), axis=1)
 
-    scale, words_scale = state_scale(model)[: 2 + n], np.full(words, 1e-2)
-    by_estimate, by_memory = _differences(step, point.state, np.zeros(words), scale, words_scale)
-    D, E = np.zeros((n, estimated)), np.zeros((words, estimated))
-    D[:, : 2 + n], E[:, : 2 + n] = by_estimate[:n], by_estimate[n:]
-    return by_memory[n:], E, by_memory[:n], D
+    rest, scale = np.zeros(states + controller.words), np.full(states + controller.words, 1e-2)
+    rest[:states], scale[:states] = point.state, state_scale(model)[:states]
+    slopes = differences(step, rest, scale)
+    by_estimate = np.zeros((len(slopes), estimated))
+    by_estimate[:, :states] = slopes[:, :states]
+    return slopes[n:, states:], by_estimate[n:], slopes[:n, states:], by_estimate[:n]

@@ -7,7 +7,7 @@ latency. A run that is lost stops there; its series are NaN from then on and it 
 How far a simulation of several parts is: a callable that is told the part, the samples done and all of them.
 """
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
+from femfit.estimate.noise import ConsistencyBand, consistency_band
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.allocation import limits_of
-from femfit.simulation.blind import WindowStatistics, window_statistics
-from femfit.simulation.controllers import Controller
+from femfit.simulation.controllers import Controller, SplitController
 from femfit.simulation.observers import Observer, innovation_quality
 from femfit.simulation.operating_point import resting_command
 from femfit.simulation.plant import Plant
@@ -42,25 +42,8 @@ class LoopOutcome(IntEnum):
     CURRENT_OUT_OF_RANGE = 3
     FILTER_DIVERGED = 4
 
-    @property
-    def sentence(self) -> str:
-        """What happened; :mod:`femfit.simulation.why_lost` finds why."""
-        return _SENTENCES[self]
 
-
-_SENTENCES = {
-    LoopOutcome.HELD: "The body was held over the whole time.",
-    LoopOutcome.PULLED_IN: (
-        "The body came to its near stop, or closer than the model's shortest distance, and hits the electromagnet."
-    ),
-    LoopOutcome.FELL: "The body fell to its far stop, or beyond the model's longest distance.",
-    LoopOutcome.CURRENT_OUT_OF_RANGE: "The current left the range of the model, so that its force there is not known.",
-    LoopOutcome.FILTER_DIVERGED: (
-        "The filter diverged before anything else went wrong: its estimate left the model, was no number, or its "
-        "readings were unlike its predictions for long."
-    ),
-}
-_HELD = int(LoopOutcome.HELD)
+_HELD, *_LOST = (int(outcome) for outcome in LoopOutcome)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +54,7 @@ class ClosedLoop:
     sensors: tuple[LoopSensor, ...]
     errors: SensorErrors
     observer: Observer | None  # None: the controller knows the exact state
-    controller: Controller
+    controller: Controller | SplitController
     reference: Reference
     latency: int = 0  # Samples from a reading to the command that it leads to
 
@@ -93,6 +76,43 @@ class TimeSeries:
 
 
 @dataclass(frozen=True, eq=False)
+class WindowStatistics:
+    """Over the samples of one window, each of shape (runs,); NaN for runs lost before the window's end."""
+
+    estimate_rms_m: FloatArray  # sqrt(mean((estimated - true distance)^2))
+    estimate_bias_m: FloatArray
+    tracking_rms_m: FloatArray
+    tracking_bias_m: FloatArray
+    normalised_innovation_squared: FloatArray  # Mean over the readings; 1 is expected of a true filter
+    readings: FloatArray  # How many a filter took, of all sensors; 0 without one
+
+    def consistency(self, runs: BoolArray) -> tuple[float, ConsistencyBand]:
+        """Mean of the normalised innovations squared of some runs, NaN where there are none, and its 95 % band."""
+        count = np.where(runs & (self.readings > 0.0), self.readings, 0.0)
+        total = int(count.sum())
+        mean = (
+            np.sum(np.where(count > 0.0, self.normalised_innovation_squared * count, 0.0)) / total if total else np.nan
+        )
+        return float(mean), consistency_band(max(1, total))
+
+
+def _summands(error: FloatArray, deviation: FloatArray, quality: FloatArray, read: IntArray) -> FloatArray:
+    """What of one sample :func:`window_statistics` takes, shape (6, runs)."""
+    return np.stack([error**2, error, deviation**2, deviation, np.where(read > 0, quality * read, 0.0), read])
+
+
+def window_statistics(
+    sums: FloatArray, window: slice, lost_at: FloatArray, step: float, steps: int
+) -> WindowStatistics:
+    """From sums over the samples: squared error, error, both of the deviation, normalised innovations, readings."""
+    stop = min(window.stop, steps)
+    mean = np.where(lost_at >= stop * step - 0.5 * step, sums, np.nan) / (stop - window.start)
+    with np.errstate(invalid="ignore"):
+        quality = mean[4] / mean[5]
+    return WindowStatistics(np.sqrt(mean[0]), mean[1], np.sqrt(mean[2]), mean[3], quality, sums[5])
+
+
+@dataclass(frozen=True, eq=False)
 class LoopResult:
     """What came of a batch of runs."""
 
@@ -108,8 +128,7 @@ class LoopResult:
 
     def counts(self) -> dict[str, int]:
         """Runs by the name of their outcome."""
-        names = [outcome.name for outcome in self.outcomes()]
-        return {name: names.count(name) for name in dict.fromkeys(names)}
+        return dict(Counter(outcome.name for outcome in self.outcomes()))
 
     def part(self, runs: slice) -> "LoopResult":
         """The result of some consecutive runs of the batch."""
@@ -156,7 +175,7 @@ def run_loop(
     model, step = loop.plant.model, loop.plant.model.sample_time_s
     n, runs, steps = len(model.circuits), len(start), len(loop.reference.distance)
     recorded_runs = slice(0, runs if recorded is None else min(recorded, runs))
-    record = _Record(steps, recorded_runs, n, len(loop.sensors))
+    record = np.full((steps, recorded_runs.stop, 6 + 3 * n + len(loop.sensors)), np.nan)
     sums = np.zeros((len(windows), 6, runs))
     state = loop.plant.start(start)
     belief = state[:, : 2 + n] if start_estimate is None else np.asarray(start_estimate, dtype=np.float64)
@@ -193,13 +212,13 @@ def run_loop(
         command, memory = loop.controller.command(memory, belief, reference)
         on_their_way.append(command)
         if recorded_runs.stop:
-            record.add(k, alive, (state[:, : 2 + n], belief, command, readings, reference.distance, quality))
+            columns = (state[:, : 2 + n], belief, command, readings, np.broadcast_to(reference.distance, runs), quality)
+            row = np.column_stack([column[recorded_runs] for column in columns])
+            record[k] = row if all_alive else np.where(alive[recorded_runs, None], row, np.nan)
         inside = [j for j, window in enumerate(windows) if window.start <= k < window.stop]
         if inside:
-            error, deviation = belief[:, 0] - state[:, 0], state[:, 0] - reference.distance
             read = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
-            parts = [error**2, error, deviation**2, deviation, np.where(read > 0, quality * read, 0.0), read]
-            sums[inside] += np.stack(parts)
+            sums[inside] += _summands(belief[:, 0] - state[:, 0], state[:, 0] - reference.distance, quality, read)
         moved = loop.plant.step(state, on_their_way[0])
         state = moved if all_alive else np.where(alive[:, None], moved, state)
         history.add(state)
@@ -209,37 +228,22 @@ def run_loop(
     lost_at = np.where(np.isnan(when), steps * step, when)
     return LoopResult(
         time_s=step * np.arange(steps, dtype=np.float64),
-        series=record.series(),
+        series=_series(record, n, len(loop.sensors)),
         windows=tuple(window_statistics(sums[j], window, lost_at, step, steps) for j, window in enumerate(windows)),
         outcome=outcome,
         outcome_time_s=when,
     )
 
 
-class _Record:
-    """The series of the first runs."""
-
-    def __init__(self, steps: int, kept: slice, circuits: int, sensors: int) -> None:
-        self._kept = kept
-        widths = {"state": 2 + circuits, "belief": 2 + circuits, "command": circuits, "readings": sensors}
-        self._many = [np.full((steps, kept.stop, width), np.nan) for width in widths.values()]
-        self._reference, self._quality = np.full((2, steps, kept.stop), np.nan)
-
-    def add(self, k: int, alive: BoolArray, row: tuple[FloatArray, ...]) -> None:
-        runs, alive = self._kept, alive[self._kept]
-        *many, reference, quality = row
-        for array, values in zip(self._many, many, strict=True):
-            array[k] = np.where(alive[:, None], values[runs], np.nan)
-        self._reference[k] = np.where(alive, np.broadcast_to(reference, quality.shape)[runs], np.nan)
-        self._quality[k] = np.where(alive, quality[runs], np.nan)
-
-    def series(self) -> TimeSeries:
-        state, belief, command, readings = self._many
-        return TimeSeries(
-            state[..., 0], state[..., 1], state[..., 2:],
-            belief[..., 0], belief[..., 1], belief[..., 2:],
-            command, readings, self._reference, self._quality,
-        )  # fmt: skip
+def _series(record: FloatArray, circuits: int, sensors: int) -> TimeSeries:
+    """Rows of (state, belief, command, readings, reference, quality) of each sample and run, by their names."""
+    ends = np.cumsum([2 + circuits, 2 + circuits, circuits, sensors])
+    state, belief, command, readings, last = np.split(record, ends, axis=2)
+    return TimeSeries(
+        state[..., 0], state[..., 1], state[..., 2:],
+        belief[..., 0], belief[..., 1], belief[..., 2:],
+        command, readings, last[..., 0], last[..., 1],
+    )  # fmt: skip
 
 
 class _Watch:
@@ -252,36 +256,29 @@ class _Watch:
 
     def alive(self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray) -> BoolArray:
         """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named."""
-        model, n = self._model, len(self._model.circuits)
-        currents = state[:, 2 : 2 + n]
-        alive = model.validity.contains(state[:, 0], currents) & np.isfinite(estimate).all(axis=1)
+        box, distance, currents = self._model.validity, state[:, 0], state[:, 2 : 2 + len(self._model.circuits)]
+        alive = box.contains(distance, currents) & np.isfinite(estimate).all(axis=1)
         if not alive.all() or diverged.any():
-            code = self._code(state, currents, diverged)
+            middle = np.full(len(distance), 0.5 * (box.distance_min_m + box.distance_max_m))
+            code = np.select(
+                [
+                    ~(distance >= box.distance_min_m),
+                    distance > box.distance_max_m,
+                    ~box.contains(middle, currents),
+                    diverged,
+                ],
+                _LOST,
+                _HELD,
+            )
             fresh = (self._outcome == _HELD) & (code != _HELD)
             self._outcome = np.where(fresh, code, self._outcome)
             self._when = np.where(fresh, time, self._when)
-        near, far = model.require_motion().ends
+        near, far = self._model.require_motion().ends
         if (near, far) != (-np.inf, np.inf):
-            side = np.where(
-                state[:, 0] <= near, LoopOutcome.PULLED_IN, np.where(state[:, 0] >= far, LoopOutcome.FELL, 0)
-            )
+            side = np.select([distance <= near, distance >= far], _LOST[:2], _HELD)
             self._touched = np.where(side == 0, np.nan, np.where(self._side == side, self._touched, time))
             self._side = side
         return np.asarray(alive)
-
-    def _code(self, state: FloatArray, currents: FloatArray, diverged: BoolArray) -> IntArray:
-        box, distance = self._model.validity, state[:, 0]
-        middle = np.full(len(distance), 0.5 * (box.distance_min_m + box.distance_max_m))
-        return np.select(
-            [
-                ~(distance >= box.distance_min_m),
-                distance > box.distance_max_m,
-                ~box.contains(middle, currents),
-                diverged,
-            ],
-            [LoopOutcome.PULLED_IN, LoopOutcome.FELL, LoopOutcome.CURRENT_OUT_OF_RANGE, LoopOutcome.FILTER_DIVERGED],
-            _HELD,
-        )
 
     def end(self, time: float) -> tuple[IntArray, FloatArray]:
         """Outcomes and times; a body that lies on a stop at the end was not held."""

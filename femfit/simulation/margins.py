@@ -68,23 +68,9 @@ class Margins:
 
 def worst_of(margins: Sequence[Margins]) -> Margins:
     """The least of each margin over the points of rest."""
-    return Margins(
-        stable=all(point.stable for point in margins),
-        gain_below=max(point.gain_below for point in margins),
-        gain_above=min(point.gain_above for point in margins),
-        phase_rad=min(point.phase_rad for point in margins),
-        delay_s=min(point.delay_s for point in margins),
-        modulus=min(point.modulus for point in margins),
-        slowest_pole_rad_s=min(point.slowest_pole_rad_s for point in margins),
-        noise_share=max(point.noise_share for point in margins),
-    )
-
-
-def frequencies(sample_time_s: float, points: int = FREQUENCIES) -> tuple[FloatArray, ComplexArray]:
-    """Angular frequencies in rad/s up to half of the sampling, and exp(i w t)."""
-    nyquist = np.pi / sample_time_s
-    w = nyquist * np.geomspace(LOWEST, 1.0, points)
-    return w, np.exp(1j * w * sample_time_s)
+    least = {name: min(getattr(point, name) for point in margins) for name in Margins.__dataclass_fields__}
+    most = {name: max(getattr(point, name) for point in margins) for name in ("gain_below", "noise_share")}
+    return Margins(**{**least, **most})
 
 
 def margins(
@@ -106,7 +92,8 @@ def margins(
     poles = np.abs(np.linalg.eigvals(closed_loop_matrix(plant, controller)))
     largest = float(poles.max())
     slowest = -np.log(max(largest, 1e-300)) / sample_time_s
-    w, z = frequencies(sample_time_s, points)
+    w = np.pi / sample_time_s * np.geomspace(LOWEST, 1.0, points)
+    z = np.exp(1j * w * sample_time_s)
     K, G = controller.response(z), plant.response(z, controller.latency)
     n = K.shape[1]
     returned = np.eye(n) - K @ G

@@ -17,11 +17,11 @@ from femfit.device.electrics import PositionSensor
 from femfit.estimate.direct import HallInverse, hall_inverse
 from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.drive import circuit_terms, current_targets, is_plain, voltage_limits, winding_voltage
+from femfit.model.drive import blocked_by_diodes, circuit_terms, current_targets, voltage_limits, winding_voltage
+from femfit.model.dynamics import currents_by_voltages
 from femfit.model.hall import HallSensor
 from femfit.model.sensing import characteristic
 from femfit.model.sensors import sensor_named
-from femfit.simulation.operating_point import OperatingPoint
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,42 +113,18 @@ class DirectObserver:
         moved[missing, :2] = mean[missing, :2]
         return Seen(moved[:, : 2 + n], state.diverged, state.normalised_innovation_squared)
 
-    def linear(self, point: OperatingPoint) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Jacobians of a step in state, commands and first reading about a point of rest."""
-        n, rest = len(point.commands), point.state
-        reading = self.inverse.reading(rest[None, 0], self.inverse.model.currents_of(rest[None]))
-        both = np.concatenate([rest, point.commands, reading])
-        scale = np.maximum(np.abs(both), 1e-3)
-        scale[1] = 1.0
-        steps = np.diag(1e-6 * scale)
-        points = np.concatenate([both + steps, both - steps])
-        means = self.step(self.start(points[:, : 2 + n]), points[:, 2 + n : 2 + 2 * n], points[:, 2 + 2 * n :]).mean
-        half = len(both)
-        slopes = ((means[:half] - means[half:]) / (2e-6 * scale)[:, None]).T
-        return slopes[:, : 2 + n], slopes[:, 2 + n : 2 + 2 * n], slopes[:, 2 + 2 * n :]
-
 
 def coil_currents(model: ActuatorModel, mean: FloatArray, command: FloatArray) -> FloatArray:
     """Currents one sample later, of shape (runs, n), with distance and velocity held, as if nothing else conducted."""
-    model = model.without_eddies
-    n, step = len(model.circuits), model.sample_time_s
-    distance, velocity, currents = mean[:, 0], mean[:, 1], mean[:, 2 : 2 + n]
-    _, motional, inductance = circuit_terms(model, distance, currents)
-    volts, ohms = winding_voltage(model, mean, command, step), model.resistances_ohm
-    rest = (volts + motional * velocity[:, None]) / ohms
-    decay, modes = np.linalg.eig(np.linalg.solve(inductance, np.diag(ohms) + np.zeros_like(inductance)))
-    along = np.linalg.solve(modes, (currents - rest)[..., None])
-    settling = rest + (modes @ (np.exp(-decay * step)[..., None] * along))[..., 0].real
-    if is_plain(model.circuits):
-        return np.asarray(settling)
-    wanted = current_targets(model, currents, command, step)
-    low, high = voltage_limits(model.circuits)
+    model, step = model.without_eddies, model.sample_time_s
+    moved = np.array(mean[:, : 2 + len(model.circuits)])
+    distance, velocity, currents = moved[:, 0], moved[:, 1:2], mean[:, 2 : moved.shape[1]]
+    volts, motional = winding_voltage(model, mean, command, step), circuit_terms(model, distance, currents)[1]
+    driving = volts + motional * velocity - model.resistances_ohm * currents
+    moved[:, 2:] += np.einsum("rjk,rk->rj", currents_by_voltages(model, distance, currents, step), driving)
+    wanted, (low, high) = current_targets(model, currents, command, step), voltage_limits(model.circuits)
     free = np.isfinite(wanted) & (volts > low) & (volts < high)
-    one_sided = np.array(
-        [circuit.drive.kind == "voltage" and circuit.drive.diode_V is not None for circuit in model.circuits]
-    )
-    settling = np.where(one_sided, np.maximum(settling, 0.0), settling)
-    return np.where(free, wanted, settling)
+    return np.where(free, wanted, blocked_by_diodes(model, moved)[:, 2:])
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,9 @@ from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents, flux_columns, voltage_columns
 from femfit.device.mechanics import Mechanics
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.dynamics import state_scale
 from femfit.model.json_file import model_of
 from femfit.simulation.energy import balance
-from femfit.simulation.events import Run, Stretch, run
+from femfit.simulation.events import Stretch, Walk
 from femfit.simulation.feed import CONDUCTING, Feed, Winding
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.profile import Command, Constant, Interpolation, Profile, beyond_limits, commanded
@@ -95,32 +94,38 @@ def simulate(
     model.require_motion()
     profiles = commanded(model, drive, voltage_V, current_A, interpolation)
     duration = _duration(duration_s, profiles)
-    system = _system(model, profiles)
-    windings, several = system.feed.windings, len(profiles) > 1
+    model.require_dynamics()
+    driven = zip(model.circuits, profiles, strict=True)
+    windings = tuple(Winding(circuit, profile.kind == "current") for circuit, profile in driven)
+    system, several = System(Feed(model, windings)), len(profiles) > 1
     notes = tuple(note for pair in zip(windings, profiles, strict=True) for note in beyond_limits(*pair, several))
-    start = rest_distance(model) if start_m is None else _on_stop(system, start_m)
+    begun_at, start = _start(system, rest_distance(model) if start_m is None else start_m)
     if outside not in {"stop", "extrapolate"}:
         raise UsageError(f"outside must be stop or extrapolate; instead received {outside!r}.")
     if outside == "stop":
         model.validity.require(np.asarray(start), model.currents_of(np.zeros(model.order)))
-    _require_between_stops(system.mechanics, start)
+    if any(system.depth(side, np.array([start])) > 0.0 for side in system.stops):
+        ends = [f"{1e3 * stop.distance_m:g} mm" for stop in system.stops.values()]
+        raise DomainError(
+            f"The body must begin between its stops ({' and '.join(ends)}); instead received {1e3 * start:g} mm."
+        )
     first = np.zeros(system.size)
     first[0] = start
     within_limits = tuple(profile.within(*winding.limits) for profile, winding in zip(profiles, windings, strict=True))
-    walked = run(system, within_limits, first, duration, outside == "extrapolate")
+    walk = Walk(system, within_limits, first, duration, outside == "extrapolate")
     step = duration / SAMPLES if sample_time_s is None else sample_time_s
     size = system.size
     return OpenLoop(
         model=model,
         profiles=profiles,
         duration_s=duration,
-        table=_table(model, system, walked, step),
-        events=walked.events,
-        switchings=switchings(walked.events, _side(system.mechanics, start), within_limits),
-        energy=balance(model, system.mechanics, walked.first, walked.last, walked.last[size:]),
-        end_s=walked.end_s,
-        left_domain=walked.left_domain,
-        extrapolated=outside == "extrapolate" and bool(walked.left_domain),
+        table=_table(model, system, walk, step),
+        events=tuple(walk.events),
+        switchings=switchings(walk.events, begun_at, within_limits),
+        energy=balance(model, system.mechanics, walk.first, walk.state, walk.state[size:]),
+        end_s=walk.time,
+        left_domain=tuple(walk.left_domain.items()),
+        extrapolated=outside == "extrapolate" and bool(walk.left_domain),
         notes=notes,
     )
 
@@ -133,58 +138,29 @@ def _duration(asked_s: float | None, profiles: Sequence[Profile]) -> float:
     return duration
 
 
-def _system(model: ActuatorModel, profiles: Sequence[Profile]) -> System:
-    mechanics, box = model.require_motion(), model.validity
-    model.require_dynamics()
-    d, i = box.grid(15, 15, several=5)
-    pairs = zip(model.circuits, profiles, strict=True)
-    force = float(np.abs(model.magnetics.force(d, i)).max() + np.abs(mechanics.static_force(d)).max())
-    return System(
-        feed=Feed(model, tuple(Winding(circuit, profile.kind == "current") for circuit, profile in pairs)),
-        mechanics=mechanics,
-        domain=box,
-        size=model.order,
-        force_scale_N=force or 1.0,
-        eddies_A=state_scale(model)[2 + len(model.circuits) : model.windings.end],
-    )
+def _start(system: System, start: float) -> tuple[Side | None, float]:
+    """The stop that the body begins on and the distance; what rounding alone keeps from a stop is on it."""
+    for side, stop in system.stops.items():
+        if abs(stop.distance_m - start) < system.least_rebound_m:
+            return side, stop.distance_m
+    return None, start
 
 
-def _on_stop(system: System, start: float) -> float:
-    """A start that rounding alone keeps from a stop is on it."""
-    stops = [stop.distance_m for stop in (system.mechanics.near_stop, system.mechanics.far_stop) if stop is not None]
-    return next((stop_m for stop_m in stops if abs(stop_m - start) < system.least_rebound_m), start)
-
-
-def _require_between_stops(mechanics: Mechanics, start: float) -> None:
-    near, far = mechanics.near_stop, mechanics.far_stop
-    if (near is not None and start < near.distance_m) or (far is not None and start > far.distance_m):
-        ends = [f"{1e3 * stop.distance_m:g} mm" for stop in (near, far) if stop is not None]
-        raise DomainError(
-            f"The body must begin between its stops ({' and '.join(ends)}); instead received {1e3 * start:g} mm."
-        )
-
-
-def _side(mechanics: Mechanics, distance: float) -> Side | None:
-    if mechanics.near_stop is not None and distance == mechanics.near_stop.distance_m:
-        return "near"
-    return "far" if mechanics.far_stop is not None and distance == mechanics.far_stop.distance_m else None
-
-
-def _table(model: ActuatorModel, system: System, walked: Run, step: float) -> dict[str, FloatArray]:
+def _table(model: ActuatorModel, system: System, walk: Walk, step: float) -> dict[str, FloatArray]:
     """The motion at equal steps, up to where it ended; its own columns are true, whatever a sensor reads of them."""
-    if not step > 0.0 or walked.end_s / step > 1e7:
+    if not step > 0.0 or walk.time / step > 1e7:
         raise UsageError(
             f"The table's step must be > 0 s and give at most ten million rows; instead received {step:g} s."
         )
-    time: FloatArray = step * np.arange(1.0 + np.floor(walked.end_s / step * (1.0 + 1e-12)))
-    time[-1] = min(time[-1], walked.end_s)
+    time: FloatArray = step * np.arange(1.0 + np.floor(walk.time / step * (1.0 + 1e-12)))
+    time[-1] = min(time[-1], walk.time)
     circuits = len(model.circuits)
     states, volts = np.empty((system.size + len(ENERGIES), len(time))), np.empty((circuits, len(time)))
-    ends = [stretch.end_s for stretch in walked.stretches]
+    ends = [stretch.end_s for stretch in walk.stretches]
     which = np.minimum(np.searchsorted(ends, time, side="right"), len(ends) - 1)
     for k in np.unique(which):
         rows = np.flatnonzero(which == k)
-        stretch = walked.stretches[k]
+        stretch = walk.stretches[k]
         states[:, rows] = stretch.solution(time[rows])
         volts[:, rows] = _voltages(system, stretch, time[rows], states[:, rows])
     d, names, windings = states[0], model.circuit_names, model.windings

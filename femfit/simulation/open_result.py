@@ -6,36 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from femfit.core import files as atomic
 from femfit.core.files import OPEN_LOOP, require_outputs
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents
-from femfit.core.text import amount, counted
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.energy import EnergyBalance
 from femfit.simulation.events import Event
 from femfit.simulation.profile import Profile
 from femfit.simulation.switching import StepResponse, Switching, step_response
-
-_WORDS = {
-    "pull_in": "Pull-in",
-    "drop_out": "Drop-out",
-    "to_near": "The near stop is reached",
-    "to_far": "The far stop is reached",
-}
-
-_SWITCHES = ("pull_in", "drop_out")
-
-_MOST_PRINTED = 6
-"""Conventional: ways to a stop that are printed; the JSON has all."""
-
-_AT_ONCE = 1e-6
-"""Numerical: part of the simulated time below which a wait is the integrator's first step."""
-
-_LEAST_SHARE = 1e-3
-"""Conventional: part of the energy supplied below which a share of it is not printed."""
+from femfit.simulation.words import sentence
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -88,7 +71,14 @@ class OpenLoop(Printed):
     notes: tuple[str, ...]
 
     def __str__(self) -> str:
-        return "\n".join([*self._domain_lines(), *self._switching_lines(), *self.notes, *self._energy_lines()])
+        names = [column.rpartition("_")[0] for column in circuit_currents(self.model.circuit_names)]
+        leavings = []
+        for name, time in self.left_domain:
+            event = next(e for e in self.events if e.name == f"{name}_leaves_domain" and e.time_s == time)
+            in_metres = name == "distance"
+            value = event.distance_m if in_metres else np.atleast_1d(event.current_A)[names.index(name)]
+            leavings.append((name, time, float(value), "m" if in_metres else "A"))
+        return sentence("open_loop", "motion", self, leavings, {name: self.table[f"{name}_A"][-1] for name in names})
 
     @property
     def step(self) -> StepResponse | None:
@@ -101,102 +91,15 @@ class OpenLoop(Printed):
             return None
         return step_response(self.table["time_s"], self.table["distance_m"])
 
-    def _domain_lines(self) -> list[str]:
-        lines = []
-        for name, time in self.left_domain:
-            event = next(e for e in self.events if e.name == f"{name}_leaves_domain" and e.time_s == time)
-            value = amount(
-                event.distance_m if name == "distance" else self._current(name, event),
-                "m" if name == "distance" else "A",
-                3,
-            )
-            then = "The simulation ends there: give the body stops within the sweep, sweep wider, or extrapolate."
-            if self.extrapolated:
-                then = "What follows is extrapolated."
-            lines.append(
-                f"The {self._said(name)} leaves the validity domain after {amount(time, 's', 3)}, at {value}. {then}"
-            )
-        return lines
-
     @property
     def profile(self) -> Profile:
         """What was commanded of the only circuit, or of the first."""
         return self.profiles[0]
 
-    def _current(self, name: str, event: Event) -> float:
-        """The current of an event by the name of its range."""
-        names = [column.rpartition("_")[0] for column in circuit_currents(self.model.circuit_names)]
-        return float(np.atleast_1d(event.current_A)[names.index(name)])
-
-    @staticmethod
-    def _said(name: str) -> str:
-        """A range in words: ``current of lower``."""
-        quantity, _, circuit = name.partition("_")
-        return f"{quantity} of {circuit}" if circuit else quantity
-
-    def _switching_lines(self) -> list[str]:
-        if not self.switchings:
-            d, v = (self.table[name] for name in ("distance_m", "velocity_m_s"))
-            currents = [
-                f"the {self._said(column.rpartition('_')[0])} is {amount(self.table[column][-1], 'A', 3)}"
-                for column in circuit_currents(self.model.circuit_names)
-            ]
-            end = f"at the end {' and '.join(currents)}" if currents else ""
-            if np.all(d == d[0]):
-                return [
-                    f"The body stays at {amount(d[0], 'm', 3)} for {amount(self.end_s, 's', 3)}{end and '; ' + end}."
-                ]
-            if self.step is not None:
-                return [f"{self.step}{end and f' {end[0].upper()}{end[1:]}.'}"]
-            where = f"the body is at {amount(d[-1], 'm', 3)} and moves with {amount(v[-1], 'm')}/s"
-            touched = any(event.name.startswith("hits") for event in self.events)
-            way = "comes back to its stop" if touched else "reaches no stop"
-            return [f"The body {way} in {amount(self.end_s, 's', 3)}; {end}{end and ', '}{where}."]
-        lines = []
-        for switching in self.switchings[:_MOST_PRINTED]:
-            bounces = counted(switching.bounces, "bounce") if switching.bounces else "no bounce"
-            rest = ""
-            if switching.rested_s is not None and switching.bounces:
-                rest = f", at rest after {amount(switching.rested_s - switching.command_s, 's', 3)}"
-            waited = switching.started_s - switching.command_s
-            starts = f"after {amount(waited, 's', 3)}" if waited > _AT_ONCE * self.end_s else "at once"
-            if switching.kind not in _SWITCHES and len(self.switchings) > 1:
-                lines.append(
-                    f"{_WORDS[switching.kind]} at {amount(switching.reached_s, 's', 3)} with "
-                    f"{amount(switching.seating_velocity_m_s, 'm', 3)}/s, {bounces}."
-                )
-                continue
-            lines.append(
-                f"{_WORDS[switching.kind]} {amount(switching.switching_time_s, 's', 3)} after the command: the body "
-                f"starts {starts} and seats with {amount(switching.seating_velocity_m_s, 'm', 3)}/s, {bounces}{rest}."
-            )
-        more = len(self.switchings) - _MOST_PRINTED
-        return lines + ([f"... and {counted(more, 'more arrival')} at a stop (--json)."] if more > 0 else [])
-
-    def _energy_lines(self) -> list[str]:
-        energy = self.energy
-        total = energy.supplied_J
-        if total <= 0.0:
-            return []
-        shares = {
-            "copper": energy.copper_J,
-            "eddy currents": energy.eddy_J,
-            "diode": energy.diode_J,
-            "friction": energy.friction_J,
-            "stops": energy.impact_J,
-            "field": energy.magnetic_J,
-            "motion": energy.kinetic_J,
-            "springs": energy.springs_J,
-            "weight and load": energy.potential_J,
-            "back to the source": -energy.source_J,
-        }
-        printed = [
-            f"{name} {amount(value / total, '')}" for name, value in shares.items() if value > _LEAST_SHARE * total
-        ]
-        line = f"Of {amount(total, 'J', 3)} went to: {', '.join(printed)}."
-        if self.model.effects_drive:
-            return [line, f"The model's effects took {amount(energy.remainder_J, 'J')}."]
-        return [line, f"The balance closes to {abs(energy.remainder_J) / total:.1g} of it."]
+    @property
+    def touched(self) -> bool:
+        """Whether the body came to a stop, be it the one that it began at."""
+        return any(event.name.startswith("hits") for event in self.events)
 
     def to_dict(self) -> dict[str, Any]:
         """The numbers without the table, ready for JSON."""
@@ -218,7 +121,10 @@ class OpenLoop(Printed):
     def write_csv(self, path: str | Path) -> None:
         """Write the table, one row a step."""
         require_outputs([], (Path(path), OPEN_LOOP))
-        names = list(self.table)
-        rows = np.column_stack([self.table[name] for name in names])
-        with atomic.replacing(path) as partial:
-            np.savetxt(partial, rows, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
+        write_table(path, pd.DataFrame(self.table))
+
+
+def write_table(path: str | Path, table: pd.DataFrame) -> None:
+    """Write numbers to nine digits, whole or not at all."""
+    with atomic.replacing(path) as partial:
+        table.to_csv(partial, index=False, float_format="%.9g", na_rep="nan")

@@ -45,23 +45,9 @@ class OperatingPoint:
     B: FloatArray
 
     @property
-    def current_A(self) -> float:  # noqa: N802  the unit
-        """Of the first circuit."""
-        return float(self.currents_A[0])
-
-    @property
-    def voltage_V(self) -> float:  # noqa: N802  the unit
-        """Across the first winding, R i."""
-        return float(-self.A[2, 2:] @ self.currents_A / self.B[2, 0]) if self.A.shape[0] == 3 else float("nan")
-
-    @property
     def state(self) -> FloatArray:
         """Distance, velocity and currents at rest, shape (2 + n,)."""
         return np.concatenate([[self.distance_m, 0.0], self.currents_A])
-
-    def discrete(self, step: float) -> tuple[FloatArray, FloatArray]:
-        """(Phi, Gamma) of x(k+1) = Phi x(k) + Gamma u(k), the voltages held over a step in s."""
-        return zero_order_hold(self.A, self.B, step)
 
 
 def operating_point(model: ActuatorModel, distance: float) -> OperatingPoint:

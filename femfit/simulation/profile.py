@@ -15,10 +15,9 @@ from femfit.core.errors import DomainError, TableError, UsageError
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents, voltage_columns
-from femfit.core.text import amount, amount_range, counted
-from femfit.device.electrics import Circuit
 from femfit.model.actuator_model import ActuatorModel
 from femfit.simulation.feed import Winding
+from femfit.simulation.words import sentence
 from femfit.tables.columns import UsedColumn, column_values, match_column
 from femfit.tables.measured_columns import read_raw_table
 
@@ -70,10 +69,7 @@ class Profile(Printed):
         object.__setattr__(self, "value", value)
 
     def __str__(self) -> str:
-        unit = "V" if self.kind == "voltage" else "A"
-        values = amount_range(float(self.value.min()), float(self.value.max()), unit, 3)
-        points = counted(len(self.time_s), "point")
-        return f"{self.kind} of {values} at {points} up to {amount(self.time_s[-1], 's', 3)}, {self.interpolation}"
+        return sentence("open_loop", "profile", self)
 
     @cached_property
     def turns_s(self) -> FloatArray:
@@ -188,7 +184,18 @@ def commanded(
         named = _by_name(model, drive, "drive")
     else:
         named = _constant(model, "voltage", voltage) | _constant(model, "current", current)
-    return tuple(_checked(model, circuit, named.get(circuit.name)) for circuit in circuits)
+    profiles = []
+    for circuit in circuits:
+        kind: Literal["voltage", "current"] = "current" if circuit.drive.kind == "current" else "voltage"
+        profile = named.get(circuit.name) or Profile(kind, np.zeros(1), np.zeros(1))
+        if kind == "current" and profile.kind == "voltage":
+            which = f"Circuit {circuit.name!r} of model" if len(circuits) > 1 else "Model"
+            raise DomainError(
+                f"{which} {model.name!r} is driven by a current amplifier; its command must be a current. Give "
+                "current_A (--current), or a table with the column current_A."
+            )
+        profiles.append(profile)
+    return tuple(profiles)
 
 
 def _constant(model: ActuatorModel, kind: Literal["voltage", "current"], constant: Constant) -> dict[str, Profile]:
@@ -217,28 +224,9 @@ def _by_name(model: ActuatorModel, values: Value | Mapping[str, Value], option: 
     return dict(values)
 
 
-def _checked(model: ActuatorModel, circuit: Circuit, profile: Profile | None) -> Profile:
-    if profile is None:
-        kind: Literal["voltage", "current"] = "current" if circuit.drive.kind == "current" else "voltage"
-        return Profile(kind, np.zeros(1), np.zeros(1))
-    if circuit.drive.kind == "current" and profile.kind == "voltage":
-        which = f"Circuit {circuit.name!r} of model" if len(model.circuits) > 1 else "Model"
-        raise DomainError(
-            f"{which} {model.name!r} is driven by a current amplifier; its command must be a current. Give current_A "
-            "(--current), or a table with the column current_A."
-        )
-    return profile
-
-
 def beyond_limits(winding: Winding, profile: Profile, named: bool) -> tuple[str, ...]:
     """A note where a driver cannot give what is commanded."""
     low, high = winding.limits
-    smallest, largest = float(profile.value.min()), float(profile.value.max())
-    if low <= smallest and largest <= high:
+    if low <= profile.value.min() and profile.value.max() <= high:
         return ()
-    unit = "A" if winding.commands_current else "V"
-    asked = amount_range(smallest, largest, unit, 3)
-    limits = amount_range(low, high, unit, 3) if np.isfinite(low + high) else f"{low:g} to {high:g} {unit}"
-    of = f" of {winding.circuit.name}" if named else ""
-    note = f"The command{of} of {asked} exceeds what the driver gives, {limits}; it is cut there. Change the supply in "
-    return (note + "the drawing to simulate a stronger one.",)
+    return (sentence("open_loop", "beyond_limits", winding, profile, named),)

@@ -17,7 +17,6 @@ from femfit.core.errors import FilterError, UsageError
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.public import random_generator
 from femfit.core.results import Printed
-from femfit.core.text import amount, counted
 from femfit.device.electrics import Circuit
 from femfit.estimate.constants import TEST_SAMPLES
 from femfit.estimate.error_bound import bound_along, without_stops
@@ -30,15 +29,13 @@ from femfit.model.sensors import names_or_kinds, sampled_readings, sensor_named
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.open_result import OpenLoop
 from femfit.simulation.profile import Profile, commanded
+from femfit.simulation.words import sentence
 
 REST_S, ON_S = 0.02, 0.06
 """Conventional: time before the step of the voltage, and after it, where no drive is given."""
 
 
 MOVES = "while it moves"
-
-_EXACT_M = 1e-9
-"""Numerical: an error below a nanometre is rounding: the estimate lies on the stop, as the body does."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,11 +71,7 @@ class Sensing(Printed):
         return parts | {"after it has come to rest": row > last}
 
     def __str__(self) -> str:
-        lines = [f"Distance from {', '.join(self.sensors)} alone, {counted(self.runs, 'simulated run')}:"]
-        for name, (error, claimed, bound) in self.errors.items():
-            accuracy = f"error {amount(error, 'm')} rms" if error > _EXACT_M else "known to the stop"
-            lines.append(f"  {name}: {accuracy} (the filter claims {amount(claimed, 'm')}; bound {amount(bound, 'm')})")
-        return "\n".join([*lines, *self.motion.notes])
+        return sentence("sense", "sensing", self)
 
     @property
     def errors(self) -> dict[str, tuple[float, float, float]]:

@@ -104,24 +104,21 @@ def sensor_noise(
         )
     result = {}
     for name in names:
-        sensor = sensor_named(model, name)
-        reading = reading_of(model, name)
-        white = by_name.get(name)
+        reading, white = reading_of(model, name), by_name.get(name)
         if white is not None and not 0.0 <= white < np.inf:
             raise DomainError(
                 f"The noise of a sample must be >= 0 {reading.unit}; instead received {white:g} {reading.unit} of "
                 f"{name}. Leave it out for the model's."
             )
-        unknown_part = UNKNOWN_NOISE_PART * span_of(model, sensor, reading)
-        result[name] = white if white is not None else reading.noise or unknown_part
+        result[name] = white if white is not None else reading.noise or UNKNOWN_NOISE_PART * span_of(model, name)
     return result
 
 
-def span_of(model: ActuatorModel, sensor: AnySensor, reading: Reading) -> float:
+def span_of(model: ActuatorModel, name: str) -> float:
     """Range of a sensor, or of its readings over the validity domain where it has none, in its unit."""
-    if np.isfinite(reading.high - reading.low):
-        return reading.high - reading.low
-    return readings_span(model, sensor)
+    reading = reading_of(model, name)
+    span = reading.high - reading.low
+    return span if np.isfinite(span) else readings_span(model, sensor_named(model, name))
 
 
 class History:

@@ -15,8 +15,8 @@ K. J. Astrom and B. Wittenmark, Computer-Controlled Systems (Prentice Hall, 1997
 R. Hooke and T. A. Jeeves, J. ACM 8 (1961) 212.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,8 @@ class StateFeedback(Controller):
     gains: FloatArray  # K_x, shape (n, 2 + n)
     integral: FloatArray  # K_i, shape (n,)
     pending: FloatArray  # Of the commands on their way, the last one first; shape (n, latency n)
+    direction: FloatArray  # Change of the commands that raises the force, as in :class:`OperatingPoint`; shape (n,)
+    name = "state-feedback"
 
     @property
     def words(self) -> int:  # type: ignore[override]
@@ -68,6 +70,36 @@ class StateFeedback(Controller):
         later = np.concatenate([command - needed, pending], axis=1)[:, : self.pending.shape[1]]
         return command, np.concatenate([grown[:, None], later], axis=1)
 
+    @property
+    def parts(self) -> dict[str, float]:
+        """Of distance, velocity and integral that of the direction's largest entry; each current has its own."""
+        first = int(np.argmax(np.abs(self.direction)))
+        along = -float(self.direction[first])
+        return {
+            "distance": float(self.gains[first, 0]) / along,
+            "velocity": float(self.gains[first, 1]) / along,
+            **{name: float(self.gains[k, 2 + k]) for k, name in enumerate(self._currents)},
+            "integral": float(self.integral[first]) / along,
+        }
+
+    def with_parts(self, changed: Mapping[str, float]) -> "StateFeedback":
+        """Those of distance, velocity and integral for all commands, along the direction."""
+        gains, integral = self.gains.copy(), self.integral
+        for name, value in changed.items():
+            if name == "integral":
+                integral = -value * self.direction
+            elif name in self._currents:
+                k = self._currents.index(name)
+                gains[k, 2 + k] = value
+            else:
+                gains[:, ("distance", "velocity").index(name)] = -value * self.direction
+        return replace(self, gains=gains, integral=integral)
+
+    @property
+    def _currents(self) -> list[str]:
+        names = self.model.circuit_names
+        return ["current"] if len(names) == 1 else [f"current_{name}" for name in names]
+
 
 def augmented(
     model: ActuatorModel, point: OperatingPoint, plant: LinearPlant, latency: int
@@ -76,18 +108,11 @@ def augmented(
     n = len(point.commands)
     order = 2 + n  # states of effects follow the currents and are not fed back
     size = order + n * latency + 1
-    A, B = np.zeros((size, size)), np.zeros((size, n))
-    A[:order, :order] = plant.A[:order, :order]
-    if latency:
-        A[:order, order + n * (latency - 1) : order + n * latency] = plant.B[:order]
-        B[order : order + n] = np.eye(n)
-        for k in range(1, latency):
-            rows = slice(order + n * k, order + n * (k + 1))
-            A[rows, order + n * (k - 1) : order + n * k] = np.eye(n)
-    else:
-        B[:order] = plant.B[:order]
-    A[-1, -1], A[-1, 0] = 1.0, model.sample_time_s
-    return A, B
+    x, pending, integral, command = np.split(np.eye(size + n), [order, size - 1, size])
+    commands = np.concatenate([command, pending])
+    moved = plant.A[:order, :order] @ x + plant.B[:order] @ commands[n * latency :]
+    both = np.concatenate([moved, commands[: n * latency], integral + model.sample_time_s * x[:1]])
+    return both[:, :size], both[:, size:]
 
 
 def regulator(
@@ -156,7 +181,8 @@ def placed(
 def _of_gain(model: ActuatorModel, point: OperatingPoint, gain: FloatArray, latency: int) -> StateFeedback:
     n = len(point.commands)
     order = 2 + n
-    return StateFeedback(model, gain[:, :order], gain[:, -1], gain[:, order : order + n * latency])
+    pending = gain[:, order : order + n * latency]
+    return StateFeedback(model, gain[:, :order], gain[:, -1], pending, point.direction)
 
 
 def pattern_search(

@@ -25,15 +25,14 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
 from femfit.estimate.noise import noise_ratio_bound
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import reading_of, sensor_named
 from femfit.simulation.constants import SETTLING_PART, SUPPORT_TIME_CONSTANTS
 from femfit.simulation.design import CONTROLLERS, LoopDesign, ObserverName, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopProgress, LoopResult, Show, stage
-from femfit.simulation.loop_text import design_data
+from femfit.simulation.loop_facts import consistency, design_data, judged_loop
 from femfit.simulation.sensor import amplitude_spectrum, span_of
 from femfit.simulation.study_rows import FaultRow, HoldRow, SpectrumPair, StepRow, StepSeries
-from femfit.simulation.study_text import study_lines
+from femfit.simulation.words import sentence
 
 FILTERS: tuple[ObserverName, ...] = ("ukf", "ekf")
 
@@ -67,7 +66,18 @@ class ClosedLoopStudy(Printed):
     no_direct: str = ""
 
     def __str__(self) -> str:
-        return "\n".join(study_lines(self))
+        design = self.design
+        missing = [design.why_no(name) for name in CONTROLLERS if design.why_no(name)]
+        judged = [judged_loop(design, name, "ukf") for name in design.controllers]
+        sections = [
+            sentence("study", "held", self, missing),
+            sentence("study", "steps", self),
+            sentence("study", "rest", self, consistency(self.holds)),
+            sentence("study", "faults", design, "With a fault", self.faults),
+            sentence("study", "faults", design, "Filter started at the wrong end of the range", self.acquisition),
+            sentence("study", "design", self, judged),
+        ]
+        return "\n\n".join(sections)
 
     def data(self) -> dict[str, Any]:
         """The numbers without time series and spectra, ready for JSON; what does not exist is null."""
@@ -105,14 +115,25 @@ def closed_loop_study(
         raise DomainError(" ".join(design.why_no(name) for name in CONTROLLERS))
     steps, series = _steps(design, seed, stage(progress, "steps of the reference"))
     holds, faults, spectra = _holds(design, seed, stage(progress, "loops at rest"))
+    near, far = _ends(design)
+    bare = [Experiment(name, "direct", (d,)) for name, d in product(design.controllers, (near, far))]
+    bare = [] if design.why_no_direct else bare
+    first = design.controllers[0]
+    astray = [
+        Experiment(first, name, (true,), believed_m=believed)
+        for name in FILTERS
+        for true, believed in ((near, far), (far, near))
+    ]
+    without_filter = _fault_rows(design, seed, bare, _window(design), stage(progress, "loops without a filter"))
+    beginning = slice(0, design.steps(WINDOW))
     return ClosedLoopStudy(
         design=design,
         seed=seed,
         seconds=len(series[0].time_s) * model.sample_time_s,
         steps=steps,
         holds=holds,
-        faults=(*_without_filter(design, seed, stage(progress, "loops without a filter")), *faults),
-        acquisition=_acquisition(design, seed, stage(progress, "filters started wrong")),
+        faults=(*without_filter, *faults),
+        acquisition=_fault_rows(design, seed, astray, beginning, stage(progress, "filters started wrong")),
         series=series,
         spectra=spectra,
         no_direct=design.why_no_direct,
@@ -131,8 +152,7 @@ def _run(
     design: LoopDesign, experiments: Sequence[Experiment], seed: int, runs: int, steps: int, **options: Any
 ) -> dict[Experiment, LoopResult]:
     """Experiments side by side on the same noise."""
-    random, blocks = np.random.default_rng(seed), len(experiments)
-    results = run_experiments(design, experiments, random, runs=runs, steps=steps, noise_blocks=blocks, **options)
+    results = run_experiments(design, experiments, np.random.default_rng(seed), runs=runs, steps=steps, **options)
     return dict(zip(experiments, results, strict=True))
 
 
@@ -147,7 +167,7 @@ def _holds(
 
     clean = [experiment for name in FILTERS for experiment in everywhere(name)]
     clean4 = everywhere("ukf4")
-    shift = OFFSET_SHARE * reading_span(design)
+    shift = OFFSET_SHARE * span_of(design.model, design.sensors[0])
     biased = [*everywhere("ukf4", offset=-shift), *everywhere("ukf4", offset=shift)]
     forces = everywhere("ukf", force_scale=1.0 + FORCE_ERROR)
     blind = [e for e in everywhere("ukf", offset=shift) if e.controller == "backstepping"]
@@ -185,27 +205,12 @@ def _holds(
     return tuple(holds), faults, tuple(spectra)
 
 
-def _without_filter(design: LoopDesign, seed: int, show: Show | None) -> tuple[FaultRow, ...]:
-    """Apart from the other faults: this batch ends as soon as all of its runs are lost."""
-    if design.why_no_direct:
-        return ()
-    window = _window(design)
-    experiments = [Experiment(c, "direct", (d,)) for c, d in product(design.controllers, _ends(design))]
-    results = _run(design, experiments, seed, ACQUISITION_RUNS, window.stop, windows=(window,), recorded=0, show=show)
-    return tuple(_fault_row(e, r) for e, r in results.items())
-
-
-def _acquisition(design: LoopDesign, seed: int, show: Show | None) -> tuple[FaultRow, ...]:
-    near, far = _ends(design)
-    controller, steps = design.controllers[0], design.steps(WINDOW)
-    experiments = [
-        Experiment(controller, name, (true,), believed_m=believed)
-        for name in FILTERS
-        for true, believed in ((near, far), (far, near))
-    ]
-    results = _run(
-        design, experiments, seed, ACQUISITION_RUNS, steps, windows=(slice(0, steps),), recorded=0, show=show
-    )
+def _fault_rows(
+    design: LoopDesign, seed: int, experiments: Sequence[Experiment], window: slice, show: Show | None
+) -> tuple[FaultRow, ...]:
+    """Apart from the other faults: a batch ends as soon as all of its runs are lost."""
+    options: dict[str, Any] = {"windows": (window,), "recorded": 0, "show": show}
+    results = _run(design, experiments, seed, ACQUISITION_RUNS, window.stop, **options) if experiments else {}
     return tuple(_fault_row(e, r) for e, r in results.items())
 
 
@@ -234,12 +239,6 @@ def _hold_row(design: LoopDesign, experiment: Experiment, result: LoopResult, di
         held=int(held.sum()),
         runs=len(held),
     )
-
-
-def reading_span(design: LoopDesign) -> float:
-    """Range of the first sensor, or of its readings over the validity domain where it has none, in its unit."""
-    name = design.sensors[0]
-    return span_of(design.model, sensor_named(design.model, name), reading_of(design.model, name))
 
 
 def _bound(design: LoopDesign, distance: float) -> float:

@@ -7,6 +7,9 @@ from femfit.core.numerics import FloatArray
 from femfit.estimate.noise import ConsistencyBand
 from femfit.simulation.experiment import Experiment
 
+SEEN = 2.0
+"""Derived: standard errors beyond which a mean is more than chance, 95 %."""
+
 
 @dataclass(frozen=True, eq=False)
 class StepSeries:
@@ -73,6 +76,11 @@ class FaultRow:
     def held(self) -> int:
         """Number of runs that were held."""
         return self.outcomes.get("HELD", 0)
+
+    @property
+    def moved(self) -> bool:
+        """Whether the shift is more than chance."""
+        return abs(self.position_shift_m) > SEEN * self.shift_error_m
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,70 +9,49 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from femfit.core import files as atomic
 from femfit.core.files import LOOP, json_ready, path_of, require_outputs
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents
-from femfit.core.text import amount, counted
 from femfit.estimate.noise import ConsistencyBand
-from femfit.simulation.design import ControllerName, LoopDesign
+from femfit.simulation.controllers import ControllerName
+from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome, LoopResult
-from femfit.simulation.loop_text import TOO_CAUTIOUS, design_data, design_lines, verdict
+from femfit.simulation.loop_facts import design_data, judged_loop
+from femfit.simulation.open_result import write_table
+from femfit.simulation.words import sentence
 
 
-def command_columns(design: LoopDesign) -> list[str]:
-    """Names of the commands in a table: by the circuit's name where there are several."""
-    circuits = design.model.circuits
+def series_table(design: LoopDesign, result: LoopResult) -> pd.DataFrame:
+    """The recorded runs of a loop, one row a sample, up to the sample at which a run was lost.
+
+    Commands have the circuits' names where there are several. Readings are columns of a record, from which any filter
+    takes them; what no sensor gives is named as the truth or an estimate.
+    """
+    series, circuits = result.series, design.model.circuits
     kinds = [("command", "A") if circuit.drive.kind == "current" else ("voltage", "V") for circuit in circuits]
     names = [f"_{circuit.name}" if len(circuits) > 1 else "" for circuit in circuits]
-    return [f"{kind}{name}_{unit}" for (kind, unit), name in zip(kinds, names, strict=True)]
-
-
-def reading_columns(design: LoopDesign) -> list[str]:
-    """Names of the readings in a table: those of a record, from which any filter takes them."""
     readings = [sensor.reading for sensor in design.loop_sensors()]
-    return [
-        reading.column or f"{reading.name}_{reading.unit.replace('/', '_').replace('^', '')}" for reading in readings
+    units = [reading.unit.replace("/", "_").replace("^", "") for reading in readings]
+    currents = circuit_currents(design.model.circuit_names)
+    groups = [
+        ([f"{kind}{name}_{unit}" for (kind, unit), name in zip(kinds, names, strict=True)], series.commands),
+        ([f"true_{name}" for name in currents], series.currents_A),
+        (["true_distance_m"], series.distance_m),
+        ([r.column or f"{r.name}_{unit}" for r, unit in zip(readings, units, strict=True)], series.readings),
+        (["reference_m"], series.reference_m),
+        (["estimated_distance_m"], series.estimated_distance_m),
+        (["estimated_velocity_m_s"], series.estimated_velocity_m_s),
+        ([f"estimated_{name}" for name in currents], series.estimated_currents_A),
     ]
-
-
-def series_columns(design: LoopDesign) -> list[str]:
-    """Names of all columns after the run and the time; what no sensor gives is named as the truth or an estimate."""
-    return [
-        *command_columns(design),
-        *(f"true_{name}" for name in (*circuit_currents(design.model.circuit_names), "distance_m")),
-        *reading_columns(design),
-        "reference_m",
-        "estimated_distance_m",
-        "estimated_velocity_m_s",
-        *(f"estimated_{name}" for name in circuit_currents(design.model.circuit_names)),
-    ]
-
-
-def write_series(design: LoopDesign, result: LoopResult, path: str | Path) -> None:
-    """Write the recorded runs of a loop."""
-    series, rows = result.series, []
-    for run in range(series.distance_m.shape[1]):
-        alive = np.flatnonzero(np.isfinite(series.distance_m[:, run]))
-        columns = [
-            series.commands,
-            series.currents_A,
-            series.distance_m[..., None],
-            series.readings,
-            series.reference_m[..., None],
-            series.estimated_distance_m[..., None],
-            series.estimated_velocity_m_s[..., None],
-            series.estimated_currents_A,
-        ]
-        head = np.stack([np.full(len(alive), run + 1.0), result.time_s[alive]], axis=1)
-        rows.append(np.concatenate([head, *(column[alive, run] for column in columns)], axis=1))
-    names = ("run", "time_s", *series_columns(design))
-    table = np.concatenate(rows) if rows else np.empty((0, len(names)))
-    with atomic.replacing(path) as partial:
-        formats = ["%d"] + ["%.9g"] * (len(names) - 1)
-        np.savetxt(partial, table, delimiter=",", header=",".join(names), comments="", fmt=formats)
+    steps, runs = series.distance_m.shape
+    columns = {"run": np.repeat(np.arange(1, runs + 1), steps), "time_s": np.tile(result.time_s, runs)}
+    for group, values in groups:
+        each = values.reshape(steps, runs, len(group)).transpose(2, 1, 0).reshape(len(group), -1)
+        columns |= dict(zip(group, each, strict=True))
+    return pd.DataFrame(columns)[np.isfinite(columns["true_distance_m"])]
 
 
 @dataclass(frozen=True)
@@ -150,63 +129,21 @@ class LoopSummary(Printed):
         return self.experiment.controller, self.experiment.observer
 
     def __str__(self) -> str:
-        return "\n".join([*self._lines(), "", *design_lines(self.design, [self.loop])])
-
-    def _lines(self) -> list[str]:
-        seconds = self.steps * self.design.model.sample_time_s
-        lines = [verdict(self.design, seconds, [(self.experiment, self.held, self.runs)], self.plant)]
-        if self.choice:
-            lines.append(f"  {self.choice}")
-        for name, count in self.outcomes.items():
-            if name != LoopOutcome.HELD.name:
-                runs = counted(count, "run")
-                lines.append(f"  {runs} lost: {LoopOutcome[name].sentence}")
-        if self.last_loss_s is not None:
-            lines.append(f"  lost between {self.first_loss_s:.4g} and {self.last_loss_s:.4g} s")
-        if self.advice:
-            lines.append(f"  {self.advice}")
-        if self.held:
-            for text, spread in (
-                ("estimated - true distance", self.estimate_rms_m),
-                ("true distance - reference", self.tracking_rms_m),
-            ):
-                median, upper = amount(spread.median, "m", 3), amount(spread.upper, "m", 3)
-                lines.append(f"  rms of {text}: median {median}, 95 % below {upper}")
-        if self.normalised_innovation_squared is not None:
-            band = self.innovation_band
-            lines.append(
-                f"  squared errors of the filter's predictions are {self.normalised_innovation_squared:.3f} of what it "
-                f"expects (a filter that knows its errors: {band.lower:.3f} to {band.upper:.3f}, 95 %)"
-            )
-            if self.expects_absent_errors:
-                lines.append(f"  less than expected, because {TOO_CAUTIOUS}")
-        return lines
+        judged = judged_loop(self.design, *self.loop)
+        return "\n\n".join([sentence("loop", "summary", self), sentence("loop", "design", self.design, [judged])])
 
     def data(self) -> dict[str, Any]:
         """The numbers without the series, ready for JSON."""
-        names = (
-            "plant",
-            "runs",
-            "steps",
-            "first_loss_s",
-            "last_loss_s",
-            "normalised_innovation_squared",
-            "advice",
-            "choice",
-        )
+        shown = {name: value for name, value in vars(self).items() if name not in {"design", "result"}}
+        records = Experiment | Spread | ConsistencyBand
+        numbers = {name: asdict(value) if isinstance(value, records) else value for name, value in shown.items()}
         return {
             "model": self.design.model.name,
-            "experiment": json_ready(asdict(self.experiment)),
-            "outcomes": dict(self.outcomes),
-            **{name: json_ready(getattr(self, name)) for name in names},
-            **{
-                name: json_ready(asdict(getattr(self, name)))
-                for name in ("estimate_rms_m", "tracking_rms_m", "innovation_band")
-            },
+            **json_ready(numbers),
             "design": design_data(self.design, [self.loop]),
         }
 
     def write_csv(self, path: str | Path) -> None:
         """Write the recorded runs, one row a sample, up to the sample at which a run was lost."""
         require_outputs([], (path_of(path, "The table of the runs"), LOOP))
-        write_series(self.design, self.result, path)
+        write_table(path, series_table(self.design, self.result))

@@ -35,17 +35,13 @@ def motion_at_supply(model: ActuatorModel) -> OpenLoop | None:
     try:
         stops = [stop.distance_m for stop in (motion.near_stop, motion.far_stop) if stop is not None]
         if len(stops) == 2 and rest_distance(model) in stops:
-            return _switched(model, voltage)
+            on = _until_rest(model, [voltage], [0.0])
+            if on is None or not on.switchings or on.left_domain:
+                return on
+            return _until_rest(model, [voltage, 0.0], [0.0, on.duration_s])
         return _stepped(model, voltage) if motion.springs else None
     except (DomainError, MissingPartError, SimulationError):
         return None
-
-
-def _switched(model: ActuatorModel, voltage: float) -> OpenLoop | None:
-    on = _until_rest(model, [voltage], [0.0])
-    if on is None or not on.switchings or on.left_domain:
-        return on
-    return _until_rest(model, [voltage, 0.0], [0.0, on.duration_s])
 
 
 def _until_rest(model: ActuatorModel, values: list[float], times: list[float]) -> OpenLoop | None:
@@ -69,7 +65,7 @@ def _stepped(model: ActuatorModel, voltage: float) -> OpenLoop | None:
         motion = simulate(model, voltage_V=share * voltage, duration_s=duration)
         if motion.step is not None:
             return motion
-        if motion.left_domain or motion.switchings or any(event.name.startswith("hits") for event in motion.events):
+        if motion.left_domain or motion.switchings or motion.touched:
             share *= 0.5
         elif duration > LONGEST_S:
             return None

@@ -15,7 +15,6 @@ from typing import Literal
 import numpy as np
 
 from femfit.core.numerics import FloatArray
-from femfit.core.text import amount
 from femfit.simulation.events import Event
 from femfit.simulation.profile import Profile
 from femfit.simulation.system import Side
@@ -45,17 +44,12 @@ def _before(profile: Profile, time: float, after: float) -> float:
     last = max((k for k, begin in enumerate(begins) if begin <= time), default=0)
     lengths: list[float] = np.diff([*begins[: last + 1], time]).tolist()
 
-    def alike(k: int) -> bool:
-        return abs(levels[k] - levels[k - 2]) <= same
-
-    def as_long(k: int) -> bool:
-        return 1.0 / AS_LONG <= lengths[k] / lengths[k - 2] <= AS_LONG
-
-    goes_on = last >= 3 and alike(last) and lengths[last] <= AS_LONG * lengths[last - 2]
+    alike = [k > 1 and abs(level - levels[k - 2]) <= same for k, level in enumerate(levels)]
+    goes_on = last >= 3 and alike[last] and lengths[last] <= AS_LONG * lengths[last - 2]
     first = last
     for k in range(last - 1, 1, -1) if goes_on else ():
-        if not (alike(k) and as_long(k)):
-            if first < last and alike(k) and abs(levels[k - 2]) > abs(levels[k - 1]):
+        if not (alike[k] and 1.0 / AS_LONG <= lengths[k] / lengths[k - 2] <= AS_LONG):
+            if first < last and alike[k] and abs(levels[k - 2]) > abs(levels[k - 1]):
                 first = k - 2  # the level that a current rises with before it is held by chopping
             break
         first = k - 2
@@ -166,14 +160,6 @@ class StepResponse:
     rise_s: float
     overshoot: float
     settling_s: float
-
-    def __str__(self) -> str:
-        over = f"overshoot {100.0 * self.overshoot:.2g} %" if self.overshoot > 0.0 else "no overshoot"
-        return (
-            f"The body moves from {amount(self.start_m, 'm', 3)} to {amount(self.end_m, 'm', 3)}: "
-            f"{amount(self.rise_s, 's', 3)} from 10 to 90 % of the way, {over}, "
-            f"within 2 % after {amount(self.settling_s, 's', 3)}."
-        )
 
 
 def step_response(time: FloatArray, distance: FloatArray) -> StepResponse | None:

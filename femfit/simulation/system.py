@@ -17,18 +17,19 @@ pull.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cache
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any, Literal
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
+from femfit.core.errors import SimulationError
 from femfit.core.numerics import FloatArray
-from femfit.core.sweep_columns import circuit_currents
 from femfit.device.mechanics import Mechanics, Stop
-from femfit.model.validity import ValidityBox
-from femfit.simulation.feed import AT_MAX, AT_MIN, BLOCKED, FOLLOWING, Feed, Line, Modes
+from femfit.model.dynamics import state_scale
+from femfit.simulation.feed import Feed, Line, Modes
 
 LEAST_RESTITUTION = 0.01
 """Conventional: a stop that gives way and returns nothing would need infinite damping; it returns a ten thousandth of
@@ -56,14 +57,7 @@ def _log_restitution(angle: float) -> float:
     return 2.0 * angle / math.tan(-angle) if angle < 0.0 else -2.0 * angle / math.tanh(angle)
 
 
-def push(stop: Stop, damper: float, depth: float, speed: float) -> float:
-    """Force in N away from the stop, at a depth in m and a speed in m/s into it."""
-    return max(0.0, (stop.stiffness_N_per_m or 0.0) * depth + damper * speed)
-
-
 Side = Literal["near", "far"]
-
-SIDES: tuple[Side, ...] = ("near", "far")
 
 Lines = tuple[Line, ...]
 """The command of each circuit."""
@@ -73,11 +67,18 @@ Reading = Callable[[float, FloatArray], float]
 
 ENERGIES = ("source", "copper", "eddy", "diode", "friction", "impact")
 
+RTOL = 1e-9
+"""Derived: a thousand steps may each miss by so much before the energies are off by a millionth."""
+
+STIFF = 3000.0
+"""Conventional: fastest rate times duration from which an implicit method costs less than an explicit one's steps."""
+
+INTERPOLATED = 3.0
+"""Chosen: longest step times the fastest rate; over longer ones the table between the steps, which is interpolated, is
+off by a ten-thousandth of the range although the steps are right."""
+
 LEAST_REBOUND = 1e-7
 """Conventional: height of a rebound over the travel below which a body stays on its stop."""
-
-SLACK = 1e-6
-"""Conventional: part of the validity domain's width by which a point may lie outside of it, as one at its edge does."""
 
 
 @dataclass(frozen=True)
@@ -91,44 +92,75 @@ class Mode:
     touching: Side | None = None  # The stop that gives way and is pressed
 
 
-@dataclass(frozen=True)
-class Watch:
-    """An event: its name, a function of time and state whose zero it is, and the direction that counts."""
-
-    name: str
-    value: Reading
-    direction: float
-    circuit: int | None = None  # Which circuit it happens to
-
-
 @dataclass(frozen=True, eq=False)
 class System:
     """An actuator in open loop."""
 
     feed: Feed
-    mechanics: Mechanics
-    domain: ValidityBox
-    size: int  # Number of states without the energies
-    force_scale_N: float
-    eddies_A: FloatArray  # What is large for each pattern of the eddy currents
 
-    @property
+    @cached_property
+    def mechanics(self) -> Mechanics:
+        """The body's."""
+        return self.feed.model.require_motion()
+
+    @cached_property
+    def stops(self) -> dict[Side, Stop]:
+        """Those that there are."""
+        sides: dict[Side, Stop | None] = {"near": self.mechanics.near_stop, "far": self.mechanics.far_stop}
+        return {side: stop for side, stop in sides.items() if stop is not None}
+
+    @cached_property
+    def size(self) -> int:
+        """Number of states without the energies."""
+        return self.feed.model.order
+
+    @cached_property
+    def travel_m(self) -> float:
+        """Width of the validity domain's distances."""
+        box = self.feed.model.validity
+        return box.distance_max_m - box.distance_min_m
+
+    @cached_property
     def least_rebound_m(self) -> float:
         """Height of a rebound that counts."""
-        return LEAST_REBOUND * (self.domain.distance_max_m - self.domain.distance_min_m)
+        return LEAST_REBOUND * self.travel_m
 
-    def stop(self, side: Side) -> Stop | None:
-        """The stop at a side."""
-        return self.mechanics.near_stop if side == "near" else self.mechanics.far_stop
+    @cached_property
+    def largest_force_N(self) -> float:  # noqa: N802  the unit
+        """Of field and mechanics over the validity domain."""
+        d, i = self.feed.model.validity.grid(15, 15, several=5)
+        magnetic, static = self.feed.model.magnetics.force(d, i), self.mechanics.static_force(d)
+        return float(np.abs(magnetic).max() + np.abs(static).max()) or 1.0
+
+    @cached_property
+    def scales(self) -> FloatArray:
+        """What is large for each state: the domain's ranges, and what the largest force does over them."""
+        model, circuits = self.feed.model, 2 + len(self.feed.windings)
+        work = self.largest_force_N * self.travel_m
+        result = np.ones(self.size + len(ENERGIES))
+        result[0], result[1] = self.travel_m, np.sqrt(work / self.mechanics.mass_kg)
+        result[2:circuits] = np.abs(model.validity.current_limits_A).max(axis=1)[: circuits - 2]
+        result[circuits : model.windings.end] = state_scale(model)[circuits : model.windings.end]
+        result[self.size :] = work
+        return result
+
+    @property
+    def breakaway_N(self) -> float:  # noqa: N802  the unit
+        """The least net force that moves a body at rest; above the dry friction by what rounding may make."""
+        return self.mechanics.coulomb_N + 1e-9 * self.largest_force_N
+
+    def depth(self, side: Side, state: FloatArray) -> float:
+        """How far in m a body is beyond a stop."""
+        beyond = float(state[0]) - self.stops[side].distance_m
+        return -beyond if side == "near" else beyond
 
     def contact(self, mode: Mode, state: FloatArray) -> float:
         """Force of a stop that gives way, along growing distance, in N."""
-        stop = None if mode.touching is None else self.stop(mode.touching)
-        if stop is None:
+        if mode.touching is None:
             return 0.0
-        away = 1.0 if mode.touching == "near" else -1.0
-        depth, speed = away * (stop.distance_m - float(state[0])), -away * float(state[1])
-        return away * push(stop, damping(stop, self.mechanics.mass_kg), depth, speed)
+        away, stop = (1.0 if mode.touching == "near" else -1.0), self.stops[mode.touching]
+        pushed = (stop.stiffness_N_per_m or 0.0) * self.depth(mode.touching, state)
+        return away * max(0.0, pushed + damping(stop, self.mechanics.mass_kg) * (-away * float(state[1])))
 
     def net_force(self, mode: Mode, lines: Lines, time: float, state: FloatArray) -> float:
         """On the body along growing distance, without dry friction and rigid stops."""
@@ -158,105 +190,63 @@ class System:
 
         return derivative
 
-    def watches(self, mode: Mode, lines: Lines, ignored: tuple[str, ...]) -> list[Watch]:
-        """The events that end a mode, or the simulation."""
-        watches = [*self._of_motion(mode, lines), *self._of_domain()]
-        for k in range(len(mode.feed)):
-            watches += self._of_feed(mode, lines, k)
-        return [watch for watch in watches if watch.name not in ignored]
 
-    def _of_motion(self, mode: Mode, lines: Lines) -> list[Watch]:
-        if mode.held:
-            least = self.breakaway()
+def integrated(
+    system: System,
+    mode: Mode,
+    lines: Lines,
+    state: FloatArray,
+    span: tuple[float, float],
+    events: Sequence[tuple[Reading, float]],
+    longest_step: float,
+) -> Any:
+    """SciPy's solution up to the first event, which is a function whose zero counts in a direction, or the end.
 
-            def upwards(time: float, state: FloatArray) -> float:
-                return self.net_force(mode, lines, time, state) - least
+    Raises
+    ------
+    SimulationError
+        If the motion cannot be followed.
+    """
+    functions = []
+    for of, direction in events:
 
-            def downwards(time: float, state: FloatArray) -> float:
-                return -self.net_force(mode, lines, time, state) - least
+        def value(time: float, state: FloatArray, of: Reading = of) -> float:
+            return of(time, state)
 
-            watches = [] if mode.support == "far" else [Watch("up", upwards, 1.0)]
-            return watches if mode.support == "near" else [*watches, Watch("down", downwards, 1.0)]
-        watches = []
-        for side in SIDES:
-            sign = -1.0 if side == "near" else 1.0
-            stop = self.stop(side)
-            if stop is None:
-                continue
+        value.terminal, value.direction = True, direction  # type: ignore[attr-defined]
+        functions.append(value)
+    fastest = _fastest_rate(system, mode, state)
+    stiff = fastest * (span[1] - span[0]) > STIFF
+    with np.errstate(over="ignore", invalid="ignore"):
+        solution = solve_ivp(
+            system.rates(mode, lines),
+            span,
+            state,
+            method="LSODA" if stiff else "DOP853",
+            rtol=RTOL,
+            atol=RTOL * system.scales,
+            events=functions,
+            dense_output=True,
+            max_step=longest_step if stiff or not fastest else min(longest_step, INTERPOLATED / fastest),
+        )
+    if solution.status < 0 or not np.all(np.isfinite(solution.y[:, -1])):
+        there = "".join(f" and {current:.4g} A" for current in solution.y[2 : 2 + len(lines), -1])
+        raise SimulationError(
+            f"The motion must be finite; it cannot be followed beyond {1e3 * solution.t[-1]:.6g} ms, at "
+            f"{1e3 * solution.y[0, -1]:.4g} mm{there}. Keep it within the validity domain."
+        )
+    return solution
 
-            def depth(_: float, state: FloatArray, stop: Stop = stop, sign: float = sign) -> float:
-                return sign * (float(state[0]) - stop.distance_m)
 
-            if stop.stiffness_N_per_m is None:
-                watches.append(Watch(f"hits_{side}", depth, 1.0))
-            elif mode.touching == side:  # a body that rises by less is not said to leave
-
-                def risen(time: float, state: FloatArray, at: Reading = depth) -> float:
-                    return at(time, state) + self.least_rebound_m
-
-                watches.append(Watch(f"leaves_{side}", risen, -1.0))
-            else:
-                watches.append(Watch(f"touches_{side}", depth, 1.0))
-        if mode.sliding:
-            watches.append(Watch("still", lambda _, state: float(state[1]), -float(mode.sliding)))
-        return watches
-
-    def _of_feed(self, mode: Mode, lines: Lines, k: int) -> list[Watch]:
-        """The events of one circuit."""
-        feed, size, index, line = self.feed, self.size, 2 + k, lines[k]
-        winding, circuit, state_of_drive = feed.windings[k], feed.windings[k].circuit, mode.feed[k]
-        if state_of_drive == BLOCKED:
-            return [
-                Watch("conducts", lambda time, state: feed.conducts(mode.feed, k, lines, time, state[:size]), 1.0, k)
-            ]
-        if state_of_drive == FOLLOWING:
-
-            def volts(time: float, state: FloatArray) -> float:
-                return feed.flow(mode.feed, lines, time, state[:size]).voltage_V[k]
-
-            slack = 1e-9 * winding.voltage_scale_V
-            return [
-                Watch("lags", lambda time, state: volts(time, state) - circuit.voltage_max_V - slack, 1.0, k),
-                Watch("leads", lambda time, state: circuit.voltage_min_V - slack - volts(time, state), 1.0, k),
-            ]
-        if state_of_drive in {AT_MAX, AT_MIN}:
-            sign = 1.0 if state_of_drive == AT_MAX else -1.0
-            return [Watch("reaches", lambda time, state: sign * (line.at(time) - float(state[index])), -1.0, k)]
-        return [] if winding.diode_V is None else [Watch("blocks", lambda _, state: float(state[index]), -1.0, k)]
-
-    def _of_domain(self) -> list[Watch]:
-        box = self.domain
-        names = [column.rpartition("_")[0] for column in circuit_currents([w.circuit.name for w in self.feed.windings])]
-        ranges = {"distance": (0, box.distance_min_m, box.distance_max_m)}
-        limits = box.current_limits_A.tolist()
-        ranges |= {name: (2 + k, *limits[k]) for k, name in enumerate(names)}
-        watches = []
-        for name, (index, low, high) in ranges.items():
-            slack = SLACK * (high - low)
-
-            def inside(
-                _: float, state: FloatArray, k: int = index, low: float = low - slack, high: float = high + slack
-            ) -> float:
-                # Of a mirrored domain all currents count reversed together, where most of them flow that way
-                reversed_together = k >= 2 and box.mirrored and float(np.sum(state[2 : 2 + len(limits)])) < 0.0
-                value = -float(state[k]) if reversed_together else float(state[k])
-                return min(value - low, high - value)
-
-            watches.append(Watch(name, inside, -1.0))
-        return watches
-
-    def breakaway(self) -> float:
-        """The least net force in N that moves a body at rest; above the dry friction by what rounding may make."""
-        return self.mechanics.coulomb_N + 1e-9 * self.force_scale_N
-
-    def from_rest(self, mode: Mode, support: Side | None, net: float) -> Mode:
-        """Whether a body at rest stays so or moves, and where to."""
-        up = net > self.breakaway() and support != "far"
-        down = net < -self.breakaway() and support != "near"
-        if not (up or down):
-            return replace(mode, held=True, support=support, sliding=0)
-        return replace(mode, held=False, support=None, sliding=self.slides(1 if up else -1))
-
-    def slides(self, direction: int) -> int:
-        """The direction that dry friction brakes; 0 where there is none."""
-        return direction if self.mechanics.coulomb_N else 0
+def _fastest_rate(system: System, mode: Mode, state: FloatArray) -> float:
+    """Of windings, amplifiers and a stop that gives way, in rad/s."""
+    windings = system.feed.model.windings
+    rate = max((winding.bandwidth for winding in system.feed.windings), default=0.0)
+    if windings.count:
+        magnetic = windings.magnetics.state(state[0], state[2 : windings.end])
+        decay = np.linalg.solve(magnetic.inductance + windings.series_H, np.diag(windings.resistances_ohm))
+        rate = max(rate, float(np.abs(decay).sum(axis=1).max()))
+    if mode.touching is not None:
+        stiffness = system.stops[mode.touching].stiffness_N_per_m or 0.0
+        rate = max(rate, float(np.sqrt(stiffness / system.mechanics.mass_kg)))
+    return rate

@@ -15,36 +15,37 @@ of each circuit uses at most a part of the way from the holding voltage to the c
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import NoReturn
 
 import numpy as np
 
 from femfit.core.errors import DomainError
 from femfit.core.numerics import BoolArray, FloatArray, IntArray
-from femfit.device.electrics import Circuit, PositionSensor
+from femfit.device.electrics import PositionSensor
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.drive import circuit_terms, command_limits, voltage_limits
 from femfit.model.hall import HallSensor
 from femfit.model.sensors import predict_sensor, reading_of, sensor_named
-from femfit.simulation.allocation import covered_currents, current_ranges, currents_for_acceleration, currents_for_force
+from femfit.simulation.allocation import (
+    covered_currents,
+    current_ranges,
+    currents_for_acceleration,
+    currents_for_force,
+    force_range,
+)
 from femfit.simulation.constants import FOLLOWED_PART, REFERENCE_PART, USABLE_PART, USED_AUTHORITY
 from femfit.simulation.operating_point import operating_point, usable_coil_pole, zero_order_hold
 
 
 def covered(model: ActuatorModel) -> ActuatorModel:
     """The model with current amplifiers whose commands it covers; voltages are kept in by the controllers."""
-    circuits = [
-        _covered(circuit, *pair) if circuit.drive.kind == "current" else circuit
-        for circuit, pair in zip(model.circuits, covered_currents(model).T.tolist(), strict=True)
-    ]
+    circuits = []
+    for circuit, (least_A, most_A) in zip(model.circuits, covered_currents(model).T.tolist(), strict=True):
+        low, high = command_limits(circuit)
+        drive = replace(circuit.drive, current_min_A=max(low, least_A), current_max_A=min(high, most_A))
+        circuits.append(replace(circuit, drive=drive) if circuit.drive.kind == "current" else circuit)
     return replace(model, circuits=tuple(circuits))
-
-
-def _covered(circuit: Circuit, least_A: float, most_A: float) -> Circuit:
-    low, high = command_limits(circuit)
-    drive = replace(circuit.drive, current_min_A=max(low, least_A), current_max_A=min(high, most_A))
-    return replace(circuit, drive=drive)
 
 
 def derived_targets(model: ActuatorModel, sensors: Sequence[str]) -> tuple[float, ...]:
@@ -53,10 +54,7 @@ def derived_targets(model: ActuatorModel, sensors: Sequence[str]) -> tuple[float
     near, far = np.clip(motion.ends, box.distance_min_m, box.distance_max_m)
     d = np.linspace(near, far, 301)
     needed = motion.static_force(d)
-    corners = [
-        circuit_terms(model, d, np.tile(currents, (len(d), 1)))[0] for currents in product(*current_ranges(model))
-    ]
-    weakest, strongest = np.min(corners, axis=0), np.max(corners, axis=0)
+    weakest, strongest = force_range(model, d)
     holdable = d[(weakest <= needed) & (strongest >= needed)]
     if holdable.size < 3:
         _refuse_to_hold(model, d, weakest, strongest)

@@ -23,29 +23,14 @@ from femfit.core.numerics import FloatArray
 from femfit.estimate.constants import OBSERVED_SHARE
 from femfit.estimate.filter import Filter
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.drive import commands_currents
+from femfit.simulation import constants
 from femfit.simulation.allocation import limits_of
-from femfit.simulation.constants import (
-    BANDWIDTHS,
-    DERIVATIVE_FILTER_RATIO,
-    FASTEST_FILTER,
-    FIRST_DAMPING,
-    FIRST_FILTER,
-    FIRST_INTEGRAL,
-    FIRST_STIFFNESS,
-    NARROWEST_RANGE,
-    NEARLY,
-    SETTLING_PART,
-    SLOW_COIL,
-    SLOWEST_OVER_BODY,
-    SLOWEST_OVER_HIGHEST,
-    USABLE_PART,
-    WANTED_COIL,
-)
 from femfit.simulation.controllers import Backstepping, Controller, Pid, design_backstepping, pid_of_parts
 from femfit.simulation.linear_loop import (
+    LinearController,
     LinearPlant,
-    exact_readings,
-    joined,
+    linear_controller,
     linear_filter,
     linear_observer,
     linear_plant,
@@ -86,7 +71,8 @@ class Bench:
         judged = []
         limits = limits_of(self.model)
         for point, plant, observer in zip(self.points, self.plants, self.observers, strict=True):
-            linear = joined(self.model, point, observer, controller, self.latency)
+            law = linear_controller(self.model, point, controller, len(observer[0]))
+            linear = LinearController(*observer, *law, self.latency)
             room = np.minimum(point.commands - limits[0], limits[1] - point.commands)
             judged.append(margins(plant, linear, self.model.sample_time_s, room, points))
         return tuple(judged)
@@ -111,7 +97,7 @@ class Bench:
         if self.noisier is not None:
             noisier = worst_of(self.noisier.judge(controller, SEARCH_FREQUENCIES))
             worst = replace(worst, noise_share=max(worst.noise_share, noisier.noise_share))
-        rate = SETTLING_PART * min(point.natural_rad_s for point in self.points)
+        rate = constants.SETTLING_PART * min(point.natural_rad_s for point in self.points)
         return worst.kept * min(1.0, worst.slowest_pole_rad_s / max(rate, 1e-300))
 
 
@@ -125,8 +111,9 @@ def make_bench(
     """The nearest, the middle and the farthest point with their linear plants."""
     chosen = tuple(points[k] for k in sorted({0, len(points) // 2, len(points) - 1}))
     plants = [linear_plant(model, point, sensors) for point in chosen]
-    if observer is None:
-        plants = [exact_readings(plant) for plant in plants]
+    if observer is None:  # every state is known at once, without noise
+        order = model.order
+        plants = [replace(plant, C=np.eye(order)[:, None], noise=np.zeros(order)) for plant in plants]
     return Bench(model, chosen, tuple(plants), tuple(sensors), observer, latency)
 
 
@@ -162,11 +149,15 @@ def tuned_backstepping(bench: Bench, points: Sequence[OperatingPoint]) -> Backst
 
 def _fastest(bench: Bench, made: Callable[[float], C]) -> C:
     """What is made for the highest bandwidth that keeps the wanted margins, or comes nearest to them."""
-    highest = USABLE_PART / bench.model.sample_time_s
+    highest = constants.USABLE_PART / bench.model.sample_time_s
     natural = max(point.natural_rad_s for point in bench.points)
-    lowest = np.clip(SLOWEST_OVER_BODY * natural, SLOWEST_OVER_HIGHEST * highest, NARROWEST_RANGE * highest)
+    lowest = np.clip(
+        constants.SLOWEST_OVER_BODY * natural,
+        constants.SLOWEST_OVER_HIGHEST * highest,
+        constants.NARROWEST_RANGE * highest,
+    )
     tried: list[tuple[float, C]] = []
-    for bandwidth in np.geomspace(highest, lowest, BANDWIDTHS):
+    for bandwidth in np.geomspace(highest, lowest, constants.BANDWIDTHS):
         if tried and tried[-1][0] >= 1.0:
             break
         try:
@@ -185,7 +176,7 @@ def _fastest(bench: Bench, made: Callable[[float], C]) -> C:
 def near_the_best(tried: Sequence[tuple[float, T]]) -> T:
     """The first of several whose score is :data:`NEARLY` the best; the best itself where none is above zero."""
     best = max(score for score, _ in tried)
-    return next(candidate for score, candidate in tried if score >= min(best, NEARLY * best))
+    return next(candidate for score, candidate in tried if score >= min(best, constants.NEARLY * best))
 
 
 def tuned_pid(bench: Bench) -> Pid:
@@ -202,7 +193,7 @@ def tuned_pid(bench: Bench) -> Pid:
         return pid_of_parts(bench.model, float(kp), float(ki), float(kd), float(rate), current, direction)
 
     # The filter's pole cannot be faster than the samples
-    highest = np.array([np.inf, np.inf, np.inf, np.log(FASTEST_FILTER / bench.model.sample_time_s)])
+    highest = np.array([np.inf, np.inf, np.inf, np.log(constants.FASTEST_FILTER / bench.model.sample_time_s)])
     values = np.minimum(values, highest)
     return made(pattern_search(lambda logs: bench.score(made(logs)), values, highest, 1.0))
 
@@ -216,20 +207,26 @@ def _start(bench: Bench) -> Pid:
     # No room for four equal poles: more force than the unstable pole asks for, damped at the body's own rate
     current = inner_current_gain(model, point)
     A, B = reduced(model, point, current)
-    coil, rate = -A[2, 2], max(point.natural_rad_s, SLOWEST_OVER_HIGHEST * usable_coil_pole(model, point))
+    coil, rate = -A[2, 2], max(point.natural_rad_s, constants.SLOWEST_OVER_HIGHEST * usable_coil_pole(model, point))
     per_command = abs(A[1, 2] * B[2]) / coil
-    kp = FIRST_STIFFNESS * (rate**2 + coil * rate) / per_command
+    kp = constants.FIRST_STIFFNESS * (rate**2 + coil * rate) / per_command
     along = tuple(point.direction.tolist())
     return pid_of_parts(
-        model, kp, FIRST_INTEGRAL * rate * kp, FIRST_DAMPING * kp / rate, FIRST_FILTER * rate, current, along
+        model,
+        kp,
+        constants.FIRST_INTEGRAL * rate * kp,
+        constants.FIRST_DAMPING * kp / rate,
+        constants.FIRST_FILTER * rate,
+        current,
+        along,
     )
 
 
 def inner_current_gain(model: ActuatorModel, point: OperatingPoint) -> float:
     """Gain in ohm of a loop of the current that makes a coil fast enough for the body; zero where it is so itself."""
-    if point.coil_pole_rad_s >= SLOW_COIL * point.unstable_pole_rad_s:
+    if point.coil_pole_rad_s >= constants.SLOW_COIL * point.unstable_pole_rad_s:
         return 0.0
-    wanted = min(WANTED_COIL * point.unstable_pole_rad_s, USABLE_PART / model.sample_time_s)
+    wanted = min(constants.WANTED_COIL * point.unstable_pole_rad_s, constants.USABLE_PART / model.sample_time_s)
     return max(0.0, float(model.resistances_ohm.max()) * (wanted / point.coil_pole_rad_s - 1.0))
 
 
@@ -241,14 +238,13 @@ def reduced(
     Of one circuit it is the point's own model; of several that of a current shared so; of an amplifier its bandwidth. A
     loop of the current makes the coil faster.
     """
-    amplified = [circuit.drive.kind == "current" for circuit in model.circuits]
-    along = point.direction
-    share = along if any(amplified) else along / model.resistances_ohm  # currents at rest for such a command
+    amplified, along = bool(commands_currents(model).any()), point.direction
+    share = along if amplified else along / model.resistances_ohm  # currents at rest for such a command
     unit = share / (share @ share)
     A = np.zeros((3, 3))
     A[:2, :2] = point.A[:2, :2]
     A[1, 2] = point.A[1, 2:] @ share
-    if any(amplified):
+    if amplified:
         pole = usable_coil_pole(model, point)
         A[2, 2] = -pole
         return A, np.array([0.0, 0.0, pole])
@@ -276,9 +272,9 @@ def design_pid(model: ActuatorModel, point: OperatingPoint, bandwidth_rad_s: flo
     """
     step, current = model.sample_time_s, inner_current_gain(model, point)
     A, B = reduced(model, point, current)
-    coil = min(-float(A[2, 2]), USABLE_PART / step) if current else usable_coil_pole(model, point)
+    coil = min(-float(A[2, 2]), constants.USABLE_PART / step) if current else usable_coil_pole(model, point)
     unstable = point.unstable_pole_rad_s
-    derivative = DERIVATIVE_FILTER_RATIO * coil
+    derivative = constants.DERIVATIVE_FILTER_RATIO * coil
     half = 4.0 * (coil + derivative)
     w = (half - np.sqrt(half**2 - 40.0 * (derivative * coil - unstable**2))) / 20.0
     w = w if bandwidth_rad_s is None else bandwidth_rad_s

@@ -1,34 +1,33 @@
 """Why a loop was lost: what was asked for, the gains, or what sensors and driver can do, in numbers.
 
 The lost runs are repeated on the same noise. First what was asked for is taken away: another plant, faults. Where the
-linear loop is unstable about its rest, the reason for that comes before all that a driver or a sensor could do. Then
+linear loop is unstable about its rest, the reason for that comes before all that a driver or a sensor could do: an
+unstable loop swings until its commands reach the driver's limits, so that a lost run looks like a weak driver. Then
 other gains are tried with all else as it is: where they hold, the gains were the cause. Where none do, the numbers of
 the hardware tell the cause: the noise in the command against its room, the sensors' range, and the distances from which
 the force at the driver's limits brings the body back.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
-from femfit.core.numerics import BoolArray, FloatArray
-from femfit.core.text import amount
+from femfit.core.numerics import BoolArray
 from femfit.device.electrics import PositionSensor
-from femfit.model.drive import circuit_terms
 from femfit.model.hall import HallSensor
-from femfit.simulation.allocation import current_ranges, currents_for_force, limits_of
+from femfit.simulation.allocation import currents_for_force, force_range, limits_of
 from femfit.simulation.constants import NOISE_FILLS
+from femfit.simulation.controllers import Controller
 from femfit.simulation.design import CONTROLLERS
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopResult
-from femfit.simulation.loop_text import command_unit, sensor_word
-from femfit.simulation.lost_loop import LostLoop
+from femfit.simulation.loop_runs import LoopRuns
+from femfit.simulation.state_feedback import StateFeedback
 from femfit.simulation.targets import blind
-from femfit.simulation.tune import SEARCH_FREQUENCIES
-from femfit.simulation.why_unstable import growth_of, why_unstable
+from femfit.simulation.tune import SEARCH_FREQUENCIES, Bench, make_bench
 
 FEW = 8
 """Conventional: of more runs so many are repeated where some of them are lost, so that the trials take no longer."""
@@ -40,12 +39,35 @@ constants more: a loop that drifts away a fifth as fast as the body is lost by t
 LITTLE_ROOM = 0.1
 """Conventional: room to the nearer limit over the driver's range, below which it is little."""
 
+HALVINGS = 8
+"""Conventional: steps of the search for the longest delay; it is then known to half a per cent of the delay."""
+
 Holds = Callable[..., bool]
 """Takes what is tried, in words, and the loop's fields that differ; says whether all lost runs hold with them."""
 
 
-def why_lost(loop: LostLoop, result: LoopResult) -> str:
-    """A sentence or two: the cause, and the numbers that tell it."""
+@dataclass(frozen=True)
+class Room:
+    """Where the resting command has least room to the driver's limit."""
+
+    distance_m: float
+    room: float  # In V, or A for a current amplifier
+    noise_share: float  # Rms that the sensors' noise takes of it
+    little: bool  # Beside the driver's range
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Why runs were lost: a code, and the numbers that tell it."""
+
+    code: str
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    short_of_room: Room | None = None  # Where the noise would fill the room with other gains too
+    held_back: str = ""  # What was taken away without effect
+
+
+def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:
+    """The cause, and the numbers that tell it."""
     last = float(np.nanmax(result.outcome_time_s)) / loop.design.model.sample_time_s
     loop = replace(loop, steps=min(loop.steps, int(BEYOND * last) + loop.design.steps(FOLLOWED)))
     few = replace(loop, runs=min(FEW, loop.runs))
@@ -56,7 +78,7 @@ def why_lost(loop: LostLoop, result: LoopResult) -> str:
         loop = few
     gone = ~held if held is not None else np.ones(loop.runs, dtype=np.bool_)
     if not gone.any():
-        return "The loss comes late and by chance: the same runs hold up to soon after it."
+        return Cause("late-by-chance")
 
     def holds(trial: str, **changes: Any) -> bool:
         again = replace(loop, **changes).held(trial)
@@ -65,27 +87,38 @@ def why_lost(loop: LostLoop, result: LoopResult) -> str:
     asked_for = _asked_for(loop)
     for name, changes in asked_for.items():
         if holds(f"without {name}", **changes):
-            helped = " Compare the model with measurements (femfit diagnose) and add what is missing."
-            return f"Without {name} the same runs hold.{helped if 'plant' in changes else ''}"
-    if growth := growth_of(loop):
-        return why_unstable(loop, lambda: _other_gains(loop, holds), growth)
+            return Cause("asked-for", {"name": name, "of_plant": "plant" in changes})
+    if loop.grows:
+        if cause := _gains_or_delay(loop) or _other_gains(loop, holds):
+            return cause
+        # The estimate where the exact state makes the linear loop stable, the controller otherwise
+        exact = loop.design.bench("exact").growth(loop.design.controller(loop.experiment.controller))
+        return Cause("estimate" if exact < 0.0 else "controller", {"growth_per_s": loop.growth_per_s})
     if gains := _other_gains(loop, holds):
-        return gains + short_of_room(loop)
-    *_, last_name = asked_for or [""]
-    return hardware_limit(loop) + (f" Without {last_name} the same runs are lost too." if last_name else "")
+        return replace(gains, short_of_room=short_of_room(loop))
+    return replace(hardware_limit(loop), held_back=next(reversed(asked_for), ""))
 
 
-def _asked_for(loop: LostLoop) -> dict[str, dict[str, Any]]:
+def _asked_for(loop: LoopRuns) -> dict[str, dict[str, Any]]:
     """What was asked for and can be taken away, each by itself and then all of it."""
     asked_for: dict[str, dict[str, Any]] = {}
     if loop.plant is not None:
         asked_for["the difference between plant and model"] = {"plant": None}
-    if faults := _faults(loop.experiment):
-        e = loop.experiment
+    e = loop.experiment
+    faults = {
+        "sensor offset": e.offset != 0.0,
+        "sensor drift": e.drift_per_s != 0.0,
+        "sensor stuck": np.isfinite(e.stuck_after_s),
+        "dropouts": e.dropout_probability != 0.0,
+        "true force unlike the model's": e.force_scale != 1.0,
+        "wrong first estimate": e.believed_m is not None,
+    }
+    if any(faults.values()):
+        names = ", ".join(name for name, present in faults.items() if present)
         clean = Experiment(
             e.controller, e.observer, e.targets_m, noise_scale=e.noise_scale, start_error_m=e.start_error_m
         )
-        asked_for[f"the fault ({faults})"] = {"experiment": clean}
+        asked_for[f"the fault ({names})"] = {"experiment": clean}
     if len(asked_for) > 1:
         asked_for[" and ".join(asked_for)] = {
             name: value for changes in asked_for.values() for name, value in changes.items()
@@ -93,80 +126,85 @@ def _asked_for(loop: LostLoop) -> dict[str, dict[str, Any]]:
     return asked_for
 
 
-def _faults(experiment: Experiment) -> str:
-    faults = {
-        "sensor offset": experiment.offset != 0.0,
-        "sensor drift": experiment.drift_per_s != 0.0,
-        "sensor stuck": np.isfinite(experiment.stuck_after_s),
-        "dropouts": experiment.dropout_probability != 0.0,
-        "true force unlike the model's": experiment.force_scale != 1.0,
-        "wrong first estimate": experiment.believed_m is not None,
-    }
-    return ", ".join(name for name, present in faults.items() if present)
-
-
-def _other_gains(loop: LostLoop, holds: Holds) -> str:
+def _other_gains(loop: LoopRuns, holds: Holds) -> Cause | None:
     """The gains are the cause where others hold the same runs with all else as it is."""
     e, designed = loop.experiment, replace(loop.design, given={})
     lame = e.controller
     if lame in loop.design.given and holds("with gains as designed", design=designed):
-        return f"The gains: {lame} loses the body with these, and holds the same runs with those that femfit designs."
+        return Cause("given-gains")
     rivals = [name for name in reversed(CONTROLLERS) if name != lame]
     for name in rivals:
         if holds(f"with {name}", design=designed, experiment=replace(e, controller=name)):
-            return f"The gains: {lame} loses the body with these. Use {name}: with it the same runs hold."
+            return Cause("gains", {"rival": name})
     for name in (lame, *rivals) if e.observer == "direct" else ():
         filtered = replace(e, controller=name, observer="ukf4")
         if holds(f"with {name} on ukf4", design=designed, experiment=filtered):
-            return (
-                "The sensors' noise reaches the driver: each difference of two readings is a velocity here. Use a "
-                f"filter: with {name} on ukf4 the same runs hold with the noise as it is."
-            )
-    return ""
+            return Cause("no-filter", {"rival": name})
+    return None
 
 
-def short_of_room(loop: LostLoop) -> str:
-    """A sentence where the resting command leaves the feedback less room than the sensors' noise takes; else empty."""
-    worst = _fullest(loop)
-    if worst is None:
-        return ""
-    distance, room, share, little = worst
-    if share < NOISE_FILLS or not little:
-        return ""
-    return f" The authority is short too: {_noise_in_room(loop, distance, room, share)}."
+def _gains_or_delay(loop: LoopRuns) -> Cause | None:
+    """The gains given, or the delays, where the linear loop is stable without them; None where neither is it."""
+    design, name = loop.design, loop.experiment.controller
+    bench = design.bench(loop.experiment.observer)
+    if name in design.given:
+        designed = replace(design, given={}).controller(name)
+        if bench.growth(designed) < 0.0:
+            return Cause("given-gains-unstable", {"growth_per_s": loop.growth_per_s, "designed": designed})
+    if design.delay_s == 0.0 or (prompt := _without_delay(loop, bench)) is None:
+        return None
+    return Cause("delay", {"growth_per_s": loop.growth_per_s, "borne_s": _borne(bench, prompt)})
 
 
-def hardware_limit(loop: LostLoop) -> str:
+def _without_delay(loop: LoopRuns, bench: Bench) -> Controller | None:
+    """A controller with which the loop is stable without delays: the loop's own, or one designed for none."""
+    controller = loop.design.controller(loop.experiment.controller)
+    prompt = _delayed(bench, 0.0)
+    if not isinstance(controller, StateFeedback) and prompt.growth(controller) < 0.0:
+        return controller
+    made = replace(loop.design, latency=0, given={}).controller(loop.experiment.controller)
+    return made if prompt.growth(made) < 0.0 else None
+
+
+def _borne(bench: Bench, controller: Controller) -> float | None:
+    """The longest delay in s with which a controller's loop is stable; None where each latency has a regulator."""
+    if isinstance(controller, StateFeedback) and bench.latency:
+        return None
+    good, bad = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if _delayed(bench, middle).growth(controller) < 0.0 else (good, middle)
+    borne = int(good * bench.latency) * bench.model.sample_time_s
+    return borne + max(good * sensor.delay for sensor in bench.sensors) * bench.model.sample_time_s
+
+
+def _delayed(bench: Bench, share: float) -> Bench:
+    """The bench with a part of its delays."""
+    sensors = [replace(sensor, delay=share * sensor.delay) for sensor in bench.sensors]
+    return make_bench(bench.model, bench.points, sensors, bench.observer, int(share * bench.latency))
+
+
+def short_of_room(loop: LoopRuns) -> Room | None:
+    """Where the resting command leaves the feedback less room than the sensors' noise takes; None where nowhere."""
+    room = _fullest(loop)
+    return room if room is not None and room.noise_share >= NOISE_FILLS and room.little else None
+
+
+def hardware_limit(loop: LoopRuns) -> Cause:
     """What of sensors and driver the runs are lost by where no gains hold them.
 
     Noise that fills the command's room comes first, then a sensor that ends before the driver does, then the driver.
     """
-    worst = _fullest(loop)
-    if worst is not None and worst[2] >= NOISE_FILLS:
-        distance, room, share, little = worst
-        filled = _noise_in_room(loop, distance, room, share)
-        if little:
-            return f"The authority: {filled}; {_brought_back(loop)}."
-        noise = ", ".join(
-            f"{sensor_word(sensor.name)} {amount(sensor.reading.noise, sensor.reading.unit, 3)}"
-            for sensor in loop.design.loop_sensors()
-        )
-        return f"The sensors' noise: {noise} rms; {filled}."
-    (near, far), (sensed_near, sensed_far) = reach(loop), sensed(loop)
-    if sensed_near < near or sensed_far < far:
-        return (
-            f"The sensors' range: their readings end {amount(sensed_near, 'm')} nearer and "
-            f"{amount(sensed_far, 'm')} farther, although {_brought_back(loop)}."
-        )
-    noisy = "" if worst is None else f", of whose room to the driver's limit noise takes {100.0 * worst[2]:.2g} %"
-    return (
-        f"The authority: {_brought_back(loop)}. The loop is stable about its rest with its commands{noisy}"
-        f"{_late(loop)}. Choose reference distances nearer to each other, or compare the model with a bench."
-    )
+    room, off = _fullest(loop), bearable(loop)
+    numbers = {"room": room, **off}
+    if room is not None and room.noise_share >= NOISE_FILLS:
+        return Cause("noise-without-room" if room.little else "noise", numbers)
+    ends_first = any(sensed < reach for sensed, reach in zip(off["sensed_m"], off["reach_m"], strict=True))
+    return Cause("range" if ends_first else "authority", numbers)
 
 
-def _fullest(loop: LostLoop) -> tuple[float, float, float, bool] | None:
-    """Where the command has least room: the distance, the room, the noise's share of it, and whether it is little."""
+def _fullest(loop: LoopRuns) -> Room | None:
+    """Where the command has least room; None where no margins tell what noise takes of it."""
     design, limits = loop.design, limits_of(loop.design.model)
     try:
         bench = design.bench(loop.experiment.observer)
@@ -176,68 +214,31 @@ def _fullest(loop: LostLoop) -> tuple[float, float, float, bool] | None:
     rooms = [np.minimum(point.commands - limits[0], limits[1] - point.commands).min() for point in bench.points]
     worst = int(np.argmin(rooms))
     little = bool(rooms[worst] <= LITTLE_ROOM * np.min(limits[1] - limits[0]))
-    return bench.points[worst].distance_m, float(rooms[worst]), float(margins[worst].noise_share), little
+    return Room(bench.points[worst].distance_m, float(rooms[worst]), float(margins[worst].noise_share), little)
 
 
-def _noise_in_room(loop: LostLoop, distance_m: float, room: float, share: float) -> str:
-    unit = command_unit(loop.design)
-    return (
-        f"at {amount(distance_m, 'm', 3)} the resting command leaves {amount(room, unit)} to the driver's limit, and "
-        f"the sensors' noise alone takes {amount(share * room, unit)} rms of it"
-    )
+def bearable(loop: LoopRuns) -> dict[str, tuple[float, float]]:
+    """How far in m a body at rest may be off, nearer and farther.
 
-
-def _brought_back(loop: LostLoop) -> str:
-    near, far = reach(loop)
-    return (
-        f"at {amount(loop.experiment.targets_m[0], 'm', 3)} the force at the driver's limits brings a body at rest "
-        f"back from {amount(near, 'm')} nearer and {amount(far, 'm')} farther at most"
-    )
-
-
-def _late(loop: LostLoop) -> str:
-    """The delay beside the time in which the body runs away; empty where there is none of either."""
-    late, unstable = loop.design.delay_s, max(point.runaway_rad_s for point in loop.design.points)
-    if not late * unstable:
-        return ""
-    return (
-        f", and with its delay of {amount(late, 's')}, {late * unstable:.2g} of the time in which the body runs away "
-        "by a factor e"
-    )
-
-
-def reach(loop: LostLoop) -> tuple[float, float]:
-    """How far in m a body at rest may be off, nearer and farther, for the force at the limits to turn it back.
-
-    The current is taken to be at its limit at once; a coil needs time, and so less is true.
+    ``reach_m`` for the force at the limits to turn it back: the current is taken to be at its limit at once; a coil
+    needs time, and so less is true. ``sensed_m`` for a sensor to tell its distance.
     """
-    model, distance = loop.design.model, _distances(loop)
-    corners = np.stack(np.meshgrid(*current_ranges(model)), axis=-1).reshape(-1, len(model.circuits))
-    forces = [circuit_terms(model, distance, np.tile(corner, (len(distance), 1)))[0] for corner in corners]
-    needed, target = model.require_motion().static_force(distance), loop.experiment.targets_m[0]
-    too_far = (np.max(forces, axis=0) < needed) & (distance > target)
-    return _off_by(loop, too_far | ((np.min(forces, axis=0) > needed) & (distance < target)))
+    model, target, box = loop.design.model, loop.experiment.targets_m[0], loop.design.model.validity
+    distance = np.linspace(box.distance_min_m, box.distance_max_m, 401)
 
+    def off_by(bad: BoolArray) -> tuple[float, float]:
+        near = float(distance[bad & (distance < target)].max(initial=box.distance_min_m))
+        return target - near, float(distance[bad & (distance > target)].min(initial=box.distance_max_m)) - target
 
-def sensed(loop: LostLoop) -> tuple[float, float]:
-    """How far in m a body at rest may be off, nearer and farther, for a sensor to tell its distance."""
-    model, distance = loop.design.model, _distances(loop)
-    currents = currents_for_force(model, distance, model.require_motion().static_force(distance))
+    weakest, strongest = force_range(model, distance)
+    needed = model.require_motion().static_force(distance)
+    currents = currents_for_force(model, distance, needed)
     ended = [
         blind(model, (sensor.name,), distance, currents)
         for sensor in loop.design.loop_sensors()
         if isinstance(sensor.sensor, HallSensor | PositionSensor)
     ]
-    return _off_by(loop, np.all(ended, axis=0) if ended else np.zeros(len(distance), dtype=np.bool_))
-
-
-def _distances(loop: LostLoop) -> FloatArray:
-    box = loop.design.model.validity
-    return np.linspace(box.distance_min_m, box.distance_max_m, 401)
-
-
-def _off_by(loop: LostLoop, bad: BoolArray) -> tuple[float, float]:
-    """From the first target to the nearest bad distance on either side, or to the end of the validity domain."""
-    box, distance, target = loop.design.model.validity, _distances(loop), loop.experiment.targets_m[0]
-    near = float(distance[bad & (distance < target)].max(initial=box.distance_min_m))
-    return target - near, float(distance[bad & (distance > target)].min(initial=box.distance_max_m)) - target
+    return {
+        "reach_m": off_by(np.where(distance > target, strongest < needed, weakest > needed)),
+        "sensed_m": off_by(np.all(ended, axis=0) if ended else np.zeros(len(distance), dtype=np.bool_)),
+    }

@@ -49,7 +49,6 @@ def loops(model, seed=1):
         runs=RUNS,
         steps=len(design.targets_m) * int(np.ceil(stay / model.sample_time_s)),
         supported_steps=design.steps(SUPPORT_TIME_CONSTANTS),
-        noise_blocks=len(experiments),
     )
     return design, dict(zip(experiments, results, strict=True)), small
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import femfit.simulation.design
-import femfit.simulation.lost_loop
+import femfit.simulation.loop_runs
 from femfit.core.errors import DomainError
 from femfit.simulation.adjust import choose
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.controllers import design_backstepping
 from femfit.simulation.design import CONTROLLERS, LoopDesign, design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.lost_loop import LostLoop
+from femfit.simulation.loop_runs import LoopRuns
 from femfit.simulation.margins import Margins, worst_of
 from femfit.simulation.study import closed_loop_study
 
@@ -53,7 +53,7 @@ def test_the_largest_margin_decides(optical, monkeypatch):
         backstepping=(True, 0.1, 0.1, 9.0),
         state_feedback=(True, 0.3, 0.1, 9.0),
     )
-    assert list(found.margins) == ["state-feedback", "pid", "backstepping"]
+    assert list(found) == ["state-feedback", "pid", "backstepping"]
 
 
 def test_noise_in_the_command_cuts_the_margin_and_a_loop_that_grows_comes_last(optical, monkeypatch):
@@ -64,7 +64,7 @@ def test_noise_in_the_command_cuts_the_margin_and_a_loop_that_grows_comes_last(o
         backstepping=(True, 0.1, 0.2, 9.0),  # 0.05 of its margin are left, of the PID's 0.03
         state_feedback=(False, 0.0, 0.01, -3.0),
     )
-    assert list(found.margins) == ["backstepping", "pid", "state-feedback"]
+    assert list(found) == ["backstepping", "pid", "state-feedback"]
 
 
 def test_a_controller_whose_linear_loop_grows_is_none_of_the_design(growing):
@@ -88,11 +88,11 @@ def test_a_loop_whose_linear_form_grows_is_not_simulated_as_a_remedy(growing, mo
     def never(*_, **__):
         raise AssertionError
 
-    monkeypatch.setattr(femfit.simulation.lost_loop, "run_experiments", never)
+    monkeypatch.setattr(femfit.simulation.loop_runs, "run_experiments", never)
     experiment = Experiment("backstepping", "ukf", growing.targets_m)
     # Long enough for a deviation of a rounding to grow to the whole range
     steps = int(40.0 / growing.bench("ukf").growth(growing.controller("backstepping")) / growing.model.sample_time_s)
-    loop = LostLoop(growing, experiment, np.random.default_rng(1), 2, steps, steps, 0, None)
+    loop = LoopRuns(growing, experiment, np.random.default_rng(1), 2, steps, steps, 0, None)
     assert not loop.held("with backstepping").any()
 
 

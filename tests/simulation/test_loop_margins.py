@@ -30,19 +30,19 @@ def sampled(A, B):
 
 
 def pid(kp, ki, kd, rate):
-    """u = -(kp + ki / s + kd s / (1 + s / rate)) y, the last entry of s being the last command."""
-    pole = np.exp(-rate * STEP)
-    A = np.array([[1.0, 0.0, 0.0], [0.0, pole, 0.0], [-ki * STEP, kd * rate * (1.0 - pole), 0.0]])
-    B = np.array([[1.0], [1.0], [-(kp + kd * rate)]])
-    used = [0, 1, 2] if ki else [1, 2]
-    A, B = A[np.ix_(used, used)], B[used]
-    return LinearController(A, B, A[-1:], B[-1:], 0, 2)
+    """u = -(kp + ki / s + kd s / (1 + s / rate)) y, behind an observer that gives y itself."""
+    poles = np.array([1.0, np.exp(-rate * STEP)])
+    M, E = np.diag(poles), np.ones((2, 1))
+    N, D = np.array([[-ki * STEP, kd * rate * (1.0 - poles[1])]]), np.array([[-(kp + kd * rate)]])
+    used = [0, 1] if ki else [1]
+    none, all_of_it = np.zeros((1, 1)), np.ones((1, 1))
+    return LinearController(none, none, all_of_it, M[np.ix_(used, used)], E[used], N[:, used], D, 0)
 
 
 def largest_root(plant, controller, factor):
     """Of the loop's characteristic polynomial with the commands times a factor."""
     above, below = ss2tf(plant.A, plant.B, plant.C[:, 0], np.zeros((1, 1)))
-    own_above, own_below = ss2tf(controller.A, controller.B, controller.C, controller.D)
+    own_above, own_below = ss2tf(controller.M, controller.E, controller.N, controller.D)
     closed = np.polysub(np.polymul(below, own_below), factor * np.polymul(above[0], own_above[0]))
     return np.abs(np.roots(closed)).max()
 
@@ -91,10 +91,10 @@ def test_gain_margins_are_where_the_swept_loop_turns_unstable(name):
 def test_the_share_of_noise_is_that_of_lyapunovs_equation(name):
     plant, own = LOOPS[name]
     c, room = plant.C[:, 0], 0.02
-    whole = np.block([[plant.A + plant.B @ own.D @ c, plant.B @ own.C], [own.B @ c, own.A]])
-    enters = np.concatenate([plant.B @ own.D, own.B])
+    whole = np.block([[plant.A + plant.B @ own.D @ c, plant.B @ own.N], [own.E @ c, own.M]])
+    enters = np.concatenate([plant.B @ own.D, own.E])
     states = solve_discrete_lyapunov(whole, plant.noise[0] ** 2 * enters @ enters.T, method="bilinear")
-    told = np.concatenate([own.D @ c, own.C], axis=1)
+    told = np.concatenate([own.D @ c, own.N], axis=1)
     variance = (told @ states @ told.T + plant.noise[0] ** 2 * own.D @ own.D.T).item()
     found = margins(plant, own, STEP, np.array([room])).noise_share
     # The sum over frequencies that are 1.5 % apart
@@ -105,7 +105,7 @@ def test_gains_of_several_circuits_are_scaled_together():
     """Two circuits that share one force: either alone may fail, while both together bear no less than one of both."""
     one = pid(9000.0, 0.0, 120.0, 1500.0)
     shared = replace(UNSTABLE, B=np.hstack([UNSTABLE.B, UNSTABLE.B]))
-    halves = replace(one, C=0.5 * np.vstack([one.C, one.C]), D=0.5 * np.vstack([one.D, one.D]))
+    halves = replace(one, G=np.zeros((1, 2)), N=0.5 * np.vstack([one.N, one.N]), D=0.5 * np.vstack([one.D, one.D]))
     single = margins(UNSTABLE, one, STEP, np.ones(1))
     both = margins(shared, halves, STEP, np.ones(2))
     assert both.gain_below == pytest.approx(single.gain_below, rel=5e-3)
@@ -134,7 +134,7 @@ def test_a_filter_that_allows_for_an_error_of_the_commands_pays_for_the_margin_w
     design = design_loop(sensed)
     trusting = replace(design, command_error=1.0)
     assert design.command_error > 1.0
-    assert design.told[0] < 1.5 * trusting.told[0]
+    assert design.settled_errors[0] < 1.5 * trusting.settled_errors[0]
     for name in ("backstepping", "state-feedback"):
         assert worst_of(design.margins(name, "ekf")).modulus > worst_of(trusting.margins(name, "ekf")).modulus
 

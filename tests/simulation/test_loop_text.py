@@ -11,10 +11,11 @@ from femfit.model.validity import ProcessNoise
 from femfit.simulation.close_loop import close_loop
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment
-from femfit.simulation.loop_text import TOO_CAUTIOUS, consistency_line, design_lines, observed_lines
-from femfit.simulation.lost_loop import LostLoop
+from femfit.simulation.loop_facts import consistency, judged_loop
+from femfit.simulation.loop_runs import LoopRuns
 from femfit.simulation.study_rows import HoldRow
-from femfit.simulation.why_lost import hardware_limit, reach, short_of_room
+from femfit.simulation.why_lost import bearable, hardware_limit, short_of_room
+from femfit.simulation.words import sentence
 from support.expected import unmentioned
 
 
@@ -29,13 +30,13 @@ def hold(quality):
     [((1.0, 0.99), True, False), ((0.66, 0.69), False, True), ((1.5, 1.6), False, False), ((1.0, 0.9), False, False)],
 )
 def test_innovations_below_their_band_are_called_those_of_a_cautious_filter(qualities, praised, cautious):
-    said = consistency_line([hold(each) for each in qualities])
+    said = sentence("loop", "consistency", consistency([hold(each) for each in qualities]))
     assert ("knows its own error" in said) == praised
-    assert (TOO_CAUTIOUS in said) == cautious
+    assert ("too cautious" in said) == cautious
 
 
 def test_the_filters_own_expectation_is_no_bound_of_what_sensors_allow(levitation_model):
-    (line,) = observed_lines(design_loop(levitation_model))
+    line = sentence("loop", "observed", design_loop(levitation_model))
     assert "at best" not in line
     assert "process noises" in line
 
@@ -151,7 +152,7 @@ def test_a_latency_that_the_linear_loop_does_not_bear_comes_before_the_driver(op
     borne = round(float(words.partition("; with ")[2].split(" ms")[0]) / 0.5)
     design = design_loop(optical, latency=80)
     bench, late = (replace(design, latency=samples).bench("ukf") for samples in (borne, borne + 1))
-    controller = design.backstepping  # gains that come nearest to a stable loop at this latency
+    controller = design.controller("backstepping")  # gains that come nearest to a stable loop at this latency
     assert bench.growth(controller) < 0.0 < late.growth(controller)
 
 
@@ -159,8 +160,8 @@ def test_a_latency_that_the_linear_loop_does_not_bear_comes_before_the_driver(op
 def test_a_latency_that_a_slower_loop_bears_is_designed_for(optical):
     """20 ms are 0.7 of the time in which the body runs away by a factor e."""
     design = design_loop(optical, latency=40)
-    assert design.bench("ukf").growth(design.backstepping) < 0.0
-    assert design.bench("ukf").growth(design_loop(optical).backstepping) > 0.0
+    assert design.bench("ukf").growth(design.controller("backstepping")) < 0.0
+    assert design.bench("ukf").growth(design_loop(optical).controller("backstepping")) > 0.0
     assert run(optical, latency=40, seconds=1.5).held == 2
 
 
@@ -168,17 +169,18 @@ def test_a_resting_command_next_to_the_limit_is_named_beside_what_else_helps(opt
     """1 % above the voltage that holds the body: noise of 5 mV fills it."""
     weak = replace(optical, circuits=(replace(optical.circuit, voltage_max_V=1.01 * 0.852),))
     full = lost_loop(optical)
-    assert short_of_room(full) == ""
+    assert short_of_room(full) is None
     loop = lost_loop(with_laser(weak, noise=5e-3))
-    left = 1e3 * (weak.circuit.voltage_max_V - loop.design.points[0].commands[0])
-    assert f"leaves {left:.2g} mV" in short_of_room(loop)
+    room = weak.circuit.voltage_max_V - loop.design.points[0].commands[0]
+    assert short_of_room(loop).room == pytest.approx(room)
 
 
 def test_a_sensor_that_ends_before_the_driver_does_is_named(optical):
     """At 22 mm the laser reads 2.2 V; the driver brings the body back from more than the 0.1 mm up to 2.21 V."""
-    assert reach(lost_loop(optical))[1] > 1e-3
-    assert hardware_limit(lost_loop(optical)).startswith("The authority")
-    words = hardware_limit(lost_loop(with_laser(optical, maximum=2.21)))
+    assert bearable(lost_loop(optical))["reach_m"][1] > 1e-3
+    assert hardware_limit(lost_loop(optical)).code == "authority"
+    blinded = lost_loop(with_laser(optical, maximum=2.21))
+    words = sentence("lost", "advice", blinded, hardware_limit(blinded))
     assert words.startswith("The sensors' range")
     assert "farther, although" in words
 
@@ -192,9 +194,10 @@ def test_a_loop_next_to_its_longest_latency_is_called_thin_and_told_what_it_woul
 
 
 def told_margins(model, latency):
-    return "\n".join(design_lines(design_loop(model, latency=latency), [("backstepping", "ukf")]))
+    design = design_loop(model, latency=latency)
+    return sentence("loop", "standing", design, judged_loop(design, "backstepping", "ukf"))
 
 
 def lost_loop(model):
     experiment = Experiment("backstepping", "ukf", model.reference_distances_m)
-    return LostLoop(design_loop(model), experiment, np.random.default_rng(1), 2, 800, 800, 0, None)
+    return LoopRuns(design_loop(model), experiment, np.random.default_rng(1), 2, 800, 800, 0, None)

@@ -11,17 +11,17 @@ from femfit.core.errors import DomainError
 from femfit.simulation.adjust import adjusted
 from femfit.simulation.controllers import SplitController
 from femfit.simulation.design import CONTROLLERS
-from femfit.simulation.loop_text import gains_text
-from femfit.simulation.operating_point import feedback_gain, operating_point, solve_riccati
+from femfit.simulation.operating_point import feedback_gain, operating_point, solve_riccati, zero_order_hold
 from femfit.simulation.plant import Plant
 from femfit.simulation.targets import Reference
 from femfit.simulation.tune import design_pid
+from femfit.simulation.words import sentence
 
 
 def closed_loop_poles(model, controller, distance):
     """Continuous poles of plant and controller, from the linearised one-sample map of the code itself."""
     point = operating_point(model, distance)
-    rest = np.array([distance, 0.0, point.current_A])
+    rest = np.array([distance, 0.0, point.currents_A[0]])
     words = controller.words
     still = np.zeros(1)
     reference = Reference(np.array([distance]), still, still)
@@ -48,7 +48,7 @@ def test_the_loop_is_stable_over_the_range(levitation_model, design, name, dista
 
 
 def test_backstepping_without_enough_velocity_gain_is_unstable(levitation_model, design):
-    b, points = design.backstepping, design.points
+    b, points = design.controller("backstepping"), design.points
     needed = max((p.unstable_pole_rad_s**2 + b.position_gain) / p.coil_pole_rad_s for p in points)
     assert b.velocity_gain > needed
     lame = replace(b, velocity_gain=0.7 * needed)
@@ -56,7 +56,7 @@ def test_backstepping_without_enough_velocity_gain_is_unstable(levitation_model,
 
 
 def test_backstepping_puts_the_three_poles_at_a_third_of_the_coils(design):
-    b = design.backstepping
+    b = design.controller("backstepping")
     point = max(design.points, key=lambda p: p.unstable_pole_rad_s)
     p = min(q.coil_pole_rad_s for q in design.points)
     polynomial = [1 / p, 1.0, b.velocity_gain - point.unstable_pole_rad_s**2 / p, b.position_gain]
@@ -66,7 +66,7 @@ def test_backstepping_puts_the_three_poles_at_a_third_of_the_coils(design):
 def test_pid_has_its_quadruple_pole_where_it_is_designed(levitation_model, design):
     middle = design.points[len(design.points) // 2]
     pid = design_pid(levitation_model, middle)
-    phi, gamma = middle.discrete(levitation_model.sample_time_s)
+    phi, gamma = zero_order_hold(middle.A, middle.B, levitation_model.sample_time_s)
     a = np.poly(phi)
     c = np.poly(phi - np.outer(gamma[:, 0], [1.0, 0.0, 0.0])) - a
     closed = np.polymul(np.polymul(a, [1.0, -1.0]), [1.0, -pid.filter_pole])
@@ -86,10 +86,10 @@ def test_pid_removes_a_constant_disturbance(levitation_model, design):
     point = operating_point(levitation_model, 0.026)
     heavier = replace(levitation_model.motion, gravity_m_s2=1.02 * levitation_model.motion.gravity_m_s2)
     plant = Plant(replace(levitation_model, motion=heavier))
-    state = np.array([[0.026, 0.0, point.current_A]])
-    memory, zero = np.zeros((1, design.pid.words)), np.zeros(1)
+    state = np.array([[0.026, 0.0, point.currents_A[0]]])
+    memory, zero = np.zeros((1, design.controller("pid").words)), np.zeros(1)
     for _ in range(4000):
-        voltage, memory = design.pid.command(memory, state, Reference(np.array([0.026]), zero, zero))
+        voltage, memory = design.controller("pid").command(memory, state, Reference(np.array([0.026]), zero, zero))
         state = plant.step(state, voltage)
     assert state[0, 0] == pytest.approx(0.026, abs=1e-7)  # backstepping would be off by 0.02 g/k_p = 0.2 mm
 
@@ -114,9 +114,15 @@ def test_a_split_controller_gives_each_run_its_own(design):
     estimate = np.array([[0.0221, 0.01, 0.3], [0.0222, 0.0, 0.3], [0.0219, 0.0, 0.3]])
     zero = np.zeros(())
     reference = Reference(np.array(0.022), zero, zero)
-    split = SplitController(((np.array([0, 2]), design.backstepping), (np.array([1]), design.pid)))
+    split = SplitController(
+        ((np.array([0, 2]), design.controller("backstepping")), (np.array([1]), design.controller("pid")))
+    )
     voltage, memory = split.command(np.zeros((3, split.words)), estimate, reference)
-    for run, controller in ((0, design.backstepping), (1, design.pid), (2, design.backstepping)):
+    for run, controller in (
+        (0, design.controller("backstepping")),
+        (1, design.controller("pid")),
+        (2, design.controller("backstepping")),
+    ):
         own = estimate[run : run + 1]
         alone, words = controller.command(np.zeros((1, controller.words)), own, reference)
         assert voltage[run] == alone[0]
@@ -125,9 +131,9 @@ def test_a_split_controller_gives_each_run_its_own(design):
 
 def test_gains_given_and_printed_are_those_of_the_controller(design):
     """The gains of the recursion are sums of large numbers: what they leave of no integral is rounding."""
-    assert adjusted(design, "pid", gains={"ki": 0.0}).pid.parts["ki"] == 0.0
+    assert adjusted(design, "pid", gains={"ki": 0.0}).controller("pid").parts["ki"] == 0.0
     controller = design.controller("state-feedback")
-    printed = re.findall(r"(\w+) (-?[\d.e+-]+) ", gains_text(design, controller))
+    printed = re.findall(r"(\w+) (-?[\d.e+-]+) ", sentence("loop", "gains", design, controller))
     again = adjusted(design, "state-feedback", gains={name: float(value) for name, value in printed})
     own = again.controller("state-feedback")
     np.testing.assert_allclose(own.gains, controller.gains, rtol=1e-3)

@@ -113,11 +113,11 @@ def test_a_body_on_a_stop_at_the_end_was_not_held(ball):
 
 def test_a_current_sensor_alone_is_said_not_to_tell_a_body_at_rest(ball):
     blind = replace(ball, other_sensors=(CurrentSensor(name="shunt", circuit="coil", noise=0.2),))
-    assert design_loop(blind).told is None or design_loop(blind).told[0] > 1e-5
+    assert design_loop(blind).settled_errors is None or design_loop(blind).settled_errors[0] > 1e-5
     both = replace(ball, other_sensors=(LASER, CurrentSensor(name="shunt", circuit="coil", noise=1e-3)))
     design = design_loop(both)
     assert design.sensors == ("laser", "shunt")
-    assert design.told[0] <= design_loop(ball).told[0]
+    assert design.settled_errors[0] <= design_loop(ball).settled_errors[0]
     assert close_loop(both, runs=2, seconds=0.3).held == 2
 
 

@@ -166,10 +166,10 @@ def held(truth, believed, observer, seed=0):
         own.loop_sensors(),
         SensorErrors(),
         design.observer(observer),
-        own.backstepping,
+        own.controller("backstepping"),
         reference,
     )
-    start = np.tile([point.distance_m, 0.0, point.current_A], (8, 1))
+    start = np.tile([point.distance_m, 0.0, point.currents_A[0]], (8, 1))
     windows = (slice(STEPS // 2, STEPS),)
     return run_loop(loop, start, np.random.default_rng(seed), windows=windows).windows[0]
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from femfit.core.errors import DomainError, MissingPartError
@@ -14,7 +15,7 @@ from femfit.simulation.design import CONTROLLERS, OBSERVERS, design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
 from femfit.simulation.loop import LoopOutcome
 from femfit.simulation.plant import with_force_scale
-from femfit.simulation.summary import series_columns
+from femfit.simulation.summary import series_table
 from support.readings import LASER_10_V
 
 SUPPORT = 300
@@ -46,7 +47,7 @@ def test_the_same_seed_gives_the_same_numbers_and_another_seed_others(design):
 
 def test_runs_do_not_depend_on_the_batch_they_are_in(design):
     experiments = [Experiment("backstepping", "ukf", (0.022,)), Experiment("pid", "ekf", (0.030,))]
-    together = run(design, *experiments, runs=2, steps=100, noise_blocks=2)
+    together = run(design, *experiments, runs=2, steps=100)
     for experiment, result in zip(experiments, together, strict=True):
         (alone,) = run(design, experiment, runs=2, steps=100)
         np.testing.assert_allclose(result.series.distance_m, alone.series.distance_m, rtol=1e-12)
@@ -117,7 +118,7 @@ def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_
     lost.write_csv(tmp_path / "loops" / "series.csv")
     table = np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)
     series = lost.result.series
-    assert table.dtype.names == ("run", "time_s", *series_columns(design))
+    assert table.dtype.names == tuple(series_table(lost.design, lost.result))
     assert len(table) == np.isfinite(series.distance_m).sum() < 2 * lost.steps
     first = table[table["run"] == 1]
     np.testing.assert_allclose(first["true_distance_m"], series.distance_m[: len(first), 0], rtol=1e-8)
@@ -126,7 +127,7 @@ def test_time_series_are_written_up_to_the_loss_whole_or_not_at_all(design, tmp_
         Path(file).write_text("half a ro")
         raise OSError(28, "No space left on device", str(file))
 
-    monkeypatch.setattr(np, "savetxt", full_disk)
+    monkeypatch.setattr(pd.DataFrame, "to_csv", lambda _, file, **__: full_disk(file))
     with pytest.raises(OSError, match="No space"):
         lost.write_csv(tmp_path / "loops" / "series.csv")
     assert len(np.genfromtxt(tmp_path / "loops" / "series.csv", delimiter=",", names=True)) == len(table)

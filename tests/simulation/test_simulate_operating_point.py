@@ -63,7 +63,7 @@ def test_targets_are_derived_where_the_model_has_none_and_its_hall_element_is_no
     assert near == again
     circuit = levitation_model.circuit
     for point in design.points:
-        assert circuit.voltage_min_V < point.voltage_V < circuit.voltage_max_V
+        assert circuit.voltage_min_V < point.commands[0] < circuit.voltage_max_V
     assert far - near > 3e-3
     free = replace(levitation_model, reference_distances_m=())
     # 8.3 mT fill the range above the quiescent output at 300 V/T; the magnet alone has 8.7 mT at 20 mm.
@@ -71,7 +71,7 @@ def test_targets_are_derived_where_the_model_has_none_and_its_hall_element_is_no
     design = design_loop(sensitive)
     assert min(design.targets_m) > min(design_loop(free).targets_m)
     for point in design.points:
-        assert 0.0 < sensitive.sensor.voltage(np.array([point.distance_m]), np.array([point.current_A]))[0] < 5.0
+        assert 0.0 < sensitive.sensor.voltage(np.array([point.distance_m]), np.array([point.currents_A[0]]))[0] < 5.0
 
 
 def test_the_reference_starts_at_rest_reaches_each_target_and_its_rates_belong_together(levitation_model):
@@ -118,9 +118,9 @@ def test_a_coil_with_its_leads_reversed_is_held_by_currents_of_the_other_sign(le
     )
     usual, reversed_ = design_loop(levitation_model), design_loop(repelling)
     for there, here in zip(usual.points, reversed_.points, strict=True):
-        assert here.current_A == pytest.approx(-there.current_A, rel=1e-9)
+        assert here.currents_A[0] == pytest.approx(-there.currents_A[0], rel=1e-9)
         assert here.unstable_pole_rad_s == pytest.approx(there.unstable_pole_rad_s, rel=1e-9)
-    assert reversed_.pid.direction == (-1.0,)
+    assert reversed_.controller("pid").direction == (-1.0,)
     experiments = [Experiment(name, "ukf", (0.022,)) for name in ("backstepping", "pid", "state-feedback")]
     random = np.random.default_rng(3)
     for result in run_experiments(reversed_, experiments, random, runs=2, steps=400, supported_steps=300):
@@ -152,7 +152,7 @@ def test_a_coil_that_is_faster_than_the_samples_is_designed_for_as_slow_as_they_
     assert design.points[0].coil_pole_rad_s > 1800.0
     assert design.reference_rate_rad_s <= 200.0 * (1 + 1e-9)
     assert design_backstepping(fast, design.points).position_gain == pytest.approx(200.0**2 / 3.0)
-    assert abs(design.pid.filter_pole) < 1.0
+    assert abs(design.controller("pid").filter_pole) < 1.0
 
 
 @pytest.mark.nightly
@@ -175,7 +175,7 @@ def test_steel_alone_is_held_by_a_driver_of_both_signs_as_by_one_of_positive_vol
             reference_distances_m=(),
         )
         designs.append(design_loop(model))
-    both, positive = ([point.current_A for point in design.points] for design in designs)
+    both, positive = ([point.currents_A[0] for point in design.points] for design in designs)
     assert min(both) > 0.0
     np.testing.assert_allclose(both, positive, rtol=1e-6)
 

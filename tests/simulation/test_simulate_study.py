@@ -190,9 +190,9 @@ def test_what_a_study_must_leave_out_is_known_from_its_design(turning):
 @pytest.mark.nightly
 def test_a_coil_slower_than_the_body_gets_a_loop_of_its_current(levitation_model, sluggish):
     """A position loop alone has hardly any margin there: its poles sum up to the coil's."""
-    assert design_loop(levitation_model).pid.current_gain_ohm == 0.0
+    assert design_loop(levitation_model).controller("pid").current_gain_ohm == 0.0
     design = design_loop(sluggish)
-    pid = design.pid
+    pid = design.controller("pid")
     assert pid.current_gain_ohm > 5.0 * sluggish.circuit.resistance_ohm
     alone = tuned_pid_without_current(design)
     with_loop, without = (min(m.modulus for m in design.bench("exact").judge(one)) for one in (pid, alone))
@@ -201,7 +201,7 @@ def test_a_coil_slower_than_the_body_gets_a_loop_of_its_current(levitation_model
 
 def tuned_pid_without_current(design):
     bench = design.bench("exact")
-    first = replace(pid_of_parts(design.model, **{**design.pid.parts, "current": 0.0}))
+    first = replace(pid_of_parts(design.model, **{**design.controller("pid").parts, "current": 0.0}))
 
     def made(logs):
         kp, ki, kd, rate = np.exp(logs)

@@ -13,9 +13,10 @@ from femfit.model.drive import circuit_terms
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
 from femfit.simulation.experiment import Experiment, direct_distance, run_experiments
-from femfit.simulation.loop_text import design_lines
+from femfit.simulation.loop_facts import judged_loop
 from femfit.simulation.observers import coil_currents
 from femfit.simulation.open_loop import simulate
+from femfit.simulation.words import sentence
 from support.bearing import CIRCUITS, ENTRY, table_of
 from support.pickups import SHARE, search_coil
 from support.readings import LASER
@@ -62,8 +63,8 @@ def test_the_share_of_noise_grows_with_the_time_between_readings_as_runs_do(slow
 
 
 def test_noise_that_comes_between_samples_without_a_reading_is_told_as_a_lower_bound(slow, prompt):
-    bounds = [any("at least" in line for line in design_lines(one, [("pid", "ekf")])) for one in (slow, prompt)]
-    assert bounds == [True, False]
+    words = [sentence("loop", "standing", one, judged_loop(one, "pid", "ekf")) for one in (slow, prompt)]
+    assert ["at least" in each for each in words] == [True, False]
 
 
 def test_the_age_of_the_readings_is_taken_from_the_delay_margin(slow, prompt):

@@ -30,7 +30,7 @@ def closed_loop(model, effects=(), *, runs=1, seconds=2.0, seed=0):
         controller=design_backstepping(design.model, design.points),
         reference=stack_references([path], [runs]),
     )
-    start = [design.targets_m[0], 0.0, operating_point(design.model, design.targets_m[0]).current_A]
+    start = [design.targets_m[0], 0.0, operating_point(design.model, design.targets_m[0]).currents_A[0]]
     result = run_loop(
         loop,
         np.repeat([start], runs, axis=0),
