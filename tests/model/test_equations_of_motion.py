@@ -279,7 +279,7 @@ def test_weight_springs_load_and_friction_act_on_plant_rest_and_inverse_alike(mo
     needed = 4.35e-3 * 9.80665 + springs_and_load(0.025)
     assert float(model.force(0.025, holding_current(model, 0.025))) == pytest.approx(needed, rel=1e-9)
     point = operating_point(model, 0.025)
-    state, volts = np.array([[0.025, 0.0, point.current_A]]), np.array([[point.voltage_V]])
+    state, volts = np.array([[0.025, 0.0, point.currents_A[0]]]), np.array([[point.commands[0]]])
     assert np.abs(rates(model, state, volts)).max() < 1e-9
     np.testing.assert_allclose(point.A, slopes(model, state, volts)[0], rtol=1e-9, atol=1e-9)
     current = currents_for_acceleration(model, np.array([0.024]), np.array([1.0]), np.array([0.1])).ravel()[0]
@@ -300,7 +300,7 @@ def test_a_body_that_hangs_lies_or_stands_is_held_by_the_same_equations(levitati
     assert holding_current(model, 0.024) == pytest.approx(holding_current(hanging, 0.024), rel=1e-12)
     densities = [default_noise(device).acceleration_density for device in (model, hanging)]
     assert densities[0] == pytest.approx(densities[1], rel=1e-12)
-    state = np.array([[0.0242, 0.0, operating_point(model, 0.024).current_A]])
+    state = np.array([[0.0242, 0.0, operating_point(model, 0.024).currents_A[0]]])
     rest = Reference(np.asarray(0.024), np.asarray(0.0), np.asarray(0.0))
     commands = [
         design_backstepping(device, [operating_point(device, 0.024)]).command(np.zeros((1, 0)), state, rest)[0]
