@@ -253,7 +253,7 @@ HALL_COIL_PICKUP = Effect(
         names=("pickup_lag",),
         amplitudes=("induced_V_s",),
         spread=0.01,
-        steady_state=lambda d, i, conditions, p: {"pickup_lag": np.zeros_like(i)},
+        steady_state=lambda d, i, conditions, p: {"pickup_lag": 0.0 * i},
         rate=_rate,
     ),
     calibrations=(

@@ -125,8 +125,8 @@ def _hall_point(d: FloatArray, i: FloatArray, conditions: Conditions, p: Paramet
     return d - delay * like(conditions.velocity_m_s, d), i - late
 
 
-def _lag_time(conditions: Conditions, p: Parameters) -> float:
-    return max(p["delay_s"], conditions.nominal.sample_time_s)
+def _lag_time(conditions: Conditions, p: Parameters) -> Any:
+    return np.maximum(p["delay_s"], conditions.nominal.sample_time_s)
 
 
 def _rate_of_sensor_delay(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
@@ -157,7 +157,7 @@ SENSOR_DELAY = Effect(
         names=("delay_lag",),
         amplitudes=("delay_s",),
         spread=0.02,
-        steady_state=lambda d, i, conditions, p: {"delay_lag": np.zeros_like(i)},
+        steady_state=lambda d, i, conditions, p: {"delay_lag": 0.0 * i},
         rate=_rate_of_sensor_delay,
     ),
     calibrations=(
