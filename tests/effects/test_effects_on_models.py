@@ -11,7 +11,9 @@ import pytest
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import central_differences
 from femfit.effects.catalogue import BUILT_IN, OF_EACH, effect_by_name, of_circuit
-from femfit.model.with_effects import with_effects
+from femfit.effects.conditions import Conditions
+from femfit.model.readings import predict_readings, readings_by
+from femfit.model.with_effects import nominal_of, with_effects
 from support.added_effects import under_effects, usual
 from support.compiling import compile_at_once, needs_compiler
 from support.model_kinds import rates, states_of
@@ -84,6 +86,51 @@ def test_an_effect_at_its_null_leaves_the_motion_as_it_is_and_points_move_alone_
     if model.sensor is not None:
         seen = hall_voltage(moved, states)
         close(np.concatenate([hall_voltage(moved, states[k : k + 1]) for k in range(20)]), seen, 1e-12)
+
+
+def conditions_at(model, points, seed=2):
+    """What a bench or a record may know of so many points, with some states that effects remember."""
+    random = np.random.default_rng(seed)
+    names = [name for effect in BUILT_IN if effect.memory is not None for name in effect.memory.names]
+    return Conditions(
+        nominal_of(model),
+        branch=np.sign(random.normal(size=points)),
+        coil_temperature_C=random.uniform(20.0, 60.0, points),
+        magnet_temperature_C=random.uniform(20.0, 60.0, points),
+        time_s=random.uniform(0.1, 1.0, points),
+        elapsed=random.uniform(0.1, 1.0, points),
+        frequency_Hz=random.uniform(10.0, 300.0, points),
+        velocity_m_s=random.normal(0.0, 0.1, points),
+        current_rate_A_s=random.normal(0.0, 1.0, points),
+        memory={name: 0.05 * random.normal(size=points) for name in names},
+    )
+
+
+@pytest.mark.parametrize("effect", BUILT_IN, ids=lambda e: e.name)
+@pytest.mark.parametrize("share", [pytest.param(0.0, marks=pytest.mark.nightly), 0.3], ids=["at null", "inside"])
+@pytest.mark.parametrize("remembered", [True, pytest.param(False, marks=pytest.mark.nightly)], ids=["known", "resting"])
+def test_slopes_of_readings_by_parameters_are_their_differences(effect, share, remembered, model):
+    changed(model, effect)  # else it is not of this kind
+    several = len(model.circuits) > 1 and effect.name in OF_EACH
+    own = of_circuit(effect, model.circuit_names[0]) if several else effect
+    added, states = usual(own, share), states_of(model, 12)[0]
+    d, i = states[:, 0], states[:, 2 : 2 + len(model.circuits)]
+    i = i if i.shape[1] > 1 else i.sum(axis=1)
+    conditions = conditions_at(model, 12)
+    conditions = conditions if remembered else replace(conditions, memory={})
+    names = [p.name for p in own.parameters if share or not p.nonlinear]
+    found = readings_by(model, d, i, conditions, [added], [(0, name) for name in names])
+    for j, name in enumerate(names, 1):
+        (p,) = [p for p in own.parameters if p.name == name]
+        step = 1e-4 * p.width * (1.0 if added.parameters[name] + 2e-4 * p.width <= p.upper else -1.0)
+        ahead = [
+            replace(added, parameters={**added.parameters, name: added.parameters[name] + k * step}) for k in (0, 1, 2)
+        ]
+        here, once, twice = (predict_readings(model, d, i, conditions, [each]) for each in ahead)
+        for channel, values in found.items():
+            difference = (4.0 * once[channel] - 3.0 * here[channel] - twice[channel]) / (2.0 * step)
+            size = np.abs(difference).max() + 1e-9 * np.abs(here[channel]).max() / abs(step)
+            np.testing.assert_allclose(values[j], difference, rtol=0.0, atol=1e-4 * size, err_msg=f"{name} {channel}")
 
 
 @pytest.mark.nightly
