@@ -178,6 +178,12 @@ MOST_ROWS = 5000
 """Numerical: rows of a bench table up to which a comparison takes seconds and less than a gigabyte; time grows with
 their cube, memory with their square."""
 
+AVERAGED_TO = 1000
+"""Numerical: rows to about which a longer bench table is averaged."""
+
+SHORT = 0.25
+"""Assumed: part of the usual length of a stretch below which its few readings, taken on the way, are left out."""
+
 CLEARLY, WELL = 0.2, 0.3
 """Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
 

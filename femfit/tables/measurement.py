@@ -109,6 +109,8 @@ class BenchTable(_Measured):
     (448, [1.0, 2.0, 3.0, 4.0])
     """
 
+    noise_source: str = "declared"  # Or ``samples``: the noise of means of many rows, from these rows
+
     kind: ClassVar[str] = "readings"
     known_channels: ClassVar[tuple[str, ...]] = CHANNELS
 

@@ -20,8 +20,9 @@ from femfit.core.results import Finding
 from femfit.effects.catalogue import device_effects, effect_by_name
 from femfit.effects.effect import Effect
 from femfit.identify.comparison.lack_of_fit import PatternSpace, pattern_space
-from femfit.identify.constants import POWER
+from femfit.identify.constants import CORRELATIONS, POWER
 from femfit.identify.noise.components import estimate_noise, never_varying
+from femfit.identify.noise.contrasts import rho_of
 from femfit.identify.noise.whitening import NoiseModel, Whitening
 from femfit.identify.readings.observations import Observations
 from femfit.identify.refit.checked_refit import left_out_groups
@@ -124,7 +125,14 @@ def campaign_remarks(campaign: Campaign) -> list[Finding]:
         for c, name in enumerate(observations.channels)
         if name in observations.declared_noise and noise.source[name] == "repeats"
     ]
-    return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise)]
+    lasting = lasting_noises(noise)
+    remarks = [finding("lasting-noise", names=lasting)] if lasting else []
+    return [*few, *constant_readings(noise.never_varying), *replaced, *guessed_noises(noise), *remarks]
+
+
+def lasting_noises(noise: NoiseModel) -> list[str]:
+    """Channels whose noise lasts as long as any that is searched for, and maybe longer."""
+    return [name for name, rho in zip(noise.channels, noise.rho, strict=True) if rho >= rho_of(CORRELATIONS)]
 
 
 def constant_readings(names: Iterable[str]) -> list[Finding]:

@@ -22,6 +22,7 @@ from femfit.identify.decision.campaign import (
     detectable_magnitudes,
     explained_share,
     gather,
+    lasting_noises,
 )
 from femfit.identify.decision.constants import CERTAIN
 from femfit.identify.decision.diagnosis import CleanCampaigns, Diagnosis, NamedEffect, ScoredEffect
@@ -172,6 +173,7 @@ def _diagnosis(model: ActuatorModel, campaign: Campaign, decision: Decision, cle
             and not (clean and clean.name_too_often)
             and decision.probability_of_chosen > CERTAIN
             and "guess" not in campaign.noise.source.values()
+            and not lasting_noises(campaign.noise)
             and all(named.plausible for named in missing)
             and fit
             and fit.converged

@@ -5,6 +5,7 @@ Of a bench table these are the readings that can be compared, and what the effec
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from femfit.effects.catalogue import all_effects
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.effect import AddedEffect
 from femfit.identify.constants import IN_ORDER, MOST_ROWS
+from femfit.identify.readings.averaged import averaged
 from femfit.identify.readings.impedance import away_from_bias, weighed_by_magnitude, with_bias
 from femfit.identify.readings.observations import InTheirRuns, Observations, model_tolerance
 from femfit.identify.readings.plausible import nothing_in_domain, plausible_table, within_currents, within_domain
@@ -109,6 +111,7 @@ def bench_observations(model: ActuatorModel, table: BenchTable) -> Observations:
             *_remarks(declared, nominal, channels),
         ),
         present=tuple(added.effect.name for added in model.effects),
+        noise_source=table.noise_source,
         declared_distance_m=declared.get("distance_m"),
         declared_run={name: declared[OF_RUNS + name] for name in channels if OF_RUNS + name in declared},
         magnitude=weighing.magnitude,
@@ -235,13 +238,24 @@ def placed(model: ActuatorModel, data: Measurement | str | Path) -> Observations
     data = measurement_of(data)
     if isinstance(data, TimeSeries):
         return series_observations(model, data)
+    data = plausible_table(model, inductive(model, without_bias(model, data)))
+    data = averaged(data, current_names(model) or ("current_A",), partial(_residuals, model))
     if len(data.rows) > MOST_ROWS:
         raise TableError(
-            f"{data.source} must have at most {MOST_ROWS:,} rows to be compared with a model; instead received "
-            f"{len(data.rows):,}, for which time and memory do not suffice. Give the mean of each setting in each run, "
-            "and its noise with --noise, or some of the runs."
+            f"{data.source} must have at most {MOST_ROWS:,} rows to be compared with a model, or readings on end at "
+            f"one setting, which are averaged; instead received {len(data.rows):,}, for which time and memory do not "
+            "suffice. Give the mean of each setting in each run, and its noise with --noise, or some of the runs."
         )
-    return bench_observations(model, plausible_table(model, inductive(model, without_bias(model, data))))
+    return bench_observations(model, data)
+
+
+def _residuals(model: ActuatorModel, table: BenchTable) -> dict[str, FloatArray]:
+    """Readings less what the model predicts, by channel."""
+    covariates = _covariates(table.rows, current_names(model))
+    conditions = conditions_of(covariates, nominal_of(model))
+    d, i = covariates["distance_m"].to_numpy(), currents_in(model, covariates)
+    predicted = predict_readings(model, d, i, conditions, channels=table.channels)
+    return {name: table.rows[name].to_numpy() - predicted[name] for name in table.channels if name in predicted}
 
 
 def suspicions(findings: tuple[Finding, ...]) -> list[str]:

@@ -1,0 +1,89 @@
+"""A bench table of very many readings as the means of short stretches of them, with the noise of a mean.
+
+A stretch is rows of one run in the order of measuring, on one branch, over which no setting moves far. Of what a hidden
+effect changes, a mean has all but the bend within its stretch: 1/24 of the square of the stretch over the range.
+
+The noise of a mean follows from the halves of its stretch, however readings that follow each other are correlated: once
+the model's own change is taken out, their difference has four times the variance of the mean. What lasts longer than a
+stretch is left to the correlation of the means.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from femfit.core.numerics import FloatArray, IntArray
+from femfit.identify.constants import AVERAGED_TO, LEAST_REPEATS, MOST_ROWS, NORMAL_MEDIAN, SAME_LINE, SHORT
+from femfit.identify.words import finding
+from femfit.tables.measurement import BenchTable
+
+
+def averaged(
+    table: BenchTable, currents: tuple[str, ...], residuals: Callable[[BenchTable], Mapping[str, FloatArray]]
+) -> BenchTable:
+    """The table as means of stretches, where it has more rows than a comparison takes and stretches to be averaged.
+
+    Parameters
+    ----------
+    currents : tuple of str
+        Columns of the currents that were set.
+    residuals : callable
+        Readings of each channel that a model predicts, less what it predicts.
+    """
+    if len(table.rows) <= MOST_ROWS:
+        return table
+    number = stretches(table, currents)
+    count = np.bincount(number)
+    kept = count >= SHORT * np.median(count[number])
+    if np.count_nonzero(kept) > MOST_ROWS:
+        return table
+    rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
+    residual = residuals(table)
+    noise = {name: noise_of_means(values, number, count) for name, values in residual.items()}
+    told = finding(
+        "averaged",
+        rows=len(table.rows),
+        means=len(rows),
+        readings=int(np.median(count[kept])),
+        left_out=int(count[~kept].sum()),
+    )
+    known = {name: sigma for name, sigma in noise.items() if np.isfinite(sigma)}
+    declared = {name: sigma for name, sigma in table.declared_noise.items() if name not in residual}
+    return replace(
+        table,
+        rows=rows,
+        declared_noise=declared | known,
+        noise_source="samples",
+        findings=(*table.findings, told),
+    )
+
+
+def stretches(table: BenchTable, currents: tuple[str, ...]) -> IntArray:
+    """Number of the stretch that each row belongs to, from 0; a row without a setting is one of its own."""
+    rows, most = table.rows, -(-len(table.rows) // AVERAGED_TO)
+    labels = rows[["run", "mount", "branch"]].fillna(0.0).to_numpy()
+    settings = ("distance_m", *currents, "frequency_Hz", "coil_temperature_C", "magnet_temperature_C")
+    values = np.stack([rows[name] for name in settings if name in rows and rows[name].notna().any()], axis=1)
+    near = SAME_LINE * np.nanmax(values, axis=0) - SAME_LINE * np.nanmin(values, axis=0)
+    number, first, begun = np.zeros(len(rows), dtype=np.intp), 0, -1
+    changes = np.append(True, np.any(labels[1:] != labels[:-1], axis=1))
+    for k, value in enumerate(values):
+        if changes[k] or k - first == most or not (np.abs(value - values[first]) <= near).all():
+            first, begun = k, begun + 1
+        number[k] = begun
+    return number
+
+
+def noise_of_means(residual: FloatArray, number: IntArray, count: IntArray) -> float:
+    """Standard deviation of the mean of a stretch, from the differences of halves; NaN for fewer than twelve."""
+    place = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+    size = count[number]
+    halves = [np.where(place < size // 2, 1.0, 0.0), np.where(place >= size - size // 2, 1.0, 0.0)]
+    sums = [np.bincount(number, half * np.nan_to_num(residual)) for half in halves]
+    there = [np.bincount(number, half * np.isfinite(residual)) for half in halves]
+    told = (there[0] > 0) & (there[1] > 0)
+    if np.count_nonzero(told) < LEAST_REPEATS:
+        return float("nan")
+    difference = sums[1][told] / there[1][told] - sums[0][told] / there[0][told]
+    return 0.5 * float(np.median(np.abs(difference))) / NORMAL_MEDIAN

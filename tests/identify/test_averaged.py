@@ -1,0 +1,97 @@
+"""Bench tables of very many rows, which are averaged before they are compared."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import femfit as ff
+from femfit.core.errors import TableError
+from femfit.identify.constants import AVERAGED_TO, MOST_ROWS
+from femfit.identify.readings.averaged import noise_of_means, stretches
+from femfit.identify.readings.bench import placed
+from femfit.tables.measurement_file import read_measurement
+from support.campaign import NOISE, hidden, settings
+from support.campaign import campaign as few
+
+TIMES = 30
+
+
+def correlated(generator, count, rho):
+    """Noise of unit variance of which each value has a share of the one before."""
+    fresh = generator.standard_normal(count)
+    value = fresh.copy()
+    for k in range(1, count):
+        value[k] = rho * value[k - 1] + np.sqrt(1.0 - rho**2) * fresh[k]
+    return value
+
+
+def logged(model, folder, effects=(), seed=3, shuffled=False, rho=0.8):
+    """A logger that reads every setting of a campaign thirty times, its noise correlated."""
+    generator = np.random.default_rng(seed)
+    quiet = few(model, seed, effects, mount_m=10e-6, noise=dict.fromkeys(("force_N", "hall_V"), 0.0), runs=3)
+    rows = quiet.rows[["run", "distance_m", "current_A", "branch", "force_N", "hall_V"]]
+    rows = rows.loc[rows.index.repeat(TIMES)].reset_index(drop=True)
+    for name in ("force_N", "hall_V"):
+        rows[name] += 3.0 * NOISE[name] * correlated(generator, len(rows), rho)
+    rows = rows.sample(frac=1.0, random_state=1) if shuffled else rows.assign(order=np.arange(len(rows)))
+    file = folder / "log.csv"
+    rows.to_csv(file, index=False)
+    return read_measurement(file)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_the_noise_of_a_mean_is_what_means_scatter_by_whatever_the_correlation(rho):
+    generator, count = np.random.default_rng(4), np.full(400, 60)
+    number, noise = np.repeat(np.arange(400), 60), correlated(generator, 24_000, rho)
+    scatter = np.std(noise.reshape(400, 60).mean(axis=1))
+    assert noise_of_means(noise, number, count) == pytest.approx(scatter, rel=0.15)
+    assert np.isnan(noise_of_means(noise[:600], number[:600], count[:10]))
+
+
+def test_a_stretch_ends_where_a_setting_moves_the_run_or_the_branch_changes_or_it_is_long(levitation_model):
+    rows = settings(levitation_model, runs=2, distances=3, currents=4)
+    rows = rows.loc[rows.index.repeat(300)].reset_index(drop=True)
+    table = few(levitation_model, 1, runs=1, distances=2, currents=2)
+    table = type(table)(rows=rows, given=tuple(rows.columns))
+    number = stretches(table, ("current_A",))
+    of_each = rows.groupby(number)[["run", "distance_m", "current_A", "branch"]].nunique()
+    assert (of_each == 1).all(axis=None)
+    assert np.bincount(number).max() == -(-len(rows) // AVERAGED_TO)
+    assert (np.diff(number) >= 0).all()
+
+
+def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_model, tmp_path):
+    """7,000 readings: clean ones are not accused, and an offset of a third of their scatter is found."""
+    clean, offset = (
+        logged(levitation_model, tmp_path, effects) for effects in ((), [hidden("hall_offset", offset_V=3e-3)])
+    )
+    assert len(clean.rows) > MOST_ROWS
+    found = ff.diagnose(levitation_model, clean, bootstrap=0)
+    assert found.verdict == "nothing_missing"
+    (told,) = [finding for finding in found.findings if finding.code == "averaged"]
+    assert f"{len(clean.rows):,} readings" in str(told)
+    observations = found.observations
+    assert len(observations.covariates) < MOST_ROWS
+    sigma = found.campaign.noise.floor["hall_V"]  # a mean of seven has 0.80 of the noise that is correlated by 0.8
+    assert sigma == pytest.approx(3.0 * 0.80 * NOISE["hall_V"], rel=0.15)
+    found = ff.diagnose(levitation_model, offset, bootstrap=0)
+    assert [one.name for one in found.missing] == ["hall_offset"]
+    size = found.missing[0].parameters["offset_V"]
+    assert size == pytest.approx(3e-3, rel=0.3)
+
+
+def test_noise_that_lasts_longer_than_any_that_is_searched_for_makes_no_name_certain(levitation_model, tmp_path):
+    found = ff.diagnose(levitation_model, logged(levitation_model, tmp_path, rho=0.9995), bootstrap=0)
+    assert "lasting-noise" in {finding.code for finding in found.findings}
+    assert not found.confident
+
+
+def test_settings_in_random_order_are_asked_to_be_averaged_by_their_owner(levitation_model, tmp_path):
+    with pytest.raises(TableError, match="on end at one setting"):
+        placed(levitation_model, logged(levitation_model, tmp_path, shuffled=True))
+
+
+def test_a_table_of_usual_size_stays_as_it_is(levitation_model):
+    table = few(levitation_model, 5, runs=2, distances=4, currents=4)
+    assert len(placed(levitation_model, table).covariates) == len(table.rows)
+    assert pd.Series(placed(levitation_model, table).noise_source).eq("declared").all()
