@@ -12,37 +12,20 @@ from functools import cache
 from importlib.metadata import entry_points
 
 from femfit.core.entry_catalogue import EntryCatalogue
-from femfit.effects.circuit import COIL_TEMPERATURE, DRIVER_DEAD_ZONE, MOTIONAL_EMF, SUPPLY_SAG
+from femfit.effects import (
+    circuit,
+    friction,
+    hall,
+    hysteresis,
+    iron,
+    lags,
+    lateral_misalignment,
+    magnet,
+    springs,
+    tolerances,
+    zeros_and_scales,
+)
 from femfit.effects.effect import AddedEffect, Calibration, Effect
-from femfit.effects.friction import COULOMB_FRICTION, FLUID_DRAG, SIDE_PULL_FRICTION, STOP_POSITION, VISCOUS_FRICTION
-from femfit.effects.hall import HALL_COIL_PICKUP, HALL_DRIFT, HALL_SATURATION, HALL_TEMPERATURE
-from femfit.effects.hysteresis import HYSTERESIS
-from femfit.effects.iron import CORE_REMANENCE, CORE_SATURATION, POSITION_DEPENDENT_INDUCTANCE
-from femfit.effects.lags import EDDY_CURRENT_LAG, FLUX_INTEGRATOR_DRIFT, SENSOR_DELAY
-from femfit.effects.lateral_misalignment import LATERAL_MISALIGNMENT
-from femfit.effects.magnet import EXTERNAL_FIELD, MAGNET_DEMAGNETISATION, MAGNET_TEMPERATURE
-from femfit.effects.springs import (
-    CONSTANT_FORCE,
-    END_STOP_CONTACT,
-    SPRING,
-    SPRING_IN_FORCE,
-    SPRING_PRELOAD,
-    SPRING_STIFFNESS,
-)
-from femfit.effects.tolerances import REMANENCE, RESISTANCE, TURNS
-from femfit.effects.zeros_and_scales import (
-    CURRENT_GAIN,
-    CURRENT_OFFSET,
-    DISTANCE_OFFSET,
-    DISTANCE_SCALE,
-    DRIVER_GAIN,
-    FORCE_GAIN,
-    FORCE_OFFSET,
-    HALL_OFFSET,
-    MASS_ERROR,
-    POSITION_DELAY,
-    POSITION_NONLINEARITY,
-)
 
 SEPARATOR = ":"
 
@@ -75,7 +58,7 @@ def of_circuit(effect: Effect, circuit: str) -> Effect:
             one.reads,
             one.cost,
             f"{one.instruction} (Circuit {circuit}.)",
-            {_own(k, circuit): v for k, v in one.also.items()},
+            {f"{name}{SEPARATOR}{circuit}" if name in OF_EACH else name: v for name, v in one.also.items()},
         )
         for one in effect.calibrations
     )
@@ -89,10 +72,6 @@ def of_circuit(effect: Effect, circuit: str) -> Effect:
         experiment=f"{effect.experiment} (Circuit {circuit}.)",
         calibrations=calibrations,
     )
-
-
-def _own(name: str, circuit: str) -> str:
-    return f"{name}{SEPARATOR}{circuit}" if name in OF_EACH else name
 
 
 def _need(need: str, circuit: str) -> str:
@@ -131,50 +110,50 @@ def source_scales(effects: Iterable[AddedEffect], circuits: Sequence[str]) -> li
 
 
 BUILT_IN: tuple[Effect, ...] = (
-    DISTANCE_OFFSET,
-    REMANENCE,
-    TURNS,
-    RESISTANCE,
-    FORCE_OFFSET,
-    FORCE_GAIN,
-    CURRENT_OFFSET,
-    CURRENT_GAIN,
-    HALL_OFFSET,
-    MASS_ERROR,
-    DISTANCE_SCALE,
-    SPRING_IN_FORCE,
-    SPRING,
-    SPRING_PRELOAD,
-    SPRING_STIFFNESS,
-    COIL_TEMPERATURE,
-    MAGNET_TEMPERATURE,
-    CORE_SATURATION,
-    HYSTERESIS,
-    CORE_REMANENCE,
-    EDDY_CURRENT_LAG,
-    LATERAL_MISALIGNMENT,
-    COULOMB_FRICTION,
-    STOP_POSITION,
-    END_STOP_CONTACT,
-    CONSTANT_FORCE,
-    VISCOUS_FRICTION,
-    FLUID_DRAG,
-    SIDE_PULL_FRICTION,
-    POSITION_DEPENDENT_INDUCTANCE,
-    MAGNET_DEMAGNETISATION,
-    DRIVER_GAIN,
-    DRIVER_DEAD_ZONE,
-    SUPPLY_SAG,
-    POSITION_DELAY,
-    POSITION_NONLINEARITY,
-    SENSOR_DELAY,
-    HALL_TEMPERATURE,
-    HALL_COIL_PICKUP,
-    HALL_DRIFT,
-    HALL_SATURATION,
-    FLUX_INTEGRATOR_DRIFT,
-    EXTERNAL_FIELD,
-    MOTIONAL_EMF,
+    zeros_and_scales.DISTANCE_OFFSET,
+    tolerances.REMANENCE,
+    tolerances.TURNS,
+    tolerances.RESISTANCE,
+    zeros_and_scales.FORCE_OFFSET,
+    zeros_and_scales.FORCE_GAIN,
+    zeros_and_scales.CURRENT_OFFSET,
+    zeros_and_scales.CURRENT_GAIN,
+    zeros_and_scales.HALL_OFFSET,
+    zeros_and_scales.MASS_ERROR,
+    zeros_and_scales.DISTANCE_SCALE,
+    springs.SPRING_IN_FORCE,
+    springs.SPRING,
+    springs.SPRING_PRELOAD,
+    springs.SPRING_STIFFNESS,
+    circuit.COIL_TEMPERATURE,
+    magnet.MAGNET_TEMPERATURE,
+    iron.CORE_SATURATION,
+    hysteresis.HYSTERESIS,
+    iron.CORE_REMANENCE,
+    lags.EDDY_CURRENT_LAG,
+    lateral_misalignment.LATERAL_MISALIGNMENT,
+    friction.COULOMB_FRICTION,
+    friction.STOP_POSITION,
+    springs.END_STOP_CONTACT,
+    springs.CONSTANT_FORCE,
+    friction.VISCOUS_FRICTION,
+    friction.FLUID_DRAG,
+    friction.SIDE_PULL_FRICTION,
+    iron.POSITION_DEPENDENT_INDUCTANCE,
+    magnet.MAGNET_DEMAGNETISATION,
+    zeros_and_scales.DRIVER_GAIN,
+    circuit.DRIVER_DEAD_ZONE,
+    circuit.SUPPLY_SAG,
+    zeros_and_scales.POSITION_DELAY,
+    zeros_and_scales.POSITION_NONLINEARITY,
+    lags.SENSOR_DELAY,
+    hall.HALL_TEMPERATURE,
+    hall.HALL_COIL_PICKUP,
+    hall.HALL_DRIFT,
+    hall.HALL_SATURATION,
+    lags.FLUX_INTEGRATOR_DRIFT,
+    magnet.EXTERNAL_FIELD,
+    circuit.MOTIONAL_EMF,
 )
 """The commonest cause first: where readings fit several equally well, that is the order in which they are named.
 

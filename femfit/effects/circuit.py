@@ -18,7 +18,7 @@ import numpy as np
 
 from femfit.core.numerics import COPPER_TEMPERATURE_COEFFICIENT, FloatArray
 from femfit.effects.conditions import Conditions, like, warmth
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Calibration, DirectReading, Effect, EffectParameter, Parameters, effect_of
 
 
 def _circuit(
@@ -34,7 +34,6 @@ def _circuit(
 COIL_TEMPERATURE = Effect(
     name="coil_temperature",
     symptom="The voltage at a given current grows as the coil gets warm; force, flux linkage and Hall voltage do not.",
-    acts_on=("circuit",),
     parameters=(
         EffectParameter(
             "coefficient_per_K",
@@ -105,7 +104,6 @@ def _circuit_of_driver_dead_zone(
 DRIVER_DEAD_ZONE = Effect(
     name="driver_dead_zone",
     symptom="The current is too small by the same amount at any commanded voltage, and none at a small one.",
-    acts_on=("circuit",),
     parameters=(
         EffectParameter(
             "dead_zone",
@@ -139,38 +137,31 @@ DRIVER_DEAD_ZONE = Effect(
 )
 
 
-_READ = (
-    "Command a constant voltage and read that across the winding, with the body held, at a small and a large current."
-)
-
-SUPPLY_SAG = Effect(
+SUPPLY_SAG = effect_of(
     name="supply_sag",
     symptom="The current falls short of the commanded voltage the more, the larger it is; at rest as after a step.",
-    acts_on=("circuit",),
-    parameters=(
-        EffectParameter(
-            "inner_resistance",
-            bounds=(0.0, 10.0),
-            plausible=(0.0, 0.3),
-            description="Inner resistance of supply, driver and leads before the terminals, over the winding's.",
-            words="supply and driver have an inner resistance of {size} of the winding's",
-        ),
+    parameter=EffectParameter(
+        "inner_resistance",
+        bounds=(0.0, 10.0),
+        plausible=(0.0, 0.3),
+        description="Inner resistance of supply, driver and leads before the terminals, over the winding's.",
+        words="supply and driver have an inner resistance of {size} of the winding's",
     ),
     needs=("time_s", "voltage_V", "~current_A", "voltage driver"),
-    experiment=_READ,
+    experiment="Command a constant voltage and read that across the winding, with the body held, at a small and a "
+    "large current.",
     reference="Horowitz and Hill, The Art of Electronics (2015), section 1.2 (Thevenin's equivalent of a source)",
     circuit=lambda resistance, voltage, i, conditions, p: (
         resistance,
         voltage - p["inner_resistance"] * conditions.nominal.resistance_ohm * i,
     ),
-    calibrations=(Calibration({"inner_resistance": 5e-3}, 10.0, _READ),),
+    read=DirectReading(5e-3, 10.0),
 )
 
 
 MOTIONAL_EMF = Effect(
     name="motional_emf",
     symptom="The current departs from the model while the body moves, in step with its velocity.",
-    acts_on=("circuit",),
     parameters=(
         EffectParameter(
             "share",

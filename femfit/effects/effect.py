@@ -18,7 +18,7 @@ An effect acts at the stages that it gives a function for, in this order:
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, SupportsIndex
 
 from femfit.core.graph import Expression
@@ -75,7 +75,9 @@ class Calibration:
     # Parameters of the effect, each with the standard uncertainty that such a measurement usually has, in its unit
     reads: Mapping[str, float]
     cost: float  # In readings of the usual bench sweep: how many could be taken instead
-    instruction: str  # What to do, as one plain sentence that holds with and without a magnet in the drawing
+    # What to do, as one plain sentence that holds with and without a magnet in the drawing; the effect's experiment
+    # where it is empty
+    instruction: str = ""
     # Other effects that show in the same reading: per effect, the change of the first parameter that is read with
     # each of that effect's parameters
     also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -126,6 +128,18 @@ Readings = Callable[
 ]
 
 
+_ACTS_ON = {
+    "setting": "bench",
+    "coenergy": "magnetics",
+    "force": "force",
+    "circuit": "circuit",
+    "mass": "motion",
+    "ends": "motion",
+    "hall_point": "sensor",
+    "readings": "sensor",
+}
+
+
 @dataclass(frozen=True)
 class Effect:
     """A physical effect that a model may lack.
@@ -136,6 +150,8 @@ class Effect:
         As typed by users and written to model files.
     symptom : str
         One plain sentence: what one sees on the bench.
+    acts_on : tuple of str
+        Where the device or the bench differ; as its stages say where it is not given.
     parameters : tuple of EffectParameter
         Amplitudes of the family's shapes, then shape constants.
     needs : tuple of str
@@ -164,11 +180,11 @@ class Effect:
 
     name: str
     symptom: str
-    acts_on: tuple[str, ...]
-    parameters: tuple[EffectParameter, ...]
-    needs: tuple[str, ...]
-    experiment: str
-    reference: str
+    acts_on: tuple[str, ...] = ()
+    parameters: tuple[EffectParameter, ...] = ()
+    needs: tuple[str, ...] = ()
+    experiment: str = ""
+    reference: str = ""
     setting: Setting | None = None
     coenergy: CoenergyChange | None = None
     force: Force | None = None
@@ -176,7 +192,7 @@ class Effect:
     mass: Callable[[float, Parameters], float] | None = None
     ends: Callable[[tuple[float, float], Nominal, Parameters], tuple[float, float]] | None = None
     impedance: FurtherImpedance | None = None
-    eddy: Callable[[Parameters], float] | None = None
+    eddy: Callable[[Parameters], Expression] | None = None
     readings: Readings | None = None
     memory: Memory | None = None
     hall_point: Setting | None = None
@@ -187,6 +203,12 @@ class Effect:
     of: str = ""  # Which of several circuits it is of; see :mod:`femfit.effects.catalogue`
     title: str = ""  # What texts call it, where its name is a key path
     stands_for: str = ""  # Name of an effect that is no suspect beside this one
+
+    def __post_init__(self) -> None:
+        places = dict.fromkeys(place for stage, place in _ACTS_ON.items() if getattr(self, stage) is not None)
+        object.__setattr__(self, "acts_on", self.acts_on or tuple(places))
+        read = (one if one.instruction else replace(one, instruction=self.experiment) for one in self.calibrations)
+        object.__setattr__(self, "calibrations", tuple(read))
 
     @property
     def amplitudes(self) -> tuple[EffectParameter, ...]:
@@ -215,6 +237,22 @@ class Effect:
 
 
 @dataclass(frozen=True)
+class DirectReading:
+    """A calibration that reads an effect's only parameter; as of :class:`Calibration`."""
+
+    uncertainty: float
+    cost: float
+    instruction: str = ""
+    also: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+def effect_of(*, parameter: EffectParameter, read: DirectReading, **declared: Any) -> Effect:
+    """An effect of one parameter that a calibration reads, declared as an :class:`Effect` is."""
+    calibration = Calibration({parameter.name: read.uncertainty}, read.cost, read.instruction, read.also)
+    return Effect(parameters=(parameter,), calibrations=(calibration,), **declared)
+
+
+@dataclass(frozen=True)
 class AddedEffect:
     """An effect with its parameters, as it stands in a model."""
 
@@ -232,12 +270,14 @@ class AddedEffect:
         return memory if needed else None
 
 
-def in_channel(name: str, change: Callable[[Expression, Conditions, Parameters], Expression]) -> Readings:
-    """A ``readings`` stage that changes one channel, where it is among the readings."""
+def in_channel(
+    name: str, change: Callable[[Expression, Expression, Expression, Conditions, Parameters], Expression]
+) -> Readings:
+    """A ``readings`` stage that changes one channel, where it is among the readings, at a distance and a current."""
 
     def readings(
         values: Mapping[str, Expression], d: Expression, i: Expression, conditions: Conditions, p: Parameters
     ) -> Mapping[str, Expression]:
-        return {**values, name: change(values[name], conditions, p)} if name in values else values
+        return {**values, name: change(values[name], d, i, conditions, p)} if name in values else values
 
     return readings

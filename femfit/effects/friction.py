@@ -14,16 +14,12 @@ Where a body rests on a stop, the recorded distance reads the stop's place. An e
 as well, but it changes the forces too; a stop's does not.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal, like
-from femfit.effects.effect import Calibration, Effect, EffectParameter, Parameters
-
-_PULL = "Pull the body slowly along its guide in both directions with a force sensor, the coil open."
+from femfit.effects.effect import Calibration, DirectReading, Effect, EffectParameter, Parameters, effect_of, in_channel
 
 
 def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
@@ -35,7 +31,6 @@ def _force(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) 
 COULOMB_FRICTION = Effect(
     name="coulomb_friction",
     symptom="The body sticks: it answers small changes late or not at all, and stops short.",
-    acts_on=("force",),
     parameters=(
         EffectParameter(
             "level",
@@ -64,35 +59,30 @@ COULOMB_FRICTION = Effect(
         ),
     ),
     needs=("time_s", "distance_m|hall_V"),
-    experiment=_PULL,
+    experiment="Pull the body slowly along its guide in both directions with a force sensor, the coil open.",
     reference="Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083",
     force=_force,
-    calibrations=(Calibration({"level": 0.01, "breakaway": 0.02}, 40.0, _PULL),),
+    calibrations=(Calibration({"level": 0.01, "breakaway": 0.02}, 40.0),),
 )
 
 
-_SWING = "Let the body swing on a spring, the coil open, and record how its amplitude falls."
-
-VISCOUS_FRICTION = Effect(
+VISCOUS_FRICTION = effect_of(
     name="viscous_friction",
     symptom="Oscillations die out faster than the model's.",
-    acts_on=("force",),
-    parameters=(
-        EffectParameter(
-            "damping_per_s",
-            unit="1/s",
-            bounds=(-10.0, 1e4),
-            plausible=(0.0, 50.0),
-            description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
-        ),
+    parameter=EffectParameter(
+        "damping_per_s",
+        unit="1/s",
+        bounds=(-10.0, 1e4),
+        plausible=(0.0, 50.0),
+        description="Damping constant over the model's mass: without other forces the velocity falls at this rate.",
     ),
     needs=("time_s", "distance_m|hall_V"),
-    experiment=_SWING,
+    experiment="Let the body swing on a spring, the coil open, and record how its amplitude falls.",
     reference="H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.5",
     force=lambda d, i, conditions, p: (
         p["damping_per_s"] * conditions.nominal.mass_kg * like(conditions.velocity_m_s, d)
     ),
-    calibrations=(Calibration({"damping_per_s": 0.5}, 60.0, _SWING),),
+    read=DirectReading(0.5, 60.0),
     words=lambda p, nominal: [f"friction brakes with {amount(p['damping_per_s'] * nominal.mass_kg, 'N')} at 1 m/s"],
 )
 
@@ -100,7 +90,6 @@ VISCOUS_FRICTION = Effect(
 FLUID_DRAG = Effect(
     name="fluid_drag",
     symptom="Fast strokes take longer than the model's, slow ones do not.",
-    acts_on=("force",),
     parameters=(
         EffectParameter(
             "drag_per_m",
@@ -128,10 +117,6 @@ FLUID_DRAG = Effect(
 _CREEP_M_S = 1e-3
 """Assumed: speed at which the friction has 76 % of its level, the usual one of dry friction."""
 
-_SIDE_PULL_FRICTION_PULL = (
-    "Pull the body slowly along its guide in both directions with a force sensor, without current and at a large one."
-)
-
 
 def _force_of_side_pull_friction(d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     nominal = conditions.nominal
@@ -139,44 +124,36 @@ def _force_of_side_pull_friction(d: FloatArray, i: FloatArray, conditions: Condi
     return p["share"] * pressed * np.tanh(like(conditions.velocity_m_s, d) / _CREEP_M_S)
 
 
-SIDE_PULL_FRICTION = Effect(
+SIDE_PULL_FRICTION = effect_of(
     name="side_pull_friction",
     symptom="The body sticks the more, the larger the current; without current it slides as it should.",
-    acts_on=("force",),
-    parameters=(
-        EffectParameter(
-            "share",
-            bounds=(-0.02, 2.0),
-            plausible=(0.0, 0.2),
-            description="Friction at the largest current, as a part of the largest force.",
-            words="the guide brakes with {size} at the largest current",
-            scale="force_N",
-        ),
+    parameter=EffectParameter(
+        "share",
+        bounds=(-0.02, 2.0),
+        plausible=(0.0, 0.2),
+        description="Friction at the largest current, as a part of the largest force.",
+        words="the guide brakes with {size} at the largest current",
+        scale="force_N",
     ),
     needs=("time_s", "distance_m|hall_V", "~current_A", "iron"),
-    experiment=_SIDE_PULL_FRICTION_PULL,
+    experiment="Pull the body slowly along its guide in both directions with a force sensor, without current and at a "
+    "large one.",
     reference="H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapter 9 (side thrust of eccentric plungers)",
     force=_force_of_side_pull_friction,
-    calibrations=(Calibration({"share": 5e-3}, 40.0, _SIDE_PULL_FRICTION_PULL),),
+    read=DirectReading(5e-3, 40.0),
 )
 
 
 REST = "rest_distance_m"
 """The channel of a record that reads a stop's place: the distance while the body rests on it."""
 
-_GAUGE = "Press the body against each stop and measure by a depth gauge how far it is from the fixed part's face."
 
-
-def _moved(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
-) -> Mapping[str, FloatArray]:
-    if REST not in values:
-        return values
+def _moved(rest: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     nominal = conditions.nominal
     near, far = nominal.stops_m
     at_near = np.abs(d - near) < np.abs(d - far)
     moved = np.where(at_near, float(p["near"]), float(p["far"]))
-    return {**values, REST: values[REST] + nominal.travel_m * moved}
+    return rest + nominal.travel_m * moved
 
 
 def _ends(ends: tuple[float, float], nominal: Nominal, p: Parameters) -> tuple[float, float]:
@@ -200,9 +177,10 @@ STOP_POSITION = Effect(
     acts_on=("motion",),
     parameters=(_stop("near"), _stop("far")),
     needs=("time_s", "stop", REST),
-    experiment=_GAUGE,
+    experiment="Press the body against each stop and measure by a depth gauge how far it is from the fixed part's "
+    "face.",
     reference="Johnson, Contact Mechanics (1985), chapter 1 (what a contact's place is)",
-    readings=_moved,
+    readings=in_channel(REST, _moved),
     ends=_ends,
-    calibrations=(Calibration({"near": 2e-3, "far": 2e-3}, 10.0, _GAUGE),),
+    calibrations=(Calibration({"near": 2e-3, "far": 2e-3}, 10.0),),
 )

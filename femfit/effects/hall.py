@@ -7,8 +7,6 @@ settles, over the campaign or anew each run. In large fields it falls behind, by
 The coil's leads and their supply disturb the Hall reading: in step with the current, and with its rate.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from femfit.core.numerics import FloatArray
@@ -16,7 +14,7 @@ from femfit.effects.conditions import Conditions, like, warmth
 from femfit.effects.effect import Calibration, Effect, EffectParameter, Memory, Parameters, States, in_channel
 
 
-def _warmed(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+def _warmed(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     coil, magnet = warmth(conditions.coil_temperature_C).kelvin, warmth(conditions.magnet_temperature_C).kelvin
     warmer = p["coil_share"] * coil + (1.0 - p["coil_share"]) * magnet
     swing = volts - conditions.nominal.hall_quiescent_V
@@ -26,7 +24,6 @@ def _warmed(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatAr
 HALL_TEMPERATURE = Effect(
     name="hall_temperature",
     symptom="The Hall voltage goes with the temperature; force and flux linkage do not.",
-    acts_on=("sensor",),
     parameters=(
         EffectParameter(
             "offset_V_per_K",
@@ -73,7 +70,7 @@ _UNIT_OF_TIME = 1000.0
 """Ramps count in thousands of readings, or of seconds where the data have a clock."""
 
 
-def _drifted(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+def _drifted(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     elapsed, run_time = like(conditions.elapsed, volts), like(conditions.time_s, volts)
     ramps = (p["ramp_V"] * elapsed + p["run_ramp_V"] * run_time) / _UNIT_OF_TIME
     settled = [-np.expm1(-time / p["settling_time"]) for time in (elapsed, run_time)]
@@ -94,7 +91,6 @@ def _amplitude(name: str, largest: float, description: str, words: str) -> Effec
 HALL_DRIFT = Effect(
     name="hall_drift",
     symptom="The Hall voltage wanders with time, whatever the distance and current.",
-    acts_on=("sensor",),
     parameters=(
         _amplitude(
             "ramp_V",
@@ -153,7 +149,7 @@ def _beyond(excess: FloatArray) -> FloatArray:
     return 0.5 * (excess + np.sqrt(excess**2 + _ROUNDING**2))
 
 
-def _limited(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+def _limited(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     swing, knee = conditions.nominal.hall_swing_V, p["knee"]
     x = (volts - conditions.nominal.hall_quiescent_V) / swing
     # Odd in x and zero at zero
@@ -164,7 +160,6 @@ def _limited(volts: FloatArray, conditions: Conditions, p: Parameters) -> FloatA
 HALL_SATURATION = Effect(
     name="hall_saturation",
     symptom="The Hall voltage falls behind the model where it is far from its quiescent value.",
-    acts_on=("sensor",),
     parameters=(
         EffectParameter(
             "cubic_loss",
@@ -197,20 +192,13 @@ HALL_SATURATION = Effect(
 )
 
 
-def _readings(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
-) -> Mapping[str, FloatArray]:
-    if "hall_V" not in values:
-        return values
+def _picked_up(volts: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     nominal = conditions.nominal
     if "pickup_lag" in conditions.memory:
         rate = conditions.memory["pickup_lag"] / nominal.sample_time_s
     else:
         rate = like(conditions.current_rate_A_s, i) / nominal.peak_current_A
-    return {
-        **values,
-        "hall_V": values["hall_V"] + p["pickup_V"] * i / nominal.peak_current_A + p["induced_V_s"] * rate,
-    }
+    return volts + p["pickup_V"] * i / nominal.peak_current_A + p["induced_V_s"] * rate
 
 
 def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) -> States:
@@ -225,7 +213,6 @@ def _rate(states: States, i: FloatArray, conditions: Conditions, p: Parameters) 
 HALL_COIL_PICKUP = Effect(
     name="hall_coil_pickup",
     symptom="The Hall voltage has a further part in step with the current; force and flux linkage are right.",
-    acts_on=("sensor",),
     parameters=(
         EffectParameter(
             "pickup_V",
@@ -248,7 +235,7 @@ HALL_COIL_PICKUP = Effect(
     experiment="Take the moving part away and read the Hall voltage at both signs of the current, with its leads laid "
     "in two ways.",
     reference="Ott, Electromagnetic Compatibility Engineering (2009), chapters 2 (coupling) and 3 (common ground)",
-    readings=_readings,
+    readings=in_channel("hall_V", _picked_up),
     memory=Memory(
         names=("pickup_lag",),
         amplitudes=("induced_V_s",),

@@ -141,7 +141,6 @@ def _words(p: Parameters, nominal: Nominal) -> list[str]:
 HYSTERESIS = Effect(
     name="hysteresis",
     symptom="Force, flux linkage and Hall voltage differ between rising and falling current and meet at the ends.",
-    acts_on=("magnetics",),
     parameters=(
         *(
             EffectParameter(

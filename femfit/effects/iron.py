@@ -38,7 +38,7 @@ from casadi import SX
 from femfit.core.graph import Expression, GraphFunction, building, is_number, settled, slope
 from femfit.core.text import amount
 from femfit.effects.conditions import Conditions, Nominal
-from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
+from femfit.effects.effect import Coenergy, DirectReading, Effect, EffectParameter, Parameters, effect_of
 
 _EXPONENTS = (3, 6, 32)
 """A soft onset (Rayleigh), a round knee, a sharp one."""
@@ -112,7 +112,6 @@ def _words(p: Parameters, nominal: Nominal) -> list[str]:
 CORE_SATURATION = Effect(
     name="core_saturation",
     symptom="Force, flux linkage and inductance fall behind the model where the flux is largest.",
-    acts_on=("magnetics",),
     parameters=(
         *(
             EffectParameter(
@@ -150,30 +149,23 @@ CORE_SATURATION = Effect(
 )
 
 
-CORE_REMANENCE = Effect(
+CORE_REMANENCE = effect_of(
     name="core_remanence",
     symptom="Force and flux linkage remain without current, and differ between the two signs of a current.",
-    acts_on=("magnetics",),
-    parameters=(
-        EffectParameter(
-            "mmf",
-            bounds=(-1.0, 1.0),
-            plausible=(-0.05, 0.05),
-            description="Ampere turns that the core keeps, as a part of those of the largest current.",
-            words="the core keeps a flux as {signed} in the winding would drive it",
-            scale="peak_current_A",
-        ),
+    parameter=EffectParameter(
+        "mmf",
+        bounds=(-1.0, 1.0),
+        plausible=(-0.05, 0.05),
+        description="Ampere turns that the core keeps, as a part of those of the largest current.",
+        words="the core keeps a flux as {signed} in the winding would drive it",
+        scale="peak_current_A",
     ),
     needs=("force_N|flux_linkage_Wb|inductance_H", "iron"),
     experiment="Demagnetise the core by a slowly falling alternating current, and measure again.",
     reference="Bozorth, Ferromagnetism (1993), chapter 19 (remanence of a circuit with a gap)",
     coenergy=lambda base, d, i, h, conditions, p: base(d, i + p["mmf"] * conditions.nominal.peak_current_A, h),
-    calibrations=(
-        Calibration(
-            {"mmf": 2e-3},
-            30.0,
-            "Read the field at the core's face without current, before and after demagnetising it.",
-        ),
+    read=DirectReading(
+        2e-3, 30.0, "Read the field at the core's face without current, before and after demagnetising it."
     ),
 )
 
@@ -203,7 +195,6 @@ POSITION_DEPENDENT_INDUCTANCE = Effect(
     name="position_dependent_inductance",
     symptom="At small distances flux linkage and force have a further part: one in step with the current, the other "
     "with its square.",
-    acts_on=("magnetics",),
     parameters=(
         *(
             EffectParameter(

@@ -30,11 +30,13 @@ from femfit.effects.conditions import Conditions, like
 from femfit.effects.effect import (
     Calibration,
     Coenergy,
+    DirectReading,
     Effect,
     EffectParameter,
     Memory,
     Parameters,
     States,
+    effect_of,
     in_channel,
 )
 
@@ -76,7 +78,6 @@ def _share(mode: str, description: str, words: str) -> EffectParameter:
 EDDY_CURRENT_LAG = Effect(
     name="eddy_current_lag",
     symptom="Force and field follow fast changes of the current late, and the current rises faster than the model's.",
-    acts_on=("magnetics",),
     parameters=(
         _share(
             "ring",
@@ -134,19 +135,16 @@ def _rate_of_sensor_delay(states: States, i: FloatArray, conditions: Conditions,
     return {"delay_lag": change - states["delay_lag"] / _lag_time(conditions, p)}
 
 
-SENSOR_DELAY = Effect(
+SENSOR_DELAY = effect_of(
     name="sensor_delay",
     symptom="The Hall voltage follows distance and current late; at rest it is right.",
-    acts_on=("sensor",),
-    parameters=(
-        EffectParameter(
-            "delay_s",
-            unit="s",
-            bounds=(0.0, 0.05),
-            plausible=(0.0, 5e-3),
-            description="Age of what a reading shows.",
-            words="the Hall reading is {size} late",
-        ),
+    parameter=EffectParameter(
+        "delay_s",
+        unit="s",
+        bounds=(0.0, 0.05),
+        plausible=(0.0, 5e-3),
+        description="Age of what a reading shows.",
+        words="the Hall reading is {size} late",
     ),
     needs=("time_s", "hall_V", "current_A|voltage_V|distance_m"),
     experiment="Hold the body, step the current and record both on one clock; or move it and record a second, fast "
@@ -160,20 +158,15 @@ SENSOR_DELAY = Effect(
         steady_state=lambda d, i, conditions, p: {"delay_lag": 0.0 * i},
         rate=_rate_of_sensor_delay,
     ),
-    calibrations=(
-        Calibration(
-            {"delay_s": 5e-5},
-            40.0,
-            "Feed a step from a signal generator in the Hall element's place and record step and reading on one clock.",
-        ),
+    read=DirectReading(
+        5e-5,
+        40.0,
+        "Feed a step from a signal generator in the Hall element's place and record step and reading on one clock.",
     ),
 )
 
 
-_STILL = "Leave everything still and read the fluxmeter for as long as a run takes."
-
-
-def _drifted(flux: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
+def _drifted(flux: FloatArray, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:
     """With what an integrated offset, and one that drifts itself over the campaign, have become since the run's start.
 
     Of the offset o + o' T at the time T of the campaign, the integral from a run's start T_0 to T_0 + t is
@@ -188,7 +181,6 @@ def _drifted(flux: FloatArray, conditions: Conditions, p: Parameters) -> FloatAr
 FLUX_INTEGRATOR_DRIFT = Effect(
     name="flux_integrator_drift",
     symptom="The flux linkage wanders off from the start of each run; force and Hall voltage do not.",
-    acts_on=("sensor",),
     parameters=(
         EffectParameter(
             "ramp",
@@ -208,8 +200,8 @@ FLUX_INTEGRATOR_DRIFT = Effect(
         ),
     ),
     needs=("flux_linkage_Wb", "~order|~time_s"),
-    experiment=_STILL,
+    experiment="Leave everything still and read the fluxmeter for as long as a run takes.",
     reference="Fiorillo, Characterization and Measurement of Magnetic Materials (2004), section 5.1",
     readings=in_channel("flux_linkage_Wb", _drifted),
-    calibrations=(Calibration({"ramp": 1e-3, "bend": 1e-3}, 60.0, _STILL),),
+    calibrations=(Calibration({"ramp": 1e-3, "bend": 1e-3}, 60.0),),
 )

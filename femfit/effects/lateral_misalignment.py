@@ -61,7 +61,6 @@ LATERAL_MISALIGNMENT = Effect(
     name="lateral_misalignment",
     symptom="Near the electromagnet the magnet's share of every channel is too small, most where it bends; without "
     "a magnet, force and flux linkage are too large there together.",
-    acts_on=("magnetics",),
     parameters=(
         EffectParameter(
             name="offset_squared_m2",

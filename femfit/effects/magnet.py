@@ -36,7 +36,6 @@ def _warm(
 MAGNET_TEMPERATURE = Effect(
     name="magnet_temperature",
     symptom="Force, flux linkage and Hall voltage shrink together in the magnet's share as it gets warm.",
-    acts_on=("magnetics",),
     parameters=(
         EffectParameter(
             "coefficient_per_K",
@@ -99,7 +98,6 @@ def _demagnetised(
 MAGNET_DEMAGNETISATION = Effect(
     name="magnet_demagnetisation",
     symptom="The magnet's share of force, flux linkage and Hall voltage is too small everywhere, at any temperature.",
-    acts_on=("magnetics",),
     parameters=(
         EffectParameter(
             "loss",
@@ -154,7 +152,6 @@ def _coenergy(
 EXTERNAL_FIELD = Effect(
     name="external_field",
     symptom="The Hall voltage is wrong by a constant, and force and flux linkage as if a small current were added.",
-    acts_on=("magnetics",),
     parameters=(
         EffectParameter(
             "field_T",

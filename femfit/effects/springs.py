@@ -18,17 +18,21 @@ of the force sensor, a motion as a lighter or heavier body. A flat stop is a spr
 square root of its compression (Hertz).
 """
 
-from collections.abc import Mapping
-
 import casadi as ca
 from casadi import SX
 
 from femfit.core.graph import Expression
-from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter, Parameters
-
-_BALANCE = "Switch the current off and push the body through its travel with a spring balance."
+from femfit.effects.effect import (
+    Calibration,
+    Coenergy,
+    DirectReading,
+    Effect,
+    EffectParameter,
+    Parameters,
+    effect_of,
+    in_channel,
+)
 
 
 def spring_coenergy(d: Expression, conditions: Conditions, stiffness: Expression, preload: Expression) -> Expression:
@@ -69,10 +73,10 @@ SPRING = Effect(
         ),
     ),
     needs=("~distance_m", "force_N|time_s", "no spring"),
-    experiment=_BALANCE,
+    experiment="Switch the current off and push the body through its travel with a spring balance.",
     reference="Hooke's law; Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10",
     coenergy=_coenergy,
-    calibrations=(Calibration({"stiffness": 2e-3, "preload": 2e-3}, 30.0, _BALANCE),),
+    calibrations=(Calibration({"stiffness": 2e-3, "preload": 2e-3}, 30.0),),
 )
 
 
@@ -80,18 +84,16 @@ _DRAWN_SPRING_BALANCE = "Take the spring out and read its force at two lengths w
 _REFERENCE = "Budynas and Nisbett, Shigley's Mechanical Engineering Design (2015), chapter 10"
 
 
-SPRING_STIFFNESS = Effect(
+SPRING_STIFFNESS = effect_of(
     name="spring_stiffness",
     symptom="The force has a further part in proportion to that of the drawn spring, at any current.",
     acts_on=("force",),
-    parameters=(
-        EffectParameter(
-            "stiffness_error",
-            bounds=(-1.0, 9.0),
-            plausible=(-0.3, 0.3),
-            description="True over drawn stiffness of all springs, less one; their free lengths are the drawn ones.",
-            words="the spring is {size} {stiffer|softer} than drawn",
-        ),
+    parameter=EffectParameter(
+        "stiffness_error",
+        bounds=(-1.0, 9.0),
+        plausible=(-0.3, 0.3),
+        description="True over drawn stiffness of all springs, less one; their free lengths are the drawn ones.",
+        words="the spring is {size} {stiffer|softer} than drawn",
     ),
     needs=("time_s", "~distance_m", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
@@ -99,24 +101,21 @@ SPRING_STIFFNESS = Effect(
     coenergy=lambda base, d, i, h, conditions, p: (
         base(d, i, h) - p["stiffness_error"] * conditions.nominal.spring_energy(d)
     ),
-    calibrations=(Calibration({"stiffness_error": 0.01}, 20.0, _DRAWN_SPRING_BALANCE),),
+    read=DirectReading(0.01, 20.0),
 )
 
 
-SPRING_PRELOAD = Effect(
+SPRING_PRELOAD = effect_of(
     name="spring_preload",
     symptom="The body is pushed by the same further force wherever it is, and lifts off at another current.",
     acts_on=("force",),
-    parameters=(
-        EffectParameter(
-            "preload",
-            bounds=(-10.0, 10.0),
-            plausible=(-0.1, 0.1),
-            description="True minus drawn push of the springs away from the electromagnet, as a part of the largest "
-            "force.",
-            words="the spring's preload is {size} {larger|smaller} than drawn",
-            scale="force_N",
-        ),
+    parameter=EffectParameter(
+        "preload",
+        bounds=(-10.0, 10.0),
+        plausible=(-0.1, 0.1),
+        description="True minus drawn push of the springs away from the electromagnet, as a part of the largest force.",
+        words="the spring's preload is {size} {larger|smaller} than drawn",
+        scale="force_N",
     ),
     needs=("time_s", "spring"),
     experiment=_DRAWN_SPRING_BALANCE,
@@ -124,22 +123,13 @@ SPRING_PRELOAD = Effect(
     coenergy=lambda base, d, i, h, conditions, p: (
         base(d, i, h) + spring_coenergy(d, conditions, 0.0, p["preload"] * conditions.nominal.force_N)
     ),
-    calibrations=(Calibration({"preload": 1e-3}, 20.0, _DRAWN_SPRING_BALANCE),),
+    read=DirectReading(1e-3, 20.0),
 )
-
-
-def _carried(
-    values: Mapping[str, FloatArray], d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters
-) -> Mapping[str, FloatArray]:
-    if "force_N" not in values:
-        return values
-    return {**values, "force_N": values["force_N"] - p["share"] * conditions.nominal.spring_push(d)}
 
 
 SPRING_IN_FORCE = Effect(
     name="spring_in_force",
     symptom="Every force differs from the magnetic one by the force of the drawn spring.",
-    acts_on=("sensor",),
     parameters=(
         EffectParameter(
             "share",
@@ -152,36 +142,34 @@ SPRING_IN_FORCE = Effect(
     needs=("force_N", "~distance_m", "spring"),
     experiment="Take the spring out and read the force again, the current off.",
     reference=f"{_REFERENCE}; how the sensor is mounted",
-    readings=_carried,
+    readings=in_channel(
+        "force_N", lambda force, d, i, conditions, p: force - p["share"] * conditions.nominal.spring_push(d)
+    ),
 )
 
 
-CONSTANT_FORCE = Effect(
+CONSTANT_FORCE = effect_of(
     name="constant_force",
     symptom="The body is pulled by the same further force wherever it is and whatever the current.",
     acts_on=("force",),
-    parameters=(
-        EffectParameter(
-            "pull",
-            bounds=(-1.0, 1.0),
-            plausible=(-0.05, 0.05),
-            description="Further force towards the electromagnet, as a part of the largest force.",
-            words="a further force of {size} {pulls the body towards|pushes the body away from} the electromagnet",
-            scale="force_N",
-        ),
+    parameter=EffectParameter(
+        "pull",
+        bounds=(-1.0, 1.0),
+        plausible=(-0.05, 0.05),
+        description="Further force towards the electromagnet, as a part of the largest force.",
+        words="a further force of {size} {pulls the body towards|pushes the body away from} the electromagnet",
+        scale="force_N",
     ),
     needs=("force_N|time_s",),
     experiment="Turn the bench by 180 degrees, or couple the body to a spring balance with everything switched off, "
     "and read the force again.",
     reference="Newton's second law; H. Goldstein, Classical Mechanics (Addison-Wesley, 1980), section 1.1",
     coenergy=lambda base, d, i, h, conditions, p: base(d, i, h) - p["pull"] * conditions.nominal.force_N * d,
-    calibrations=(
-        Calibration(
-            {"pull": 1e-3},
-            30.0,
-            "Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
-            "balance.",
-        ),
+    read=DirectReading(
+        1e-3,
+        30.0,
+        "Put a body of the same weight that is not magnetic in the moving part's place and hold it by a spring "
+        "balance.",
     ),
 )
 

@@ -44,7 +44,10 @@ def recorded_setting(
 
     By Newton's steps, for each by itself; the first is exact for zeros, scales and delays.
     """
-    effects, known = tuple(effects), ca.vertcat(distance, currents)
+    effects = tuple(added for added in effects if added.effect.setting is not None)
+    if not effects:
+        return distance, currents
+    known = ca.vertcat(distance, currents)
 
     def nearer(x: SX) -> SX:
         seen = ca.vertcat(*true_setting(effects, x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:]), conditions))

@@ -13,7 +13,7 @@ resistance. Ammeter and turns differ in the flux linkage alone, so a fluxmeter s
 """
 
 from femfit.core.graph import Expression
-from femfit.effects.effect import Calibration, Coenergy, Effect, EffectParameter
+from femfit.effects.effect import Coenergy, DirectReading, EffectParameter, effect_of
 
 
 def remanence_scaled(base: Coenergy, scale: Expression, d: Expression, i: Expression, h: Expression) -> Expression:
@@ -21,83 +21,68 @@ def remanence_scaled(base: Coenergy, scale: Expression, d: Expression, i: Expres
     return scale * scale * base(d, i / scale, h / scale)
 
 
-REMANENCE = Effect(
+REMANENCE = effect_of(
     name="remanence",
     symptom="The magnet's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
-    acts_on=("magnetics",),
-    parameters=(
-        EffectParameter(
-            "remanence_error",
-            bounds=(-0.5, 0.3),
-            plausible=(-0.15, 0.1),
-            description="True over drawn remanence, less one.",
-            words="the magnet is {size} {stronger|weaker} than drawn",
-        ),
+    parameter=EffectParameter(
+        "remanence_error",
+        bounds=(-0.5, 0.3),
+        plausible=(-0.15, 0.1),
+        description="True over drawn remanence, less one.",
+        words="the magnet is {size} {stronger|weaker} than drawn",
     ),
     needs=("force_N|flux_linkage_Wb|inductance_H|hall_V", "magnet"),
     experiment="Compare the magnet's field on its axis, out of the bench and at a known temperature, with that of its "
     "data sheet.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1; IEC 60404-8-1 (grades)",
     coenergy=lambda base, d, i, h, conditions, p: remanence_scaled(base, 1.0 + p["remanence_error"], d, i, h),
-    calibrations=(
-        Calibration(
-            {"remanence_error": 0.01},
-            40.0,
-            "Take the magnet out at 20 °C and read its field on the axis by a gaussmeter.",
-            also={"magnet_demagnetisation": {"loss": -1.0}},
-        ),
+    read=DirectReading(
+        0.01,
+        40.0,
+        "Take the magnet out at 20 °C and read its field on the axis by a gaussmeter.",
+        also={"magnet_demagnetisation": {"loss": -1.0}},
     ),
 )
 
 
-_FOUR_WIRES = "Measure the cold winding's resistance with four wires, at the terminals that the driver feeds."
-
-RESISTANCE = Effect(
+RESISTANCE = effect_of(
     name="resistance",
     symptom="The voltage across the winding is larger or smaller than drawn at every current and temperature.",
-    acts_on=("circuit",),
-    parameters=(
-        EffectParameter(
-            "resistance_error",
-            bounds=(-0.9, 9.0),
-            plausible=(-0.2, 0.5),
-            description="True over drawn resistance at 20 °C, leads included, less one.",
-            words="the winding's resistance is {size} {larger|smaller} than drawn",
-        ),
+    parameter=EffectParameter(
+        "resistance_error",
+        bounds=(-0.9, 9.0),
+        plausible=(-0.2, 0.5),
+        description="True over drawn resistance at 20 °C, leads included, less one.",
+        words="the winding's resistance is {size} {larger|smaller} than drawn",
     ),
     needs=("~current_A|resistance_ohm", "voltage_V|resistance_ohm"),
-    experiment=_FOUR_WIRES,
+    experiment="Measure the cold winding's resistance with four wires, at the terminals that the driver feeds.",
     reference="IEC 60317-0-1 (2013), resistance of round wire",
     circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["resistance_error"]), voltage),
-    calibrations=(Calibration({"resistance_error": 2e-3}, 10.0, _FOUR_WIRES, {"turns": {"turns_error": 1.0}}),),
+    read=DirectReading(2e-3, 10.0, also={"turns": {"turns_error": 1.0}}),
 )
 
 
-TURNS = Effect(
+TURNS = effect_of(
     name="turns",
     symptom="The current's part of every channel is larger or smaller than drawn, everywhere by the same factor.",
-    acts_on=("magnetics", "circuit"),
-    parameters=(
-        EffectParameter(
-            "turns_error",
-            bounds=(-0.5, 1.0),
-            plausible=(-0.1, 0.1),
-            description="True over drawn number of turns, less one.",
-            words="the winding has {size} {more|fewer} turns than drawn",
-        ),
+    parameter=EffectParameter(
+        "turns_error",
+        bounds=(-0.5, 1.0),
+        plausible=(-0.1, 0.1),
+        description="True over drawn number of turns, less one.",
+        words="the winding has {size} {more|fewer} turns than drawn",
     ),
     needs=("~current_A|inductance_H", "force_N|flux_linkage_Wb|inductance_H|hall_V|voltage_V"),
     experiment="Count the turns by the voltage that a coil of known turns around the same core induces in the winding.",
     reference="Woodson and Melcher, Electromechanical Dynamics I (1968), section 3.1",
     coenergy=lambda base, d, i, h, conditions, p: base(d, (1.0 + p["turns_error"]) * i, h),
     circuit=lambda resistance, voltage, i, conditions, p: (resistance * (1.0 + p["turns_error"]), voltage),
-    calibrations=(
-        Calibration(
-            {"turns_error": 2e-3},
-            40.0,
-            "Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage of "
-            "the ten turns: their ratio is that of the turns.",
-        ),
+    read=DirectReading(
+        2e-3,
+        40.0,
+        "Lay ten turns around the same core, feed the winding with an alternating voltage and read the voltage of "
+        "the ten turns: their ratio is that of the turns.",
     ),
 )
 

@@ -37,7 +37,8 @@ from femfit.estimate.constants import (
     SPIKE,
 )
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.sensors import WHOLE, Reading, piece_slope, reading_of
+from femfit.model.sensing import piece_of
+from femfit.model.sensors import WHOLE, Reading, reading_of
 from femfit.tables.circuit_columns import parts_of
 from femfit.tables.findings import finding
 from femfit.tables.measurement import TimeSeries
@@ -193,7 +194,7 @@ def with_distance(model: ActuatorModel, series: TimeSeries) -> TimeSeries:
         if not isinstance(sensor, PositionSensor) or column not in series.given:
             continue
         distance, passed = _known_distance(sensor, series, reading_of(model, sensor.name))
-        slope = np.abs(piece_slope(sensor, distance[np.isfinite(distance)]))
+        slope = np.abs(piece_of(sensor, distance[np.isfinite(distance)])[2])
         declared, noise = series.declared_noise.get(str(column)), dict(series.declared_noise)
         if declared and len(slope):
             noise["distance_m"] = declared / float(np.median(slope))
@@ -246,7 +247,7 @@ def distance_of(sensor: PositionSensor, readings: FloatArray) -> FloatArray:
     result = np.interp(readings, read[order], places[order])
     for end in (0, -1):  # np.interp stays at the ends
         beyond = (readings - read[end]) * np.sign(read[-1] - read[0]) * (1 if end else -1) > 0.0
-        slope = float(piece_slope(sensor, places[end : end + 1 or None])[0])
+        slope = float(piece_of(sensor, places[end : end + 1 or None])[2][0])
         result = np.where(beyond, places[end] + (readings - read[end]) / slope, result)
     return np.asarray(result)
 

@@ -1,14 +1,9 @@
-"""The words of results: each result has one template in ``templates``, which is filled with its numbers and codes.
+"""The words of results: each result has one template in ``templates``, which is filled with its numbers and codes."""
 
-In a template a paragraph is one printed line, however it is broken; ``>`` before it stands for two blanks each.
-"""
-
-import re
-from collections.abc import Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from femfit.core.text import amount, amount_range, counted
+from femfit.core.words import lines_of, templates_of
 from femfit.estimate import constants
 
 if TYPE_CHECKING:
@@ -18,32 +13,6 @@ if TYPE_CHECKING:
 def sentence(template: str, macro: str, *facts: Any) -> str:
     """The lines that a macro of a template makes of facts."""
     return "\n".join(lines_of(str(getattr(_environment().get_template(f"{template}.j2").module, macro)(*facts))))
-
-
-def lines_of(text: str) -> Iterator[str]:
-    """The lines of a template that has been filled."""
-    for paragraph in re.split(r"\n[ \t]*\n", text):
-        line = re.sub(r"[ \t\n]+", " ", paragraph.strip(" \t\n"))
-        if line:
-            depth = len(line) - len(line.lstrip(">"))
-            yield 2 * depth * " " + re.sub(r" ([.,;:])(?=\s|$)", r"\1", line[depth:].strip(" ")).replace("\xa0", " ")
-
-
-def significant(value: float, digits: int = 3) -> str:
-    """To so many digits, without trailing zeros."""
-    return f"{value:.{digits}g}"
-
-
-def templates_of(package: str) -> "Environment":
-    """The templates of a room with the filters that write numbers."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  who prints nothing needs none
-
-    environment = Environment(  # noqa: S701  plain text
-        loader=PackageLoader(package), trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
-    )
-    environment.filters |= {function.__name__: function for function in (amount, amount_range, counted)}
-    environment.filters |= {"oneline": lambda text: " ".join(text.split()), "sig": significant}
-    return environment
 
 
 @cache

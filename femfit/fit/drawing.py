@@ -118,11 +118,11 @@ def _terms(
     terms = []
     if np.any(magnetic):
         change = replace(magnetics.spline, coefficients=magnetic.reshape(magnetics.spline.coefficients.shape))
-        terms.append(FieldTerm(name, magnetics.coordinate, coenergy=change, reciprocal=reciprocal))
+        terms.append(FieldTerm(name, coenergy=replace(magnetics, spline=change), reciprocal=reciprocal))
     if hall is not None and sensed is not None:
         like = hall.field.spline
         field = replace(like, coefficients=sensed.reshape(like.coefficients.shape))
-        terms.append(FieldTerm(name, hall.field.coordinate, hall=field, reciprocal=reciprocal))
+        terms.append(FieldTerm(name, hall=replace(hall.field, spline=field), reciprocal=reciprocal))
     return tuple(terms)
 
 
@@ -195,10 +195,10 @@ def _turned(g: ComplexArray, inductance: ComplexArray) -> ComplexArray:
 
 def _static(drawn: DrawnEffect, distance: FloatArray) -> FloatArray:
     """d^2(dW'/dp)/di^2 of a number without a current, in H per unit; of one circuit, which alone has such terms."""
-    still, result = np.zeros_like(distance), np.zeros_like(distance)
+    still, result = np.zeros((len(distance), 1)), np.zeros_like(distance)
     for term in drawn.terms:
         if term.coenergy is not None:
-            result += term.coordinate.partial_derivatives(term.coenergy, distance, still, ((0, 2),))[0]
+            result += term.coenergy.inductance(distance, still)[:, 0, 0]
     return result
 
 

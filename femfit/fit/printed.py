@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from femfit.core.text import amount, counted, rounded
 from femfit.fit.constants import SMALL_CIRCUIT_FORCE, TARGET
-from femfit.model.model_text import eddy_line, fit_lines
+from femfit.model.model_text import sentence
 from femfit.model.network_magnetics import NETWORK, OPERATIONS
 
 _LABELS_SHOWN = 4
@@ -35,8 +35,7 @@ def _environment() -> Environment:
         "shorten": shorten,
     }
     environment.globals |= {
-        "eddy_line": eddy_line,
-        "fit_lines": fit_lines,
+        "of_model": sentence,
         "network_name": NETWORK,
         "network_operations": OPERATIONS,
         "small": SMALL_CIRCUIT_FORCE,

@@ -27,7 +27,7 @@ from femfit.fit.constants import (
     U_DEGREE,
 )
 from femfit.fit.rows import FitRows, rms
-from femfit.model.several_magnetics import CoenergyTensor
+from femfit.model.several_magnetics import CircuitAxis, CoenergyTensor
 
 
 def fit_saturating(system: CoenergySystem) -> tuple[CoenergyTensor, Projection]:
@@ -155,8 +155,8 @@ def _tensor(basis: CoenergyBasis, projection: Projection, rows: FitRows) -> Coen
     assert isinstance(functions, CurrentSplines)  # noqa: S101  of iron that saturates
 
     def tensor(table: FloatArray) -> CoenergyTensor:
-        axes = functions.knots, functions.degrees
-        return CoenergyTensor(rows.names, basis.coordinate, basis.u_knots, U_DEGREE, *axes, table)
+        axes = tuple(map(CircuitAxis, rows.names, functions.knots, functions.degrees))
+        return CoenergyTensor(basis.coordinate, basis.u_knots, U_DEGREE, axes, table)
 
     table = functions.table(projection.coefficients.reshape(basis.shape))
     if functions.even:

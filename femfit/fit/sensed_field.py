@@ -30,7 +30,7 @@ from femfit.fit.constants import COARSE, CURRENT_DEGREE, DISTANCE_FOLDS, HALL_TA
 from femfit.fit.rows import FitRows, rms
 from femfit.model.bspline import LINE, TensorSpline, basis_matrix
 from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.hall import HallSpline, SensedField
+from femfit.model.hall import CurrentAxis, HallSpline, SensedField
 from femfit.tables.sweep_table import SweepTable, current_names
 
 
@@ -126,8 +126,7 @@ def fit_sensed(rows: SensedRows, what: str) -> SensedFit:
         coordinate,
         knots,
         U_DEGREE,
-        currents.knots,
-        currents.degrees,
+        tuple(map(CurrentAxis, currents.knots, currents.degrees)),
         currents.coefficients(solution.reshape(-1, columns.shape[1])),
     )
     errors = field.field(rows.distance, rows.currents) - rows.values

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from femfit.core.results import Finding, Severity
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
+from femfit.core.words import lines_of, templates_of
 from femfit.effects.words import describe, range_of, size_of
-from femfit.estimate.words import lines_of, templates_of
 from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.tables.measurement import CHANNEL_WORDS

@@ -20,64 +20,42 @@ The loop's field on its axis is proportional to (s^2 + R^2)^(-3/2), and the forc
 """
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from femfit.laws.law import ForceLaw, ShapeParameter, potential_of_powers
+from femfit.laws.law import ForceLaw, ShapeParameter, law_of_powers
 
-
-def _columns(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    square = 1.0 / (distance * distance)
-    return (square * square,)
-
-
-F2E = ForceLaw(
+F2E = law_of_powers(
     name="F2e",
     formula="c d^-4",
     basis=("d^-4",),
     coefficient_units=("N m^4",),
-    terms=_columns,
-    potentials=partial(potential_of_powers, ((4.0, ""),)),
+    powers=((4, ""),),
     column_operations=3,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (6)",
     nonnegative=(True,),
 )
 
 
-def _columns_of_f1e(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    inverse = 1.0 / distance
-    square = inverse * inverse
-    return square * square, square
-
-
-F1E = ForceLaw(
+F1E = law_of_powers(
     name="F1e",
     formula="a d^-4 + b d^-2",
     basis=("d^-4", "d^-2"),
     coefficient_units=("N m^4", "N m^2"),
-    terms=_columns_of_f1e,
-    potentials=partial(potential_of_powers, ((4.0, ""), (2.0, ""))),
+    powers=((4, ""), (2, "")),
     column_operations=3,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5)",
     nonnegative=(True, True),
 )
 
 
-def _columns_of_shifted_f1e(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    square = 1.0 / (first * first)
-    return square * square, 1.0 / (second * second)
-
-
-SHIFTED_F1E = ForceLaw(
+SHIFTED_F1E = law_of_powers(
     name="shifted-F1e",
     formula="a (d + d1)^-4 + b (d + d2)^-2",
     basis=("(d+d1)^-4", "(d+d2)^-2"),
     coefficient_units=("N m^4", "N m^2"),
-    terms=_columns_of_shifted_f1e,
-    potentials=partial(potential_of_powers, ((4.0, "shift1_m"), (2.0, "shift2_m"))),
+    powers=((4, "shift1_m"), (2, "shift2_m")),
     column_operations=7,
     reference="Chowdhury and Sarjas, Sensors 16 (2016) 1504, eq. (5), with shifted origins",
     shape=(
@@ -87,19 +65,12 @@ SHIFTED_F1E = ForceLaw(
 )
 
 
-def _columns_of_two_dipoles(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    first, second = distance + shape["shift1_m"], distance + shape["shift2_m"]
-    square1, square2 = 1.0 / (first * first), 1.0 / (second * second)
-    return square1 * square1, square2 * square2
-
-
-TWO_DIPOLES = ForceLaw(
+TWO_DIPOLES = law_of_powers(
     name="two-dipoles",
     formula="a (d + d1)^-4 + b (d + d2)^-4",
     basis=("(d+d1)^-4", "(d+d2)^-4"),
     coefficient_units=("N m^4", "N m^4"),
-    terms=_columns_of_two_dipoles,
-    potentials=partial(potential_of_powers, ((4.0, "shift1_m"), (4.0, "shift2_m"))),
+    powers=((4, "shift1_m"), (4, "shift2_m")),
     column_operations=8,
     reference="J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 5.7: force between dipoles",
     shape=(

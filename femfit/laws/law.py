@@ -8,6 +8,7 @@ law therefore gives flux linkage, motional constant and inductance as well, and 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,13 +31,34 @@ class ShapeParameter:
 Columns = Callable[[Any, Mapping[str, Any]], tuple[Any, ...]]
 """(d, shape parameters) -> a value of each column, of arrays and of expressions."""
 
-Powers = tuple[tuple[float, str], ...]
+Powers = tuple[tuple[int, str], ...]
 """Columns (d + shift)^-k, each as k and the name of its shift; empty for none."""
+
+
+def law_of_powers(powers: Powers, **declared: Any) -> "ForceLaw":
+    """A law of inverse powers, declared as a :class:`ForceLaw` is."""
+    return ForceLaw(terms=partial(_columns, powers), potentials=partial(potential_of_powers, powers), **declared)
+
+
+def _columns(powers: Powers, distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
+    """The powers, of each distance by one division, and of a power by those of 2 that it is made of."""
+    known: dict[tuple[int, str], Any] = {}
+
+    def power(k: int, name: str) -> Any:
+        if (k, name) not in known:
+            if k == 1:
+                known[k, name] = 1.0 / (distance + shape[name] if name else distance)
+            else:
+                low = 1 << ((k - 1).bit_length() - 1)  # the power of 2 below
+                known[k, name] = power(low, name) * power(k - low, name)
+        return known[k, name]
+
+    return tuple(power(k, name) for k, name in powers)
 
 
 def potential_of_powers(powers: Powers, distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
     """The integrals of inverse powers; as of :attr:`ForceLaw.potentials`."""
-    shifted = [(k, distance + shape[name] if name else distance) for k, name in powers]
+    shifted = [(float(k), distance + shape[name] if name else distance) for k, name in powers]
     return tuple(s ** (1.0 - k) / (k - 1.0) for k, s in shifted)
 
 

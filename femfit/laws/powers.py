@@ -8,67 +8,41 @@ A shifted dipole and a rational bell: a (d + d1)^-4 + b (d^2 + R^2)^-2, without 
 """
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from femfit.laws.law import ForceLaw, ShapeParameter, potential_of_powers
+from femfit.laws.law import ForceLaw, ShapeParameter, law_of_powers
 
-
-def _columns(distance: Any, _shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    inverse = 1.0 / distance
-    square = inverse * inverse
-    fourth = square * square
-    return square, square * inverse, fourth, fourth * inverse
-
-
-INVERSE_POWERS = ForceLaw(
+INVERSE_POWERS = law_of_powers(
     name="inverse-powers",
     formula="a d^-2 + b d^-3 + c d^-4 + e d^-5",
     basis=("d^-2", "d^-3", "d^-4", "d^-5"),
     coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
-    terms=_columns,
-    potentials=partial(potential_of_powers, tuple((k, "") for k in (2.0, 3.0, 4.0, 5.0))),
+    powers=((2, ""), (3, ""), (4, ""), (5, "")),
     column_operations=5,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
 )
 
 
-def _columns_of_shifted_powers(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    inverse = 1.0 / (distance + shape["shift_m"])
-    square = inverse * inverse
-    fourth = square * square
-    return square, square * inverse, fourth, fourth * inverse
-
-
-SHIFTED_POWERS = ForceLaw(
+SHIFTED_POWERS = law_of_powers(
     name="shifted-powers",
     formula="a s^-2 + b s^-3 + c s^-4 + e s^-5, s = d + d1",
     basis=("s^-2", "s^-3", "s^-4", "s^-5"),
     coefficient_units=("N m^2", "N m^3", "N m^4", "N m^5"),
-    terms=_columns_of_shifted_powers,
-    potentials=partial(potential_of_powers, tuple((k, "shift_m") for k in (2.0, 3.0, 4.0, 5.0))),
+    powers=((2, "shift_m"), (3, "shift_m"), (4, "shift_m"), (5, "shift_m")),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
     shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 5e-3, "depth of the expansion's centre behind the face"),),
 )
 
 
-def _columns_of_shifted_multipoles(distance: Any, shape: Mapping[str, Any]) -> tuple[Any, ...]:
-    inverse = 1.0 / (distance + shape["shift_m"])
-    square = inverse * inverse
-    fourth = square * square
-    return fourth, fourth * inverse, fourth * square
-
-
-SHIFTED_MULTIPOLES = ForceLaw(
+SHIFTED_MULTIPOLES = law_of_powers(
     name="shifted-multipoles",
     formula="a s^-4 + b s^-5 + c s^-6, s = d + d1",
     basis=("s^-4", "s^-5", "s^-6"),
     coefficient_units=("N m^4", "N m^5", "N m^6"),
-    terms=_columns_of_shifted_multipoles,
-    potentials=partial(potential_of_powers, tuple((k, "shift_m") for k in (4.0, 5.0, 6.0))),
+    powers=((4, "shift_m"), (5, "shift_m"), (6, "shift_m")),
     column_operations=6,
     reference="multipoles on the axis: J. D. Jackson, Classical Electrodynamics (Wiley, 1999), section 4.1",
     shape=(ShapeParameter("shift_m", "m", 1e-5, 0.3, 10e-3, "depth of the multipoles' centre behind the face"),),

@@ -4,30 +4,34 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from femfit.core.errors import DomainError, MissingPartError
 from femfit.core.graph import Memo
-from femfit.core.numerics import ComplexArray, FloatArray
+from femfit.core.numerics import ABSOLUTE_ZERO_C, ComplexArray, FloatArray
 from femfit.core.results import Printed
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import NO_MAGNET, REFERENCE_TEMPERATURE_C, Conditions
 from femfit.effects.effect import AddedEffect, Memory
+from femfit.model.carried import FiledEffect
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.eddy_currents import EddyCurrents, EddyMagnetics
 from femfit.model.equations import Equations
 from femfit.model.hall import HallSensor, OtherSensor
-from femfit.model.impedance import SmallSignal, checked_frequency, following_share
-from femfit.model.magnetics import Magnetics
-from femfit.model.model_text import model_lines
-from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
+from femfit.model.impedance import Answer, answered, checked_frequency, field_of, force_of, impedance_of
+from femfit.model.magnetics import CoenergySpline, LawMagnetics, Magnetics
+from femfit.model.model_text import sentence
+from femfit.model.network_magnetics import NetworkMagnetics
+from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
+from femfit.model.validity import ActuatorKind, FiledBox, Misfit, ProcessNoise, ValidityBox
 from femfit.model.windings import Windings
 
+Part = TypeVar("Part")
 Values = TypeVar("Values", FloatArray, ComplexArray)
 
 
@@ -84,29 +88,34 @@ class ActuatorModel(Printed):
     """
 
     name: str
-    magnetics: Magnetics
-    validity: ValidityBox
+    magnetics: Magnetics = limited(
+        metadata={"kinds": (CoenergySpline, CoenergyMatrix, CoenergyTensor, NetworkMagnetics, LawMagnetics)}
+    )
+    validity: ValidityBox = limited(metadata={"form": FiledBox})
     circuits: tuple[Circuit, ...] = ()
     motion: Mechanics | None = None
     sensor: HallSensor | None = None
     misfit: Misfit | None = None
-    sample_time_s: float = 1e-3
+    sample_time_s: float = limited(default=1e-3, metadata={"required": True, "positive": True})
     reference_distances_m: tuple[float, ...] = ()
-    covariance: FloatArray | None = None
-    effects: tuple[AddedEffect, ...] = ()
-    base: "ActuatorModel | None" = None
-    conditions: Conditions | None = None
-    coil_temperature_C: float = REFERENCE_TEMPERATURE_C
-    magnet_temperature_C: float = REFERENCE_TEMPERATURE_C
+    covariance: FloatArray | None = limited(default=None, metadata={"dimensions": (2,)})
+    effects: tuple[AddedEffect, ...] = limited(default=(), metadata={"form": FiledEffect})
+    base: "ActuatorModel | None" = limited(default=None, metadata={"key": None})
+    conditions: Conditions | None = limited(default=None, metadata={"key": None})
+    coil_temperature_C: float = limited(default=REFERENCE_TEMPERATURE_C, metadata={"lower": ABSOLUTE_ZERO_C})
+    magnet_temperature_C: float = limited(default=REFERENCE_TEMPERATURE_C, metadata={"lower": ABSOLUTE_ZERO_C})
     kind: ActuatorKind | None = None
-    other_sensors: tuple[OtherSensor, ...] = ()
-    process_noise: ProcessNoise | None = None
-    drawn: tuple[DrawnEffect, ...] = ()
-    eddy: EddyCurrents | None = None
-    provenance: Mapping[str, Any] = limited(default_factory=dict)
+    # What files did not have before there were any is left out where there are none
+    other_sensors: tuple[OtherSensor, ...] = limited(
+        default=(), metadata={"omit": True, "kinds": get_args(OtherSensor)}
+    )
+    process_noise: ProcessNoise | None = limited(default=None, metadata={"omit": True})
+    drawn: tuple[DrawnEffect, ...] = limited(default=(), metadata={"omit": True})
+    eddy: EddyCurrents | None = limited(default=None, metadata={"omit": True})
+    provenance: Mapping[str, Any] = limited(default_factory=dict, metadata={"required": True})
 
     def __str__(self) -> str:
-        return "\n".join(model_lines(self))
+        return sentence("model", self)
 
     def force(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Magnetic force on the moving part in N, positive towards smaller distance.
@@ -163,7 +172,7 @@ class ActuatorModel(Printed):
         >>> z = model.impedance(0.022, 0.5, 100.0)
         >>> print(f"{z.real:.2f} ohm, {z.imag / (2 * 3.14159 * 100.0):.4f} H")
         """
-        return self._squeezed(self._small_signal(distance, current, frequency, extrapolate).impedance(), 2)
+        return self._answered(impedance_of, distance, current, frequency, extrapolate, 2)
 
     def force_transfer(
         self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
@@ -172,24 +181,28 @@ class ActuatorModel(Printed):
 
         Arguments and errors as of :meth:`impedance`. At a frequency of 0 it is dF/di.
         """
-        return self._squeezed(self._small_signal(distance, current, frequency, extrapolate).force(), 1)
+        return self._answered(force_of, distance, current, frequency, extrapolate, 1)
 
     def hall_transfer(
         self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, *, extrapolate: bool = False
     ) -> ComplexArray:
         """Field at the Hall element in T for an ampere, else as :meth:`force_transfer`."""
-        small = self._small_signal(distance, current, frequency, extrapolate)
-        return self._squeezed(small.field(self.require_sensor().field), 1)
+        return self._answered(field_of, distance, current, frequency, extrapolate, 1)
 
-    def _small_signal(
-        self, distance: ArrayLike, current: ArrayLike, frequency: ArrayLike, extrapolate: bool
-    ) -> SmallSignal:
+    def _answered(
+        self,
+        answer: Answer,
+        distance: ArrayLike,
+        current: ArrayLike,
+        frequency: ArrayLike,
+        extrapolate: bool,
+        axes: int,
+    ) -> ComplexArray:
         if not self.require_circuits():
             self.require_circuit()
         d, i = self._points(distance, current, extrapolate)
-        inductance = self.magnetics.inductance(d, i)
-        f = checked_frequency(np.asarray(frequency, dtype=np.float64), inductance.shape[:-2])
-        return SmallSignal(self, d, i, inductance, f, following_share(self.effects, 2j * np.pi * f))
+        f = checked_frequency(np.asarray(frequency, dtype=np.float64), np.broadcast_shapes(d.shape, i.shape[:-1]))
+        return self._squeezed(answered(self, answer, d, i, f), axes)
 
     def _evaluate(
         self,
@@ -246,7 +259,7 @@ class ActuatorModel(Printed):
 
     @cached_property
     def resting(self) -> Memo:
-        """What :mod:`femfit.model.at_rest` derived of it."""
+        """What :mod:`femfit.model.at_rest` and :mod:`femfit.model.impedance` derived of it."""
         return Memo()
 
     @cached_property
@@ -283,17 +296,20 @@ class ActuatorModel(Printed):
         Zero for one that is smaller than the model's largest misfit; of the flux linkage three times its rms stands for
         that.
         """
-        domain = self.validity
-        d, i = domain.grid(15, 15, several=5)
+        domain, misfit = self.validity, self.misfit
         still = np.linspace(domain.distance_min_m, domain.distance_max_m, 15)
-        everywhere = self.magnetics.force(d, i), self.magnetics.flux_linkage(d, i)
-        no_current = np.zeros((15, *i.shape[1:]))
+        no_current = np.zeros((15, len(domain.current_limits_A)))
         idle = self.magnetics.force(still, no_current), self.magnetics.flux_linkage(still, no_current)
-        largest = [float(np.abs(values).max(initial=0.0)) for values in everywhere]
-        misfit = self.misfit
         errors = (misfit.force_max_N, 3.0 * (misfit.flux_linkage_rms_Wb or 0.0)) if misfit is not None else (0.0, 0.0)
         remaining = [float(np.abs(values).max(initial=0.0)) for values in idle]
-        return max((r / most for r, most, e in zip(remaining, largest, errors, strict=True) if r > e), default=0.0)
+        return max((r / most for r, most, e in zip(remaining, self.peaks, errors, strict=True) if r > e), default=0.0)
+
+    @cached_property
+    def peaks(self) -> tuple[float, float]:
+        """Largest force in N and flux linkage in Wb over the validity domain."""
+        at = self.validity.grid(15, 15, several=5)
+        force, flux = (np.abs(of(*at)).max(initial=0.0) for of in (self.magnetics.force, self.magnetics.flux_linkage))
+        return float(force), float(flux)
 
     @cached_property
     def weakest_current_A(self) -> float:  # noqa: N802  the unit
@@ -395,11 +411,7 @@ class ActuatorModel(Printed):
         """All circuits, which only a device without a winding may lack; else :class:`MissingPartError`."""
         box = self.validity
         winding = self.kind.coil if self.kind is not None else box.current_max_A > box.current_min_A
-        if not self.circuits and winding:
-            raise MissingPartError(
-                self._missing("circuit (winding resistance and supply)", "[coils.NAME] and [supply]")
-            )
-        return self.circuits
+        return self._required(self.circuits or None, *_CIRCUIT) if winding else self.circuits
 
     def require_circuit(self) -> Circuit:
         """The only circuit, or :class:`MissingPartError` with the remedy."""
@@ -411,25 +423,15 @@ class ActuatorModel(Printed):
             )
         if not self.has_winding:
             raise MissingPartError(f"Model {self.name!r} must have a circuit for this; its drawing has no coil.")
-        if self.circuit is None:
-            raise MissingPartError(
-                self._missing("circuit (winding resistance and supply)", "[coils.NAME] and [supply]")
-            )
-        return self.circuit
+        return self._required(self.circuit, *_CIRCUIT)
 
     def require_motion(self) -> Mechanics:
         """The motion, or :class:`MissingPartError` with the remedy."""
-        if self.motion is None:
-            raise MissingPartError(self._missing("motion (moving mass)", "[moving] mass_g"))
-        return self.motion
+        return self._required(self.motion, "motion (moving mass)", "[moving] mass_g")
 
     def require_sensor(self) -> HallSensor:
         """The sensor, or :class:`MissingPartError` with the remedy."""
-        if self.sensor is None:
-            raise MissingPartError(
-                self._missing("sensor that tells the distance", "[sensors.NAME] of kind hall or position")
-            )
-        return self.sensor
+        return self._required(self.sensor, "sensor that tells the distance", "[sensors.NAME] of kind hall or position")
 
     def require_dynamics(self) -> None:
         """Refuse a model whose motion and current cannot be integrated.
@@ -451,11 +453,16 @@ class ActuatorModel(Printed):
                 f"{smallest:g} H. Fit it to a table with flux linkage, or give femfit fit --inductance-H."
             )
 
-    def _missing(self, part: str, keys: str) -> str:
-        return (
-            f"Model {self.name!r} must have a {part} for this; it has none. Fit it again with an actuator file that "
-            f"gives {keys} (for an imported table: femfit fit TABLE --actuator ACTUATOR.toml)."
-        )
+    def _required(self, part: Part | None, name: str, keys: str) -> Part:
+        if part is None:
+            raise MissingPartError(
+                f"Model {self.name!r} must have a {name} for this; it has none. Fit it again with an actuator file "
+                f"that gives {keys} (for an imported table: femfit fit TABLE --actuator ACTUATOR.toml)."
+            )
+        return part
+
+
+_CIRCUIT = "circuit (winding resistance and supply)", "[coils.NAME] and [supply]"
 
 
 def _shape_of(values: ArrayLike) -> str:

@@ -7,6 +7,7 @@ serves all values of them.
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -15,10 +16,12 @@ from casadi import SX
 from femfit.core.graph import Expression, GraphFunction, building, of_variable, slope
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions
-from femfit.effects.effect import AddedEffect, Coenergy
+from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import changed_coenergy
-from femfit.model.actuator_model import ActuatorModel
 from femfit.model.with_effects import coenergy_of
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
 
 SETS = 128
 """Numerical: sets of effects whose functions a model keeps."""
@@ -28,7 +31,7 @@ SETS = 128
 class Point:
     """What an expression at a point is written in: distance, currents (n,), conditions and parameters as symbols."""
 
-    model: ActuatorModel  # Without effects
+    model: "ActuatorModel"  # Without effects
     distance: SX
     currents: SX
     conditions: Conditions
@@ -48,14 +51,10 @@ class Point:
                 states |= memory.steady_state(distance, first, self.conditions, added.parameters)
         return replace(self, distance=distance, currents=currents, conditions=replace(self.conditions, memory=states))
 
-    @property
-    def coenergy(self) -> Coenergy:
-        """W'(d, i, h) as the effects change it, in the states of the point."""
-        return changed_coenergy(coenergy_of(self.model), self.effects, self.conditions)
-
     def magnetic(self, *, slopes: bool) -> dict[str, SX]:
         """Force, flux linkages and field at the Hall element; on demand motional constants, and inductances (n n,)."""
-        coenergy, n = self.coenergy, self.currents.numel()
+        coenergy = changed_coenergy(coenergy_of(self.model), self.effects, self.conditions)
+        n = self.currents.numel()
 
         def derived(x: SX) -> SX:
             d, i = x[0], ca.vertcat(SX(0, 1), *ca.vertsplit(x)[1:])
@@ -74,7 +73,7 @@ class Point:
 
 
 def at_points(
-    model: ActuatorModel,
+    model: "ActuatorModel",
     what: Hashable,
     expressions: Callable[[Point], Mapping[str, SX]],
     distance: FloatArray,
@@ -107,7 +106,7 @@ def at_points(
 
 
 def _function(
-    model: ActuatorModel,
+    model: "ActuatorModel",
     expressions: Callable[[Point], Mapping[str, SX]],
     n: int,
     effects: Sequence[AddedEffect],
@@ -142,7 +141,7 @@ class AtRest:
 
 
 def at_rest(
-    model: ActuatorModel,
+    model: "ActuatorModel",
     distance: FloatArray,
     currents: FloatArray,
     effects: Sequence[AddedEffect],

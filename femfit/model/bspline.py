@@ -12,9 +12,9 @@ C. de Boor, A Practical Guide to Splines (Springer, 2001), chapters IX to XI.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass
-from functools import cache, cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from math import factorial
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -23,13 +23,11 @@ import casadi as ca
 import numpy as np
 from casadi import SX
 
-from femfit.core.graph import Expression, GraphFunction, Memo, building, row_of
+from femfit.core.graph import Expression, row_of
 from femfit.core.numerics import FloatArray
 
 PARABOLA, LINE = 2, 1
 """Degrees of what continues a co-energy beyond its currents, with the inductance at the last, and a field."""
-
-Orders = tuple[tuple[int, int], ...]
 
 
 def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int = 0) -> FloatArray:
@@ -66,6 +64,16 @@ def basis_matrix(x: FloatArray, knots: FloatArray, degree: int, derivative: int 
     return result
 
 
+def functions(knots: FloatArray, degree: int) -> int:
+    """How many B-splines have these knots."""
+    return len(knots) - degree - 1
+
+
+def nested_shape(spline: Any, along: Sequence[Any]) -> tuple[int, ...]:
+    """Numbers of functions of u and of each current, of which each has knots and a degree."""
+    return functions(spline.u_knots, spline.u_degree), *(functions(one.knots_A, one.degree) for one in along)
+
+
 def is_clamped(knots: FloatArray, degree: int) -> bool:
     """Whether knots carry a spline: ascending, ``degree + 1`` equal at both ends, no more than ``degree`` inside."""
     if len(knots) < 2 * degree + 2 or np.any(np.diff(knots) < 0.0):
@@ -76,15 +84,18 @@ def is_clamped(knots: FloatArray, degree: int) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TensorSpline:
-    """S(x, y) = sum_ab C[a, b] B_a(x) B_b(y)."""
+    """S(x, y) = sum_ab C[a, b] B_a(x) B_b(y); in a model file x is u, and y the current."""
 
     # Clamped knot vectors (``degree + 1`` equal knots at both ends)
-    x_knots: FloatArray
-    y_knots: FloatArray
-    x_degree: int
-    y_degree: int
-    coefficients: FloatArray  # C; shape (len(x_knots) - x_degree - 1, len(y_knots) - y_degree - 1)
-    beyond: int = PARABOLA  # Degree of what continues it in y
+    x_knots: FloatArray = field(metadata={"key": "u_knots", "degree": "x_degree"})
+    y_knots: FloatArray = field(metadata={"key": "current_knots_A", "degree": "y_degree"})
+    x_degree: int = field(metadata={"key": "u_degree", "within": (1, 9)})
+    y_degree: int = field(metadata={"key": "current_degree", "within": (0, 9)})
+    # C; shape (functions of x, functions of y)
+    coefficients: FloatArray = field(
+        metadata={"shape": lambda s: (functions(s.x_knots, s.x_degree), functions(s.y_knots, s.y_degree))}
+    )
+    beyond: int = field(default=PARABOLA, metadata={"key": None})  # Degree of what continues it in y
 
     def expression(self, x: Expression, y: Expression) -> SX:
         """The value of an expression's x and y."""
@@ -93,35 +104,6 @@ class TensorSpline:
     def _cells(self) -> CellTable:
         axes = cells_of(self.x_knots, self.x_degree), cells_of(self.y_knots, self.y_degree, self.beyond)
         return CellTable(axes, self.coefficients[..., None])
-
-    @cached_property
-    def _derivatives(self) -> dict[Orders, GraphFunction]:
-        return Memo()
-
-    @cached_property
-    def in_distance(self) -> dict[Hashable, GraphFunction]:
-        """Its derivatives in the distance, by coordinate and orders."""
-        return Memo()
-
-    def derivatives(self, x: FloatArray, y: FloatArray, orders: Orders) -> list[FloatArray]:
-        """Partial derivatives of orders (in x, in y) at points (n,), continued outwards."""
-        if orders not in self._derivatives:
-            with building():
-                at = SX.sym("at", 2)
-                self._derivatives[orders] = GraphFunction([at], partials(self.expression(at[0], at[1]), at, orders))
-        return list(self._derivatives[orders](np.stack([x, y])))
-
-
-def partials(value: SX, at: SX, orders: Orders) -> SX:
-    """Partial derivatives of orders (in the first variable, in the second)."""
-    found = []
-    for order in orders:
-        one = value
-        for k, count in enumerate(order):
-            for _ in range(count):
-                one = ca.gradient(one, at[k])
-        found.append(one)
-    return ca.vertcat(*found)
 
 
 def taylor_rows(points: FloatArray, knots: FloatArray, degree: int) -> FloatArray:
@@ -173,14 +155,14 @@ class CellTable:
 
     def at(self, *coordinates: Expression) -> list[SX]:
         """The entries at an expression's coordinates."""
-        row, polynomial = row_of(self._rows, self._borders, coordinates), _polynomial(self._powers)
+        row, value = row_of(self._rows, self._borders, coordinates), polynomial(self._powers)
         origins, *each = ca.vertsplit(row, [0, *range(len(coordinates), row.numel() + 1, int(np.prod(self._powers)))])
         local = ca.vertcat(*coordinates) - origins
-        return [polynomial(one, local) for one in each]
+        return [value(one, local) for one in each]
 
 
 @cache
-def _polynomial(powers: tuple[int, ...]) -> ca.Function:
+def polynomial(powers: tuple[int, ...]) -> ca.Function:
     """(coefficients, variables) -> value by Horner's scheme, the first variable's powers outermost, lowest first."""
     coefficients, at = SX.sym("c", int(np.prod(powers))), SX.sym("x", len(powers))
 

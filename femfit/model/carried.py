@@ -9,8 +9,9 @@ Splines whose outermost cells are constant are constant for ever beyond them (:f
 from data then adds no force beyond their distances, nor a flux linkage that grows beyond their currents.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from casadi import SX
@@ -18,24 +19,28 @@ from casadi import SX
 from femfit.core.graph import Expression, slope
 from femfit.core.numerics import FloatArray
 from femfit.effects.conditions import Conditions, like
-from femfit.effects.effect import Coenergy, Effect, EffectParameter, Parameters
-from femfit.model.bspline import CellTable, TensorSpline, basis_matrix, cells_of
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.effects.effect import AddedEffect, Coenergy, Effect, EffectParameter, Parameters
+from femfit.model.bspline import CellTable, basis_matrix, cells_of, functions
+from femfit.model.hall import HallSpline
 from femfit.model.impedance import ImpedanceChange
-from femfit.model.magnetics import current_of
+from femfit.model.magnetics import CoenergySpline
 
 
 @dataclass(frozen=True, eq=False)
 class FieldTerm:
-    """What one parameter changes of W'(d, i) and of the field at the Hall element."""
+    """What one parameter changes of W'(d, i) and of the field at the Hall element, over the parameter's unit."""
 
     parameter: str
-    coordinate: DistanceCoordinate
-    coenergy: TensorSpline | None = None  # In (u, i), in J over the parameter's unit
-    hall: TensorSpline | None = None  # In (u, i), in T over the parameter's unit
-    power: int = 1  # Of the parameter
+    power: int = field(default=1, metadata={"within": (1, 9)})  # Of the parameter
     # Whether it goes with a / (1 + a) in place of a: with the reciprocal of what a is a share of
-    reciprocal: bool = False
+    reciprocal: bool = field(default=False, metadata={"omit": True})
+    coenergy: CoenergySpline | None = field(default=None, metadata={"key": "coenergy_J", "omit": True})
+    hall: HallSpline | None = field(default=None, metadata={"key": "hall_T", "omit": True})
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """No spline at all."""
+        if self.coenergy is None and self.hall is None:
+            yield "coenergy_J", "a spline, unless there is hall_T"
 
     def size(self, p: Parameters) -> Expression:
         """What its splines are multiplied by."""
@@ -44,50 +49,13 @@ class FieldTerm:
 
 
 @dataclass(frozen=True, eq=False)
-class FieldChange:
-    """The ``coenergy`` stage of a carried effect: W' + sum of a^n S(u(d), i).
-
-    A face at the gap moves as the distance does: where its S is mostly g F, with g the ``gap_m`` by which one unit of
-    its parameter a shortens the distance, all orders of W'(d - g a, i) above the first belong to it as well.
-    """
-
-    terms: tuple[FieldTerm, ...]
-    gap_m: float = 0.0
-
-    def __call__(
-        self,
-        inner: Coenergy,
-        distance: Expression,
-        current: Expression,
-        hall: Expression,
-        conditions: Conditions,  # noqa: ARG002  a stage's signature
-        p: Parameters,
-    ) -> Expression:
-        """The changed co-energy."""
-        value = inner(distance, current, hall)
-        for term in self.terms:
-            for spline, share in ((term.coenergy, 1.0), (term.hall, hall)):
-                if spline is not None:
-                    at = term.coordinate.of(distance), current_of(SX(current))
-                    value += term.size(p) * share * spline.expression(*at)
-        if self.gap_m:
-            shift = self.gap_m * p[self.terms[0].parameter]
-
-            def still(d: Expression) -> Expression:
-                return inner(d, current, 0.0)
-
-            value += still(distance - shift) - still(distance) + shift * slope(still, distance)
-        return value
-
-
-@dataclass(frozen=True, eq=False)
 class Curve:
     """A spline of one variable in proportion to a parameter; beyond its knots the values at their ends hold."""
 
     parameter: str
-    knots: FloatArray  # Clamped
-    degree: int
-    coefficients: FloatArray
+    knots: FloatArray = field(metadata={"degree": "degree"})  # Clamped
+    degree: int = field(metadata={"within": (1, 9)})
+    coefficients: FloatArray = field(metadata={"shape": lambda c: (functions(c.knots, c.degree),)})
 
     def at(self, x: Expression, p: Parameters) -> Expression:
         """Values at points of any shape, or of an expression."""
@@ -100,107 +68,139 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class SettingChange:
-    """The ``setting`` stage: true minus recorded distance, and current, over what is recorded."""
-
-    distance_m: Curve | None = None
-    current_A: Curve | None = None
-
-    def __call__(
-        self,
-        d: FloatArray,
-        i: FloatArray,
-        conditions: Conditions,  # noqa: ARG002
-        p: Parameters,
-    ) -> tuple[FloatArray, FloatArray]:
-        """True distances and currents."""
-        moved = d if self.distance_m is None else d + self.distance_m.at(d, p)
-        return moved, i if self.current_A is None else i + self.current_A.at(i, p)
-
-
-@dataclass(frozen=True, eq=False)
-class ReadingChange:
-    """The ``readings`` stage: recorded minus true reading of each channel over the true one.
-
-    On the branch b of the current, 1 where it rises and -1 where it falls, it is c(x) + b h(x).
-    """
-
-    channels: Mapping[str, Curve]  # c
-    branches: Mapping[str, Curve] = field(default_factory=dict)  # h
-
-    def __call__(
-        self,
-        values: Mapping[str, FloatArray],
-        d: FloatArray,
-        i: FloatArray,  # noqa: ARG002
-        conditions: Conditions,
-        p: Parameters,
-    ) -> Mapping[str, FloatArray]:
-        """The recorded readings."""
-        branch, result = like(conditions.branch, d), dict(values)
-        for name, curve in self.channels.items():
-            if name in values:
-                result[name] = result[name] + curve.at(values[name], p)
-        for name, curve in self.branches.items():
-            if name in values:
-                result[name] = result[name] + branch * curve.at(values[name], p)
-        return result
-
-
-@dataclass(frozen=True, eq=False)
 class Brake:
-    """The ``force`` stage: a force D(|v|) tanh(|v| / v_0) >= 0 against the velocity."""
+    """A force D(|v|) tanh(|v| / v_0) >= 0 against the velocity."""
 
+    rounded_m_s: float = field(metadata={"positive": True})  # v_0, so that it goes through zero with the velocity
     against: Curve  # D over |v|
-    rounded_m_s: float  # v_0, so that it goes through zero with the velocity
-
-    def __call__(self, d: FloatArray, i: FloatArray, conditions: Conditions, p: Parameters) -> FloatArray:  # noqa: ARG002
-        """Towards the electromagnet where the body falls away."""
-        v = like(conditions.velocity_m_s, d)
-        return np.tanh(v / self.rounded_m_s) * np.maximum(self.against.at(np.abs(v), p), 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class FurtherResistance:
-    """The ``circuit`` stage: resistance of the winding over the magnitude of its current; it never feeds it."""
-
-    over: Curve
-
-    def __call__(
-        self,
-        resistance: FloatArray,
-        voltage: FloatArray,
-        current: FloatArray,
-        conditions: Conditions,  # noqa: ARG002
-        p: Parameters,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Resistances in ohm, and the voltages as they are."""
-        return np.maximum(resistance + self.over.at(np.abs(current), p), 0.0), voltage
 
 
 @dataclass(frozen=True)
 class Conductivity:
-    """The ``eddy`` stage: all that conducts does so better by a share, so that eddy currents decay the later."""
+    """All that conducts does so better by a share, so that eddy currents decay the later."""
 
     parameter: str
-
-    def __call__(self, p: Parameters) -> float:
-        """Factor of the eddy currents' resistances."""
-        return 1.0 / (1.0 + p[self.parameter])
 
 
 @dataclass(frozen=True, eq=False)
 class Carried:
-    """All that an effect carries; the stages that it has act."""
+    """All that an effect carries; what is there acts.
 
-    magnetics: FieldChange | None = None
-    setting: SettingChange | None = None
-    readings: ReadingChange | None = None
-    brake: Brake | None = None
-    resistance: FurtherResistance | None = None
-    notes: Mapping[str, str] | None = None  # Texts that go with it, as a law that it follows
-    impedance: ImpedanceChange | None = None
-    conductivity: Conductivity | None = None
+    A face at the gap moves as the distance does: where its S is mostly g F, with g the ``gap_m`` by which one unit of
+    its parameter a shortens the distance, all orders of W'(d - g a, i) above the first belong to it as well.
+    """
+
+    # W' + sum of a^n S(u(d), i); without terms that of a field which changes though it is not known how
+    magnetics: tuple[FieldTerm, ...] | None = field(default=None, metadata={"omit": True})
+    # True minus recorded distance, and current, over what is recorded
+    setting: Mapping[str, Curve] = field(
+        default_factory=dict, metadata={"omit": True, "among": ("distance_m", "current_A")}
+    )
+    # Recorded minus true reading of each channel over the true one: on the branch b of the current, 1 where it rises
+    # and -1 where it falls, c(x) + b h(x)
+    readings: Mapping[str, Curve] = field(default_factory=dict, metadata={"omit": True})  # c
+    branches: Mapping[str, Curve] = field(default_factory=dict, metadata={"omit": True})  # h
+    brake: Brake | None = field(default=None, metadata={"omit": True})
+    # Resistance of the winding over the magnitude of its current; it never feeds it
+    resistance: Curve | None = field(default=None, metadata={"omit": True})
+    impedance: ImpedanceChange | None = field(default=None, metadata={"omit": True})
+    conductivity: Conductivity | None = field(default=None, metadata={"omit": True})
+    # Texts that go with it, as a law that it follows
+    notes: Mapping[str, str] = field(default_factory=dict, metadata={"omit": True})
+    gap_m: float = field(default=0.0, metadata={"key": None})
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """Names of the parameters that it goes with, by their key paths in a file."""
+        holders: dict[str, Any] = {f"magnetics[{k}]": term for k, term in enumerate(self.magnetics or ())}
+        for group in ("setting", "readings", "branches"):
+            holders |= {f"{group}.{name}": curve for name, curve in getattr(self, group).items()}
+        holders |= {name: getattr(self, name) for name in ("resistance", "impedance", "conductivity")}
+        holders["brake.against"] = self.brake and self.brake.against
+        return {f"{path}.parameter": one.parameter for path, one in holders.items() if one is not None}
+
+    def unknown(self, parameters: Sequence[str]) -> Iterator[tuple[str, str]]:
+        """Faults of a file: parameters that an effect of these does not have."""
+        for path, name in self.parameters.items():
+            if name not in parameters:
+                yield path, f"one of the effect's ({', '.join(sorted(parameters))})"
+
+    def coenergy_stage(
+        self,
+        inner: Coenergy,
+        distance: Expression,
+        current: Expression,
+        hall: Expression,
+        conditions: Conditions,  # noqa: ARG002  a stage's signature
+        p: Parameters,
+    ) -> Expression:
+        """The changed co-energy."""
+        value = inner(distance, current, hall)
+        for term in self.magnetics or ():
+            for spline, share in ((term.coenergy, 1.0), (term.hall, hall)):
+                if spline is not None:
+                    value += term.size(p) * share * spline.expression(distance, SX(current))
+        if self.gap_m and self.magnetics:
+            shift = self.gap_m * p[self.magnetics[0].parameter]
+
+            def still(d: Expression) -> Expression:
+                return inner(d, current, 0.0)
+
+            value += still(distance - shift) - still(distance) + shift * slope(still, distance)
+        return value
+
+    def setting_stage(
+        self,
+        d: Expression,
+        i: Expression,
+        conditions: Conditions,  # noqa: ARG002
+        p: Parameters,
+    ) -> tuple[Expression, Expression]:
+        """True distance and current."""
+        d, i = (
+            x + self.setting[name].at(x, p) if name in self.setting else x
+            for name, x in (("distance_m", d), ("current_A", i))
+        )
+        return d, i
+
+    def readings_stage(
+        self,
+        values: Mapping[str, Expression],
+        d: Expression,
+        i: Expression,  # noqa: ARG002
+        conditions: Conditions,
+        p: Parameters,
+    ) -> Mapping[str, Expression]:
+        """The recorded readings."""
+        branch, result = like(conditions.branch, d), dict(values)
+        for curves, side in ((self.readings, 1.0), (self.branches, branch)):
+            for name, curve in curves.items():
+                if name in values:
+                    result[name] = result[name] + side * curve.at(values[name], p)
+        return result
+
+    def force_stage(self, d: Expression, i: Expression, conditions: Conditions, p: Parameters) -> Expression:  # noqa: ARG002
+        """The brake's force: towards the electromagnet where the body falls away."""
+        assert self.brake is not None  # noqa: S101  where there is the stage
+        v = like(conditions.velocity_m_s, d)
+        return np.tanh(v / self.brake.rounded_m_s) * np.maximum(self.brake.against.at(np.abs(v), p), 0.0)
+
+    def circuit_stage(
+        self,
+        resistance: Expression,
+        voltage: Expression,
+        current: Expression,
+        conditions: Conditions,  # noqa: ARG002
+        p: Parameters,
+    ) -> tuple[Expression, Expression]:
+        """Resistance in ohm, and the voltage as it is."""
+        assert self.resistance is not None  # noqa: S101  where there is the stage
+        return np.maximum(resistance + self.resistance.at(np.abs(current), p), 0.0), voltage
+
+    def eddy_stage(self, p: Parameters) -> Expression:
+        """Factor of the eddy currents' resistances."""
+        assert self.conductivity is not None  # noqa: S101  where there is the stage
+        return 1.0 / (1.0 + p[self.conductivity.parameter])
 
 
 def carried_effect(
@@ -213,29 +213,70 @@ def carried_effect(
     reference: str = "",
 ) -> Effect:
     """The effect that acts as its data say."""
+    coenergy = carried.magnetics is not None
     acts = {
-        "magnetics": carried.magnetics or carried.impedance or carried.conductivity,
+        "magnetics": coenergy or carried.impedance or carried.conductivity,
         "bench": carried.setting,
-        "sensors": carried.readings,
+        "sensors": carried.readings or carried.branches,
         "force": carried.brake,
     }
     return Effect(
         name=name,
         symptom=symptom,
-        acts_on=tuple(what for what, stage in acts.items() if stage is not None),
+        acts_on=tuple(what for what, stage in acts.items() if stage),
         parameters=tuple(parameters),
         needs=(),
         experiment=experiment,
         reference=reference,
-        coenergy=carried.magnetics,
-        setting=carried.setting,
-        readings=carried.readings,
-        force=carried.brake,
-        circuit=carried.resistance,
+        coenergy=carried.coenergy_stage if coenergy else None,
+        setting=carried.setting_stage if carried.setting else None,
+        readings=carried.readings_stage if carried.readings or carried.branches else None,
+        force=carried.force_stage if carried.brake else None,
+        circuit=carried.circuit_stage if carried.resistance else None,
         impedance=carried.impedance,
-        eddy=carried.conductivity,
+        eddy=carried.eddy_stage if carried.conductivity else None,
         carried=carried,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class FiledCarried:
+    """An effect that carries its data, in a model file."""
+
+    symptom: str
+    experiment: str
+    reference: str
+    parameters: tuple[EffectParameter, ...]
+    carried: Carried = field(metadata={"flat": True})
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Parameters that the effect does not have."""
+        return self.carried.unknown([p.name for p in self.parameters])
+
+    def effect(self, name: str) -> Effect:
+        """The effect itself."""
+        texts = {"experiment": self.experiment, "reference": self.reference}
+        return carried_effect(name, self.symptom, self.parameters, self.carried, **texts)
+
+
+@dataclass(frozen=True, eq=False)
+class FiledEffect:
+    """An added effect in a model file: by the name of one of the catalogue or the drawing, or with what it carries."""
+
+    name: str
+    parameters: Mapping[str, float]
+    ci95: Mapping[str, tuple[float, float]]
+    carried: FiledCarried | None = field(default=None, metadata={"omit": True})
+
+    @classmethod
+    def of(cls, added: AddedEffect) -> "FiledEffect":
+        """An effect as the file has it."""
+        effect, carried = added.effect, None
+        if isinstance(effect.carried, Carried):
+            carried = FiledCarried(
+                effect.symptom, effect.experiment, effect.reference, effect.parameters, effect.carried
+            )
+        return cls(effect.name, added.parameters, added.ci95, carried)
 
 
 def bounded_basis(low: float, high: float, cells: int, degree: int) -> tuple[FloatArray, FloatArray]:

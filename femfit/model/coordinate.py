@@ -3,8 +3,10 @@
 Any number of functions of the distance: splines with common knots in one coordinate, evaluated together.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -12,7 +14,7 @@ from casadi import SX
 
 from femfit.core.graph import Expression, GraphFunction, Memo, building
 from femfit.core.numerics import FloatArray
-from femfit.model.bspline import CellTable, Orders, TensorSpline, cell_table, cells_of, partials
+from femfit.model.bspline import CellTable, cell_table, cells_of
 
 
 @dataclass(frozen=True)
@@ -61,17 +63,59 @@ class DistanceCoordinate:
         """Whether u is finite at all distances in m from the least to the greatest."""
         return not self.inverse or not least <= -self.distance_shift_m <= greatest
 
-    def partial_derivatives(
-        self, spline: TensorSpline, distance: FloatArray, current: FloatArray, orders: Orders
-    ) -> list[FloatArray]:
-        """Partial derivatives, of orders (in d, in i), of a spline in (u, i) at flat arrays of d and i."""
-        known = spline.in_distance
-        if (self, orders) not in known:
-            with building():
-                at = SX.sym("at", 2)
-                value = spline.expression(self.of(at[0]), at[1])
-                known[self, orders] = GraphFunction([at], partials(value, at, orders))
-        return list(known[self, orders](np.stack([distance, current])))
+
+INVERSE, PLAIN, TWO_GAPS = "inverse_distance", "distance", "two_gaps"
+
+_LEAST_M = 1e-60
+"""Derived: what a model file's numbers are divided by is no smaller."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FiledCoordinate:
+    """A coordinate in a model file, which of several circuits may be the one for two gaps."""
+
+    coordinate: Literal["inverse_distance", "distance", "two_gaps"] = "inverse_distance"  # As in files of schema 1
+    reference_distance_m: float
+    distance_shift_m: float | None = field(default=None, metadata={"lower": 0.0, "omit": True})
+    stretch_m: float | None = field(default=None, metadata={"positive": True, "omit": True})
+
+    @classmethod
+    def of(cls, u: DistanceCoordinate) -> "FiledCoordinate":
+        """A coordinate as the file has it."""
+        kind: Any = TWO_GAPS if u.stretch_m is not None else INVERSE if u.inverse else PLAIN
+        shift = u.distance_shift_m if kind == INVERSE else None
+        return cls(
+            coordinate=kind, reference_distance_m=u.reference_distance_m, distance_shift_m=shift, stretch_m=u.stretch_m
+        )
+
+    @property
+    def value(self) -> DistanceCoordinate:
+        """The coordinate itself."""
+        if self.coordinate == TWO_GAPS:
+            return DistanceCoordinate(self.reference_distance_m, inverse=False, stretch_m=self.stretch_m)
+        return DistanceCoordinate(self.reference_distance_m, self.distance_shift_m or 0.0, self.coordinate == INVERSE)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Numbers that this kind of coordinate cannot have."""
+        if self.coordinate != TWO_GAPS and self.reference_distance_m < _LEAST_M:
+            yield "reference_distance_m", f"a finite number > 0, of at least {_LEAST_M:g}"
+        if self.coordinate == TWO_GAPS and self.stretch_m is None:
+            yield "stretch_m", "a finite number > 0"
+        if self.coordinate == PLAIN and self.distance_shift_m:
+            yield "distance_shift_m", f"absent beside coordinate {PLAIN}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class OneSided(FiledCoordinate):
+    """The same of what has no coordinate for two gaps."""
+
+    coordinate: Literal["inverse_distance", "distance"] = "inverse_distance"
+    reference_distance_m: float = field(metadata={"positive": True})
+
+
+FLAT: dict[str, Any] = {"flat": True, "form": OneSided}
+FLAT_OF_SEVERAL: dict[str, Any] = {"flat": True, "form": FiledCoordinate}
+"""How a model file has the coordinate of one circuit's splines, and of those that any number of circuits have."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,11 +155,11 @@ class Complex:
     __radd__, __rmul__ = __add__, __mul__
 
 
-def complex_array(matrix: SX) -> ComplexExpressions:
+def complex_array(matrix: SX, imag: SX | None = None) -> ComplexExpressions:
     """A matrix of expressions as an array of complex numbers, with which numpy multiplies matrices."""
     result = np.empty(matrix.shape, dtype=object)
     for place in np.ndindex(*matrix.shape):
-        result[place] = Complex.of(matrix[place])
+        result[place] = Complex(matrix[place], SX(0.0) if imag is None else imag[place])
     return result
 
 

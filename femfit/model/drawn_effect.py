@@ -1,11 +1,13 @@
 """A number of the drawing as an effect: what it changes of W'(d, i) and of the Hall field, to first order in it."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from dataclasses import field as limited
 from functools import cached_property
 
 from femfit.effects.effect import Calibration, Effect, EffectParameter
-from femfit.model.carried import Carried, Conductivity, FieldChange, FieldTerm, carried_effect
+from femfit.model.carried import Carried, Conductivity, FieldTerm, carried_effect
 from femfit.model.impedance import ImpedanceChange
 
 PLAUSIBLE, POSSIBLE = 3.0, 10.0
@@ -27,6 +29,8 @@ EDDY_NEEDS = "frequency_Hz|time_s", "inductance_H|resistance_ohm|voltage_V|force
 
 CHANGE = "change"
 
+OMIT = {"omit": True}
+
 MICROMETER_MM, MICROMETER_COST = 0.01, 40.0
 """Assumed: standard uncertainty of a dimension that a micrometer reads on the part, and what getting at the part costs,
 in readings of a usual sweep."""
@@ -40,18 +44,26 @@ class DrawnEffect:
     """A number of the drawing, with the splines of what it changes per unit."""
 
     key: str  # Key path in the drawing, and the effect's name
-    also: tuple[str, ...]  # Key paths of what moves with it
     subject: str  # The number as the subject of a sentence
-    value: float  # As drawn, in the drawing's unit
     unit: str  # As the drawing has it; empty where changes are shares of the number
-    tolerance: float  # Standard deviation, in the unit or as a share
-    terms: tuple[FieldTerm, ...]  # In proportion to :attr:`parameter`
-    impedance: ImpedanceChange | None = None  # Beside what the terms make of it
-    conducts: bool = False  # Whether it is the conductivity of all that conducts
+    also: tuple[str, ...] = limited(default=(), kw_only=True)  # Key paths of what moves with it
+    value: float  # As drawn, in the drawing's unit
+    tolerance: float = limited(metadata={"positive": True})  # Standard deviation, in the unit or as a share
+    # In proportion to :attr:`parameter`
+    terms: tuple[FieldTerm, ...] = limited(default=(), metadata={"key": "magnetics", "required": True, "least": 0})
+    impedance: ImpedanceChange | None = limited(default=None, metadata=OMIT)  # Beside what the terms make of it
+    conducts: bool = limited(default=False, metadata=OMIT)  # Whether it is the conductivity of all that conducts
     # Whether fields at rest depend on it though the model has no terms for that: impedances tell it, nothing carries it
-    at_rest: bool = False
-    stands_for: str = ""  # Key of the number that is no suspect beside this one
-    gap_m: float = 0.0  # Of a face at the gap: by how much a unit of the parameter shortens the distance
+    at_rest: bool = limited(default=False, metadata=OMIT)
+    stands_for: str = limited(default="", metadata=OMIT)  # Key of the number that is no suspect beside this one
+    # Of a face at the gap: by how much a unit of the parameter shortens the distance
+    gap_m: float = limited(default=0.0, metadata=OMIT)
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Nothing that it changes, or what another parameter changes."""
+        if not (self.terms or self.impedance or self.conducts):
+            yield "magnetics", "a list of objects, at least one"
+        yield from self._carried.unknown([self.parameter])
 
     @property
     def parameter(self) -> str:
@@ -80,11 +92,7 @@ class DrawnEffect:
             self.key,
             f"{shown} are those of a device in which {self.key} is another number.",
             (change,),
-            Carried(
-                FieldChange(self.terms, self.gap_m) if self.terms or self.at_rest else None,
-                impedance=self.impedance,
-                conductivity=Conductivity(self.parameter) if self.conducts else None,
-            ),
+            self._carried,
             experiment=f"Measure {self.subject} on the device itself.",
             reference="Signature computed from the drawing's own field",
         )
@@ -92,13 +100,22 @@ class DrawnEffect:
         title = "" if self.subject == self.key else self.subject
         return replace(made, needs=needs, calibrations=self._calibrations, title=title, stands_for=self.stands_for)
 
+    @property
+    def _carried(self) -> Carried:
+        return Carried(
+            self.terms if self.terms or self.at_rest else None,
+            impedance=self.impedance,
+            conductivity=Conductivity(self.parameter) if self.conducts else None,
+            gap_m=self.gap_m,
+        )
+
     def _within(self, tolerances: float) -> tuple[float, float]:
         """So many tolerances either way, and of a face at the gap at most half of the smallest path of the flux."""
         size = tolerances * self.tolerance
         low, high = max(-size, -math.inf if self.unit else LEAST), size
         for term in self.terms if self.gap_m else ():
-            if term.coenergy is not None and term.coordinate.inverse:
-                room = NEAREST * term.coordinate.reference_distance_m / (term.coenergy.x_knots[-1] * abs(self.gap_m))
+            if term.coenergy is not None and (u := term.coenergy.coordinate).inverse:
+                room = NEAREST * u.reference_distance_m / (term.coenergy.spline.x_knots[-1] * abs(self.gap_m))
                 low, high = (low, min(high, room)) if self.gap_m > 0.0 else (max(low, -room), high)
         return low, high
 

@@ -43,7 +43,8 @@ def state_derivative(
 
 def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
     """Jacobian of :func:`state_derivative` with respect to the state."""
-    return _slopes(state, evaluated(model, model.equations.rates_slope, state, voltage))
+    columns, order = evaluated(model, model.equations.rates_slope, state, voltage), state.shape[-1]
+    return np.swapaxes(columns.reshape(*state.shape[:-1], order, order), -1, -2)
 
 
 def exponential_step(
@@ -91,12 +92,6 @@ def evaluated(
     return values.T.reshape(*points, len(values))
 
 
-def _slopes(state: FloatArray, values: FloatArray) -> FloatArray:
-    """Matrices (..., order, order) from their columns, one after the other."""
-    order = state.shape[-1]
-    return np.swapaxes(values.reshape(*state.shape[:-1], order, order), -1, -2)
-
-
 def runge_kutta_step(
     model: ActuatorModel,
     state: FloatArray,
@@ -134,14 +129,10 @@ def extrapolated_step(
 
 
 def motion_steps(model: ActuatorModel) -> int:
-    """Extrapolated steps in a sample, which follow the body's motion over the validity domain."""
-    return max(1, int(np.ceil(model.sample_time_s * _motion_rate(model) / LONGEST_MOTION)))
+    """Extrapolated steps in a sample, which follow the body's motion over the validity domain.
 
-
-def _motion_rate(model: ActuatorModel) -> float:
-    """Fastest rate in 1/s of the body's motion over the validity domain, from its stiffness at constant flux.
-
-    The stiffness at held currents, with k_m L^-1 k_m of the currents that keep the flux.
+    The rate of the motion follows from its stiffness at constant flux: that at held currents, with k_m L^-1 k_m of the
+    currents that keep the flux.
     """
     windings, motion = model.windings, model.require_motion()
     d, i = model.validity.grid(5, 5, several=3)
@@ -151,7 +142,8 @@ def _motion_rate(model: ActuatorModel) -> float:
     answers = np.linalg.solve(at.inductance + windings.series_H, at.motional_constant[..., None])[..., 0]
     stiffness = np.abs(motion.static_gradient(d)) + np.abs(at.force_gradient)
     stiffness = stiffness + (at.motional_constant * answers).sum(axis=-1)
-    return float(np.sqrt(stiffness.max() / motion.mass_kg))
+    rate = float(np.sqrt(stiffness.max() / motion.mass_kg))
+    return max(1, int(np.ceil(model.sample_time_s * rate / LONGEST_MOTION)))
 
 
 def half_way(state: FloatArray, step: float) -> FloatArray:

@@ -19,11 +19,12 @@ A. Odabasioglu, M. Celik and L. T. Pileggi, IEEE Trans. CAD 17 (1998) 645: proje
 keeps them passive.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
 from functools import cached_property
 from itertools import combinations_with_replacement
+from math import comb
 from typing import Any
 
 import casadi as ca
@@ -31,7 +32,8 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.model.coordinate import DistanceCoordinate, DistanceSplines
+from femfit.model.bspline import functions
+from femfit.model.coordinate import FLAT, DistanceCoordinate, DistanceSplines
 from femfit.model.decay import complex_array
 from femfit.model.magnetics import Magnetics
 
@@ -65,9 +67,16 @@ class EddyError:
 class EddyBias:
     """The currents about which the patterns beside iron that saturates were solved: elsewhere they are guesses."""
 
-    distances_m: FloatArray  # Ascending, shape (D,)
-    current_A: FloatArray  # Shape (D, n)
+    distances_m: FloatArray = limited(metadata={"dimensions": (1,)})  # Ascending, shape (D,)
+    current_A: FloatArray = limited(metadata={"dimensions": (2,)})  # Shape (D, n)
     materials: tuple[str, ...] = ()  # Those that saturate and conduct
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Distances that do not grow, and currents of others."""
+        if not len(self.distances_m) or not (np.diff(self.distances_m) > 0.0).all():
+            yield "distances_m", "numbers that grow"
+        if len(self.current_A) != len(self.distances_m):
+            yield "current_A", f"{len(self.distances_m)} lists of numbers, as the knots and names beside it ask for"
 
     def at(self, distance: FloatArray) -> FloatArray:
         """The currents in A at distances (...), between the sweep's by straight lines; shape (..., n)."""
@@ -97,6 +106,11 @@ class Patterns:
     resistances_ohm: Any  # Shape (r,)
 
 
+def _functions(eddy: Any) -> tuple[int]:
+    """N."""
+    return (functions(eddy.u_knots, eddy.u_degree),)
+
+
 @dataclass(frozen=True, eq=False)
 class EddyCurrents:
     """The patterns of a model; what depends on the distance are splines with N functions of u(d).
@@ -116,17 +130,34 @@ class EddyCurrents:
     """
 
     names: tuple[str, ...]
-    resistances_ohm: FloatArray  # Shape (r,)
     circuits: tuple[str, ...]  # In the order of C's rows
-    coordinate: DistanceCoordinate
-    u_knots: FloatArray
-    u_degree: int
-    couplings: FloatArray  # C, shape (N, n, r)
-    flux_linkages_Wb: FloatArray  # lambda, shape (N, r)
-    inductances_H: FloatArray  # Q_jk, j <= k, row by row; shape (N, r (r + 1) / 2)
-    hall_T_per_A: FloatArray | None = None  # h, shape (N, r); None where the drawing has no Hall element
+    coordinate: DistanceCoordinate = limited(metadata=FLAT)
+    u_degree: int = limited(metadata={"within": (2, 9)})
+    resistances_ohm: FloatArray = limited(metadata={"dimensions": (1,)})  # Shape (r,)
+    u_knots: FloatArray = limited(metadata={"degree": "u_degree"})
+    couplings: FloatArray = limited(metadata={"shape": lambda e: (*_functions(e), len(e.circuits), len(e.names))})  # C
+    flux_linkages_Wb: FloatArray = limited(metadata={"shape": lambda e: (*_functions(e), len(e.names))})  # lambda
+    # Q_jk, j <= k, row by row
+    inductances_H: FloatArray = limited(metadata={"shape": lambda e: (*_functions(e), comb(len(e.names) + 1, 2))})
+    # h, of lambda's shape; None where the drawing has no Hall element
+    hall_T_per_A: FloatArray | None = limited(
+        default=None, metadata={"omit": True, "shape": lambda e: (*_functions(e), len(e.names))}
+    )
     error: EddyError | None = None
-    bias: EddyBias | None = None  # None where nothing saturates: the patterns hold for all currents
+    # None where nothing saturates: the patterns hold for all currents
+    bias: EddyBias | None = limited(default=None, metadata={"omit": True})
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """What no patterns can have."""
+        if len({*self.names, *self.circuits, ""}) <= len(self.names) + len(self.circuits):
+            yield "names", "names that differ from each other and from the circuits'"
+        if not self.names or len(self.resistances_ohm) != len(self.names) or not np.all(self.resistances_ohm > 0.0):
+            yield "resistances_ohm", "as many numbers > 0 as there are names, and one at least"
+        if self.bias is not None and self.bias.current_A.shape[1:] != (len(self.circuits),):
+            yield "bias.current_A", f"lists of {len(self.circuits)} numbers, as the names ask for"
+        (at,) = self.forms(self.coordinate.distance(np.unique(self.u_knots)))
+        if not np.linalg.eigvalsh(at.inductance).min() > 0.0:
+            yield "inductances_H", "those of a positive definite matrix at every distance"
 
     @property
     def count(self) -> int:
@@ -174,23 +205,25 @@ class EddyCurrents:
 
     def expression(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
         """W'(d, i, e) of all currents, from the static W_s(d, u)."""
-        coupling, linkage, _, inductance = self._entries(distance)
-        i, e = ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
+        u, e, (_, linkage, _, inductance) = self._acting(distance, currents)
         own = SX(0.0)
         for place, (j, k) in enumerate(combinations_with_replacement(range(self.count), 2)):
             own += (0.5 if j == k else 1.0) * inductance[place] * e[j] * e[k]
-        return inner(distance, i + coupling @ e) + ca.dot(linkage, e) + own
+        return inner(distance, u) + ca.dot(linkage, e) + own
 
     def field(self, inner: Callable[[SX, SX], SX], distance: SX, currents: SX) -> SX:
         """B(d, i, e) at the Hall element, from the static B_s(d, u)."""
-        coupling, _, hall, _ = self._entries(distance)
-        i, e = ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
-        return inner(distance, i + coupling @ e) + ca.dot(hall, e)
+        u, e, (_, _, hall, _) = self._acting(distance, currents)
+        return inner(distance, u) + ca.dot(hall, e)
 
     def acting(self, distance: SX, currents: SX) -> SX:
         """The circuits' currents u = i + C e that act in the static field."""
-        i, e = ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
-        return i + self._entries(distance)[0] @ e
+        return self._acting(distance, currents)[0]
+
+    def _acting(self, distance: SX, currents: SX) -> tuple[SX, SX, tuple[SX, SX, SX, SX]]:
+        """The currents u that act, those of the patterns, and what depends on the distance."""
+        entries, (i, e) = self._entries(distance), ca.vertsplit(currents, [0, len(self.circuits), currents.numel()])
+        return i + entries[0] @ e, e, entries
 
     def _entries(self, distance: SX) -> tuple[SX, SX, SX, SX]:
         """C, lambda, h, and the entries of Q above the diagonal, row by row."""

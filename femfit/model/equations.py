@@ -69,10 +69,10 @@ class Equations:
 
     model: "ActuatorModel"
 
-    @cached_property
+    @property
     def rates(self) -> GraphFunction:
         """Time derivative of the state."""
-        return self._function(lambda at: self._rates(at.state, at))
+        return self._function("rates", lambda at: self._rates(at.state, at))
 
     def flow(self, driven: tuple[int, ...] = ()) -> GraphFunction:
         """Time derivative of the state without dry friction, and after it the voltages that the circuits' drivers give.
@@ -82,31 +82,45 @@ class Equations:
         driven : tuple of int
             The circuits whose currents have the rates in A/s that stand in the place of their voltages.
         """
-        if ("flow", driven) not in self._known:
-            self._known["flow", driven] = (
-                None,
-                self._function(lambda at: ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))),
-            )
-        return self._known["flow", driven][1]
+        return self._function(
+            ("flow", driven), lambda at: ca.vertcat(*self._flow(at.state, at, driven=driven, dry_friction=False))
+        )
 
-    @cached_property
+    @property
     def rates_slope(self) -> GraphFunction:
         """Jacobian of :attr:`rates` by the state, column after column."""
-        return self._function(lambda at: ca.vec(ca.jacobian(self._rates(at.state, at), at.state)))
+        return self._function("rates slope", lambda at: ca.vec(ca.jacobian(self._rates(at.state, at), at.state)))
 
     def step(self, length: float | None) -> GraphFunction:
         """The state one step later; of one length in s, or of any that is given with each state where None."""
-        return self._of_step("step", length, lambda after, _: after)
-
-    def step_slope(self, length: float) -> GraphFunction:
-        """Jacobian of :meth:`step` by the state, column after column."""
-        return self._of_step("slope", length, lambda after, at: ca.vec(ca.jacobian(after, at.state)))
-
-    def _of_step(self, what: str, length: float | None, derive: Callable[[SX, _Symbols], SX]) -> GraphFunction:
         length = length if self.linear else None
-        if (what, length) not in self._known:
-            self._known[what, length] = None, self._function(lambda at: derive(self._step(at, length), at))
-        return self._known[what, length][1]
+        return self._function(("step", length), lambda at: self._step(at, length))
+
+    def step_slope(self, length: float | None) -> GraphFunction:
+        """Jacobian of :meth:`step` by the state, column after column."""
+        length = length if self.linear else None
+        return self._function(("slope", length), lambda at: ca.vec(ca.jacobian(self._step(at, length), at.state)))
+
+    def reading(self, sensor: AnySensor) -> GraphFunction:
+        """What a sensor reads."""
+        return self._function(("reading", id(sensor)), lambda at: self._reading(sensor, at), sensor)
+
+    def reading_slope(self, sensor: AnySensor) -> GraphFunction:
+        """Gradient of :meth:`reading` by the state."""
+        key = "reading slope", id(sensor)
+        return self._function(key, lambda at: ca.gradient(self._reading(sensor, at), at.state), sensor)
+
+    def _reading(self, sensor: AnySensor, at: _Symbols) -> SX:
+        return reading_expression(self, sensor, at.state, at.voltage, at.time)
+
+    def _function(self, key: Hashable, make: Callable[[_Symbols], SX], sensor: Any = None) -> GraphFunction:
+        """A function of the equations, made once; beside its sensor, so that its address stays its."""
+        if key not in self._known:
+            with building():
+                at = self._symbols
+                self._known[key] = sensor, GraphFunction([*at.inputs, self.model.magnetics.given], make(at))
+        function: GraphFunction = self._known[key][1]
+        return function
 
     @cached_property
     def linear(self) -> bool:
@@ -125,40 +139,21 @@ class Equations:
         return bool(self.model.memories)
 
     def _responses(self, length: float) -> ResponseTable:
-        if length not in self._tables:
+        key = "responses", length
+        if key not in self._known:
             box, windings = self.model.validity, self.model.windings
-            self._tables[length] = ResponseTable(
+            self._known[key] = ResponseTable(
                 lambda d: windings.magnetics.inductance(d, np.zeros((len(d), windings.count))) + windings.series_H,
                 windings.resistances_ohm,
                 length,
                 (box.distance_min_m, box.distance_max_m),
             )
-        return self._tables[length]
+        table: ResponseTable = self._known[key]
+        return table
 
     @cached_property
-    def _tables(self) -> dict[float, ResponseTable]:
+    def _known(self) -> Memo:
         return Memo()
-
-    @cached_property
-    def _known(self) -> dict[Hashable, tuple[Any, GraphFunction]]:
-        return Memo()
-
-    def reading(self, sensor: AnySensor) -> GraphFunction:
-        """What a sensor reads."""
-        return self._of_sensor("reading", sensor, lambda value, _: value)
-
-    def reading_slope(self, sensor: AnySensor) -> GraphFunction:
-        """Gradient of :meth:`reading` by the state."""
-        return self._of_sensor("slope", sensor, lambda value, at: ca.gradient(value, at.state))
-
-    def _of_sensor(self, what: str, sensor: AnySensor, derive: Callable[[SX, _Symbols], SX]) -> GraphFunction:
-        key = what, id(sensor)
-        if key not in self._known:  # beside the sensor itself, so that its address stays its
-            self._known[key] = (
-                sensor,
-                self._function(lambda at: derive(reading_expression(self, sensor, at.state, at.voltage, at.time), at)),
-            )
-        return self._known[key][1]
 
     def rates_at(self, state: SX, voltage: SX) -> SX:
         """Time derivative of an expression's state."""
@@ -172,11 +167,6 @@ class Equations:
     def step_of(self, state: SX, voltage: SX, step: float) -> SX:
         """An expression's state one step later."""
         return self._step(_Symbols(state, voltage, SX(0.0), SX(step), SX(0.0)), step if self.linear else None)
-
-    def _function(self, make: Any) -> GraphFunction:
-        with building():
-            at = self._symbols
-            return GraphFunction([*at.inputs, self.model.magnetics.given], make(at))
 
     @cached_property
     def _symbols(self) -> _Symbols:

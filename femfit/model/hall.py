@@ -23,11 +23,9 @@ and free of the steps that a driver's voltage makes at the samples. A current of
 The sensors of a model beside the Hall element.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from dataclasses import field as limited
-from functools import cached_property
 from typing import Literal, TypeAlias
 
 import casadi as ca
@@ -35,46 +33,30 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import Memo, Part, derived
+from femfit.core.graph import Part
 from femfit.core.numerics import FloatArray
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor, Sensor
-from femfit.model.bspline import CellTable, TensorSpline, cell_table, cells_of
-from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.magnetics import current_of
+from femfit.model.bspline import LINE, CellTable, TensorSpline, cell_table, cells_of, nested_shape
+from femfit.model.coordinate import FLAT, FLAT_OF_SEVERAL, DistanceCoordinate
+from femfit.model.magnetics import OfCurrents, current_of, value_of
 
 
-class HallField(ABC):
-    """B_z(d, i_1..i_n) at the Hall element; distances (...) in m and currents (..., n) in A broadcast."""
-
-    @abstractmethod
-    def expression(self, distance: SX, currents: SX) -> SX:
-        """B_z in T of an expression's distance and currents (n,)."""
-
-    def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:  # noqa: ARG002
-        """The field itself, what effects do to its reading apart, where the states of effects are these."""
-        return self.expression
+class HallField(OfCurrents):
+    """B_z(d, i_1..i_n) in T at the Hall element; where the states of effects are given, apart from what these read."""
 
     def field(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """B_z in T, of shape (...)."""
-        return derived(self._known, self.expression, _value, distance, currents)[0]
+        return self.derived(value_of, distance, currents)[0]
 
     def derivatives(self, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """B_z in T and dB_z/dd in T/m, both (...), and dB_z/di_k in T/A, of shape (..., n)."""
-        value, in_distance, in_currents = derived(self._known, self.expression, _gradients, distance, currents)
+        value, in_distance, in_currents = self.derived(_gradients, distance, currents)
         return value, in_distance, in_currents
 
     @property
     def several(self) -> bool:
         """Whether it is of several circuits."""
         return False
-
-    @cached_property
-    def _known(self) -> Memo:
-        return Memo()
-
-
-def _value(field: SX, _distance: SX, _currents: SX) -> list[Part]:
-    return [(field, 0)]
 
 
 def _gradients(field: SX, distance: SX, currents: SX) -> list[Part]:
@@ -85,30 +67,77 @@ def _gradients(field: SX, distance: SX, currents: SX) -> list[Part]:
 class HallSpline(HallField):
     """B_z(d, i) at the Hall element as a tensor B-spline, of one current or of none."""
 
-    coordinate: DistanceCoordinate
-    spline: TensorSpline  # In (u, i), in T; a polynomial in the current is a spline with one cell
+    coordinate: DistanceCoordinate = limited(metadata=FLAT)
+    # In (u, i), in T; a polynomial in the current is a spline with one cell
+    spline: TensorSpline = limited(metadata={"flat": True, "given": {"beyond": LINE}})
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """B_z of an expression's distance and current."""
         return self.spline.expression(self.coordinate.of(distance), current_of(currents))
 
 
-# Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
+@dataclass(frozen=True, eq=False)
+class CurrentAxis:
+    """The splines of a current."""
+
+    knots_A: FloatArray = limited(metadata={"degree": "degree"})
+    degree: int = limited(metadata={"within": (1, 9)})
+
+
+@dataclass(frozen=True, eq=False)
+class SensedField(HallField):
+    """The spline of the module's head."""
+
+    coordinate: DistanceCoordinate = limited(metadata=FLAT_OF_SEVERAL)
+    u_knots: FloatArray = limited(metadata={"degree": "u_degree"})
+    u_degree: int = limited(metadata={"within": (1, 9)})
+    currents: tuple[CurrentAxis, ...] = limited(metadata={"least": 0})  # Of each circuit
+    # Shape (functions of u, functions of i_1, ..)
+    coefficients: FloatArray = limited(metadata={"shape": lambda f: nested_shape(f, f.currents)})
+
+    def expression(self, distance: SX, currents: SX) -> SX:
+        """The value of an expression's distance and currents."""
+        n = len(self.currents)
+        if n and currents.numel() != n:
+            raise DomainError(
+                f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
+                f"order; instead received (..., {currents.numel()})."
+            )
+        return cell_table(self, self._cells).at(self.coordinate.of(distance), *ca.vertsplit(currents)[:n])[0]
+
+    def _cells(self) -> CellTable:
+        along = (cells_of(one.knots_A, one.degree) for one in self.currents)
+        return CellTable([cells_of(self.u_knots, self.u_degree), *along], self.coefficients[..., None])
+
+    @property
+    def several(self) -> bool:
+        """Whether it is of several circuits."""
+        return len(self.currents) > 1
+
+    def scaled(self, magnets: float, currents: Sequence[float]) -> "SensedField":
+        """The field with magnets and currents scaled: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in both."""
+        scales = [one / magnets for one in currents]
+        along = zip(self.currents, scales, strict=False)  # or of no current
+        axes = tuple(replace(one, knots_A=one.knots_A / s) for one, s in along)
+        return replace(self, currents=axes, coefficients=magnets * self.coefficients)
+
+
+# What a field's metadata say of a model file: see femfit.model.json_section.
 
 
 @dataclass(frozen=True)
 class HallSensor:
     """The Hall element: field, linear output, converter."""
 
-    field: HallField
+    field: HallField = limited(metadata={"kinds": (SensedField, HallSpline)})
     sensitivity_V_per_T: float
     quiescent_V: float
     output_min_V: float
     output_max_V: float = limited(metadata={"not_below": "output_min_V"})
     adc_bits: int = limited(metadata={"within": (0, 64)})
     noise_V: float = limited(default=0.0, metadata={"lower": 0.0})
-    delay_s: float = limited(default=0.0, metadata={"lower": 0.0, "absent": 0.0})
-    sample_time_s: float | None = None  # None: the controller's
+    delay_s: float = limited(default=0.0, metadata={"lower": 0.0, "omit": True})
+    sample_time_s: float | None = limited(default=None, metadata={"omit": True})  # None: the controller's
 
     @property
     def quantisation_step(self) -> float:
@@ -125,57 +154,12 @@ class HallSensor:
         return self.output(np.asarray(distance), current if self.field.several else current[..., None])
 
 
-@dataclass(frozen=True, eq=False)
-class SensedField(HallField):
-    """The spline of the module's head."""
-
-    coordinate: DistanceCoordinate
-    u_knots: FloatArray
-    u_degree: int
-    current_knots_A: tuple[FloatArray, ...]  # Of each circuit
-    current_degrees: tuple[int, ...]
-    coefficients: FloatArray  # Shape (functions of u, functions of i_1, ..)
-
-    def expression(self, distance: SX, currents: SX) -> SX:
-        """The value of an expression's distance and currents."""
-        n = len(self.current_knots_A)
-        if n and currents.numel() != n:
-            raise DomainError(
-                f"Currents at a sensor's field must have the shape (..., {n}), one for each circuit in the model's "
-                f"order; instead received (..., {currents.numel()})."
-            )
-        return cell_table(self, self._cells).at(self.coordinate.of(distance), *ca.vertsplit(currents)[:n])[0]
-
-    def _cells(self) -> CellTable:
-        along = zip(self.current_knots_A, self.current_degrees, strict=True)
-        axes = [cells_of(self.u_knots, self.u_degree), *(cells_of(*axis) for axis in along)]
-        return CellTable(axes, self.coefficients[..., None])
-
-    @property
-    def several(self) -> bool:
-        """Whether it is of several circuits."""
-        return len(self.current_knots_A) > 1
-
-    def scaled(self, magnets: float, currents: Sequence[float]) -> "SensedField":
-        """The field with magnets and currents scaled: s_0 f(d, i_1 s_1 / s_0, ..), of the first degree in both."""
-        scales = [one / magnets for one in currents]
-        knots = tuple(one / s for one, s in zip(self.current_knots_A, scales, strict=False))  # or of no current
-        return replace(self, current_knots_A=knots, coefficients=magnets * self.coefficients)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PickupSensor(Sensor):
     """The winding, whose flux linkage stands in Wb; its reading in V."""
 
     flux: SensedField
     kind: Literal["pickup_coil"] = "pickup_coil"
-
-    def voltage(
-        self, distance: FloatArray, currents: FloatArray, velocity: FloatArray, current_rates: FloatArray
-    ) -> FloatArray:
-        """The voltage at an instant, of shape (...); currents and their rates in A/s are (..., n)."""
-        _, in_distance, in_currents = self.flux.derivatives(distance, currents)
-        return np.asarray(in_distance * velocity + (in_currents * current_rates).sum(axis=-1))
 
 
 OtherSensor: TypeAlias = CurrentSensor | PositionSensor | PickupSensor | AccelerationSensor | ForceSensor

@@ -11,25 +11,25 @@ goes with ln(1 + a) where a is a share of the number. Of one part beside others 
 spline of its own times ln(1 + a)^2 / 2 adds the second.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+import casadi as ca
 import numpy as np
 from casadi import SX
 
 from femfit.core.errors import DomainError
-from femfit.core.graph import Expression
+from femfit.core.graph import GraphFunction, building, slope
 from femfit.core.numerics import ComplexArray, FloatArray
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect, Parameters
-from femfit.model.bspline import CellTable, basis_matrix, cells_of
-from femfit.model.coordinate import DistanceCoordinate
-from femfit.model.decay import Complex, ComplexExpressions, solved
+from femfit.model.bspline import CellTable, basis_matrix, cells_of, functions
+from femfit.model.coordinate import FLAT, DistanceCoordinate
+from femfit.model.decay import Complex, ComplexExpressions, complex_array, solved
 from femfit.model.eddy_currents import Patterns
-from femfit.model.hall import HallField
+from femfit.model.with_effects import patterns_with_sources
 
 if TYPE_CHECKING:
     from femfit.model.actuator_model import ActuatorModel
@@ -71,25 +71,14 @@ def induced_impedance(inductance: Any, s: Any, share: Any, patterns: Patterns | 
     return s * (following + following @ patterns.coupling @ _carried(following, s, patterns))
 
 
-def with_further_impedance(
-    z: Any,
-    effects: Iterable[AddedEffect],
-    distance: Any,
-    current: Any,
-    frequency: Any,
-    conditions: Conditions,
-) -> Any:
-    """Z of n circuits, (..., n, n), with what effects show at its points beside W' and the resistances.
+def _carried(following: Any, s: Any, patterns: Patterns) -> Any:
+    """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h L, (..., n, n).
 
-    Parameters
-    ----------
-    current : array
-        Of the first circuit.
+    (R_e + s (C^T h L C + Q)) E = -s C^T h L.
     """
-    for one in effects:
-        if one.effect.impedance is not None:
-            z = z + one.effect.impedance(distance, current, frequency, conditions, one.parameters).reshape(z.shape)
-    return z
+    linked = s * (np.swapaxes(patterns.coupling, -1, -2) @ following)
+    own = linked @ patterns.coupling + (s * patterns.inductance + np.diag(patterns.resistances_ohm))
+    return -(solved(own, linked) if own.dtype == object else np.linalg.solve(own, linked))
 
 
 def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
@@ -115,69 +104,101 @@ def impedances_by_column(z: Any, circuits: Sequence[str]) -> dict[str, Any]:
     return found
 
 
-def _carried(following: Any, s: Any, patterns: Patterns) -> Any:
-    """Currents E of the patterns for an ampere of each circuit, (..., r, n), beside h L, (..., n, n).
+def impedance_expression(
+    base: "ActuatorModel",
+    effects: Sequence[AddedEffect],
+    conditions: Any,
+    distance: SX,
+    currents: SX,
+    inductance: SX,
+    s: Complex,
+    resistances_ohm: Sequence[Any],
+) -> ComplexExpressions:
+    """Z in ohm, (n, n), of L (n, n) about a bias, as effects change a base model."""
+    share, patterns = following_share(effects, s), patterns_with_sources(base, effects, distance)
+    z = induced_impedance(complex_array(inductance), s, share, patterns)
+    for one in effects:
+        if one.effect.impedance is not None:
+            first, frequency = currents[0] if currents.numel() else SX(0.0), s.imag / (2.0 * np.pi)
+            further = one.effect.impedance(distance, first, frequency, conditions, one.parameters)
+            z = z + further.reshape(z.shape)
+    series = [one.inductance_H for one in base.circuits] or [0.0] * len(z)
+    beside = [s * henry + ohm for henry, ohm in zip(series, resistances_ohm, strict=True)]
+    return np.asarray(z + np.diag(np.array(beside, dtype=object)))
 
-    (R_e + s (C^T h L C + Q)) E = -s C^T h L.
+
+Answer: TypeAlias = Callable[["ActuatorModel", SX, SX, Complex], ComplexExpressions]
+"""What a small sinusoidal current about a bias brings about, the body held: (model, d, i, s) -> complex expressions."""
+
+
+def impedance_of(model: "ActuatorModel", distance: SX, currents: SX, s: Complex) -> ComplexExpressions:
+    """Z in ohm, (n, n)."""
+    inductance = ca.hessian(SX(model.magnetics.expression(distance, currents)), currents)[0]
+    at = model.without_effects, model.effects, model.conditions, distance, currents, inductance, s
+    return impedance_expression(*at, model.resistances_ohm.tolist())
+
+
+def force_of(model: "ActuatorModel", distance: SX, currents: SX, s: Complex) -> ComplexExpressions:
+    """Force in N/A, (n,)."""
+    coenergy = model.windings.magnetics.expression
+
+    def force(w: SX) -> SX:
+        return -slope(lambda d: coenergy(d, w), distance)
+
+    return _transfer(model, force, distance, currents, s)
+
+
+def field_of(model: "ActuatorModel", distance: SX, currents: SX, s: Complex) -> ComplexExpressions:
+    """Field at the Hall element in T/A, (n,)."""
+    static, eddy = model.require_sensor().field.expression, model.eddy
+
+    def field(w: SX) -> SX:
+        return static(distance, w) if eddy is None else eddy.field(static, distance, w)
+
+    return _transfer(model, field, distance, currents, s)
+
+
+def _transfer(
+    model: "ActuatorModel", quantity: Callable[[SX], SX], distance: SX, currents: SX, s: Complex
+) -> ComplexExpressions:
+    """What follows the static field, by circuit, and the patterns' own part beside that.
+
+    The quantity is one of all windings' currents; its slope by those of the patterns is a C + p, with a that by those
+    of the circuits.
     """
-    linked = s * (np.swapaxes(patterns.coupling, -1, -2) @ following)
-    own = linked @ patterns.coupling + (s * patterns.inductance + np.diag(patterns.resistances_ohm))
-    return -(solved(own, linked) if own.dtype == object else np.linalg.solve(own, linked))
+    n, eddy, share = currents.numel(), model.eddy, following_share(model.effects, s)
+    along = slope(quantity, ca.vertcat(currents, SX.zeros(model.windings.count - n)))
+    own = complex_array(along[:n].T) * share
+    if eddy is None:
+        return np.asarray(own[0])
+    patterns = eddy.patterns(distance)
+    inductance = ca.hessian(SX(model.magnetics.expression(distance, currents)), currents)[0]
+    following = complex_array(inductance) * share
+    by_pattern = complex_array(along[n:].T) - complex_array(along[:n].T) @ patterns.coupling
+    carried = _carried(following, np.asarray([[s]]), patterns)
+    return np.asarray((own + (own @ patterns.coupling + by_pattern) @ carried)[0])
 
 
-@dataclass(frozen=True, eq=False)
-class SmallSignal:
-    """Small sinusoidal currents of a model's n circuits about a bias, the body held."""
-
-    model: "ActuatorModel"
-    distance: FloatArray
-    currents: FloatArray  # The bias, (..., n)
-    inductance: FloatArray  # L there, (..., n, n)
-    frequency: FloatArray  # In Hz
-    share: ComplexArray  # h(w)
-
-    def impedance(self) -> ComplexArray:
-        """Z in ohm, (..., n, n)."""
-        model, s = self.model, 2j * np.pi * self.frequency
-        induced = induced_impedance(self.inductance, s, self.share, self._patterns)
-        z = np.diag(model.resistances_ohm) + s[..., None, None] * model.series_inductances_H + induced
-        if model.conditions is not None:
-            first = self.currents[..., 0]
-            d, i, f = (np.broadcast_to(one, z.shape[:-2]).ravel() for one in (self.distance, first, self.frequency))
-            z = with_further_impedance(z, model.effects, d, i, f, model.conditions)
-        return np.asarray(z)
-
-    def force(self) -> ComplexArray:
-        """Force in N/A, (..., n)."""
-        magnetics, eddy = self.model.magnetics, self.model.eddy
-        along = magnetics.motional_constant(self.distance, self.currents)
-        if eddy is None:
-            return self._transfer(along)
-        (rising,), flux = eddy.forms(self.distance, 1), magnetics.flux_linkage(self.distance, self.currents)
-        pulled = flux[..., None, :] @ rising.coupling
-        return self._transfer(along, -pulled[..., 0, :] - rising.flux_linkage)
-
-    def field(self, static: HallField) -> ComplexArray:
-        """Field in T/A at a Hall element whose static one is given, (..., n)."""
-        _, _, along = static.derivatives(self.distance, self.currents)
-        eddy = self.model.eddy
-        return self._transfer(along) if eddy is None else self._transfer(along, eddy.forms(self.distance)[0].hall)
-
-    @cached_property
-    def _patterns(self) -> Patterns | None:
-        eddy = self.model.eddy
-        return None if eddy is None else eddy.patterns(np.broadcast_to(self.distance, self.inductance.shape[:-2]))
-
-    def _transfer(self, along: FloatArray, by_pattern: FloatArray | None = None) -> ComplexArray:
-        """What follows the static field, by circuit, and the patterns' own part beside that, (..., r)."""
-        rows = self.share[..., None, None] * along[..., None, :]
-        patterns, points = self._patterns, self.frequency.shape
-        if patterns is not None and by_pattern is not None:
-            s, following = (2j * np.pi * self.frequency)[..., None, None], self.share[..., None, None] * self.inductance
-            carried = _carried(following, s, patterns)
-            rows = rows + (rows @ patterns.coupling + by_pattern[..., None, :]) @ carried
-        rows = np.broadcast_to(rows, (*np.broadcast_shapes(rows.shape[:-2], points), *rows.shape[-2:]))[..., 0, :]
-        return np.asarray(rows)
+def answered(
+    model: "ActuatorModel", answer: Answer, distance: FloatArray, currents: FloatArray, frequency: FloatArray
+) -> ComplexArray:
+    """An answer at distances (...), currents (..., n) and frequencies (...) in Hz, (..., n) or (..., n, n)."""
+    n = currents.shape[-1]
+    if answer not in model.resting:
+        with building():
+            d, i, f = SX.sym("d"), SX.sym("i", n), SX.sym("f")
+            found = answer(model, d, i, Complex(SX(0.0), 2.0 * np.pi * f))
+            entries = found.ravel()
+            parts = [*(x.real for x in entries), *(x.imag for x in entries)]
+            model.resting[answer] = found.shape, GraphFunction([ca.vertcat(d, i, f)], ca.vertcat(*parts))
+    shape, function = model.resting[answer]
+    points = np.broadcast_shapes(distance.shape, currents.shape[:-1], frequency.shape)
+    x = np.empty((2 + n, *points))
+    x[0], x[-1] = distance, frequency
+    for k in range(n):
+        x[1 + k] = currents[..., k]
+    real, imag = np.split(function(x.reshape(2 + n, -1)), 2)
+    return np.asarray((real + 1j * imag).T.reshape(*points, *shape))
 
 
 def checked_frequency(frequency: FloatArray, points: tuple[int, ...]) -> FloatArray:
@@ -196,59 +217,73 @@ def checked_frequency(frequency: FloatArray, points: tuple[int, ...]) -> FloatAr
 
 CUBIC = 3
 
+OF_CIRCUITS = 3, 5
+"""Dimensions of what a model file has over distance, current and frequency: of one circuit in older files, or with the
+circuits last."""
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """The splines of one variable."""
+
+    knots: FloatArray = field(metadata={"degree": "degree"})  # Clamped
+    degree: int = field(metadata={"within": (0, 9)})
+
 
 @dataclass(frozen=True, eq=False)
 class ImpedanceChange:
     """The ``impedance`` stage of a drawn number, in proportion to a parameter."""
 
     parameter: str
-    coordinate: DistanceCoordinate
-    knots: tuple[FloatArray, FloatArray, FloatArray]  # Clamped, of u, i in A and ln(f / Hz)
-    degrees: tuple[int, int, int]
-    coefficients: ComplexArray  # Of S, in H over the parameter's unit; the circuits last, where there are several
-    share: bool = False  # Whether the parameter is a share of the number
-    bend: ComplexArray | None = None  # Of the second order in ln(1 + a), as the coefficients
+    share: bool  # Whether the parameter is a share of the number
+    coordinate: DistanceCoordinate = field(metadata=FLAT)
+    u: Axis
+    current: Axis  # In A
+    log_frequency: Axis  # ln(f / Hz)
+    # Coefficients of S, in H over the parameter's unit; the circuits last, where there are several
+    real_H: FloatArray = field(metadata={"dimensions": OF_CIRCUITS})
+    imaginary_H: FloatArray = field(metadata={"dimensions": OF_CIRCUITS})
+    # Real and imaginary part of the second order in ln(1 + a)
+    bend_H: FloatArray | None = field(
+        default=None, metadata={"dimensions": [1 + axes for axes in OF_CIRCUITS], "omit": True}
+    )
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Arrays that are not of the axes' functions and of as many circuits."""
+        shape = tuple(functions(axis.knots, axis.degree) for axis in self.axes)
+        for key, part in (("real_H", self.real_H), ("imaginary_H", self.imaginary_H)):
+            if part.shape[:3] != shape or part.shape != self.real_H.shape or len(set(part.shape[3:])) > 1:
+                yield key, f"nested lists of {shape} numbers, as the knots ask for"
+        if self.bend_H is not None and self.bend_H.shape != (2, *self.real_H.shape):
+            yield "bend_H", "two nested lists, its real and its imaginary part, as those of real_H"
+
+    @property
+    def axes(self) -> tuple[Axis, Axis, Axis]:
+        """Of u, of the current and of the frequency."""
+        return self.u, self.current, self.log_frequency
 
     def __call__(
         self,
-        distance: Any,
-        current: Any,
-        frequency: Any,
+        distance: SX,
+        current: SX,
+        frequency: SX,
         conditions: Conditions,  # noqa: ARG002  a stage's signature
         p: Parameters,
-    ) -> Any:
-        """Further ohm at points (n,), of several circuits (n, circuits, circuits); none at the frequency 0.
-
-        Of expressions an array of complex ones.
-        """
-        low = np.exp(self.knots[2][0])
+    ) -> ComplexExpressions:
+        """Further ohm at an expression's point, an entry for each of the impedance's; none at the frequency 0."""
+        low = np.exp(self.log_frequency.knots[0])
         at = self.coordinate.of(distance), current, np.log(np.maximum(frequency, low))
-        inside = [np.clip(x, knots[0], knots[-1]) for x, knots in zip(at, self.knots, strict=True)]
-        size = p[self.parameter]
-        size = np.log1p(size) if self.share else size
-        if isinstance(frequency, SX):
-            return self._spline(inside, size) * Complex(SX(0.0), 2.0 * np.pi * frequency)
-        bases = [
-            basis_matrix(x, knots, degree) for x, knots, degree in zip(inside, self.knots, self.degrees, strict=True)
-        ]
-        along = size * self.coefficients + (0.0 if self.bend is None else 0.5 * size**2 * self.bend)
-        spline = np.einsum("na,nb,nc,abc...->n...", *bases, along)
-        return np.asarray(2j * np.pi * (frequency * spline.T).T)
-
-    def _spline(self, at: Sequence[Any], size: Expression) -> ComplexExpressions:
-        """S of expressions within the grid, for each entry of the impedance."""
-        bend = np.zeros_like(self.coefficients) if self.bend is None else self.bend
-        parts = [x.reshape(*self.coefficients.shape[:3], -1) for x in (self.coefficients, bend)]
-        axes = [cells_of(knots, degree) for knots, degree in zip(self.knots, self.degrees, strict=True)]
-        entries = CellTable(axes, np.concatenate([y for x in parts for y in (x.real, x.imag)], axis=-1)).at(*at)
-        real, imag, real_bend, imag_bend = np.split(np.arange(len(entries)), 4)
-        return np.array(
-            [
-                Complex(size * entries[a] + 0.5 * size**2 * entries[c], size * entries[b] + 0.5 * size**2 * entries[e])
-                for a, b, c, e in zip(real, imag, real_bend, imag_bend, strict=True)
-            ],
-            dtype=object,
+        inside = [np.clip(x, axis.knots[0], axis.knots[-1]) for x, axis in zip(at, self.axes, strict=True)]
+        size = np.log1p(p[self.parameter]) if self.share else p[self.parameter]
+        bend = np.zeros((2, *self.real_H.shape)) if self.bend_H is None else self.bend_H
+        parts = [x.reshape(*self.real_H.shape[:3], -1) for x in (self.real_H, self.imaginary_H, *bend)]
+        axes = [cells_of(axis.knots, axis.degree) for axis in self.axes]
+        entries = ca.vertcat(*CellTable(axes, np.concatenate(parts, axis=-1)).at(*inside))
+        real, imag, *bends = ca.vertsplit(entries, parts[0].shape[-1])
+        real, imag = (
+            size * straight + 0.5 * size**2 * bent for straight, bent in zip((real, imag), bends, strict=True)
         )
+        return complex_array(real, imag)[:, 0] * Complex(SX(0.0), 2.0 * np.pi * frequency)
 
 
 def impedance_change(
@@ -280,17 +315,17 @@ def impedance_change(
     values = values / (2j * np.pi * frequency.reshape(-1, *[1] * (values.ndim - 3)))
     if len(u) > 1 and u[0] > u[-1]:
         u, values = u[::-1], values[::-1]
-    axes: Sequence[FloatArray] = (u, current, np.log(frequency))
-    knots, degrees = [], []
-    for axis, levels in enumerate(axes):
+    axes: list[Axis] = []
+    for place, levels in enumerate((u, current, np.log(frequency))):
         degree = min(CUBIC, len(levels) - 1)
-        found = interpolation_knots(levels, degree)
-        matrix = basis_matrix(levels, found, degree)
-        values = np.moveaxis(np.tensordot(np.linalg.inv(matrix), values, axes=(1, axis)), 0, axis)
-        knots.append(found)
-        degrees.append(degree)
+        axis = Axis(interpolation_knots(levels, degree), degree)
+        matrix = basis_matrix(levels, axis.knots, degree)
+        values = np.moveaxis(np.tensordot(np.linalg.inv(matrix), values, axes=(1, place)), 0, place)
+        axes.append(axis)
     first, *second = np.moveaxis(values, -1, 0)
-    return ImpedanceChange(parameter, coordinate, tuple(knots), tuple(degrees), first, share, *second)  # type: ignore[arg-type]
+    bend_H = np.stack([second[0].real, second[0].imag]) if second else None
+    by_u, by_current, by_frequency = axes
+    return ImpedanceChange(parameter, share, coordinate, by_u, by_current, by_frequency, first.real, first.imag, bend_H)
 
 
 def interpolation_knots(levels: FloatArray, degree: int) -> FloatArray:

@@ -1,9 +1,8 @@
 """The model file: JSON in and out, without loss, every value checked on reading."""
 
 import json
-import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,41 +10,15 @@ import numpy as np
 
 from femfit.core.errors import ModelFileError
 from femfit.core.files import MODEL, path_of, require_outputs, write_text
-from femfit.core.numerics import ABSOLUTE_ZERO_C
 from femfit.core.results import listing
-from femfit.device.electrics import Circuit, Drive, Sensor
-from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
-from femfit.effects.conditions import REFERENCE_TEMPERATURE_C
 from femfit.effects.effect import AddedEffect, Effect
 from femfit.model.actuator_model import ActuatorModel
-from femfit.model.carried import Carried
-from femfit.model.drawn_effect import DrawnEffect
-from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.hall import HallField, HallSensor, HallSpline, PickupSensor, SensedField
-from femfit.model.json_effects import carried_from, carried_to, drawn_from, drawn_to
-from femfit.model.json_magnetics import (
-    NETWORK_KIND,
-    magnetics_from,
-    matrix_to,
-    spline_to,
-    tensor_to,
-)
-from femfit.model.json_parts import (
-    eddy_from,
-    eddy_to,
-    hall_field_from,
-    mechanics_from,
-    sensed_to,
-    sensors_from,
-    unusual,
-)
-from femfit.model.json_section import Section, plain
-from femfit.model.magnetics import Coefficient, CoenergySpline, LawMagnetics
-from femfit.model.network_magnetics import NetworkMagnetics
+from femfit.model.carried import FiledCarried
+from femfit.model.hall import HallField, HallSensor, PickupSensor
+from femfit.model.json_section import Section, written
 from femfit.model.sensed_effects import pickups_as_fitted
-from femfit.model.several_magnetics import CoenergyMatrix, CoenergyTensor
-from femfit.model.validity import ActuatorKind, Misfit, ProcessNoise, ValidityBox
+from femfit.model.validity import FiledBox
 from femfit.model.with_effects import with_effects
 
 
@@ -125,94 +98,21 @@ SCHEMA_VERSION = 3
 FIRST_AND_FURTHER = 2
 """Last schema whose circuits stand under two keys, the first under ``circuit``, the others in ``further_circuits``."""
 
-_WORKED_OUT = {"base", "conditions"}
-"""Fields of a model that follow from its base and its effects: the file holds the base itself."""
-
 
 def model_to_dict(model: ActuatorModel) -> dict[str, Any]:
-    """The model as JSON-ready data."""
-    written = (
-        CoenergySpline
-        | CoenergyMatrix
-        | CoenergyTensor
-        | LawMagnetics
-        | NetworkMagnetics
-        | HallSpline
-        | SensedField
-        | None
-    )
-    for held in (model.without_effects.magnetics, getattr(model.without_effects.sensor, "field", None)):
-        if not isinstance(held, written):
+    """The model as JSON-ready data; of one with effects as it is without them, and the effects."""
+    base = model.without_effects
+    field = None if base.sensor is None else base.sensor.field
+    for holder, name, held in ((ActuatorModel, "magnetics", base.magnetics), (HallSensor, "field", field)):
+        (kinds,) = (f.metadata["kinds"] for f in fields(holder) if f.name == name)
+        if held is not None and not isinstance(held, kinds):
             raise ModelFileError(
                 "To be written, magnetics must be a co-energy spline or a law, and the field at the Hall element a "
                 f"spline; it is {type(held).__name__}."
             )
-    base, changed = model.without_effects, ("magnetics", "circuits", "motion", "sensor", "eddy")
-    names = [f.name for f in fields(model) if f.name not in _WORKED_OUT]
-    data = {name: plain(getattr(base if name in changed else model, name), _record) for name in names}
-    data["other_sensors"] = plain(pickups_as_fitted(model.other_sensors, base.other_sensors), _record)
-    for key in ("other_sensors", "process_noise", "drawn", "eddy"):  # as files were before there were any
-        if not data[key]:
-            del data[key]
-    return {"schema": SCHEMA_VERSION, **data}
-
-
-def _record(value: Any) -> dict[str, Any]:
-    """The members of a record as the file has them, before what they hold is written."""
-    if isinstance(value, AddedEffect):
-        carried = {"carried": carried_to(value.effect)} if isinstance(value.effect.carried, Carried) else {}
-        return {"name": value.effect.name, "parameters": value.parameters, "ci95": value.ci95, **carried}
-    if isinstance(value, CoenergySpline | HallSpline):
-        kind = {} if isinstance(value, HallSpline) else {"kind": "coenergy_spline"}
-        return kind | spline_to(value.coordinate, value.spline)
-    if isinstance(value, Mechanics | Spring | ForceTable | Stop | Circuit | Drive | Sensor):
-        return unusual(value)
-    if type(value) in _WRITERS:
-        return _WRITERS[type(value)](value)
-    data = {f.name: getattr(value, f.name) for f in fields(value)}
-    if isinstance(value, HallSensor):  # as files were before it could be late or slow
-        data = {key: one for key, one in data.items() if one or key not in {"delay_s", "sample_time_s"}}
-    if isinstance(value, NetworkMagnetics):
-        data = {"kind": NETWORK_KIND, **data}
-    if isinstance(value, LawMagnetics):
-        return {"kind": "law", "law": data.pop("law_name"), **data}
-    if isinstance(value, Coefficient):
-        data["bounds"] = [bound if math.isfinite(bound) else None for bound in value.bounds]
-    return data
-
-
-@dataclass(frozen=True)
-class _WrittenBox:
-    """A validity domain as a model file has it: currents of the first circuit, and of the further ones."""
-
-    distance_min_m: float
-    distance_max_m: float
-    current_min_A: float
-    current_max_A: float
-    further_A: tuple[tuple[float, float], ...] = ()
-    mirrored: bool = False
-
-    def read(self, winding: bool) -> ValidityBox:
-        """The domain; of no winding, whose currents are zero, it has no limits of currents."""
-        distances, first = (self.distance_min_m, self.distance_max_m), (self.current_min_A, self.current_max_A)
-        return ValidityBox.of_currents(distances, first, *self.further_A, winding=winding, mirrored=self.mirrored)
-
-
-_WRITERS: dict[type, Callable[[Any], dict[str, Any]]] = {
-    EddyCurrents: eddy_to,
-    DrawnEffect: drawn_to,
-    SensedField: sensed_to,
-    CoenergyMatrix: matrix_to,
-    CoenergyTensor: tensor_to,
-    ValidityBox: lambda box: {
-        "distance_min_m": box.distance_min_m,
-        "distance_max_m": box.distance_max_m,
-        "current_min_A": box.current_min_A,
-        "current_max_A": box.current_max_A,
-        "further_A": box.current_limits_A[1:].tolist(),
-        "mirrored": box.mirrored,
-    },
-}
+    fitted = {name: getattr(base, name) for name in ("magnetics", "circuits", "motion", "sensor", "eddy")}
+    sensors = pickups_as_fitted(model.other_sensors, base.other_sensors)
+    return {"schema": SCHEMA_VERSION, **written(replace(model, **fitted, other_sensors=sensors))}
 
 
 def model_from_dict(data: Mapping[str, Any], source: str = "model") -> ActuatorModel:
@@ -241,41 +141,33 @@ def _with_one_list(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _build(top: Section) -> ActuatorModel:
-    top.refuse_others(("schema", *(f.name for f in fields(ActuatorModel) if f.name not in _WORKED_OUT)))
-    motion, sensor, misfit = (top.optional_section(name) for name in ("motion", "sensor", "misfit"))
-    kind, noise, eddy = (top.optional_section(name) for name in ("kind", "process_noise", "eddy"))
-    circuits = tuple(one.record(Circuit) for one in top.sections("circuits")) if top.data.get("circuits") else ()
-    base = ActuatorModel(
-        name=top.text("name"),
-        magnetics=magnetics_from(top.section("magnetics")),
-        validity=top.section("validity").record(_WrittenBox).read(bool(circuits)),
-        circuits=circuits,
-        motion=mechanics_from(motion) if motion else None,
-        sensor=sensor.record(HallSensor, field=hall_field_from(sensor.section("field"))) if sensor else None,
-        misfit=misfit.record(Misfit) if misfit else None,
-        sample_time_s=top.number("sample_time_s", positive=True),
-        reference_distances_m=tuple(top.array("reference_distances_m", 1).tolist()),
-        covariance=None if top.data.get("covariance") is None else top.array("covariance", 2),
-        provenance=dict(top.section("provenance").data),
-        coil_temperature_C=top.number("coil_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
-        magnet_temperature_C=top.number("magnet_temperature_C", lower=ABSOLUTE_ZERO_C, absent=REFERENCE_TEMPERATURE_C),
-        kind=kind.record(ActuatorKind) if kind else None,
-        process_noise=noise.record(ProcessNoise) if noise else None,
-        other_sensors=sensors_from(top.sections("other_sensors")) if top.data.get("other_sensors") else (),
-        drawn=tuple(map(drawn_from, top.sections("drawn"))) if top.data.get("drawn") else (),
-        eddy=eddy_from(eddy, tuple(one.name for one in circuits)) if eddy else None,
+    circuits = top.data.get("circuits")
+    base = top.record(
+        ActuatorModel,
+        others=("schema",),
+        validity=top.section("validity").record(FiledBox).value(winding=bool(circuits)),
+        effects=(),
     )
-    added = top.sections("effects") if top.data.get("effects") else ()
+    names = [sensor.name for sensor in base.other_sensors]
+    for k, name in enumerate(names):
+        if names.count(name) > 1 or name == "hall":
+            raise top.refusal(f"other_sensors[{k}].name", "a name of its own, and not hall")
+    if base.motion is not None and not base.motion.ends[0] < base.motion.ends[1]:
+        raise top.refusal("motion.far_stop", "at a larger distance than near_stop")
+    if base.eddy is not None and circuits and base.eddy.circuits != base.circuit_names:
+        circuits = ", ".join(base.circuit_names)
+        raise top.refusal("eddy.circuits", f"those of the model ({circuits}), in their order")
     drawn = {one.key: one.effect for one in base.drawn}
+    added = top.sections("effects") if top.data.get("effects") else ()
     return with_effects(base, [_effect_from(section, drawn) for section in added])
 
 
 def _effect_from(section: Section, drawn: Mapping[str, Effect]) -> AddedEffect:
     section.refuse_others(("name", "parameters", "ci95", "carried"))
-    carried = section.optional_section("carried")
     effect = drawn.get(section.text("name"))
-    if effect is None:
-        effect = carried_from(section.text("name"), carried) if carried else section.item("name", effect_by_name)
+    if effect is None and section.data.get("carried") is not None:
+        effect = section.section("carried").record(FiledCarried).effect(section.text("name"))
+    effect = effect or section.item("name", effect_by_name)
     names = tuple(p.name for p in effect.parameters)
     parameters, intervals = section.section("parameters"), section.section("ci95")
     parameters.refuse_others(names)

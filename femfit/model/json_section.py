@@ -1,15 +1,43 @@
-"""Values of a JSON object, each checked where it is read and named by its key path in every message."""
+"""Values of a JSON object, each checked where it is read and named by its key path in every message.
 
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
-from types import UnionType
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
+A record of the model file is a dataclass: what its fields are, and what their metadata say, is how it is read and how
+it is written. The metadata of a field are
+
+============================  ========================================================================================
+``key``                       the member's name where it is not the field's; None of a field that no file has
+``flat``, ``given``           the members of this record stand beside the others; what of it no file has
+``form``                      the record that stands for it in a file, with ``of`` and ``value``
+``kinds``                     the classes of which it is one, told by their ``kind`` or by a key of their own
+``omit``, ``required``        not written where it is as usual; never absent though there is a default
+``positive``, ``lower`` ...   limits of a number, with ``upper`` and ``within``; ``not_below`` and ``above`` name fields
+``ascending``, ``monotone``   of numbers in a list; as many as those of the field in ``like``
+``least``                     least length of a list
+``open``                      of a pair, whose infinite numbers are null
+``degree``                    of clamped knots, the field that has their degree
+``shape``, ``dimensions``     of an array: what the members before it ask for, or how many axes it may have
+``item``                      of a text, what looks it up
+``keys``, ``among``           of a mapping: those that the members before it ask for; those that there may be
+============================  ========================================================================================
+
+A record that has ``faults`` is asked for them: keys, each with what stands there in place of what is needed.
+"""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from functools import cache
+from math import inf, isinf
+from types import SimpleNamespace, UnionType
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from femfit.core.errors import ModelFileError, UsageError
 from femfit.core.numerics import FloatArray
 from femfit.core.text import counted
+from femfit.device.electrics import Circuit, Drive, Sensor
+from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
+from femfit.model.bspline import is_clamped
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -25,6 +53,11 @@ _LARGEST = 1e60
 _SMALLEST = 1 / _LARGEST
 """Derived: one over it is still such a number, and what must be > 0 is divided by."""
 
+_SPARSE = Mechanics, Spring, ForceTable, Stop, Circuit, Drive, Sensor
+"""Of these a file has what is not as usual, and what is in :data:`_ALWAYS`."""
+
+_ALWAYS = ("mass_kg", "gravity_m_s2", "kind", "unit")
+
 
 @dataclass(frozen=True)
 class Section:
@@ -39,8 +72,11 @@ class Section:
         return f"{self.path}.{key}" if self.path else key
 
     def refusal(self, key: str, needed: str) -> ModelFileError:
-        """The error for a member that is missing or not what is needed."""
-        given = f"instead received {_short(self.data[key])}" if key in self.data else "it is missing"
+        """The error for a member that is missing or not what is needed; it may be one of a member, as ``a[0].b``."""
+        value: Any = self.data
+        for step in re.findall(r"[^.\[\]]+", key):
+            value = value[int(step)] if isinstance(value, list) else value.get(step, MISSING)
+        given = "it is missing" if value is MISSING else f"instead received {_short(value)}"
         return ModelFileError(
             f"{self.source} is damaged: {self.where(key)} must be {needed}; {given}. Write it again with femfit fit."
         )
@@ -54,17 +90,9 @@ class Section:
                     "spelling, or update femfit."
                 )
 
-    def number(
-        self,
-        key: str,
-        *,
-        lower: float = -np.inf,
-        upper: float = np.inf,
-        positive: bool = False,
-        absent: float | None = None,
-    ) -> float:
-        """A finite number within limits, or > 0 where ``positive``; ``absent`` in files of older versions."""
-        value = self.data.get(key) if key in self.data else absent
+    def number(self, key: str, *, lower: float = -inf, upper: float = inf, positive: bool = False) -> float:
+        """A finite number within limits, or > 0 where ``positive``."""
+        value = self.data.get(key)
         needed = "a finite number" + (" > 0" if positive else f" >= {lower:g}" if np.isfinite(lower) else "")
         if np.isfinite(upper):
             needed = f"a finite number of {lower:g} to {upper:g}"
@@ -78,11 +106,7 @@ class Section:
             raise self.refusal(key, needed)
         return float(value)
 
-    def optional_number(self, key: str, *, lower: float = -np.inf, positive: bool = False) -> float | None:
-        """A number as of :meth:`number`, or None where the member is null or absent."""
-        return None if self.data.get(key) is None else self.number(key, lower=lower, positive=positive)
-
-    def integer(self, key: str, lower: int, upper: int) -> int:
+    def integer(self, key: str, lower: int = 0, upper: int = 2**53) -> int:
         """A whole number within bounds."""
         value = self.data.get(key)
         if isinstance(value, bool) or not isinstance(value, int) or not lower <= value <= upper:
@@ -111,70 +135,140 @@ class Section:
         return value
 
     def record(self, kind: type[Record], /, *, others: tuple[str, ...] = (), **given: object) -> Record:
-        """The members as a dataclass, by the types of its fields and the limits in their metadata.
+        """The members as a dataclass, by its fields: see the head of this file.
 
-        ``positive``, ``lower``, ``upper`` and ``within`` limit a number; ``not_below`` and ``above`` name the field
-        that it must reach or exceed; numbers in a list may be ``ascending`` or ``monotone``, and as many as those of
-        the field in ``like``. What is absent is as usual, where that is finite. Members of other types are ``given``,
-        and ``others`` are no fields.
+        What is absent is as usual, where that is finite. Some members may be ``given``, and ``others`` are no fields.
         """
-        self.refuse_others((*others, *(f.name for f in fields(kind))))
-        hints, values = get_type_hints(kind), dict(given)
+        self.refuse_others((*others, *_keys(kind)))
+        return self._flat(kind, given)
+
+    def _flat(self, kind: type[Record], given: Mapping[str, object]) -> Record:
+        """A record beside whose members others may stand."""
+        hints, values = _hints(kind), dict(given)
         for f in fields(kind):
-            hint, value, usual = hints[f.name], self.data.get(f.name), f.default
-            if usual is MISSING and type(None) in get_args(hint):
-                usual = None
-            empty = f.name not in self.data or (hint not in _PLAIN and not value and value != 0)
-            if f.name not in given:
-                taken = empty and (usual is None or usual not in {MISSING, np.inf, -np.inf})
-                values[f.name] = usual if taken else self._member(f.name, hint, dict(f.metadata), values)
-        return kind(**values)
+            hint, limits, key = hints[f.name], f.metadata, f.metadata.get("key", f.name)
+            if f.name in given or key is None:
+                continue
+            if limits.get("flat"):
+                found = self._flat(limits.get("form", hint), limits.get("given", {}))
+                values[f.name] = found.value if "form" in limits else found
+                continue
+            usual = f.default if f.default_factory is MISSING else f.default_factory()
+            usual = None if usual is MISSING and type(None) in get_args(hint) else usual
+            needed = limits.get("required") or usual is MISSING or usual in (inf, -inf)
+            if not needed and self._empty(key, hint):
+                values[f.name] = usual
+            else:
+                values[f.name] = self.member(key, hint, kind, dict(limits), SimpleNamespace(**values))
+        result = kind(**values)
+        for key, needed in getattr(result, "faults", tuple)():
+            raise self.refusal(key, needed)
+        return result
 
-    def _member(self, key: str, hint: Any, limits: dict[str, Any], values: Mapping[str, Any]) -> object:
-        kinds = [one for one in get_args(hint) if one is not type(None)] if isinstance(hint, UnionType) else [hint]
-        if get_origin(hint) is Literal:
-            if self.text(key) not in get_args(hint):
-                raise self.refusal(key, " or ".join(get_args(hint)))
-            return self.text(key)
-        if is_dataclass(kinds[0]):
-            return self.section(key).record(cast("Any", kinds[0]))
-        if get_origin(kinds[0]) is tuple:
-            return self._members(key, get_args(kinds[0]), limits, values)
-        if kinds[0] is int:
-            return self.integer(key, *limits.get("within", (0, 2**53)))
-        if kinds[0] is float:
-            if "not_below" in limits:
-                limits["lower"] = values[limits.pop("not_below")]
-            least = values.get(limits.pop("above", ""))
-            if least is not None and self.number(key) <= least:
-                raise self.refusal(key, f"a finite number above {least:g}")
-            return self.number(key, **limits)
-        return self.truth(key) if kinds[0] is bool else self.text(key)
+    def _empty(self, key: str, hint: Any) -> bool:
+        """Whether a member is absent, null, or an empty list of what may be none."""
+        if key not in self.data or hint in _PLAIN or get_origin(hint) is Literal:
+            return key not in self.data
+        return self.data[key] is None or (self.data[key] == [] and get_origin(_alternatives(hint)[0]) is tuple)
 
-    def _members(self, key: str, hints: tuple[Any, ...], limits: dict[str, Any], values: Mapping[str, Any]) -> object:
-        """A tuple: of numbers, pairs of numbers, texts, or records of which each has the first field of its class."""
-        of = get_args(hints[0]) if isinstance(hints[0], UnionType) else hints[:1]
-        if is_dataclass(of[0]):
-            kinds = {fields(kind)[0].name: kind for kind in of}
-            found = [
-                next((kind for name, kind in kinds.items() if name in one.data), of[-1]) for one in self.sections(key)
-            ]
-            return tuple(one.record(kind) for one, kind in zip(self.sections(key), found, strict=True))
+    def member(self, key: str, hint: Any, kind: Any, limits: dict[str, Any], values: SimpleNamespace) -> object:
+        """A member of a type, of a record of a kind, beside the values of the fields before it."""
+        of = _alternatives(hint)[0]
+        origin, kinds = get_origin(of), limits.get("kinds") or _records(hint)
+        result: object
+        if origin is tuple:
+            result = self._members(key, get_args(of), limits, values)
+        elif kinds:
+            result = self.section(key).one_of(kinds)
+        elif origin is np.ndarray:
+            result = self._numbers(key, kind, limits, values)
+        elif origin is Mapping:
+            result = self._mapping(key, get_args(of)[1], limits, values)
+        elif of is int:
+            result = self.integer(key, *limits.get("within", ()))
+        elif of is float:
+            result = self._limited(key, limits, values)
+        elif of is bool:
+            result = self.truth(key)
+        else:
+            result = self._text_of(key, get_args(of), limits)
+        return result
+
+    def _limited(self, key: str, limits: Mapping[str, Any], values: SimpleNamespace) -> float:
+        bounds = {name: limits[name] for name in ("lower", "upper", "positive") if name in limits}
+        if "not_below" in limits:
+            bounds["lower"] = getattr(values, limits["not_below"])
+        least = getattr(values, limits.get("above", ""), None)
+        if least is not None and self.number(key) <= least:
+            raise self.refusal(key, f"a finite number above {least:g}")
+        return self.number(key, **bounds)
+
+    def _text_of(self, key: str, allowed: tuple[str, ...], limits: Mapping[str, Any]) -> str:
+        if allowed and self.text(key) not in allowed:
+            raise self.refusal(key, " or ".join(allowed))
+        return str(self.item(key, limits["item"]).name) if "item" in limits else self.text(key)
+
+    def one_of(self, kinds: tuple[Any, ...]) -> object:
+        """The record of the class that ``kind`` names, or else of the first that has a key here of its own."""
+        tags = {_tag(kind): kind for kind in kinds if _tag(kind)}
+        if len(kinds) > 1 and tags:
+            if self.text("kind") not in tags:
+                *names, last = tags
+                raise self.refusal("kind", f"{', '.join(names)} or {last}")
+            return self.record(tags[self.text("kind")])
+        for kind in kinds[:-1]:
+            if set(_keys(kind)).difference(*(_keys(other) for other in kinds if other is not kind)) & set(self.data):
+                return self.record(kind)
+        return self.record(kinds[-1])
+
+    def _numbers(self, key: str, kind: Any, limits: Mapping[str, Any], values: SimpleNamespace) -> FloatArray:
+        """An array, or clamped knots."""
+        if "shape" in limits:
+            return self.shaped(key, limits["shape"](values))
+        found = self.array(key, *limits.get("dimensions", (1,)))
+        if "degree" in limits:
+            f: Field[Any] = kind.__dataclass_fields__[limits["degree"]]
+            degree = self.integer(f.metadata.get("key", f.name), *f.metadata["within"])
+            if not is_clamped(found, degree):
+                raise self.refusal(key, f"ascending, with {degree + 1} equal knots at both ends and fewer inside")
+        return found
+
+    def _mapping(self, key: str, hint: Any, limits: Mapping[str, Any], values: SimpleNamespace) -> dict[str, Any]:
+        found = self.section(key)
+        names = limits["keys"](values) if "keys" in limits else tuple(found.data)
+        found.refuse_others(limits.get("among", names))
+        return {name: found.data[name] if hint is Any else found.member(name, hint, None, {}, values) for name in names}
+
+    def _members(self, key: str, hints: tuple[Any, ...], limits: Mapping[str, Any], values: SimpleNamespace) -> object:
+        """A tuple: of numbers, pairs of numbers, texts, or records."""
+        if kinds := limits.get("kinds") or _records(hints[0]):
+            found = self.sections(key, limits.get("least", 1))
+            return tuple(section.one_of(kinds) for section in found)
         if hints[0] is str:
-            return self.names(key)
+            return self.names(key, limits.get("least", 0))
+        if limits.get("open"):
+            return self._open_pair(key)
         pairs = hints[0] is not float
         array, count = self.array(key, 2 if pairs else 1), 2 if pairs else len(hints) if ... not in hints else None
         if count is not None and array.shape[-1] != count:
             raise self.refusal(key, "pairs of numbers" if pairs else f"{count} numbers")
         like = limits.get("like")
-        if like is not None and len(array) != len(values[like]):
-            raise self.refusal(key, f"{len(values[like])} numbers, one for each of {like}")
+        if like is not None and len(array) != len(getattr(values, like)):
+            raise self.refusal(key, f"{len(getattr(values, like))} numbers, one for each of {like}")
         rises = array[1:] - array[:-1]
         if limits.get("ascending") and (len(array) < 2 or not (rises > 0.0).all()):
             raise self.refusal(key, "two or more numbers in ascending order")
         if limits.get("monotone") and not (rises * rises[0] > 0.0).all():
             raise self.refusal(key, "rising or falling throughout")
         return tuple(map(tuple, array.tolist())) if pairs else tuple(array.tolist())
+
+    def _open_pair(self, key: str) -> tuple[float, float]:
+        bounds = self.data.get(key)
+        if not isinstance(bounds, list) or len(bounds) != 2:
+            raise self.refusal(key, "a pair, with null for a bound that is none")
+        ends = Section(self.source, self.where(key), dict(zip(("lower", "upper"), bounds, strict=True)))
+        lower, upper = (None if bound is None else ends.number(name) for name, bound in ends.data.items())
+        return -inf if lower is None else lower, inf if upper is None else upper
 
     def section(self, key: str) -> "Section":
         """A nested object."""
@@ -183,15 +277,12 @@ class Section:
             raise self.refusal(key, "an object")
         return Section(self.source, self.where(key), value)
 
-    def optional_section(self, key: str) -> "Section | None":
-        """A nested object, or None where the member is null or absent."""
-        return None if self.data.get(key) is None else self.section(key)
-
-    def sections(self, key: str) -> tuple["Section", ...]:
-        """A list of one or more objects."""
+    def sections(self, key: str, least: int = 1) -> tuple["Section", ...]:
+        """A list of objects, so many at least."""
         value = self.data.get(key)
-        if not isinstance(value, list) or not value or not all(isinstance(item, Mapping) for item in value):
-            raise self.refusal(key, "a list of objects, at least one")
+        if not isinstance(value, list) or len(value) < least or not all(isinstance(item, Mapping) for item in value):
+            few = {0: "", 1: ", at least one"}.get(least, f", at least {least}")
+            raise self.refusal(key, f"a list of objects{few}")
         return tuple(Section(self.source, f"{self.where(key)}[{k}]", item) for k, item in enumerate(value))
 
     def names(self, key: str, least: int = 0) -> tuple[str, ...]:
@@ -208,6 +299,8 @@ class Section:
 
     def shaped(self, key: str, shape: tuple[int, ...]) -> FloatArray:
         """An array of a shape that other entries ask for."""
+        if 0 in shape:
+            return np.zeros(shape)
         found = self.array(key, len(shape))
         if found.shape != shape:
             numbers = " lists of ".join(map(str, shape))
@@ -233,15 +326,67 @@ class Section:
         return result
 
 
-def plain(value: object, record: Callable[[Any], Any] = vars) -> Any:
-    """What JSON has as it is: dataclasses as mappings of their fields or as ``record`` has them, arrays as lists."""
+def written(value: Any, *, tagged: bool = False) -> Any:
+    """A record as JSON has it, by its fields; ``tagged`` with its kind."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Mapping):
-        return {key: plain(one, record) for key, one in value.items()}
+        return {key: written(one) for key, one in value.items()}
     if isinstance(value, tuple | list):
-        return [plain(one, record) for one in value]
-    return plain(record(value), record) if is_dataclass(value) and not isinstance(value, type) else value
+        return [written(one, tagged=tagged) for one in value]
+    return dict(_written_members(value, tagged)) if is_dataclass(value) else value
+
+
+def _written_members(record: Any, tagged: bool) -> Iterator[tuple[str, Any]]:
+    sparse, kind = isinstance(record, _SPARSE), record.__class__
+    for f in fields(record):
+        value, limits, key = getattr(record, f.name), f.metadata, f.metadata.get("key", f.name)
+        usual = f.default if f.default_factory is MISSING else f.default_factory()
+        spared = limits.get("omit") or (sparse and f.name not in _ALWAYS)
+        as_usual = value is usual or (not isinstance(value, np.ndarray) and value == usual)
+        if key is None or (f.name == "kind" and _tag(kind) and not tagged) or (spared and as_usual):
+            continue
+        if "form" in limits:
+            many = isinstance(value, tuple)
+            value = [limits["form"].of(one) for one in value] if many else limits["form"].of(value)
+        if limits.get("open"):
+            value = [None if isinf(bound) else bound for bound in value]
+        if limits.get("flat"):
+            yield from _written_members(value, tagged=False)
+        else:
+            yield key, written(value, tagged="kinds" in limits)
+
+
+@cache
+def _hints(kind: Any) -> dict[str, Any]:
+    return get_type_hints(kind)
+
+
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    """The types that a hint allows, none of them None."""
+    return tuple(one for one in (get_args(hint) if isinstance(hint, UnionType) else (hint,)) if one is not type(None))
+
+
+def _records(hint: Any) -> tuple[Any, ...]:
+    """The dataclasses that a hint allows."""
+    return tuple(filter(is_dataclass, _alternatives(hint)))
+
+
+@cache
+def _tag(kind: Any) -> str:
+    """The ``kind`` by which a file tells a class from others; empty where it has none."""
+    names = get_args(_hints(kind).get("kind"))
+    return str(names[0]) if len(names) == 1 else ""
+
+
+@cache
+def _keys(kind: Any) -> tuple[str, ...]:
+    """The members that a record has in a file."""
+    keys: list[str] = []
+    for f in fields(kind):
+        key, of = f.metadata.get("key", f.name), f.metadata.get("form", _hints(kind)[f.name])
+        keys += _keys(of) if f.metadata.get("flat") else [key] if key is not None else []
+    return tuple(keys)
 
 
 def _short(value: object) -> str:

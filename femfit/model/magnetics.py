@@ -10,9 +10,10 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import casadi as ca
 import numpy as np
@@ -24,7 +25,7 @@ from femfit.core.numerics import FloatArray
 from femfit.laws.catalogue import law_by_name
 from femfit.laws.law import ForceLaw
 from femfit.model.bspline import TensorSpline
-from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.coordinate import FLAT, DistanceCoordinate
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +54,12 @@ ForceOfCurrents = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Force (...) in N and motional constants (..., n) in N/A of currents (..., n) in A."""
 
 
-class Magnetics(ABC):
-    """A co-energy W'(d, i_1..i_n); distances (...) in m and currents (..., n) in A broadcast, and n may be none."""
+class OfCurrents(ABC):
+    """A function of (d, i_1..i_n); distances (...) in m and currents (..., n) in A broadcast, and n may be none."""
 
     @abstractmethod
     def expression(self, distance: SX, currents: SX) -> SX:
-        """W' in J, up to a constant, of an expression's distance and currents (n,)."""
+        """The value at an expression's distance and currents (n,): of a co-energy in J, up to a constant."""
 
     def with_memory(self, memory: Mapping[str, SX]) -> Callable[[SX, SX], SX]:  # noqa: ARG002
         """The same where the states of effects are these."""
@@ -74,25 +75,37 @@ class Magnetics(ABC):
         """Their values, (k,) or (k, points)."""
         return np.zeros(0)
 
+    def derived(self, derive: Derive, distance: FloatArray, currents: FloatArray) -> list[FloatArray]:
+        """What is derived of it at points."""
+        return derived(self._known, self.expression, derive, distance, currents, self.given, self.given_values)
+
+    @cached_property
+    def _known(self) -> Memo:
+        return Memo()
+
+
+class Magnetics(OfCurrents):
+    """A co-energy W'(d, i_1..i_n)."""
+
     def coenergy(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """W' in J, up to a constant, of shape (...)."""
-        return self._derived(_value, distance, currents)[0]
+        return self.derived(value_of, distance, currents)[0]
 
     def force(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """F = -dW'/dd in N, positive towards the electromagnet, of shape (...)."""
-        return self._derived(_force, distance, currents)[0]
+        return self.derived(_force, distance, currents)[0]
 
     def flux_linkage(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """dW'/di_k in Wb, of shape (..., n)."""
-        return self._derived(_flux_linkage, distance, currents)[0]
+        return self.derived(_flux_linkage, distance, currents)[0]
 
     def state(self, distance: FloatArray, currents: FloatArray) -> MagneticState:
         """Force, motional constants and inductances together, at the price of little more than one."""
-        return MagneticState(*self._derived(_state, distance, currents))
+        return MagneticState(*self.derived(_state, distance, currents))
 
     def slopes(self, distance: FloatArray, currents: FloatArray) -> MagneticSlopes:
         """The same with their slopes along the distance and the currents."""
-        return MagneticSlopes(*self._derived(_slopes, distance, currents))
+        return MagneticSlopes(*self.derived(_slopes, distance, currents))
 
     def motional_constant(self, distance: FloatArray, currents: FloatArray) -> FloatArray:
         """k_m = dF/di_k = -d(flux linkage_k)/dd in N/A, of shape (..., n)."""
@@ -115,15 +128,9 @@ class Magnetics(ABC):
 
         return force
 
-    def _derived(self, derive: Derive, distance: FloatArray, currents: FloatArray) -> list[FloatArray]:
-        return derived(self._known, self.expression, derive, distance, currents, self.given, self.given_values)
 
-    @cached_property
-    def _known(self) -> Memo:
-        return Memo()
-
-
-def _value(value: SX, _distance: SX, _currents: SX) -> list[Part]:
+def value_of(value: SX, _distance: SX, _currents: SX) -> list[Part]:
+    """The value itself, for :meth:`OfCurrents.derived`."""
     return [(value, 0)]
 
 
@@ -148,21 +155,6 @@ def _slopes(coenergy: SX, distance: SX, currents: SX) -> list[Part]:
     return [*state, *along, (ca.jacobian(ca.vec(inductance), currents), axes + 1)]
 
 
-def only_current(currents: FloatArray) -> FloatArray:
-    """The current (...) of an axis (..., n) of at most one; zero where there is none.
-
-    Raises
-    ------
-    DomainError
-        If there are more.
-    """
-    if currents.shape[-1:] == (1,):
-        return currents[..., 0]
-    if currents.shape[-1:] != (0,):
-        raise DomainError(f"Currents must have the shape (..., 1); instead received the shape {currents.shape}.")
-    return np.zeros(currents.shape[:-1])
-
-
 def current_of(currents: SX) -> SX:
     """The only current of an expression's; zero where there is none.
 
@@ -180,8 +172,9 @@ def current_of(currents: SX) -> SX:
 class CoenergySpline(Magnetics):
     """W'(d, i) as a tensor B-spline in a coordinate u(d) and i, of one current or of none."""
 
-    coordinate: DistanceCoordinate
-    spline: TensorSpline  # In (u, i), in J
+    kind: Literal["coenergy_spline"] = field(default="coenergy_spline", kw_only=True)
+    coordinate: DistanceCoordinate = field(metadata=FLAT)
+    spline: TensorSpline = field(metadata={"flat": True})  # In (u, i), in J
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and current."""
@@ -193,11 +186,12 @@ class Coefficient:
     """One term c i^n phi_k(d) of a force law, as fitted."""
 
     basis: str  # Name of the column phi_k
-    current_power: int
+    current_power: int = field(metadata={"within": (0, 16)})
     value: float
     unit: str
     ci95: tuple[float, float] | None = None  # 95 % interval, where it was estimated
-    bounds: tuple[float, float] = (-np.inf, np.inf)  # What the fit allowed; infinite where it did not bound
+    # What the fit allowed; infinite where it did not bound
+    bounds: tuple[float, float] = field(default=(-np.inf, np.inf), metadata={"open": True, "required": True})
     active: str = ""  # ``lower``, ``upper`` or empty: the bound that the fit hit
 
 
@@ -211,12 +205,22 @@ class LawMagnetics(Magnetics):
     row holds a law, enters the circuit.
     """
 
-    law_name: str
+    kind: Literal["law"] = field(default="law", kw_only=True)
+    law_name: str = field(metadata={"key": "law", "item": law_by_name})
     coefficients: tuple[Coefficient, ...]
-    shape: Mapping[str, float] = field(default_factory=dict)
-    constant_inductance_H: float = 0.0
-    constant_flux_linkage_Wb: float = 0.0
+    shape: Mapping[str, float] = field(
+        default_factory=dict,
+        metadata={"required": True, "keys": lambda s: tuple(p.name for p in law_by_name(s.law_name).shape)},
+    )
+    constant_inductance_H: float = field(default=0.0, metadata={"required": True})
+    constant_flux_linkage_Wb: float = field(default=0.0, metadata={"required": True})
     reference_distance_m: float | None = None  # d_ref; None for infinity, as in models of earlier versions
+
+    def faults(self) -> Iterator[tuple[str, str]]:
+        """Coefficients of columns that the law lacks."""
+        for k, coefficient in enumerate(self.coefficients):
+            if coefficient.basis not in self.law.basis:
+                yield f"coefficients[{k}].basis", f"a column of the law ({', '.join(self.law.basis)})"
 
     @cached_property
     def law(self) -> ForceLaw:

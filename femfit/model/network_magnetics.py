@@ -15,7 +15,8 @@ H. C. Roters, Electromagnetic Devices (Wiley, 1941), chapters IV to VII (permean
 O. Froelich, Elektrotechnische Zeitschrift 2 (1881) 134 (the curve).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from casadi import SX
@@ -35,11 +36,12 @@ OPERATIONS = 100
 class NetworkMagnetics(Magnetics):
     """The co-energy of the network; a current of either sign pulls alike."""
 
-    reference_distance_m: float  # d_0
+    kind: Literal["reluctance_network"] = field(default="reluctance_network", kw_only=True)
+    reference_distance_m: float = field(metadata={"positive": True})  # d_0
     distance_shift_m: float  # a
     log_reluctance: tuple[float, float, float, float]  # Of ln r in powers of x, the lowest first; r in A/Wb
     saturation_Wb: tuple[float, float]  # s in powers of x
-    knee_A: float  # c
+    knee_A: float = field(metadata={"positive": True})  # c
     leakage_H: tuple[float, float]  # L in powers of x
 
     def expression(self, distance: SX, currents: SX) -> SX:

@@ -4,7 +4,7 @@ Readings are an expression of what is recorded and of the effects' parameters; v
 slopes by the setting are derived from it.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Sequence
 from dataclasses import replace
 
 import casadi as ca
@@ -19,9 +19,9 @@ from femfit.effects.effect import CHANNELS, AddedEffect
 from femfit.effects.stages import hall_point, recorded, true_setting, with_further_force
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, Point, at_points, at_rest
-from femfit.model.decay import Complex, complex_array
-from femfit.model.impedance import following_share, impedances_by_column, induced_impedance, with_further_impedance
-from femfit.model.with_effects import patterns_with_sources, resistance_of
+from femfit.model.decay import Complex
+from femfit.model.impedance import impedance_expression, impedances_by_column
+from femfit.model.with_effects import resistance_of
 
 LOW_HZ = 1e-6
 """Numerical: of an impedance at no frequency; its eddy currents have died out, and a winding that is shorted carries
@@ -75,14 +75,12 @@ def readings_by(
     channels: Collection[str] = CHANNELS,
 ) -> dict[str, FloatArray]:
     """Readings as of :func:`predict_readings`, then their slopes by parameters of effects; each (1 + parameters, n)."""
-    wanted, bridge = tuple(parameters), _bridge(model, channels)
+    wanted = tuple(parameters)
 
-    def derived(point: Point) -> dict[str, SX]:
-        names, values = _stacked(point, bridge)
-        rows = ca.horzcat(values, ca.jacobian(values, point.parameters(wanted)))
-        return dict(zip(names, ca.vertsplit(rows), strict=True))
+    def derived(point: Point, values: SX) -> SX:
+        return ca.horzcat(values, ca.jacobian(values, point.parameters(wanted)))
 
-    return _at_rows(model, ("readings", bridge, wanted), derived, distance, current, effects, conditions)
+    return _at_rows(model, ("readings", wanted), derived, channels, distance, current, effects, conditions)
 
 
 def setting_slopes(
@@ -97,40 +95,35 @@ def setting_slopes(
     Of each channel that the model predicts with its effects, of shape (2 + circuits, n).
     """
 
-    def derived(point: Point) -> dict[str, SX]:
-        names, values = _stacked(point, bridge)
+    def derived(point: Point, values: SX) -> SX:
         slope = ca.jacobian(values, point.distance)
-        parts = [slope, ca.jacobian(slope, point.distance), ca.jacobian(values, point.currents)]
-        return dict(zip(names, ca.vertsplit(ca.horzcat(*parts)), strict=True))
+        return ca.horzcat(slope, ca.jacobian(slope, point.distance), ca.jacobian(values, point.currents))
 
-    bridge = _bridge(model, channels)
-    return _at_rows(model, ("setting", bridge), derived, distance, current, model.effects, conditions)
-
-
-def _bridge(model: ActuatorModel, channels: Collection[str]) -> bool:
-    """Whether impedances are wanted and there are any."""
-    return model.without_effects.has_winding and any(name.startswith(("inductance", "resistance")) for name in channels)
+    return _at_rows(model, ("setting",), derived, channels, distance, current, model.effects, conditions)
 
 
 def _at_rows(
     model: ActuatorModel,
-    what: Hashable,
-    expressions: Callable[[Point], Mapping[str, SX]],
+    what: tuple[Hashable, ...],
+    derive: Callable[[Point, SX], SX],
+    channels: Collection[str],
     distance: FloatArray,
     current: FloatArray,
     effects: Sequence[AddedEffect],
     conditions: Conditions,
 ) -> dict[str, FloatArray]:
+    """What is derived of the readings, a row a channel, impedances among them where these are wanted."""
+    impedances = any(name.startswith(("inductance", "resistance")) for name in channels)
+    bridge = impedances and model.without_effects.has_winding
+
+    def rows(point: Point) -> dict[str, SX]:
+        values = _recorded(point, bridge)
+        return dict(zip(values, ca.vertsplit(derive(point, ca.vertcat(*map(SX, values.values())))), strict=True))
+
     d = np.asarray(distance, dtype=np.float64)
     i = model.without_effects.validity.with_axis(np.asarray(current, dtype=np.float64))
     conditions = replace(conditions, frequency_Hz=np.fmax(conditions.frequency_Hz, LOW_HZ))
-    return at_points(model, what, expressions, d, i, effects, conditions)
-
-
-def _stacked(point: Point, bridge: bool) -> tuple[tuple[str, ...], SX]:
-    """Names of the channels, and what is recorded of each."""
-    values = _recorded(point, bridge)
-    return tuple(values), ca.vertcat(*(SX(value) for value in values.values()))
+    return at_points(model, (*what, bridge), rows, d, i, effects, conditions)
 
 
 def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
@@ -152,21 +145,17 @@ def _recorded(point: Point, bridge: bool) -> dict[str, Expression]:
     values |= {name: ohms[k] * i[k] for k, name in enumerate(voltage_columns(base.circuit_names))}
     if bridge:
         inductance = ca.reshape(seen["inductance"], i.numel(), i.numel())
-        shown = _impedances(point, d, first, inductance, ohms or [SX(np.nan)] * i.numel())
+        shown = _impedances(point, d, i, inductance, ohms or [SX(np.nan)] * i.numel())
         values |= {name: shown[name] for name in shown if ohms or not name.startswith("resistance")}
     return recorded(effects, values, d, first, conditions)
 
 
-def _impedances(point: Point, d: SX, first: SX, low: SX, ohms: Sequence[SX]) -> dict[str, Expression]:
+def _impedances(point: Point, d: SX, i: SX, low: SX, ohms: Sequence[SX]) -> dict[str, Expression]:
     """Resistances and inductances in series of n circuits, of low inductances (n, n) and ohms."""
     base, effects, conditions = point.model, point.effects, point.conditions
     w = 2.0 * np.pi * conditions.frequency_Hz
-    s, series = Complex(SX(0.0), w), [one.inductance_H for one in base.circuits] or [0.0]
-    share = following_share(effects, s)
-    z = induced_impedance(complex_array(low), s, share, patterns_with_sources(base, effects, d))
-    z = with_further_impedance(z, effects, d, first, conditions.frequency_Hz, conditions)
-    beside = np.array([s * henry + ohm for henry, ohm in zip(series, ohms, strict=True)], dtype=object)
-    z, shown = z + np.diag(beside), dict[str, Expression]()
+    s = Complex(SX(0.0), w)
+    z, shown = impedance_expression(base, effects, conditions, d, i, low, s, ohms), dict[str, Expression]()
     for name, found in impedances_by_column(z, base.circuit_names).items():
         one = Complex.of(found)
         shown[resistance_column(name)], shown[name] = one.real, one.imag / w

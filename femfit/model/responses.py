@@ -14,6 +14,7 @@ from numpy.polynomial import chebyshev
 
 from femfit.core.graph import row_of
 from femfit.core.numerics import FloatArray
+from femfit.model.bspline import polynomial
 
 DEGREE = 8
 """Measured: fewest operations for the error."""
@@ -71,12 +72,8 @@ class ResponseTable:
         """Both matrices at an expression's distance."""
         d = ca.fmin(ca.fmax(distance, self._ends[0]), self._ends[1])
         row = row_of(self._table, [self._borders], [d])
-        x, entries = (d - row[0]) * row[1], []
-        for coefficients in ca.vertsplit(row[2:], DEGREE + 1):
-            value = SX(0.0)
-            for coefficient in reversed(ca.vertsplit(coefficients)):
-                value = value * x + coefficient
-            entries.append(value)
+        x, value = (d - row[0]) * row[1], polynomial((DEGREE + 1,))
+        entries = [value(coefficients, x) for coefficients in ca.vertsplit(row[2:], DEGREE + 1)]
         size = len(entries) // 2
         return self._square(entries[:size]), self._square(entries[size:])
 

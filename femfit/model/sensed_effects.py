@@ -12,6 +12,7 @@ sensor of a model reads what is recorded, so that it undoes the same effects.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING
 
 from casadi import SX
 
@@ -20,8 +21,10 @@ from femfit.core.numerics import FloatArray
 from femfit.effects.catalogue import SEPARATOR, source_scales
 from femfit.effects.effect import AddedEffect
 from femfit.effects.stages import true_setting
-from femfit.model.actuator_model import ActuatorModel
 from femfit.model.hall import OtherSensor, PickupSensor, SensedField
+
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
 
 SCALING = ("remanence", "turns")
 """Effects that scale what makes the field."""
@@ -73,7 +76,9 @@ def _changed(field: SensedField, what: str, effects: Sequence[AddedEffect], circ
     return field.scaled(magnets, currents)
 
 
-def true_setting_of(model: ActuatorModel, distance: FloatArray, currents: FloatArray) -> tuple[FloatArray, FloatArray]:
+def true_setting_of(
+    model: "ActuatorModel", distance: FloatArray, currents: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Distance (...) and currents (..., n) that body and windings have where these were recorded, at rest."""
     if model.conditions is None:
         return distance, currents

@@ -16,6 +16,7 @@ from casadi import SX
 from femfit.core.errors import MissingPartError
 from femfit.core.graph import Expression, row_of
 from femfit.device.electrics import AccelerationSensor, CurrentSensor, ForceSensor, PositionSensor
+from femfit.effects.conditions import Conditions
 from femfit.effects.stages import hall_point, recorded, recorded_setting, with_further_force
 from femfit.model.hall import HallSensor, OtherSensor, PickupSensor
 
@@ -35,15 +36,22 @@ def reading_expression(equations: "Equations", sensor: AnySensor, state: SX, vol
         Across the circuits; it reaches pickup coils and acceleration sensors alone.
     """
     model = equations.model
-    if isinstance(sensor, HallSensor):
-        return _hall_voltage(equations, state, time)
+    d, v, w, memory = equations.parts(state)
+    at = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
     if isinstance(sensor, CurrentSensor | PositionSensor):
-        distance, currents = _recorded(equations, state, time)
+        currents = ca.vertcat(SX(0, 1), *ca.vertsplit(w)[: len(model.circuits)])
+        distance, currents = recorded_setting(model.effects, d, currents, at)
         if isinstance(sensor, PositionSensor):
             return characteristic(sensor, distance)
         return sensor.gain * currents[current_index(model, sensor) - 2] + sensor.offset
-    if isinstance(sensor, ForceSensor):
-        return _recorded_force(equations, state, time)
+    if isinstance(sensor, HallSensor | ForceSensor):
+        first = w[0] if w.numel() else SX(0.0)
+        if isinstance(sensor, HallSensor):
+            name, value = "hall_V", _hall_voltage(model, d, w, at)
+        else:
+            force = -ca.gradient(equations.coenergy(memory)(d, w), d)
+            name, value = "force_N", with_further_force(model.effects, force, d, first, at)
+        return SX(recorded(model.effects, {name: value}, d, first, at)[name])
     if isinstance(sensor, PickupSensor):
         flux = pickup_flux(model, sensor, state)
         return ca.dot(ca.gradient(flux, state), equations.rates_at(state, voltage))
@@ -73,13 +81,19 @@ def require_no_eddies(model: "ActuatorModel", sensor: PickupSensor) -> None:
 
 def characteristic(sensor: PositionSensor, distance: Expression) -> Expression:
     """Reading at distances in m, continued with the slope of the last piece, so that an estimate is led back."""
+    start, first, slope = piece_of(sensor, distance)
+    return first + slope * (distance - start)
+
+
+def piece_of(sensor: PositionSensor, distance: Expression) -> tuple[Expression, Expression, Expression]:
+    """Where the piece of a characteristic begins, its first reading there, and its slope."""
     at, read = np.asarray(sensor.distances_m), np.asarray(sensor.readings)
     pieces = np.stack([at[:-1], read[:-1], np.diff(read) / np.diff(at)], axis=1)
     if isinstance(distance, SX):
-        row = row_of(pieces, [at[1:-1]], [distance])
-        return row[1] + row[2] * (distance - row[0])
-    start, first, slope = np.moveaxis(pieces[at[1:-1].searchsorted(distance, "right")], -1, 0)
-    return np.asarray(first + slope * (distance - start))
+        start, first, slope = ca.vertsplit(row_of(pieces, [at[1:-1]], [distance]))
+    else:
+        start, first, slope = np.moveaxis(pieces[at[1:-1].searchsorted(distance, "right")], -1, 0)
+    return start, first, slope
 
 
 def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
@@ -101,36 +115,12 @@ def current_index(model: "ActuatorModel", sensor: CurrentSensor) -> int:
     return 2 + names.index(sensor.circuit)
 
 
-def _hall_voltage(equations: "Equations", state: SX, time: SX) -> SX:
-    model = equations.model
+def _hall_voltage(model: "ActuatorModel", distance: SX, currents: SX, at: Conditions) -> SX:
+    """The Hall element's true output, of the distance and the current that its reading belongs to."""
     sensor, eddy = model.without_effects.require_sensor(), model.eddy
-    d, v, w, memory = equations.parts(state)
-    conditions = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
-    first = w[0] if w.numel() else SX(0.0)
-    then_d, then_i = hall_point(model.effects, d, first, conditions)
-    then = ca.vertcat(then_i, *ca.vertsplit(w)[1:]) if w.numel() else w
-    field = model.require_sensor().field.with_memory(memory)
+    first = currents[0] if currents.numel() else SX(0.0)
+    then_d, then_i = hall_point(model.effects, distance, first, at)
+    then = ca.vertcat(then_i, *ca.vertsplit(currents)[1:]) if currents.numel() else currents
+    field = model.require_sensor().field.with_memory(at.memory)
     value = field(then_d, then) if eddy is None else eddy.field(field, then_d, then)
-    volts = sensor.quiescent_V + sensor.sensitivity_V_per_T * value
-    return SX(recorded(model.effects, {"hall_V": volts}, d, first, conditions)["hall_V"])
-
-
-def _recorded(equations: "Equations", state: SX, time: SX) -> tuple[SX, SX]:
-    """The distance and the circuits' currents that are recorded."""
-    model = equations.model
-    d, v, w, memory = equations.parts(state)
-    currents = ca.vertcat(SX(0, 1), *ca.vertsplit(w)[: len(model.circuits)])
-    if all(added.effect.setting is None for added in model.effects):
-        return d, currents
-    at = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
-    return recorded_setting(model.effects, d, currents, at)
-
-
-def _recorded_force(equations: "Equations", state: SX, time: SX) -> SX:
-    model = equations.model
-    d, v, w, memory = equations.parts(state)
-    first = w[0] if w.numel() else SX(0.0)
-    force = -ca.gradient(equations.coenergy(memory)(d, w), d)
-    at = replace(equations.conditions(v, memory), time_s=time, elapsed=time)
-    force = with_further_force(model.effects, force, d, first, at)
-    return SX(recorded(model.effects, {"force_N": force}, d, first, at)["force_N"])
+    return sensor.quiescent_V + sensor.sensitivity_V_per_T * value

@@ -11,7 +11,7 @@ from math import floor
 import numpy as np
 
 from femfit.core.errors import MissingPartError
-from femfit.core.numerics import FloatArray, IntArray
+from femfit.core.numerics import FloatArray
 from femfit.core.sweep_columns import circuit_currents
 from femfit.device.electrics import CurrentSensor, PositionSensor
 from femfit.model.actuator_model import ActuatorModel
@@ -156,17 +156,6 @@ def reading_slope(model: ActuatorModel, sensor: AnySensor, state: FloatArray) ->
     holding = model.resistances_ohm * model.currents_of(state)
     voltage = holding[..., 0] if len(model.circuits) == 1 else holding
     return evaluated(model, model.equations.reading_slope(sensor), state, voltage)
-
-
-def piece_slope(sensor: PositionSensor, distance: FloatArray) -> FloatArray:
-    """Slope of :func:`femfit.model.sensing.characteristic`."""
-    slope = np.diff(sensor.readings) / np.diff(sensor.distances_m)
-    return np.asarray(slope[_piece(sensor, distance)])
-
-
-def _piece(sensor: PositionSensor, distance: FloatArray) -> IntArray:
-    at = np.asarray(sensor.distances_m)
-    return np.clip(np.searchsorted(at, distance, side="right") - 1, 0, len(at) - 2)
 
 
 WHOLE = 1e-6

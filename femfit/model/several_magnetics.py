@@ -22,16 +22,18 @@ H. H. Woodson and J. R. Melcher, Electromechanical Dynamics, part I (Wiley, 1968
 C. de Boor, A Practical Guide to Splines (Springer, 2001), chapter XVII: tensor products.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from math import comb
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 from casadi import SX
 
 from femfit.core.numerics import FloatArray
-from femfit.model.bspline import PARABOLA, CellTable, cell_table, cells_of
-from femfit.model.coordinate import DistanceCoordinate, DistanceSplines
+from femfit.model.bspline import PARABOLA, CellTable, cell_table, cells_of, functions, nested_shape
+from femfit.model.coordinate import FLAT_OF_SEVERAL, DistanceCoordinate, DistanceSplines
 from femfit.model.magnetics import Magnetics
 
 
@@ -39,12 +41,15 @@ from femfit.model.magnetics import Magnetics
 class CoenergyMatrix(Magnetics):
     """M(d) of the module's head."""
 
-    names: tuple[str, ...]  # Of the circuits, in the order of their currents
-    coordinate: DistanceCoordinate
-    u_knots: FloatArray
-    u_degree: int
+    kind: Literal["coenergy_matrix"] = field(default="coenergy_matrix", kw_only=True)
+    names: tuple[str, ...] = field(metadata={"key": "circuits", "least": 2})  # In the order of their currents
+    coordinate: DistanceCoordinate = field(metadata=FLAT_OF_SEVERAL)
+    u_knots: FloatArray = field(metadata={"degree": "u_degree"})
+    u_degree: int = field(metadata={"within": (2, 9)})
     # Of the entries M_ab, a <= b, row by row; shape (functions, (n + 1) (n + 2) / 2)
-    coefficients: FloatArray
+    coefficients: FloatArray = field(
+        metadata={"shape": lambda m: (functions(m.u_knots, m.u_degree), comb(len(m.names) + 2, 2))}
+    )
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
@@ -70,22 +75,35 @@ class CoenergyMatrix(Magnetics):
 
 
 @dataclass(frozen=True, eq=False)
+class CircuitAxis:
+    """The splines of a circuit's current."""
+
+    name: str
+    knots_A: FloatArray = field(metadata={"degree": "degree"})
+    degree: int = field(metadata={"within": (2, 9)})
+
+
+@dataclass(frozen=True, eq=False)
 class CoenergyTensor(Magnetics):
     """The spline of the module's head."""
 
-    names: tuple[str, ...]  # Of the circuits, in the order of their currents
-    coordinate: DistanceCoordinate
-    u_knots: FloatArray
-    u_degree: int
-    current_knots_A: tuple[FloatArray, ...]  # Of each circuit
-    current_degrees: tuple[int, ...]
-    coefficients: FloatArray  # In J, shape (functions of u, functions of i_1, ..)
+    kind: Literal["coenergy_tensor"] = field(default="coenergy_tensor", kw_only=True)
+    coordinate: DistanceCoordinate = field(metadata=FLAT_OF_SEVERAL)
+    u_knots: FloatArray = field(metadata={"degree": "u_degree"})
+    u_degree: int = field(metadata={"within": (2, 9)})
+    circuits: tuple[CircuitAxis, ...] = field(metadata={"least": 2})  # In the order of their currents
+    # In J, shape (functions of u, functions of i_1, ..)
+    coefficients: FloatArray = field(metadata={"shape": lambda t: nested_shape(t, t.circuits)})
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the circuits."""
+        return tuple(one.name for one in self.circuits)
 
     def expression(self, distance: SX, currents: SX) -> SX:
         """W' of an expression's distance and currents."""
         return cell_table(self, self._cells).at(self.coordinate.of(distance), *ca.vertsplit(currents))[0]
 
     def _cells(self) -> CellTable:
-        along = zip(self.current_knots_A, self.current_degrees, strict=True)
-        axes = [cells_of(self.u_knots, self.u_degree), *(cells_of(*axis, PARABOLA) for axis in along)]
-        return CellTable(axes, self.coefficients[..., None])
+        along = (cells_of(one.knots_A, one.degree, PARABOLA) for one in self.circuits)
+        return CellTable([cells_of(self.u_knots, self.u_degree), *along], self.coefficients[..., None])

@@ -123,6 +123,29 @@ class ValidityBox:
 
 
 @dataclass(frozen=True)
+class FiledBox:
+    """A validity domain as a model file has it: currents of the first circuit, and of the further ones."""
+
+    distance_min_m: float
+    distance_max_m: float
+    current_min_A: float
+    current_max_A: float
+    further_A: tuple[tuple[float, float], ...] = ()
+    mirrored: bool = False
+
+    @classmethod
+    def of(cls, box: ValidityBox) -> "FiledBox":
+        """A domain as the file has it; of no winding with currents of zero."""
+        (low, high), *further = box.column_limits_A.tolist()
+        return cls(box.distance_min_m, box.distance_max_m, low, high, tuple(map(tuple, further)), box.mirrored)
+
+    def value(self, *, winding: bool) -> ValidityBox:
+        """The domain itself."""
+        distances, first = (self.distance_min_m, self.distance_max_m), (self.current_min_A, self.current_max_A)
+        return ValidityBox.of_currents(distances, first, *self.further_A, winding=winding, mirrored=self.mirrored)
+
+
+@dataclass(frozen=True)
 class Misfit:
     """How far the model, as it is written, is from the table that it was fitted to.
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import prod
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -15,7 +16,6 @@ from femfit.effects.catalogue import OF_THE_WHOLE, source_scales
 from femfit.effects.conditions import NO_MAGNET, Conditions, Nominal
 from femfit.effects.effect import AddedEffect, Coenergy, Effect
 from femfit.effects.stages import changed_coenergy, circuit_of, moving_mass, recorded, stops_of
-from femfit.model.actuator_model import ActuatorModel
 from femfit.model.decay import Complex, complex_array
 from femfit.model.eddy_currents import EddyCurrents, Patterns
 from femfit.model.hall import HallField
@@ -23,14 +23,15 @@ from femfit.model.magnetics import Magnetics
 from femfit.model.sensed_effects import pickups_with_effects
 from femfit.model.several_magnetics import CoenergyTensor
 
+if TYPE_CHECKING:
+    from femfit.model.actuator_model import ActuatorModel
 
-def nominal_of(model: ActuatorModel) -> Nominal:
+
+def nominal_of(model: "ActuatorModel") -> Nominal:
     """Facts of a base model by which effects scale their parameters."""
     base = model.without_effects
     domain, nan = base.validity, float("nan")
     d, i = domain.grid(15, 15, several=5)
-    force, flux = base.magnetics.force(d, i), base.magnetics.flux_linkage(d, i)
-    largest = [float(np.abs(values).max(initial=0.0)) for values in (force, flux)]
     limits = domain.current_limits_A if len(domain.current_limits_A) else np.zeros((1, 2))
     middle = np.array(0.5 * (d.min() + d.max())), domain.current_limits_A.mean(axis=1)
     inductance = base.magnetics.inductance(*middle)
@@ -44,8 +45,8 @@ def nominal_of(model: ActuatorModel) -> Nominal:
         distance_max_m=domain.distance_max_m,
         current_min_A=float(limits[:, 0].min()),
         current_max_A=float(limits[:, 1].max()),
-        force_N=largest[0],
-        flux_linkage_Wb=largest[1],
+        force_N=base.peaks[0],
+        flux_linkage_Wb=base.peaks[1],
         magnet_share=max(base.share_without_current(), NO_MAGNET) if base.has_magnet else 0.0,
         magnet_drawn=base.kind is not None,
         magnet_known=base.magnet_known,
@@ -69,7 +70,7 @@ def nominal_of(model: ActuatorModel) -> Nominal:
     )
 
 
-def coenergy_of(model: ActuatorModel) -> Coenergy:
+def coenergy_of(model: "ActuatorModel") -> Coenergy:
     """W'(d, i, h) of a model's magnetics and of the field at its Hall element, without effects."""
     base = model.without_effects
     field = None if base.sensor is None else base.sensor.field
@@ -86,7 +87,7 @@ def coenergy_of(model: ActuatorModel) -> Coenergy:
 class EffectMagnetics(Magnetics):
     """The co-energy of a base model as effects change it, under fixed conditions."""
 
-    base: ActuatorModel
+    base: "ActuatorModel"
     effects: tuple[AddedEffect, ...]
     conditions: Conditions
 
@@ -130,7 +131,7 @@ class EffectHallField(HallField):
         return (read - sensor.quiescent_V) / sensor.sensitivity_V_per_T
 
 
-def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> ActuatorModel:
+def with_effects(model: "ActuatorModel", effects: Iterable[AddedEffect]) -> "ActuatorModel":
     """A model with effects in place of those that it has."""
     effects, base = tuple(effects), model.without_effects
     if not effects:
@@ -167,7 +168,7 @@ def with_effects(model: ActuatorModel, effects: Iterable[AddedEffect]) -> Actuat
     return replace(changed, magnetics=magnetics if seen else base.magnetics, sensor=sensor)
 
 
-def _require_of_circuits(base: ActuatorModel, effects: tuple[AddedEffect, ...]) -> None:
+def _require_of_circuits(base: "ActuatorModel", effects: tuple[AddedEffect, ...]) -> None:
     """Refuse effects that are written for one current, and magnets that do not stand apart."""
     apart = [added.effect.name for added in effects if added.effect.name == "remanence"]
     if apart and isinstance(base.magnetics, CoenergyTensor):
@@ -195,7 +196,7 @@ def _of_circuits(effect: Effect) -> bool:
     return bool(effect.of) or effect.name in OF_THE_WHOLE or of_eddies
 
 
-def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> EddyCurrents | None:
+def eddy_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect]) -> EddyCurrents | None:
     """The eddy currents of a base model beside magnets, turns and conductivities that effects scale."""
     if base.eddy is None:
         return None
@@ -209,7 +210,7 @@ def eddy_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect]) -> Ed
     return found
 
 
-def patterns_with_sources(base: ActuatorModel, effects: Sequence[AddedEffect], distance: SX) -> Patterns | None:
+def patterns_with_sources(base: "ActuatorModel", effects: Sequence[AddedEffect], distance: SX) -> Patterns | None:
     """The patterns of :func:`eddy_with_sources` at an expression's distance, parameters being expressions as well."""
     if base.eddy is None:
         return None

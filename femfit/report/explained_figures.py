@@ -5,12 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from femfit.core.numerics import FloatArray
 from femfit.core.text import axis_scale
 from femfit.effects.effect import AddedEffect
 from femfit.identify.decision.diagnosis import ScoredEffect
 from femfit.identify.readings.observations import Observations
-from femfit.model.bspline import TensorSpline
-from femfit.model.carried import Carried, Curve, FieldTerm
+from femfit.model.carried import Carried, Curve
 from femfit.report.style import (
     BLUE,
     GREEN,
@@ -118,30 +118,25 @@ def _panels(added: AddedEffect, observations: Observations) -> list[Panel]:
     result: list[Panel] = []
     if not isinstance(carried, Carried):
         return result
-    for term in carried.magnetics.terms if carried.magnetics else ():
+    for term in carried.magnetics or ():
         size = added.parameters[term.parameter] ** term.power
         if term.coenergy is not None:
             result += [
-                _map("force", "N", term, term.coenergy, (1, 0), -size, observations),
-                _map("flux", "Wb", term, term.coenergy, (0, 1), size, observations),
+                _map("force", "N", term.coenergy.force, size, observations),
+                _map("flux", "Wb", term.coenergy.flux_linkage, size, observations),
             ]
         if term.hall is not None:
-            result.append(_map("hall", "T", term, term.hall, (0, 0), size, observations))
-    curves: dict[str, Curve | None] = dict((carried.readings.channels if carried.readings else {}).items())
-    curves |= {"force_branch": carried.readings.branches.get("force_N")} if carried.readings else {}
-    if carried.setting:
-        curves |= {"distance_m": carried.setting.distance_m, "current_A": carried.setting.current_A}
-    curves |= {"brake": carried.brake.against} if carried.brake else {}
-    curves |= {"resistance": carried.resistance.over} if carried.resistance else {}
+            result.append(_map("hall", "T", term.hall.field, size, observations))
+    curves: dict[str, Curve | None] = {**carried.readings, "force_branch": carried.branches.get("force_N")}
+    curves |= carried.setting
+    curves |= {"brake": carried.brake.against if carried.brake else None, "resistance": carried.resistance}
     return result + [_line(name, values, added) for name, values in curves.items() if values is not None]
 
 
 def _map(
     what: str,
     unit: str,
-    term: FieldTerm,
-    spline: TensorSpline,
-    order: tuple[int, int],
+    change: Callable[[FloatArray, FloatArray], FloatArray],
     size: float,
     observations: Observations,
 ) -> Panel:
@@ -151,8 +146,7 @@ def _map(
         d, i = (observations.covariates[name].to_numpy() for name in ("distance_m", "current_A"))
         across, up = (np.linspace(x.min(), x.max(), _LEVELS) for x in (d, i))
         at_d, at_i = np.meshgrid(across, up)
-        flat = term.coordinate.partial_derivatives(spline, at_d.ravel(), at_i.ravel(), (order,))[0]
-        values = size * flat.reshape(at_d.shape)
+        values = size * change(at_d.ravel(), at_i.reshape(-1, 1)).reshape(at_d.shape)
         factor, shown = axis_scale(values, unit)
         limit = max(float(np.abs(factor * values).max()), 1e-300)
         image = ax.pcolormesh(

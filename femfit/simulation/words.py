@@ -1,6 +1,6 @@
 """The words of simulations: each result has one template in ``templates``, which is filled with its numbers and codes.
 
-Paragraphs become lines as in :mod:`femfit.estimate.words`. The columns of a table keep their blanks by ``fixed``.
+Paragraphs become lines as in :mod:`femfit.core.words`.
 """
 
 from functools import cache
@@ -8,7 +8,7 @@ from math import degrees, isfinite
 from typing import TYPE_CHECKING, Any
 
 from femfit.core.text import quoted
-from femfit.estimate.words import lines_of, templates_of
+from femfit.core.words import lines_of, templates_of
 from femfit.model.sensors import HALL
 from femfit.simulation import constants
 
@@ -31,7 +31,6 @@ def _environment() -> "Environment":
     environment = templates_of("femfit.simulation")
     written = (degrees, isfinite, quoted, sensor_word)
     environment.filters |= {function.__name__: function for function in written}
-    environment.filters["fixed"] = lambda text: text.replace(" ", "\xa0")
     environment.globals |= {name: value for name, value in vars(constants).items() if name.isupper()}
     environment.globals["zip"] = zip
     return environment

@@ -38,6 +38,8 @@ from femfit.identify.readings.bench import placed
 from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect, parameter_name
+from femfit.model.hall import HallSpline
+from femfit.model.magnetics import CoenergySpline
 from femfit.model.with_effects import with_effects
 from femfit.simulation.close_loop import run_loops
 from femfit.simulation.design import design_loop
@@ -188,8 +190,9 @@ def drawn(k):
 
     coenergy = fitted_spline(lambda d, i: (2e-6, 6e-4, 6e-4)[power] * decay(d) * i**power, currents, 2)
     hall = fitted_spline(lambda d, i: 1e-4 * decay(d) + 0.0 * i, currents, 1)
-    term = FieldTerm(parameter_name("mm"), DistanceCoordinate(REFERENCE_DISTANCE), coenergy, hall)
-    return DrawnEffect(f"part{k}.r_mm[0]", (), f"part{k}.r_mm[0]", 10.0, "mm", 0.1, (term,))
+    u = DistanceCoordinate(REFERENCE_DISTANCE)
+    term = FieldTerm(parameter_name("mm"), coenergy=CoenergySpline(u, coenergy), hall=HallSpline(u, hall))
+    return DrawnEffect(f"part{k}.r_mm[0]", f"part{k}.r_mm[0]", "mm", 10.0, 0.1, (term,))
 
 
 def test_a_thousand_rows_with_all_effects_and_twenty_numbers(levitation_model):

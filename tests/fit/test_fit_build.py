@@ -18,7 +18,7 @@ from femfit.fit.law_fit import law_magnetics
 from femfit.fit.misfit import as_written, misfit_to_rows
 from femfit.model.json_file import model_from_dict, model_to_dict, read_model, write_model
 from femfit.model.magnetics import LawMagnetics
-from femfit.model.model_text import misfit_lines
+from femfit.model.model_text import sentence
 from femfit.model.validity import Misfit
 from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
@@ -235,7 +235,7 @@ def test_the_motional_constant_is_stated_over_the_whole_domain_and_not_at_the_sw
     ("newtons", "words"), [(2.706e-6, "2.71 µN rms"), (2.99, "2.99 N rms"), (3659.0, "3.66 kN rms"), (0.0, "0 N rms")]
 )
 def test_forces_are_printed_in_the_unit_of_their_size(newtons, words):
-    (line,) = misfit_lines(Misfit(newtons, newtons, 1e-3, None, None, None, 36, "sweep"))
+    line = sentence("misfit", Misfit(newtons, newtons, 1e-3, None, None, None, 36, "sweep"))
     assert words in line
     assert "weight" not in line
 

@@ -23,7 +23,7 @@ from support.campaign import NOISE, campaign, hidden, without
 AMPLITUDE = EffectParameter("gain", (-0.5, 0.5), (-0.05, 0.05), "Relative error.")
 FORCE_SCALE = Effect(
     "force_scale", "The force sensor reads too much.", ("sensor",), (AMPLITUDE,), ("force_N",), "Hang a weight.", "",
-    readings=in_channel("force_N", lambda force, conditions, p: force * (1.0 + p["gain"])),
+    readings=in_channel("force_N", lambda force, d, i, conditions, p: force * (1.0 + p["gain"])),
     calibrations=(Calibration({"gain": 1e-3}, 10.0, "Hang a reference weight on the force sensor."),),
 )  # fmt: skip
 PULL_SCALE = Effect(

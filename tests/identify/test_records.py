@@ -492,7 +492,7 @@ def held(model, seconds=0.7):
 @pytest.fixture(scope="module")
 def conducting(levitation_model):
     """Without mass: what holds the body is not recorded. Its iron does not saturate at these currents."""
-    drawn = DrawnEffect(KEY, (), "the conductivity of core", 6.0, "", 0.1, (), conducts=True)
+    drawn = DrawnEffect(KEY, "the conductivity of core", "", 6.0, 0.1, conducts=True)
     return replace(with_eddies(levitation_model), motion=None, drawn=(drawn,), sample_time_s=PERIOD_S)
 
 

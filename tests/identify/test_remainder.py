@@ -17,8 +17,9 @@ from femfit.identify.remainder.evidence import Gram, complexity, evidence, poste
 from femfit.identify.remainder.learn import Beside, columns_at, learn
 from femfit.identify.remainder.parts import BRAKE, COENERGY, FORCE_BRANCH, HALL_FIELD, NAME, parts_of
 from femfit.model.bspline import TensorSpline, basis_matrix
-from femfit.model.carried import Brake, Carried, Curve, FieldChange, FieldTerm, bounded_basis, carried_effect
+from femfit.model.carried import Brake, Carried, Curve, FieldTerm, bounded_basis, carried_effect
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.simulation.plant import Plant
@@ -252,7 +253,8 @@ def cogging():
     wanted = COGGING_N * PITCH_M / (2.0 * np.pi) * np.cos(2.0 * np.pi * d / PITCH_M)
     rows = basis_matrix(d, knots, 4) @ expand
     spline = TensorSpline(knots, np.array([-9.0, 9.0]), 4, 0, (expand @ np.linalg.lstsq(rows, wanted)[0])[:, None])
-    return there(Carried(FieldChange((FieldTerm("share", DistanceCoordinate(1.0, inverse=False), spline),))))
+    coenergy = CoenergySpline(DistanceCoordinate(1.0, inverse=False), spline)
+    return there(Carried((FieldTerm("share", coenergy=coenergy),)))
 
 
 @pytest.fixture(scope="module")
@@ -282,7 +284,7 @@ def test_a_brake_is_learnt_as_one_that_never_pushes(model, clean_record):
     knots, expand = bounded_basis(0.0, 0.1, cells=6, degree=4)
     speed = np.linspace(0.0, 0.1, 60)
     shape = np.linalg.lstsq(basis_matrix(speed, knots, 4) @ expand, 6e-3 * np.tanh(speed / 0.02) ** 3)[0]
-    truth = there(Carried(brake=Brake(Curve("share", knots, 4, np.maximum(expand @ shape, 0.0)), 1e-3)))
+    truth = there(Carried(brake=Brake(1e-3, Curve("share", knots, 4, np.maximum(expand @ shape, 0.0)))))
     observations = placed(model, clean_record)
     change = observations.predict([truth]) - observations.base
     braked = observations.with_values(observations.value + change)

@@ -270,7 +270,7 @@ def eddied_whole(levitation_model):
 @pytest.fixture(scope="module")
 def eddied(eddied_whole):
     """Halves whose conductivity is a number of the drawing."""
-    drawn = DrawnEffect(KEY, (), "the conductivity of core", 6.0, "", 0.1, (), conducts=True)
+    drawn = DrawnEffect(KEY, "the conductivity of core", "", 6.0, 0.1, conducts=True)
     return replace(halves_with_eddies(eddied_whole), drawn=(drawn,))
 
 
@@ -349,7 +349,7 @@ def test_a_wrong_conductivity_is_named_from_whatever_was_read(levitation_model, 
 def test_a_number_whose_field_is_not_followed_to_a_hall_element_is_looked_for_in_other_readings(
     levitation_model, eddied, tmp_path
 ):
-    permeability = DrawnEffect("materials.core.relative_permeability", (), "the core", 200.0, "", 0.1, (), at_rest=True)
+    permeability = DrawnEffect("materials.core.relative_permeability", "the core", "", 200.0, 0.1, at_rest=True)
     model = with_hall(eddied, levitation_model, np.linspace(0.01, 0.05, 12), [-1.5, 0.0, 1.5])
     model = replace(model, drawn=(*model.drawn, permeability))
     path = impedance_bench(eddied, tmp_path / "z.csv", EACH)

@@ -28,6 +28,7 @@ from femfit.model.carried import FieldTerm
 from femfit.model.coordinate import DistanceCoordinate
 from femfit.model.drawn_effect import DrawnEffect
 from femfit.model.dynamics import runge_kutta_step
+from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of, with_effects
@@ -54,8 +55,8 @@ def with_numbers(solenoid, **shares):
         def change(d, i):
             return share(d) * 1e-3 * -0.5 * 5.0 * np.exp(-d / 0.01) * i**2
 
-        term = FieldTerm("change_mm", COORDINATE, fitted_spline(change, CURRENTS, 2))
-        return DrawnEffect(f"fixed.regions.yoke.{place}", (), place, 5.0, "mm", 0.1, (term,))
+        term = FieldTerm("change_mm", coenergy=CoenergySpline(COORDINATE, fitted_spline(change, CURRENTS, 2)))
+        return DrawnEffect(f"fixed.regions.yoke.{place}", place, "mm", 5.0, 0.1, (term,))
 
     return replace(solenoid, drawn=tuple(number(place, share) for place, share in shares.items()))
 

@@ -5,6 +5,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from femfit.model.bspline import TensorSpline, basis_matrix, is_clamped
+from support.coenergies import partials
 
 RANDOM = np.random.default_rng(11)
 
@@ -37,10 +38,10 @@ def test_basis_functions_sum_to_one_polynomials_are_exact_and_no_number_stays_no
     greville = np.array([2.0, 3.5, 5.0])
     spline = TensorSpline(knots, knots, 2, 2, np.add.outer(greville, 2.0 * greville))
     x = np.array([2.0, 3.0, 5.0, 6.0])
-    np.testing.assert_allclose(spline.derivatives(x, x[::-1], ((0, 0),))[0], x + 2.0 * x[::-1], rtol=1e-14)
+    np.testing.assert_allclose(partials(spline.expression, x, x[::-1], ((0, 0),))[0], x + 2.0 * x[::-1], rtol=1e-14)
     knots = clamped(2, [0.5])
     spline = TensorSpline(knots, knots, 2, 2, np.add.outer([0.0, 0.25, 0.75, 1.0], [0.0, 0.25, 0.75, 1.0]))  # x + y
-    value = spline.derivatives(np.array([np.nan, 0.3, 0.3]), np.array([0.3, np.nan, 0.3]), ((0, 0),))[0]
+    value = partials(spline.expression, np.array([np.nan, 0.3, 0.3]), np.array([0.3, np.nan, 0.3]), ((0, 0),))[0]
     assert np.isnan(value[:2]).all()
     assert value[2] == pytest.approx(0.6)
 
@@ -54,7 +55,7 @@ def test_tensor_spline_equals_its_basis_sum(order):
     y = RANDOM.uniform(0.0, 1.0, len(x))  # beyond its knots y goes on otherwise
     rows = basis_matrix(x, x_knots, 4, order[0]), basis_matrix(y, y_knots, 3, order[1])
     expected = np.einsum("ni,ij,nj->n", rows[0], coefficients, rows[1])
-    (value,) = spline.derivatives(x, y, (order,))
+    (value,) = partials(spline.expression, x, y, (order,))
     # Conversion to one polynomial a cell costs a few digits in the highest derivatives.
     np.testing.assert_allclose(value, expected, atol=1e-10 * max(1.0, np.abs(expected).max()))
 

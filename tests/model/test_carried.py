@@ -14,16 +14,14 @@ from femfit.model.carried import (
     Brake,
     Carried,
     Curve,
-    FieldChange,
     FieldTerm,
-    FurtherResistance,
-    ReadingChange,
-    SettingChange,
     bounded_basis,
     carried_effect,
 )
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.hall import HallSpline
 from femfit.model.json_file import model_from_dict, model_to_dict
+from femfit.model.magnetics import CoenergySpline
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import coenergy_of, nominal_of, with_effects
 from support.coenergies import partials
@@ -48,14 +46,13 @@ def carried():
     coenergy, hall = (bounded(rng, RANGE_M, RANGE_A, size=size) for size in (1e-5, 1e-3))
     brake = bounded(rng, (0.0, 1.0), size=1e-3)
     return Carried(
-        FieldChange((FieldTerm("share", plain, coenergy, hall),)),
-        SettingChange(distance_m=bounded(rng, RANGE_M, size=1e-5)),
-        ReadingChange(
-            {"force_N": bounded(rng, (0.0, 0.2), size=1e-3)}, {"force_N": bounded(rng, (0.0, 0.2), size=1e-3)}
-        ),
-        Brake(Curve("share", brake.knots, DEGREE, np.abs(brake.coefficients)), 0.02),
-        FurtherResistance(bounded(rng, RANGE_A, size=0.1)),
-        {"law": "none"},
+        (FieldTerm("share", coenergy=CoenergySpline(plain, coenergy), hall=HallSpline(plain, hall)),),
+        {"distance_m": bounded(rng, RANGE_M, size=1e-5)},
+        {"force_N": bounded(rng, (0.0, 0.2), size=1e-3)},
+        {"force_N": bounded(rng, (0.0, 0.2), size=1e-3)},
+        Brake(0.02, Curve("share", brake.knots, DEGREE, np.abs(brake.coefficients))),
+        bounded(rng, RANGE_A, size=0.1),
+        notes={"law": "none"},
     )
 
 
@@ -125,8 +122,8 @@ def test_the_brake_never_pushes(carried, effect, levitation_model):
 
 def test_an_error_that_turns_with_the_branch_is_none_where_no_branch_is_known(carried, levitation_model):
     d, i = points(0.02, 0.04, 0.1, 1.2)
-    turning = ReadingChange({}, carried.readings.branches)
-    only = AddedEffect(carried_effect("turning", "It turns.", [SHARE], Carried(readings=turning)), {"share": 1.0})
+    turning = Carried(branches=carried.branches)
+    only = AddedEffect(carried_effect("turning", "It turns.", [SHARE], turning), {"share": 1.0})
     nominal = nominal_of(levitation_model)
     force = [
         predict_readings(levitation_model, d, i, Conditions(nominal, branch=b), [only])["force_N"] for b in (-1, 0, 1)

@@ -20,7 +20,7 @@ from femfit.model.dynamics import (
     state_scale,
 )
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.hall import SensedField
+from femfit.model.hall import CurrentAxis, SensedField
 from femfit.model.with_effects import coenergy_of
 from support.added_effects import under_effects
 from support.eddies import REFERENCE_M, knots_over, magnets_alone, spline_of, with_eddies
@@ -38,11 +38,11 @@ def one_ring(model, coupling=0.4, inductance=2e-3, linkage=0.0):
     n = len(model.circuits)
     ring = EddyCurrents(
         ("eddy_1",),
-        np.ones(1),
         model.circuit_names,
         replace(model.magnetics.coordinate, reference_distance_m=REFERENCE_M, inverse=False, distance_shift_m=0.0),
-        knots,
         2,
+        np.ones(1),
+        knots,
         np.full((3, n, 1), coupling),
         spline_of(lambda u: linkage * u[:, None], knots, 2),
         np.full((3, 1), inductance),
@@ -147,9 +147,9 @@ def test_the_field_beside_patterns_is_that_of_the_acting_currents_and_their_own(
     model = with_eddies(levitation_model if circuits == 1 else cut_in_two(levitation_model))
     field = levitation_model.sensor.field
     if circuits == 2:
-        spline, ends = field.spline, (field.spline.y_knots,) * 2
+        spline, ends = field.spline, (CurrentAxis(field.spline.y_knots, 1),) * 2
         means = 0.5 * (spline.coefficients[:, :, None] + spline.coefficients[:, None])
-        field = SensedField(field.coordinate, spline.x_knots, spline.x_degree, ends, (1, 1), means)
+        field = SensedField(field.coordinate, spline.x_knots, spline.x_degree, ends, means)
     states, _ = states_of(model, 300)
     states[:, 0] = np.linspace(0.005, 0.06, 300)
     i, e = states[:, 2 : 2 + circuits], states[:, 2 + circuits :]

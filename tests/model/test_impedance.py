@@ -2,10 +2,13 @@
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
+from casadi import SX
 
 from femfit.core.errors import DomainError
+from femfit.core.graph import GraphFunction, building
 from femfit.effects.conditions import Conditions
 from femfit.effects.effect import AddedEffect
 from femfit.model.coordinate import DistanceCoordinate
@@ -120,7 +123,7 @@ def test_between_its_grid_a_change_is_the_conductivity_s(levitation_model):
 
 
 def test_the_conductivity_of_all_that_conducts_is_exact_and_kept_in_the_model_file(levitation_model, tmp_path):
-    drawn = DrawnEffect(KEY, (), "the conductivity of core", 6.0, "", 0.1, (), conducts=True)
+    drawn = DrawnEffect(KEY, "the conductivity of core", "", 6.0, 0.1, conducts=True)
     model = replace(with_eddies(levitation_model), drawn=(drawn,))
     added = with_effects(model, [AddedEffect(drawn.effect, {"change": 0.25})])
     write_model(added, tmp_path / "model.json")
@@ -140,9 +143,13 @@ def test_one_level_stands_for_all():
     f = np.array([10.0, 100.0, 1000.0])
     slope = np.array([[[1.0 + 2.0j, 3.0, 5.0j]]])
     one = impedance_change("change", coordinate, np.array([0.02]), np.array([0.0]), f, slope)
-    at = one(np.full(3, 0.04), np.full(3, 0.7), f, None, {"change": 2.0})
-    np.testing.assert_allclose(at, 2.0 * slope[0, 0])
-    assert one(np.array([0.02]), np.array([0.0]), np.zeros(1), None, {"change": 2.0}) == 0.0
+    with building():
+        x = SX.sym("x", 3)
+        (z,) = one(x[0], x[1], x[2], None, {"change": 2.0})
+        of = GraphFunction([x], ca.vertcat(z.real, z.imag))
+    real, imag = of(np.stack([np.full(3, 0.04), np.full(3, 0.7), f]))
+    np.testing.assert_allclose(real + 1j * imag, 2.0 * slope[0, 0])
+    assert not of(np.array([[0.02], [0.0], [0.0]])).any()
 
 
 def test_a_model_file_keeps_it_as_a_number_and_as_an_added_effect(levitation_model, tmp_path):

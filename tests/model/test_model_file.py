@@ -152,7 +152,7 @@ def test_arrays_of_eddy_currents_are_read_to_the_last_bit(made):
 def test_every_field_of_the_model_is_written_and_no_part_that_it_lacks(levitation_model):
     worked_out = {"base", "dynamics", "conditions"}  # the file holds the base itself
     names = {field.name for field in fields(ActuatorModel)} - worked_out
-    drawn = DrawnEffect("coil.r_mm[1]", (), "coil.r_mm[1]", 20.0, "mm", 0.1, ())
+    drawn = DrawnEffect("coil.r_mm[1]", "coil.r_mm[1]", "mm", 20.0, 0.1)
     model = replace(levitation_model, other_sensors=SENSORS, process_noise=ProcessNoise(1e-3), drawn=(drawn,))
     assert set(model_to_dict(with_eddies(model))) == {"schema", *names}
     data = model_to_dict(levitation_model)
@@ -375,7 +375,7 @@ def test_any_mutation_gives_a_model_or_one_clear_error(levitation_model, data, n
 
 
 def test_a_dimension_can_be_read_on_the_part_and_a_permeability_or_a_place_inside_a_sensor_cannot():
-    coil = DrawnEffect("coil.r_mm[1]", (), "coil.r_mm[1]", 20.0, "mm", 0.1, ())
+    coil = DrawnEffect("coil.r_mm[1]", "coil.r_mm[1]", "mm", 20.0, 0.1)
     (micrometer,) = coil.effect.calibrations
     assert micrometer.reads == {coil.parameter: pytest.approx(0.01)}
     assert "coil.r_mm[1]" in micrometer.instruction

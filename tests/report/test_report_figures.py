@@ -17,15 +17,13 @@ from femfit.model.carried import (
     Brake,
     Carried,
     Curve,
-    FieldChange,
     FieldTerm,
-    FurtherResistance,
-    ReadingChange,
-    SettingChange,
     bounded_basis,
     carried_effect,
 )
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.hall import HallSpline
+from femfit.model.magnetics import CoenergySpline
 from femfit.report.cutaway import draw_off_screen
 from femfit.report.drawing import actuator_figure
 from femfit.report.explained_figures import remainder_figure
@@ -249,13 +247,15 @@ def test_every_part_has_its_panel(levitation_model):
     every = expand @ np.linspace(0.0, 1e-3, expand.shape[1])
     curve = Curve("share", knots, 3, every)
     spline = TensorSpline(knots, np.array([-9.0, 9.0]), 3, 0, every[:, None])
-    term = FieldTerm("share", DistanceCoordinate(1.0, inverse=False), spline, spline)
+    plain = DistanceCoordinate(1.0, inverse=False)
+    term = FieldTerm("share", coenergy=CoenergySpline(plain, spline), hall=HallSpline(plain, spline))
     carried = Carried(
-        FieldChange((term,)),
-        SettingChange(curve, curve),
-        ReadingChange({"force_N": curve, "flux_linkage_Wb": curve, "hall_V": curve}, {"force_N": curve}),
-        Brake(curve, 1e-3),
-        FurtherResistance(curve),
+        (term,),
+        {"distance_m": curve, "current_A": curve},
+        {"force_N": curve, "flux_linkage_Wb": curve, "hall_V": curve},
+        {"force_N": curve},
+        Brake(1e-3, curve),
+        curve,
     )
     added = AddedEffect(carried_effect("unexplained", "It is not known.", [share], carried), {"share": 1.0})
     observations = placed(levitation_model, campaign(levitation_model, 3, distances=7, currents=5))

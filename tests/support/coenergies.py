@@ -1,10 +1,17 @@
 """Partial derivatives of a co-energy at points."""
 
+import casadi as ca
 import numpy as np
 from casadi import SX
 
 from femfit.core.graph import GraphFunction, building
-from femfit.model import bspline
+
+
+def derivative(value, at, order):
+    for k, count in enumerate(order):
+        for _ in range(count):
+            value = ca.gradient(value, at[k])
+    return value
 
 
 def partials(coenergy, distance, current, orders):
@@ -15,7 +22,8 @@ def partials(coenergy, distance, current, orders):
     size = len(orders[0])
     with building():
         at = SX.sym("at", size)
-        function = GraphFunction([at], bspline.partials(SX(coenergy(*(at[k] for k in range(size)))), at, orders))
+        value = SX(coenergy(*(at[k] for k in range(size))))
+        function = GraphFunction([at], ca.vertcat(*(derivative(value, at, order) for order in orders)))
     d, i = np.broadcast_arrays(np.asarray(distance, dtype=np.float64), np.asarray(current, dtype=np.float64))
     points = np.stack([d.ravel(), i.ravel(), np.zeros(d.size)][:size])
     return [value.reshape(d.shape) for value in function(points)]

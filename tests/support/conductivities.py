@@ -29,5 +29,5 @@ def with_drawn_conductivity(model, tolerance=0.1):
     larger, smaller = (with_conductivity(model, s).impedance(*grid) for s in (STEP, -STEP))
     slope = (larger - smaller) / (2.0 * STEP)
     change = impedance_change("change", DistanceCoordinate(0.03), d, i, f, slope, share=True)
-    drawn = DrawnEffect(KEY, (), "the conductivity of core", 6.0, "", tolerance, (), change)
+    drawn = DrawnEffect(KEY, "the conductivity of core", "", 6.0, tolerance, impedance=change)
     return replace(with_eddies(model), drawn=(drawn,))

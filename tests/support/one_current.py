@@ -29,7 +29,7 @@ class Flat:
 
 def flat(inner):
     """The squeezed one; of several circuits itself."""
-    return inner if len(getattr(inner, "names", getattr(inner, "current_knots_A", ()))) > 1 else Flat(inner)
+    return inner if len(getattr(inner, "names", getattr(inner, "currents", ()))) > 1 else Flat(inner)
 
 
 def within(box, low=None, high=None, **changes):

@@ -27,15 +27,13 @@ from femfit.model.carried import (
     Brake,
     Carried,
     Curve,
-    FieldChange,
     FieldTerm,
-    FurtherResistance,
-    ReadingChange,
-    SettingChange,
     bounded_basis,
     carried_effect,
 )
 from femfit.model.coordinate import DistanceCoordinate
+from femfit.model.hall import HallSpline
+from femfit.model.magnetics import CoenergySpline
 from femfit.tables.measurement import CHANNEL_WORDS
 
 NAME = "unexplained"
@@ -144,7 +142,9 @@ class Part:
         d, i = self.axes
         every = d.expand @ coefficients.reshape(d.count, i.count) @ i.expand.T
         spline = TensorSpline(d.knots, i.knots, d.degree, i.degree, every)
-        return FieldTerm(SHARE, self.coordinate, *((spline, None) if self.kind == COENERGY else (None, spline)))
+        if self.kind == COENERGY:
+            return FieldTerm(SHARE, coenergy=CoenergySpline(self.coordinate, spline))
+        return FieldTerm(SHARE, hall=HallSpline(self.coordinate, spline))
 
 
 def effect_of(
@@ -154,15 +154,14 @@ def effect_of(
     of = {part.kind: (part, free) for part, free in coefficients.items()}
     terms = tuple(part.term(free) for kind, (part, free) in of.items() if kind in {COENERGY, HALL_FIELD})
     curves = {kind: part.curve(free) for kind, (part, free) in of.items() if kind not in {COENERGY, HALL_FIELD}}
-    readings = {name: curves[name] for name in READINGS if name in curves}
-    turning = {"force_N": curves[FORCE_BRANCH]} if FORCE_BRANCH in curves else {}
     carried = Carried(
-        magnetics=FieldChange(terms) if terms else None,
-        setting=SettingChange(*(curves.get(name) for name in SETTINGS)) if set(SETTINGS) & set(curves) else None,
-        readings=ReadingChange(readings, turning) if readings or turning else None,
-        brake=Brake(curves[BRAKE], PART_OF_MOST * of[BRAKE][0].axes[0].high) if BRAKE in curves else None,
-        resistance=FurtherResistance(curves[RESISTANCE]) if RESISTANCE in curves else None,
-        notes=notes,
+        magnetics=terms or None,
+        setting={name: curves[name] for name in SETTINGS if name in curves},
+        readings={name: curves[name] for name in READINGS if name in curves},
+        branches={"force_N": curves[FORCE_BRANCH]} if FORCE_BRANCH in curves else {},
+        brake=Brake(PART_OF_MOST * of[BRAKE][0].axes[0].high, curves[BRAKE]) if BRAKE in curves else None,
+        resistance=curves.get(RESISTANCE),
+        notes=notes or {},
     )
     share = EffectParameter(**{**vars(_SHARE), "words": words})
     symptom = "The readings depart smoothly from the model, as no effect of the catalogue makes them."

@@ -35,7 +35,6 @@ from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, at_rest
 from femfit.model.eddy_currents import EddyCurrents
-from femfit.model.magnetics import only_current
 from femfit.model.readings import hall_seen
 from femfit.model.with_effects import eddy_with_sources
 
@@ -141,7 +140,7 @@ def _excited(points: "RememberedPoints", motion: Motion, effects: Sequence[Added
 
 def _first(currents: FloatArray) -> FloatArray:
     """The current (N,) of currents (N, n) that effects without a circuit of their own are told."""
-    return only_current(currents[:, :1])
+    return currents[:, :1].sum(axis=1)
 
 
 def _inertia(
