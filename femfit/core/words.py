@@ -5,8 +5,10 @@ the blanks of a column.
 """
 
 import re
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 from femfit.core.text import amount, amount_range, counted
 
@@ -28,14 +30,49 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}"
 
 
-def templates_of(package: str) -> "Environment":
-    """The templates of a room with the filters that write numbers."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  who prints nothing needs none
+class Words:
+    """The templates of a room: each result has one, which is filled with its numbers and codes.
 
-    environment = Environment(  # noqa: S701  plain text
-        loader=PackageLoader(package), trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
-    )
-    environment.filters |= {function.__name__: function for function in (amount, amount_range, counted)}
-    environment.filters |= {"oneline": lambda text: " ".join(text.split()), "sig": significant}
-    environment.filters["fixed"] = lambda text: text.replace(" ", "\xa0")
-    return environment
+    Parameters
+    ----------
+    package : str
+        Whose folder ``templates`` they stand in.
+    filters, named : callable
+        Filters beside those that write numbers, by their own names or by others.
+    names : mapping of str to object
+        What templates know beside the facts that fill them.
+    """
+
+    def __init__(
+        self, package: str, *filters: Callable[..., Any], names: Mapping[str, Any], **named: Callable[..., Any]
+    ) -> None:
+        self._package, self._names = package, names
+        self._filters = {each.__name__: each for each in (amount, amount_range, counted, *filters)} | named
+
+    @cached_property
+    def environment(self) -> "Environment":
+        """The templates with their filters."""
+        from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415  who prints nothing needs none
+
+        environment = Environment(  # noqa: S701  plain text
+            loader=PackageLoader(self._package), trim_blocks=True, lstrip_blocks=True, undefined=StrictUndefined
+        )
+        environment.filters |= self._filters
+        environment.filters |= {"oneline": lambda text: " ".join(text.split()), "sig": significant}
+        environment.filters["fixed"] = lambda text: text.replace(" ", "\xa0")
+        environment.globals |= {"zip": zip, **self._names}
+        return environment
+
+    def lines(self, template: str, macro: str, *facts: Any) -> Iterator[str]:
+        """The lines that a macro of a template makes of facts."""
+        module = self.environment.get_template(f"{template}.j2").module
+        return lines_of(str(getattr(module, macro)(*facts)))
+
+    def sentence(self, template: str, macro: str, *facts: Any) -> str:
+        """The same as one text."""
+        return "\n".join(self.lines(template, macro, *facts))
+
+
+def constants_of(module: ModuleType) -> dict[str, Any]:
+    """Constants of a module by their names."""
+    return {name: value for name, value in vars(module).items() if name.isupper()}

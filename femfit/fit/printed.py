@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from textwrap import shorten
 from typing import Any
 
@@ -35,7 +35,7 @@ def _environment() -> Environment:
         "shorten": shorten,
     }
     environment.globals |= {
-        "of_model": sentence,
+        "of_model": partial(sentence, "model"),
         "network_name": NETWORK,
         "network_operations": OPERATIONS,
         "small": SMALL_CIRCUIT_FORCE,

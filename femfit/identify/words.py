@@ -3,37 +3,15 @@
 In a template a paragraph is one printed line, however it is broken; ``>`` before it stands for two blanks each.
 """
 
-from functools import cache
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from femfit.core.results import Finding, Severity
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
-from femfit.core.words import lines_of, templates_of
+from femfit.core.words import Words, lines_of
 from femfit.effects.words import describe, range_of, size_of
 from femfit.identify.constants import HELPS, LEVEL, LEVEL_AFTER, WITHIN_NOISE
 from femfit.identify.decision.constants import OWN_MISFIT
 from femfit.tables.measurement import CHANNEL_WORDS
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-
-def sentence(template: str, macro: str, *facts: Any) -> str:
-    """The text that a macro of a template makes of facts, in one line; empty where it has nothing to say."""
-    module = _environment().get_template(f"{template}.j2").module
-    return " ".join(lines_of(str(getattr(module, macro)(*facts))))
-
-
-def finding(code: str, column: str = "", size: float | None = None, words: str = "", **facts: Any) -> Finding:
-    """A finding whose severity, text and remedy stand under its code, or under other words, in ``findings.j2``."""
-    macro = getattr(_environment().get_template("findings.j2").module, words or code.replace("-", "_"))
-    severity, text, remedy = (*lines_of(str(macro(facts))), "")[:3]
-    return Finding(code, cast("Severity", severity), text, remedy, size, column)
-
-
-def printed(template: str, **facts: Any) -> str:
-    """The lines that a template makes of facts."""
-    return "\n".join(lines_of(_environment().get_template(f"{template}.j2").render(facts)))
 
 
 def _listed(items: Any, word: str = "and") -> str:
@@ -42,22 +20,40 @@ def _listed(items: Any, word: str = "and") -> str:
     return f" {word} ".join([", ".join(texts[:-1]), texts[-1]] if len(texts) > 1 else texts)
 
 
-@cache
-def _environment() -> "Environment":
-    """The templates with the filters that write numbers."""
-    environment = templates_of("femfit.identify")
-    written = (
-        amount_in,
-        describe,
-        probability,
-        range_of,
-        rounded,
-        size_of,
-        weighed_amount,
-    )
-    environment.filters |= {function.__name__: function for function in written}
-    environment.filters |= {"listed": _listed, "signed": "{:+.3g}".format}
-    environment.filters["channel"] = CHANNEL_WORDS.__getitem__
-    environment.globals |= {"zip": zip, "LEVEL": LEVEL, "LEVEL_AFTER": LEVEL_AFTER, "WITHIN_NOISE": WITHIN_NOISE}
-    environment.globals |= {"HELPS": HELPS, "OWN_MISFIT": OWN_MISFIT}
-    return environment
+_WORDS = Words(
+    "femfit.identify",
+    amount_in,
+    describe,
+    probability,
+    range_of,
+    rounded,
+    size_of,
+    weighed_amount,
+    listed=_listed,
+    signed="{:+.3g}".format,
+    channel=CHANNEL_WORDS.__getitem__,
+    names={
+        "LEVEL": LEVEL,
+        "LEVEL_AFTER": LEVEL_AFTER,
+        "WITHIN_NOISE": WITHIN_NOISE,
+        "HELPS": HELPS,
+        "OWN_MISFIT": OWN_MISFIT,
+    },
+)
+
+
+def sentence(template: str, macro: str, *facts: Any) -> str:
+    """The text that a macro of a template makes of facts, in one line; empty where it has nothing to say."""
+    return " ".join(_WORDS.lines(template, macro, *facts))
+
+
+def finding(code: str, column: str = "", size: float | None = None, words: str = "", **facts: Any) -> Finding:
+    """A finding whose severity, text and remedy stand under its code, or under other words, in ``findings.j2``."""
+    macro = getattr(_WORDS.environment.get_template("findings.j2").module, words or code.replace("-", "_"))
+    severity, text, remedy = (*lines_of(str(macro(facts))), "")[:3]
+    return Finding(code, cast("Severity", severity), text, remedy, size, column)
+
+
+def printed(template: str, **facts: Any) -> str:
+    """The lines that a template makes of facts."""
+    return "\n".join(lines_of(_WORDS.environment.get_template(f"{template}.j2").render(facts)))

@@ -115,7 +115,7 @@ class ActuatorModel(Printed):
     provenance: Mapping[str, Any] = limited(default_factory=dict, metadata={"required": True})
 
     def __str__(self) -> str:
-        return sentence("model", self)
+        return sentence("model", "model", self)
 
     def force(self, distance: ArrayLike, current: ArrayLike, *, extrapolate: bool = False) -> FloatArray:
         """Magnetic force on the moving part in N, positive towards smaller distance.
