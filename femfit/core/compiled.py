@@ -15,16 +15,19 @@ import ctypes
 import hashlib
 import os
 import platform
+import shlex
 import shutil
+import signal
 import subprocess
 import threading
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import ClassVar
+from tempfile import mkdtemp
 
 import casadi as ca
 import numpy as np
@@ -104,11 +107,9 @@ class Compilation:
         Of vectors, with one vector as its output, all dense; its name is f.
     """
 
-    _latest: ClassVar[subprocess.Popen[str] | None] = None
-
     def __init__(self, function: ca.Function) -> None:
         self._function = function
-        self._compiler: subprocess.Popen[str] | None = None
+        self._compiler: _Compiler | None = None
         self._lock = threading.Lock()
         self._library: Library | None = None
         self._points, self._next = 0, float(OFTEN)
@@ -129,24 +130,33 @@ class Compilation:
         try:
             if self._command is None or len(self._source) > LARGEST:
                 return
+            if self._compiler is not None and self._compiler.process != os.getpid():
+                self._forget()  # that of a process from which this one was forked
             if self._target.exists():
                 self._stop()
-                self._library = self._loaded()
+                self._library = Library(self._target, self._function.nnz_out(0))
             elif self._compiler is None:
                 self._begin()
-            elif self._compiler.poll() is not None:
-                self._library = self._kept(self._compiler.returncode)
+            elif (code := self._compiler.popen.poll()) is not None:
+                self._library = self._kept(code)
             if self._library is None:
                 self._next = self._points + ASKED
+            else:
+                self.__dict__.pop("_source", None)
+                _tidy(self._target)
         except (OSError, RuntimeError) as error:  # the cache cannot be written, what lies there is not a library
             self._warn(str(error))
 
     @cached_property
     def _command(self) -> list[str] | None:
         asked = os.environ.get("FEMFIT_COMPILER")
-        names = ("cc", "gcc", "clang") if asked is None else (asked,)
-        compiler = next((path for name in names if name and (path := shutil.which(name))), None)
-        return None if compiler is None else [compiler, *FLAGS]
+        commands = [[name] for name in ("cc", "gcc", "clang")] if asked is None else [shlex.split(asked)]
+        for name, *flags in filter(None, commands):
+            if compiler := shutil.which(name):
+                return [compiler, *flags, *FLAGS]
+        if asked and asked.strip():
+            self._warn(f"{asked} is not found", asked)
+        return None
 
     @cached_property
     def _source(self) -> str:
@@ -165,44 +175,45 @@ class Compilation:
         return _folder() / f"{name}.so"
 
     @cached_property
-    def _workplace(self) -> TemporaryDirectory[str]:
-        return TemporaryDirectory(prefix="compiling-", dir=self._target.parent, ignore_cleanup_errors=True)
+    def _workplace(self) -> Path:
+        return Path(mkdtemp(prefix="compiling-", dir=self._target.parent))
 
     def _begin(self) -> None:
         """Start the compiler, one in a process at a time."""
-        if Compilation._latest is not None and Compilation._latest.poll() is None:
-            return
-        self._target.parent.mkdir(parents=True, exist_ok=True)
-        place = Path(self._workplace.name)
-        (place / "f.c").write_text(self._source, encoding="utf-8")
-        with (place / "f.c").open() as source, (place / "said.txt").open("w") as said:
-            Compilation._latest = self._compiler = subprocess.Popen(  # noqa: S603  the compiler that the user has or names
-                [*(self._command or ()), "-o", str(place / "f.so")], stdin=source, stdout=said, stderr=said, text=True
-            )
+        with _ONE_COMPILER:
+            if any(compiler.works() for compiler in _COMPILERS):
+                return
+            self._target.parent.mkdir(parents=True, exist_ok=True)
+            place = self._workplace
+            (place / "f.c").write_text(self._source, encoding="utf-8")
+            with (place / "f.c").open() as source, (place / "said.txt").open("w") as said:
+                popen = subprocess.Popen(  # noqa: S603  the compiler that the user has or names
+                    [*(self._command or ()), "-o", str(place / "f.so")],
+                    stdin=source,
+                    stdout=said,
+                    stderr=said,
+                    text=True,
+                    start_new_session=True,
+                )
+            self._compiler = _Compiler(popen, os.getpid())
+            _COMPILERS[:] = [self._compiler]
         atexit.register(self._stop)
 
     def _kept(self, code: int) -> Library:
         """What the compiler made, moved to where all find it whole or not at all."""
-        place = Path(self._workplace.name)
+        place = self._workplace
         said = (place / "said.txt").read_text(encoding="utf-8", errors="replace").strip()
         if code == 0:
             (place / "f.so").replace(self._target)
         self._stop()
         if code:
             raise OSError(said or f"it ended with code {code}")
-        return self._loaded()
+        return Library(self._target, self._function.nnz_out(0))
 
-    def _loaded(self) -> Library:
-        library = Library(self._target, self._function.nnz_out(0))
-        os.utime(self._target)
-        used = sorted(self._target.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
-        for path in used[:-KEPT]:
-            path.unlink(missing_ok=True)
-        return library
-
-    def _warn(self, cause: str) -> None:
+    def _warn(self, cause: str, compiler: str = "") -> None:
+        compiler = compiler or (self._command or ["?"])[0]
         warnings.warn(
-            f"A function is not compiled, and about ten times slower, as the C compiler {(self._command or ['?'])[0]} "
+            f"A function is not compiled, and about ten times slower, as the C compiler {compiler} "
             f"must make a library of it in the cache folder: {cause[:300]}. Set FEMFIT_COMPILER to another compiler, "
             "or to nothing to do without.",
             RuntimeWarning,
@@ -210,14 +221,62 @@ class Compilation:
         )
 
     def _stop(self) -> None:
-        """Leave neither a compiler at work nor what it wrote."""
-        if self._compiler is None:
+        """Leave neither a compiler at work nor what it wrote; those of another process are that one's."""
+        if self._compiler is None or self._compiler.process != os.getpid():
             return
         atexit.unregister(self._stop)
-        if self._compiler.poll() is None:
-            self._compiler.kill()
-            self._compiler.wait()
-        self._workplace.cleanup()
+        self._compiler.stop()
+        shutil.rmtree(self._workplace, ignore_errors=True)
+
+    def _forget(self) -> None:
+        """Begin anew, without what belongs to the process from which this one was forked."""
+        self._compiler = None
+        self.__dict__.pop("_workplace", None)
+
+
+@dataclass
+class _Compiler:
+    """A compiler at work, and the process that started it."""
+
+    popen: subprocess.Popen[str]
+    process: int
+
+    def works(self) -> bool:
+        """Whether it is this process's, and not done."""
+        return self.process == os.getpid() and self.popen.poll() is None
+
+    def stop(self) -> None:
+        """End it, and what it started itself."""
+        if not self.works():
+            return
+        if hasattr(os, "killpg"):
+            with suppress(ProcessLookupError):
+                os.killpg(self.popen.pid, signal.SIGKILL)
+        self.popen.kill()
+        self.popen.wait()
+
+
+_COMPILERS: list[_Compiler] = []
+_ONE_COMPILER = threading.Lock()
+"""The process's last compiler, and who may start the next."""
+
+
+def _after_fork() -> None:
+    global _ONE_COMPILER  # noqa: PLW0603  a thread that the child does not have may hold it
+    _ONE_COMPILER = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
+def _tidy(used: Path) -> None:
+    """Note that a library was used, and drop those that were not for longest."""
+    with suppress(OSError):  # another process tidies as well, or the folder is another's
+        os.utime(used)
+        libraries = sorted(used.parent.glob("*.so"), key=lambda path: path.stat().st_mtime)
+        for path in libraries[:-KEPT]:
+            path.unlink(missing_ok=True)
 
 
 def _folder() -> Path:

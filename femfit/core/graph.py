@@ -10,6 +10,8 @@ J. A. E. Andersson et al., CasADi: a software framework for nonlinear optimizati
 Programming Computation 11 (2019) 1.
 """
 
+import os
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -92,17 +94,30 @@ class _Late:
 
 _LATE: ContextVar[_Late] = ContextVar("_LATE")
 
+_BUILDING = threading.RLock()
+"""Held while expressions are made."""
+
 
 @contextmanager
 def building() -> Iterator[None]:
     """Within it expressions are made, differentiated and turned into :class:`GraphFunction`."""
-    token, mode = _LATE.set(_Late()), ca.GlobalOptions.getNumpyMode()
-    ca.GlobalOptions.setNumpyMode(-1)  # numpy's functions of an SX give an SX
-    try:
-        yield
-    finally:
-        ca.GlobalOptions.setNumpyMode(mode)
-        _LATE.reset(token)
+    with _BUILDING:  # CasADi's mode is the process's
+        token, mode = _LATE.set(_Late()), ca.GlobalOptions.getNumpyMode()
+        ca.GlobalOptions.setNumpyMode(-1)  # numpy's functions of an SX give an SX
+        try:
+            yield
+        finally:
+            ca.GlobalOptions.setNumpyMode(mode)
+            _LATE.reset(token)
+
+
+def _after_fork() -> None:
+    global _BUILDING  # noqa: PLW0603  a thread that the child does not have may hold it
+    _BUILDING = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def is_number(value: Expression, number: float) -> bool:
@@ -260,6 +275,11 @@ class GraphFunction:
         return int(np.clip(WORK // rows, LEAST_BLOCK, LARGEST_BLOCK))
 
     @cached_property
+    def _sizes(self) -> list[int]:
+        """Numbers of each input."""
+        return [self.at_a_point.numel_in(k) for k in range(self.at_a_point.n_in())]
+
+    @cached_property
     def _few(self) -> float:
         """Up to so many points the interpreter is quicker than numpy, whose calls cost more than the arithmetic."""
         count = sum(tape.function.n_instructions() for tape, _ in self.stages)
@@ -267,8 +287,13 @@ class GraphFunction:
 
     def __call__(self, *inputs: FloatArray) -> FloatArray:
         """The output (entries, N) of inputs (entries, N), or (entries,) where one holds for all points."""
-        counts = [x.shape[1] for x in inputs if x.ndim == 2]
+        counts = {x.shape[1] for x in inputs if x.ndim == 2}
         count = max(counts, default=1) if 0 not in counts else 0
+        if [x.shape[0] for x in inputs] != self._sizes or not counts <= {1, count}:
+            raise ValueError(
+                f"A function of {self._sizes} numbers must have inputs of as many rows, and of one point or as many as "
+                f"the others; instead received {[x.shape for x in inputs]}."
+            )
         if (library := self._compilation.after(count)) is not None:
             return library(inputs, count)
         if count <= self._few:

@@ -86,7 +86,8 @@ class Filter(Printed, ABC):
         Parameters
         ----------
         mean : array, shape (n,) or (runs, n)
-            First estimate; states that are left out at the end (of effects, the Hall offset) are zero.
+            First estimate; where no covariance is given, states may be left out at the end: those of effects and biases
+            are zero then, samples that were sensed before are those of a body at rest.
         covariance : array, shape (n, n) or (runs, n, n), or None
             Of its error; the process's own where None.
         runs : int

@@ -155,7 +155,8 @@ def _sources(process: FilterProcess, model: ActuatorModel) -> tuple[list[Source]
     ]
     for k, output in enumerate(process.outputs):
         readings = np.where(np.arange(len(silent)) == k, output.variance, 0.0)
-        sources.append(Source(output.name, output.unit, output.variance**0.5, still, readings))
+        name = output.name if output.name not in {"acceleration", "voltage"} else f"sensor {output.name}"
+        sources.append(Source(name, output.unit, output.variance**0.5, still, readings))
     return sources, covariance - acceleration - voltage
 
 

@@ -182,11 +182,11 @@ class ProcessGraph:
 
     def reading(self, name: str) -> GraphFunction:
         """The reading of a sensor."""
-        return self.function(name, lambda x, _: self.read(x, name))
+        return self.function(("reading", name), lambda x, _: self.read(x, name))
 
     def reading_slope(self, name: str) -> GraphFunction:
         """Its gradient."""
-        return self.function(name + " slope", lambda x, _: ca.gradient(self.read(x, name), x))
+        return self.function(("slope", name), lambda x, _: ca.gradient(self.read(x, name), x))
 
     def with_samples(
         self, transition: Callable[[FloatArray, FloatArray], FloatArray], states: FloatArray, inputs: FloatArray
@@ -208,11 +208,13 @@ class ProcessGraph:
             def slope(x: SX, _: SX, sensor: AnySensor = samples.sensor) -> SX:
                 return ca.gradient(self._sampled(x, sensor), x)
 
-            slopes = self._values(self.function(samples.name + " sampled", slope, self.base), states)
+            slopes = self._values(self.function(("sampled", samples.name), slope, self.base), states)
             result += [float((np.abs(slopes) @ deviations).max())] * samples.count
         return result
 
-    def function(self, what: str, make: Callable[[SX, SX], SX], states: int | None = None) -> GraphFunction:
+    def function(
+        self, what: str | tuple[str, str], make: Callable[[SX, SX], SX], states: int | None = None
+    ) -> GraphFunction:
         """A function of so many states, or all, and the circuits' voltages, made once."""
         if what not in self._functions:
             with building():
@@ -221,7 +223,7 @@ class ProcessGraph:
         return self._functions[what]
 
     @cached_property
-    def _functions(self) -> dict[str, GraphFunction]:
+    def _functions(self) -> dict[str | tuple[str, str], GraphFunction]:
         return Memo()
 
     def _values(self, function: GraphFunction, states: FloatArray, inputs: FloatArray | None = None) -> FloatArray:

@@ -181,8 +181,9 @@ their cube, memory with their square."""
 AVERAGED_TO = 1000
 """Numerical: rows to about which a longer bench table is averaged."""
 
-SHORT = 0.25
-"""Assumed: part of the usual length of a stretch below which its few readings, taken on the way, are left out."""
+SHORT = 0.5
+"""Assumed: part of the usual length of a stretch below which its few readings, taken on the way, are left out; means of
+the others have about one noise."""
 
 CLEARLY, WELL = 0.2, 0.3
 """Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""

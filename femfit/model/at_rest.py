@@ -92,15 +92,17 @@ def at_points(
     """
     known, numbers = model.without_effects.resting, conditions.numbers
     key = what, tuple(id(added.effect) for added in effects), tuple(numbers), conditions.running
-    while len(known) > SETS:
-        known.pop(next(iter(known)), None)
-    if key not in known:  # beside the effects themselves, so that their addresses stay theirs
-        known[key] = tuple(effects), *_function(model, expressions, currents.shape[1], effects, conditions)
+    entry = known.get(key)
+    if entry is None:  # beside the effects themselves, so that their addresses stay theirs
+        entry = tuple(effects), *_function(model, expressions, currents.shape[1], effects, conditions)
+        while len(known) >= SETS:
+            known.pop(next(iter(known)), None)
+        known[key] = entry
     given = np.empty((len(numbers), len(distance)))
     for row, value in zip(given, numbers.values(), strict=True):
         row[:] = value
     sizes = [added.parameters[p.name] for added in effects for p in added.effect.parameters]
-    _, names, ends, function = known[key]
+    _, names, ends, function = entry
     values = function(np.concatenate([distance[None], currents.T]), given, np.array(sizes, dtype=np.float64))
     return dict(zip(names, np.split(values, ends), strict=True))
 

@@ -1,6 +1,8 @@
 """Machine code of a function: the interpreter's results to the bit, and the interpreter wherever there is none."""
 
+import os
 from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import get_context
 
 import casadi as ca
 import numpy as np
@@ -112,3 +114,44 @@ def test_the_cache_keeps_what_was_used_last(cache, monkeypatch):
     for factor in (1.0, 2.0, 3.0):
         assert value(waited_for(Compilation(a_simple_function(factor))), 2.0) == 2.0 * factor
     assert len(list(cache.iterdir())) == 2
+
+
+def test_inputs_of_wrong_shapes_are_refused_whatever_works_the_function_out():
+    function = of_everything()
+    inputs = [np.array([0.3, -2.0]), np.zeros(0)]
+    for wrong in (np.zeros((1, 50)), np.zeros((4, 50)), np.zeros(2)):
+        with pytest.raises(ValueError, match="as many rows"):
+            function(wrong, *inputs)
+    with pytest.raises(ValueError, match="as many rows"):
+        function(np.zeros((3, 50)), np.zeros((2, 20)), np.zeros(0))
+
+
+@needs_compiler
+def test_a_fork_compiles_for_itself_and_leaves_what_its_parent_compiles(cache):
+    compilation = Compilation(a_simple_function(7.0))
+    assert compilation.after(100) is None
+    workplace = compilation._workplace
+    here, there = (context := get_context("fork")).Pipe()
+    child = context.Process(target=lambda: there.send(float(value(waited_for(compilation), 2.0))))
+    child.start()
+    child.join(60)
+    assert here.recv() == 14.0
+    assert child.exitcode == 0
+    assert workplace.exists()
+    assert value(waited_for(compilation), 2.0) == 14.0
+    assert [path.suffix for path in cache.iterdir()] == [".so"]
+
+
+@needs_compiler
+def test_a_cache_that_cannot_be_tidied_is_used(cache, monkeypatch):
+    def refused(*_, **__):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "utime", refused)
+    assert value(waited_for(Compilation(a_simple_function(9.0))), 2.0) == 18.0
+
+
+def test_a_compiler_that_is_not_found_is_said(monkeypatch):
+    monkeypatch.setenv("FEMFIT_COMPILER", "no-such-compiler -m64")
+    with pytest.warns(RuntimeWarning, match="no-such-compiler -m64 is not found"):
+        assert Compilation(a_simple_function()).after(10**9) is None

@@ -1,5 +1,7 @@
 """Bench tables of very many rows, which are averaged before they are compared."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -56,8 +58,30 @@ def test_a_stretch_ends_where_a_setting_moves_the_run_or_the_branch_changes_or_i
     number = stretches(table, ("current_A",))
     of_each = rows.groupby(number)[["run", "distance_m", "current_A", "branch"]].nunique()
     assert (of_each == 1).all(axis=None)
-    assert np.bincount(number).max() == -(-len(rows) // AVERAGED_TO)
+    most = -(-len(rows) // AVERAGED_TO)
+    assert set(np.bincount(number)) <= {most - 1, most}  # evenly
+    sometimes = rows.assign(coil_temperature_C=rows["coil_temperature_C"].where(np.arange(len(rows)) % 10 == 0))
+    assert np.bincount(stretches(replace(table, rows=sometimes), ("current_A",))).min() >= most - 1
     assert (np.diff(number) >= 0).all()
+
+
+def test_means_of_unlike_length_have_the_noise_of_the_usual_one():
+    generator = np.random.default_rng(5)
+    count = np.tile([100, 60], 300)
+    number = np.repeat(np.arange(600), count)
+    noise = noise_of_means(generator.standard_normal(len(number)), number, count)
+    assert noise == pytest.approx(0.1, rel=0.1)  # a median of 600
+
+
+def test_a_converter_coarser_than_the_noise_and_what_was_declared_are_no_trouble(levitation_model, tmp_path):
+    table = logged(levitation_model, tmp_path)
+    step = 10.0 * NOISE["force_N"]
+    coarse = replace(table, rows=table.rows.assign(force_N=np.round(table.rows["force_N"] / step) * step))
+    observations = placed(levitation_model, replace(coarse, declared_noise={"force_N": 1e-3, "distance_m": 1e-5}))
+    assert observations.declared_noise["force_N"] >= step / np.sqrt(12.0 * 7.0) * 0.99
+    assert observations.declared_distance_m == 1e-5
+    assert "that was declared" in str(next(f for f in observations.findings if f.code == "averaged"))
+    assert ff.compare(levitation_model, coarse).verdict == "agrees"
 
 
 def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_model, tmp_path):

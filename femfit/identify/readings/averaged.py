@@ -15,6 +15,7 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray, IntArray
 from femfit.identify.constants import AVERAGED_TO, LEAST_REPEATS, MOST_ROWS, NORMAL_MEDIAN, SAME_LINE, SHORT
+from femfit.identify.readings.settings import quantisation_step
 from femfit.identify.words import finding
 from femfit.tables.measurement import BenchTable
 
@@ -35,55 +36,71 @@ def averaged(
         return table
     number = stretches(table, currents)
     count = np.bincount(number)
-    kept = count >= SHORT * np.median(count[number])
+    usual = float(np.median(count[number]))
+    kept = count >= SHORT * usual
     if np.count_nonzero(kept) > MOST_ROWS:
         return table
     rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
     residual = residuals(table)
-    noise = {name: noise_of_means(values, number, count) for name, values in residual.items()}
+    noise = {name: noise_of_means(values, number, count * kept) for name, values in residual.items()}
+    for name, sigma in noise.items():  # halves may round to the same
+        step = quantisation_step(table.rows[name].to_numpy())
+        noise[name] = max(sigma, step / np.sqrt(12.0 * usual)) if sigma > 0.0 or step > 0.0 else float("nan")
+    known = {name: sigma for name, sigma in noise.items() if np.isfinite(sigma)}
     told = finding(
         "averaged",
         rows=len(table.rows),
         means=len(rows),
         readings=int(np.median(count[kept])),
         left_out=int(count[~kept].sum()),
+        declared=[name for name in known if name in table.declared_noise],
     )
-    known = {name: sigma for name, sigma in noise.items() if np.isfinite(sigma)}
-    declared = {name: sigma for name, sigma in table.declared_noise.items() if name not in residual}
     return replace(
         table,
         rows=rows,
-        declared_noise=declared | known,
+        declared_noise={**table.declared_noise, **known},
         noise_source="samples",
         findings=(*table.findings, told),
     )
 
 
 def stretches(table: BenchTable, currents: tuple[str, ...]) -> IntArray:
-    """Number of the stretch that each row belongs to, from 0; a row without a setting is one of its own."""
+    """Number of the stretch that each row belongs to, from 0; a row without a setting is one of its own.
+
+    What could be longer is divided evenly. A temperature that is not read with each row is taken for the last one read.
+    """
     rows, most = table.rows, -(-len(table.rows) // AVERAGED_TO)
     labels = rows[["run", "mount", "branch"]].fillna(0.0).to_numpy()
-    settings = ("distance_m", *currents, "frequency_Hz", "coil_temperature_C", "magnet_temperature_C")
-    values = np.stack([rows[name] for name in settings if name in rows and rows[name].notna().any()], axis=1)
+    warm = ("coil_temperature_C", "magnet_temperature_C")
+    settings = [name for name in ("distance_m", *currents, "frequency_Hz", *warm) if name in rows]
+    known = rows[[name for name in settings if rows[name].notna().any()]]
+    values = known.fillna(known.filter(items=warm).ffill().bfill()).to_numpy()
     near = SAME_LINE * np.nanmax(values, axis=0) - SAME_LINE * np.nanmin(values, axis=0)
     number, first, begun = np.zeros(len(rows), dtype=np.intp), 0, -1
     changes = np.append(True, np.any(labels[1:] != labels[:-1], axis=1))
     for k, value in enumerate(values):
-        if changes[k] or k - first == most or not (np.abs(value - values[first]) <= near).all():
+        if changes[k] or not (np.abs(value - values[first]) <= near).all():
             first, begun = k, begun + 1
         number[k] = begun
-    return number
+    count = np.bincount(number)
+    place, parts = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count), -(-count // most)
+    part = place * parts[number] // count[number]
+    return np.cumsum(np.diff(number, prepend=0) + np.diff(part, prepend=0) != 0)
 
 
 def noise_of_means(residual: FloatArray, number: IntArray, count: IntArray) -> float:
-    """Standard deviation of the mean of a stretch, from the differences of halves; NaN for fewer than twelve."""
-    place = np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-    size = count[number]
+    """Standard deviation of the mean of a stretch of usual length, from the differences of halves.
+
+    NaN for fewer than twelve stretches. Those with a ``count`` of 0 are left out.
+    """
+    every = np.bincount(number)
+    place, size = np.arange(len(number)) - np.repeat(np.cumsum(every) - every, every), every[number]
     halves = [np.where(place < size // 2, 1.0, 0.0), np.where(place >= size - size // 2, 1.0, 0.0)]
     sums = [np.bincount(number, half * np.nan_to_num(residual)) for half in halves]
     there = [np.bincount(number, half * np.isfinite(residual)) for half in halves]
-    told = (there[0] > 0) & (there[1] > 0)
-    if np.count_nonzero(told) < LEAST_REPEATS:
+    shown = (there[0] > 0) & (there[1] > 0) & (count > 0)
+    if np.count_nonzero(shown) < LEAST_REPEATS:
         return float("nan")
-    difference = sums[1][told] / there[1][told] - sums[0][told] / there[0][told]
-    return 0.5 * float(np.median(np.abs(difference))) / NORMAL_MEDIAN
+    difference = sums[1][shown] / there[1][shown] - sums[0][shown] / there[0][shown]
+    length = count[shown] / np.median(np.repeat(count[shown], count[shown]))
+    return 0.5 * float(np.median(np.abs(difference) * np.sqrt(length))) / NORMAL_MEDIAN
