@@ -43,7 +43,9 @@ def folder(levitation_model, tmp_path_factory):
     bench = campaign(model, 31, runs=2, distances=4, currents=4).rows
     bench.to_csv(place / "bench.csv", index=False)
     bench[:0].to_csv(place / "empty.csv", index=False)
-    long = pd.concat([bench[["distance_m", "current_A", "force_N"]]] * (5020 // len(bench) + 1))[:5020]
+    long = pd.concat([bench[["distance_m", "current_A", "force_N"]]] * (5020 // len(bench) + 1))[:5020].sample(
+        frac=1.0, random_state=1
+    )
     long.to_csv(place / "long.csv", index=False)
     rows = impedance_file(model, place / "impedance.csv")
     one = pd.read_csv(rows).query("run == 1 and `Bias [A]` == 0")

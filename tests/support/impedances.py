@@ -1,8 +1,11 @@
 """Impedance campaigns of a model, as an LCR meter reads them at distances, bias currents and frequencies."""
 
+import casadi as ca
 import numpy as np
 import pandas as pd
+from casadi import SX
 
+from femfit.core.graph import GraphFunction, building
 from femfit.effects.conditions import Conditions
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of
@@ -33,3 +36,13 @@ def impedance_file(
 def impedance_table(model, path, effects=(), **options):
     """The same, read."""
     return read_measurement(impedance_file(model, path, effects, **options))
+
+
+def changed_impedance(change, distance, current, frequency, parameters):
+    """What a number of a drawing adds to an impedance at points (N,), of shape (N, ...) as the number's change."""
+    with building():
+        x = SX.sym("x", 3)
+        entries = change(x[0], x[1], x[2], None, parameters).ravel()
+        function = GraphFunction([x], ca.vertcat(*(z.real for z in entries), *(z.imag for z in entries)))
+    real, imag = np.split(function(np.stack([distance, current, frequency])), 2)
+    return (real + 1j * imag).T.reshape(len(distance), *change.real_H.shape[3:])

@@ -38,7 +38,7 @@ def averaged(
     count = np.bincount(number)
     usual = float(np.median(count[number]))
     kept = count >= SHORT * usual
-    if np.count_nonzero(kept) > MOST_ROWS:
+    if usual < 2.0 or np.count_nonzero(kept) > MOST_ROWS:
         return table
     rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
     residual = residuals(table)
