@@ -26,7 +26,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("import", "femfit.cli.import_table:import_table", "Bring in a table of FEMM or another program as a sweep table."),
     ("import-fem", "femfit.cli.import_fem:import_fem", "Read a FEMM model (.fem) as an actuator file."),
     ("fit", "femfit.cli.fit:fit", "Fit a force law or a co-energy to a sweep table, and write the model file."),
-    ("export", "femfit.cli.export:export", "Export a model: filters and simulator that need numpy alone."),
+    ("export", "femfit.cli.export:export", "Export a model: filters and simulator in C or in Python alone."),
     ("simulate", "femfit.cli.simulate:simulate", "Close the loop: controller, filter, sensor, steps, noise, faults."),
     ("sense", "femfit.cli.sense:sense", "How well the current tells the distance: error in simulation, and bound."),
     ("audit", "femfit.cli.audit:audit", "Check a model against its table, physics and supply; exits with 1 if wrong."),

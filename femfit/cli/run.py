@@ -242,4 +242,4 @@ def _export(model: "ActuatorModel", directory: Path) -> str:
         files = export_estimator(model, directory)
     except (DomainError, FilterError, MissingPartError) as error:
         return f"none: {error}"
-    return f"{directory}, {len(files)} files that need numpy alone"
+    return f"{directory}, {len(files)} files that need Python alone"
