@@ -86,6 +86,7 @@ class Library:
     def __call__(self, inputs: Sequence[FloatArray], count: int) -> FloatArray:
         """The output (entries, count) of inputs (entries, count), or (entries,) where one holds for all points."""
         inputs = [np.asarray(x, dtype=np.float64) for x in inputs]
+        inputs = [x if all(step % 8 == 0 for step in x.strides) else np.ascontiguousarray(x) for x in inputs]
         places = np.array([x.ctypes.data for x in inputs], dtype=np.int64)
         strides = [x.strides if x.ndim == 2 and x.shape[1] > 1 else (x.strides[0], 0) for x in inputs]
         steps, result = np.array(strides, dtype=np.int64) // 8, np.empty((self._rows, count))
@@ -144,7 +145,11 @@ class Compilation:
             else:
                 self.__dict__.pop("_source", None)
                 _tidy(self._target)
-        except (OSError, RuntimeError) as error:  # the cache cannot be written, what lies there is not a library
+        except (
+            OSError,
+            RuntimeError,
+            AttributeError,
+        ) as error:  # the cache cannot be written, what lies there is not a library
             self._warn(str(error))
 
     @cached_property

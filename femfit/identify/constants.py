@@ -185,6 +185,9 @@ SHORT = 0.5
 """Assumed: part of the usual length of a stretch below which its few readings, taken on the way, are left out; means of
 the others have about one noise."""
 
+MOST_DROPPED = 0.1
+"""Assumed: part of the stretches that may be left out as too short; more of them are settings of their own."""
+
 CLEARLY, WELL = 0.2, 0.3
 """Assumed: a suspicion must leave less than these parts of the misfit as it stands, and of the readings' own spread."""
 

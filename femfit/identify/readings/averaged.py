@@ -12,9 +12,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
 from femfit.core.numerics import FloatArray, IntArray
-from femfit.identify.constants import AVERAGED_TO, LEAST_REPEATS, MOST_ROWS, NORMAL_MEDIAN, SAME_LINE, SHORT
+from femfit.identify.constants import (
+    AVERAGED_TO,
+    LEAST_REPEATS,
+    MOST_DROPPED,
+    MOST_ROWS,
+    NORMAL_MEDIAN,
+    SAME_LINE,
+    SHORT,
+)
 from femfit.identify.readings.settings import quantisation_step
 from femfit.identify.words import finding
 from femfit.tables.measurement import BenchTable
@@ -38,10 +47,15 @@ def averaged(
     count = np.bincount(number)
     usual = float(np.median(count[number]))
     kept = count >= SHORT * usual
-    if usual < 2.0 or np.count_nonzero(kept) > MOST_ROWS:
+    dropped = float(np.mean(~kept))
+    if usual < 2.0 or np.count_nonzero(kept) > MOST_ROWS or dropped > MOST_DROPPED:  # the short ones are settings
         return table
     rows = table.rows.groupby(number).mean()[kept].reset_index(drop=True)
     residual = residuals(table)
+    at_means = residuals(replace(table, rows=rows))
+    for name, values in residual.items():  # the model's own bend within a stretch is no misfit
+        mean = pd.Series(values).groupby(number).mean()[kept].to_numpy()
+        rows[name] = rows[name] - at_means[name] + mean
     noise = {name: noise_of_means(values, number, count * kept) for name, values in residual.items()}
     for name, sigma in noise.items():  # halves may round to the same
         step = quantisation_step(table.rows[name].to_numpy())
@@ -70,9 +84,9 @@ def stretches(table: BenchTable, currents: tuple[str, ...]) -> IntArray:
     What could be longer is divided evenly. A temperature that is not read with each row is taken for the last one read.
     """
     rows, most = table.rows, -(-len(table.rows) // AVERAGED_TO)
-    labels = rows[["run", "mount", "branch"]].fillna(0.0).to_numpy()
+    labels = rows[[name for name in ("run", "mount", "branch", "frequency_Hz") if name in rows]].fillna(0.0).to_numpy()
     warm = ("coil_temperature_C", "magnet_temperature_C")
-    settings = [name for name in ("distance_m", *currents, "frequency_Hz", *warm) if name in rows]
+    settings = [name for name in ("distance_m", *currents, *warm) if name in rows]
     known = rows[[name for name in settings if rows[name].notna().any()]]
     values = known.fillna(known.filter(items=warm).ffill().bfill()).to_numpy()
     near = SAME_LINE * np.nanmax(values, axis=0) - SAME_LINE * np.nanmin(values, axis=0)
