@@ -277,7 +277,7 @@ class GraphFunction:
     @cached_property
     def _sizes(self) -> list[int]:
         """Numbers of each input."""
-        return [self.at_a_point.numel_in(k) for k in range(self.at_a_point.n_in())]
+        return [x.numel() for x in self._inputs]
 
     @cached_property
     def _few(self) -> float:

@@ -97,7 +97,7 @@ def stretches(table: BenchTable, currents: tuple[str, ...]) -> IntArray:
             first, begun = k, begun + 1
         number[k] = begun
     count = np.bincount(number)
-    place, parts = np.arange(len(rows)) - np.repeat(np.cumsum(count) - count, count), -(-count // most)
+    place, parts = pd.Series(number).groupby(number).cumcount().to_numpy(), -(-count // most)
     part = place * parts[number] // count[number]
     return np.cumsum(np.diff(number, prepend=0) + np.diff(part, prepend=0) != 0)
 
@@ -107,8 +107,7 @@ def noise_of_means(residual: FloatArray, number: IntArray, count: IntArray) -> f
 
     NaN for fewer than twelve stretches. Those with a ``count`` of 0 are left out.
     """
-    every = np.bincount(number)
-    place, size = np.arange(len(number)) - np.repeat(np.cumsum(every) - every, every), every[number]
+    place, size = pd.Series(number).groupby(number).cumcount().to_numpy(), np.bincount(number)[number]
     halves = [np.where(place < size // 2, 1.0, 0.0), np.where(place >= size - size // 2, 1.0, 0.0)]
     sums = [np.bincount(number, half * np.nan_to_num(residual)) for half in halves]
     there = [np.bincount(number, half * np.isfinite(residual)) for half in halves]
