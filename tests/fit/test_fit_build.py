@@ -235,7 +235,7 @@ def test_the_motional_constant_is_stated_over_the_whole_domain_and_not_at_the_sw
     ("newtons", "words"), [(2.706e-6, "2.71 µN rms"), (2.99, "2.99 N rms"), (3659.0, "3.66 kN rms"), (0.0, "0 N rms")]
 )
 def test_forces_are_printed_in_the_unit_of_their_size(newtons, words):
-    line = sentence("misfit", Misfit(newtons, newtons, 1e-3, None, None, None, 36, "sweep"))
+    line = sentence("model", "misfit", Misfit(newtons, newtons, 1e-3, None, None, None, 36, "sweep"))
     assert words in line
     assert "weight" not in line
 
