@@ -79,10 +79,6 @@ MOST_DELAYED_SAMPLES = 100
 DELAYED_NOISE = 1e-3
 """Numerical: process noise of a remembered value over what its reading's noise makes of it, so that Q is definite."""
 
-UNMOVED_KG = 1e12
-"""Numerical: a body of this mass stays where it is."""
-
-
 BLOCK = 8
 """Conventional: samples whose mean tells where the body stands."""
 

@@ -13,7 +13,7 @@ from femfit.core.sweep_columns import circuit_currents, voltage_columns
 from femfit.estimate.consistency import Beside, Innovations, beside, innovations_of
 from femfit.estimate.constants import AT_STOP, LEAST_JUDGED, NOISE_SAMPLES, OBSERVED_SHARE
 from femfit.estimate.filter import Filter
-from femfit.estimate.fine_steps import advance, in_fine_steps, substeps, unmoved
+from femfit.estimate.fine_steps import in_fine_steps, stay, substeps
 from femfit.estimate.kalman_filter import FilterKind, kalman_filter
 from femfit.estimate.noise import FilterNoise, default_noise
 from femfit.estimate.prepare import Prepared, prepare, recorded_sensors, with_recorded_sensors
@@ -240,16 +240,8 @@ def resting_filter(prepared: Prepared, built: Filter) -> Filter | None:
     """The same filter of a body that stands still: the current flows as it does in a body that nothing moves."""
     if prepared.resting is None:
         return None
-    process, model = built.process, unmoved(prepared.model)
-    transition = partial(_stay, model, substeps(prepared.model))
+    process, model = built.process, prepared.model
+    transition = partial(stay, model, substeps(model))
     covariance = process.process_covariance.copy()
     covariance[:2, :2] = np.diag(np.square(prepared.resting))
     return replace(built, process=replace(process.predicting(transition), process_covariance=covariance))
-
-
-def _stay(model: ActuatorModel, count: int, states: FloatArray, voltage: FloatArray) -> FloatArray:
-    still = states.copy()
-    still[:, 1] = 0.0
-    moved = advance(model, model, count, still, voltage)
-    moved[:, :2] = still[:, :2]
-    return moved

@@ -13,7 +13,6 @@ of a state that earlier ones are added to.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -30,20 +29,6 @@ from femfit.model.sensors import reading_of, sample_weights, sensor_named, unit_
 
 MOST_EXACT = 10_000
 """Measured: instructions of a step above which its Jacobian takes seconds to make."""
-
-
-def kept_between_stops(model: ActuatorModel, distance: Any, velocity: Any) -> tuple[Any, Any]:
-    """Distance and velocity, as arrays or expressions, of a body that lies on a stop beyond which it would be.
-
-    It is at rest there if it went towards the stop.
-    """
-    near, far = model.require_motion().ends
-    d, v = distance, velocity
-    if np.isfinite(near):  # what is added leaves the slope of a body that rests on its stop as it is
-        d, v = np.fmax(d, near), v + (distance <= near) * np.fmax(0.0, -v)
-    if np.isfinite(far):
-        d, v = np.fmin(d, far), v - (distance >= far) * np.fmax(0.0, v)
-    return d, v
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +106,10 @@ class ProcessGraph:
         return sum(tape.function.n_instructions() for tape, _ in stages) <= MOST_EXACT
 
     def moved(self, x: SX, voltage: SX) -> SX:
-        """All states one sample later; a body that a stop holds rests there."""
+        """All states one sample later."""
         model, end = self.model, self.model.order
-        after = model.equations.step_of(x[:end], voltage, model.sample_time_s)
-        d, v = kept_between_stops(model, after[0], after[1])
-        return ca.vertcat(d, v, *ca.vertsplit(after)[2:], *ca.vertsplit(x)[end : self.base], self.remembered(x))
+        after = model.equations.step_between_stops(x[:end], voltage, model.sample_time_s)
+        return ca.vertcat(after, *ca.vertsplit(x)[end : self.base], self.remembered(x))
 
     def begun(self, first: SX) -> SX:
         """All states of a body that was at rest before, from its first states, of which the last may be left out."""

@@ -4,8 +4,8 @@ In all functions ``state`` has the shape (..., order): distance in m, velocity i
 currents in A in the order of ``model.circuits``, those of ``model.eddy_names``, and after them ``model.memory_names``.
 ``voltage``, across each circuit in V, has the shape (..., n), and (...) of one circuit; ``disturbance``, a further
 force along growing distance in N, has the shape (...). Both are held over a step. Jacobians have the shape
-(..., order, order): row, component of the result; column, component of the state. Stops are left to
-:mod:`femfit.simulation`.
+(..., order, order): row, component of the result; column, component of the state. Where ``free`` is false, bodies go on
+at their speed. Stops are left to :mod:`femfit.model.contact`.
 
 References
 ----------
@@ -35,10 +35,15 @@ FLUX_STEPS, FLUX_CHANGE = 20, 1e-10
 
 
 def state_derivative(
-    model: ActuatorModel, state: FloatArray, voltage: FloatArray, disturbance: FloatArray | float = 0.0
+    model: ActuatorModel,
+    state: FloatArray,
+    voltage: FloatArray,
+    disturbance: FloatArray | float = 0.0,
+    *,
+    free: bool = True,
 ) -> FloatArray:
     """Time derivative of (distance, velocity, currents), and of the states that the model's effects add."""
-    return evaluated(model, model.equations.rates, state, voltage, disturbance)
+    return evaluated(model, model.equations.rates, state, voltage, disturbance, free=free)
 
 
 def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray) -> FloatArray:
@@ -48,14 +53,14 @@ def state_jacobian(model: ActuatorModel, state: FloatArray, voltage: FloatArray)
 
 
 def exponential_step(
-    model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: FloatArray | float
+    model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: FloatArray | float, *, free: bool = True
 ) -> FloatArray:
     """States (..., order) one step of :mod:`femfit.model.equations` later; steps of their own have the shape (..., 1).
 
     Exact for a current that decays at rest, however fast, and of second order in the motion and what it induces.
     """
     length = None if isinstance(step, np.ndarray) else float(step)
-    return evaluated(model, model.equations.step(length), state, voltage, step=step)
+    return evaluated(model, model.equations.step(length), state, voltage, step=step, free=free)
 
 
 def currents_by_voltages(model: ActuatorModel, distance: FloatArray, currents: FloatArray, step: float) -> FloatArray:
@@ -77,6 +82,7 @@ def evaluated(
     disturbance: FloatArray | float = 0.0,
     step: FloatArray | float = 0.0,
     time: FloatArray | float = 0.0,
+    free: bool = True,
 ) -> FloatArray:
     """Values (..., entries) of one of the model's equations."""
     n, points = len(model.circuits), state.shape[:-1]
@@ -85,10 +91,10 @@ def evaluated(
         given = np.asarray(voltage, dtype=np.float64)[..., None] if n == 1 else np.asarray(voltage, dtype=np.float64)
         volts = np.broadcast_to(given, (*points, n)).reshape(-1, n).T
     step = step[..., 0] if isinstance(step, np.ndarray) and step.ndim else step
-    others = np.empty((3, *points))
-    others[0], others[1], others[2] = disturbance, step, time
+    others = np.empty((4, *points))
+    others[0], others[1], others[2], others[3] = disturbance, step, time, free
     x = state.reshape(-1, state.shape[-1]).T
-    values = function(x, volts, others.reshape(3, -1), model.magnetics.given_values)
+    values = function(x, volts, others.reshape(4, -1), model.magnetics.given_values)
     return values.T.reshape(*points, len(values))
 
 
@@ -99,20 +105,22 @@ def runge_kutta_step(
     step: FloatArray | float,
     substeps: int = 1,
     disturbance: FloatArray | float = 0.0,
+    *,
+    free: bool = True,
 ) -> FloatArray:
     """Advance by classical fourth-order Runge-Kutta with equal substeps; steps of their own have the shape (..., 1)."""
     h = step / substeps
     for _ in range(substeps):
-        k1 = state_derivative(model, state, voltage, disturbance)
-        k2 = state_derivative(model, state + 0.5 * h * k1, voltage, disturbance)
-        k3 = state_derivative(model, state + 0.5 * h * k2, voltage, disturbance)
-        k4 = state_derivative(model, state + h * k3, voltage, disturbance)
+        k1 = state_derivative(model, state, voltage, disturbance, free=free)
+        k2 = state_derivative(model, state + 0.5 * h * k1, voltage, disturbance, free=free)
+        k3 = state_derivative(model, state + 0.5 * h * k2, voltage, disturbance, free=free)
+        k4 = state_derivative(model, state + h * k3, voltage, disturbance, free=free)
         state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return state
 
 
 def extrapolated_step(
-    model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: FloatArray | float
+    model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: FloatArray | float, *, free: bool = True
 ) -> FloatArray:
     """States one step later with an error of third order, as exact for a current that decays at rest.
 
@@ -123,9 +131,17 @@ def extrapolated_step(
     for count, weight in ((1, 0.5), (2, -4.0), (3, 4.5)):
         moved = state
         for _ in range(count):
-            moved = exponential_step(model, moved, voltage, step / count)
+            moved = exponential_step(model, moved, voltage, step / count, free=free)
         result += weight * moved
     return result
+
+
+def accurate_step(
+    model: ActuatorModel, state: FloatArray, voltage: FloatArray, step: float, *, free: bool = True
+) -> FloatArray:
+    """States one step later by Runge and Kutta, and by extrapolation where eddy currents decay fast."""
+    accurate = runge_kutta_step if model.eddy is None else extrapolated_step
+    return accurate(model, state, voltage, step, free=free)
 
 
 def motion_steps(model: ActuatorModel) -> int:

@@ -33,6 +33,7 @@ from casadi import SX
 from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable, slope
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
+from femfit.model.contact import between, met_stops
 from femfit.model.decay import decayed, eliminated
 from femfit.model.responses import ResponseTable
 from femfit.model.sensing import AnySensor, reading_expression
@@ -53,18 +54,19 @@ class _Symbols:
     disturbance: SX
     step: SX
     time: SX
+    free: SX  # 1, or 0 of a body that goes on at its speed
 
     @property
     def inputs(self) -> list[SX]:
         """As every function of the equations takes them."""
-        return [self.state, self.voltage, ca.vertcat(self.disturbance, self.step, self.time)]
+        return [self.state, self.voltage, ca.vertcat(self.disturbance, self.step, self.time, self.free)]
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The equations of a model; functions of (state, voltage of each circuit, (disturbance, step, time), given).
+    """The equations of a model; functions of (state, voltage of each circuit, (disturbance, step, time, free), given).
 
-    What is given is as of the magnetics: a force's scale, one a run.
+    A body that is not free goes on at its speed. What is given is as of the magnetics: a force's scale, one a run.
     """
 
     model: "ActuatorModel"
@@ -155,23 +157,26 @@ class Equations:
     def _known(self) -> Memo:
         return Memo()
 
-    def rates_at(self, state: SX, voltage: SX) -> SX:
-        """Time derivative of an expression's state."""
-        zero = SX(0.0)
-        return self._rates(state, _Symbols(state, voltage, zero, zero, zero))
+    def rates_at(self, state: SX, voltage: SX, free: SX | None = None) -> SX:
+        """Time derivative of an expression's state, of a body that is free where it is not said."""
+        return self._rates(state, _expressed(state, voltage, free=free))
 
-    def any_step_of(self, state: SX, voltage: SX, step: SX) -> SX:
-        """An expression's state a step of any length later."""
-        return self._step(_Symbols(state, voltage, SX(0.0), step, SX(0.0)), None)
+    def any_step_of(self, state: SX, voltage: SX, step: SX, free: SX) -> SX:
+        """An expression's state a step of any length later, of a body that is free or goes on at its speed."""
+        return self._step(_expressed(state, voltage, step, free), None)
 
-    def step_of(self, state: SX, voltage: SX, step: float) -> SX:
-        """An expression's state one step later."""
-        return self._step(_Symbols(state, voltage, SX(0.0), SX(step), SX(0.0)), step if self.linear else None)
+    def step_between_stops(self, state: SX, voltage: SX, step: float) -> SX:
+        """An expression's state one step later, of a body that its stops hold."""
+        motion = self.model.require_motion()
+        state = ca.vertcat(between(state[0], motion.ends), state[1:])
+        after = self._step(_expressed(state, voltage, SX(step)), step if self.linear else None, motion.ends)
+        distance, velocity = met_stops(motion, (state[0], state[1]), (after[0], after[1]), step)
+        return ca.vertcat(distance, velocity, after[2:])
 
     @cached_property
     def _symbols(self) -> _Symbols:
         at = (SX.sym("x", self.model.order), SX.sym("u", len(self.model.circuits)))
-        return _Symbols(*at, *(SX.sym(name) for name in ("disturbance", "step", "time")))
+        return _Symbols(*at, *(SX.sym(name) for name in ("disturbance", "step", "time", "free")))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Equations, (self.model,)
@@ -181,14 +186,17 @@ class Equations:
         end, names = self.model.windings.end, self.model.memory_names
         return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
 
-    def _step(self, at: _Symbols, length: float | None) -> SX:
+    def _step(self, at: _Symbols, length: float | None, ends: tuple[float, float] = (-np.inf, np.inf)) -> SX:
         h, state = at.step, at.state
         middle = ca.vertcat(state[0] + 0.5 * h * state[1], state[1:])
-        after = state + h * of_variable(lambda x: self._rates(x, at, mean_over=h, length=length), middle)
+        limits = tuple(2.0 * ((end - state[0]) / h - state[1]) / h if np.isfinite(end) else end for end in ends)
+        after = state + h * self._rates(middle, at, mean_over=h, length=length, limits=limits)
         return ca.vertcat(state[0] + 0.5 * h * (state[1] + after[1]), after[1:])
 
     def _rates(self, state: SX, at: _Symbols, **options: Any) -> SX:
-        return self._flow(state, at, **options)[0]
+        """Of a body within a step, which its stops let no further, though the step does."""
+        reached = ca.vertcat(between(state[0], self.model.require_motion().ends), state[1:])
+        return of_variable(lambda x: self._flow(x, at, **options)[0], reached)
 
     def _flow(
         self,
@@ -197,6 +205,7 @@ class Equations:
         *,
         mean_over: SX | None = None,
         length: float | None = None,
+        limits: tuple[Any, Any] = (-np.inf, np.inf),
         driven: tuple[int, ...] = (),
         dry_friction: bool = True,
     ) -> tuple[SX, SX]:
@@ -206,6 +215,9 @@ class Equations:
         ----------
         length : float or None
             The step in s, where a table says what it makes of the currents.
+        limits : tuple
+            Mean accelerations over the step with which the body would end at its stops: what it induces is that of the
+            way that they leave it.
         driven : tuple of int
             Circuits whose currents have the rates that stand in the voltages' places, at each moment.
         """
@@ -221,11 +233,11 @@ class Equations:
         motional = motional_constant * v
         conditions = self.conditions(v, memory, motional)
         force = with_further_force(model.effects, force, d, first, conditions)
-        acceleration = motion.acceleration(d, v, force - at.disturbance, model.sample_time_s)
+        acceleration = at.free * motion.acceleration(d, v, force - at.disturbance, model.sample_time_s)
         if not w.numel():
             return ca.vertcat(v, acceleration), at.voltage
         if mean_over is not None:
-            motional = motional_constant * (v + 0.5 * mean_over * acceleration)
+            motional = motional_constant * (v + 0.5 * mean_over * between(acceleration, limits))
             conditions = self.conditions(v, memory, motional)
         places = list(driven)
         commanded, imposed = SX(at.voltage), at.voltage[places]
@@ -253,7 +265,7 @@ class Equations:
                 rate, lever = (response @ driving for response in self._responses(length).at(d))
             else:
                 rate, lever = decayed(inductance, resistances, driving, mean_over)
-            acceleration -= mean_over / motion.mass_kg * ca.dot(motional_constant, lever)
+            acceleration -= at.free * mean_over / motion.mass_kg * ca.dot(motional_constant, lever)
         followed = self._memory_rates(memory, core, ca.dot(turns, rate) + drift, conditions, (first, rate[0]))
         return ca.vertcat(v, acceleration, rate, followed), commanded
 
@@ -319,6 +331,12 @@ class Equations:
             now, rate = of_circuit if of_circuit and not of_core else (current, current_rate)
             rates |= added.memory.rate(memory, now, replace(conditions, current_rate_A_s=rate), added.parameters)
         return ca.vertcat(SX(0, 1), *(rates[name] for name in memory))
+
+
+def _expressed(state: SX, voltage: SX, step: SX | None = None, free: SX | None = None) -> _Symbols:
+    """The equations' inputs as expressions: nothing disturbs, at no certain time."""
+    zero = SX(0.0)
+    return _Symbols(state, voltage, zero, zero if step is None else step, zero, SX(1.0) if free is None else free)
 
 
 def _imposed(inductance: SX, driving: SX, places: list[int], rates: SX) -> tuple[SX, SX]:

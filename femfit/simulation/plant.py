@@ -1,6 +1,6 @@
 """The simulated actuator: the model's own equations and drivers, with a wrong force on request.
 
-A body that comes to a stop of its drawing stays there until a force takes it away.
+A body that comes to a stop of its drawing bounces, or stays there until a force takes it away.
 
 References
 ----------
@@ -16,8 +16,8 @@ from casadi import SX
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.estimate.fine_steps import substeps
-from femfit.estimate.process_graph import kept_between_stops
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.contact import step_between_stops
 from femfit.model.drive import (
     blocked_by_diodes,
     commands_currents,
@@ -26,7 +26,7 @@ from femfit.model.drive import (
     voltage_limits,
     winding_voltage,
 )
-from femfit.model.dynamics import currents_by_voltages, extrapolated_step, runge_kutta_step
+from femfit.model.dynamics import accurate_step, currents_by_voltages
 from femfit.model.magnetics import Magnetics
 
 
@@ -104,7 +104,6 @@ class Plant:
         step = model.sample_time_s / count
         for _ in range(count):
             state = self._moved(state, command, step)
-        state[:, 0], state[:, 1] = kept_between_stops(model, state[:, 0], state[:, 1])
         return state
 
     def _moved(self, state: FloatArray, command: FloatArray, step: float) -> FloatArray:
@@ -133,18 +132,20 @@ class Plant:
 
     def _integrated(self, state: FloatArray, volts: FloatArray, step: float) -> FloatArray:
         voltage = volts[:, 0] if len(self.model.circuits) == 1 else volts
-        if self.model.eddy is None:
-            return runge_kutta_step(self.model, state, voltage, step)
-        result = np.empty_like(state)
-        for runs, model in self._parts:
-            result[runs] = extrapolated_step(model, state[runs], voltage[runs], step)
-        return result
+
+        def moved(begun: FloatArray, free: bool) -> FloatArray:
+            result = np.empty_like(begun)
+            for runs, model in self._parts:
+                result[runs] = accurate_step(model, begun[runs], voltage[runs], step, free=free)
+            return result
+
+        return step_between_stops(self.model, state, step, moved)
 
     @cached_property
     def _parts(self) -> list[tuple[BoolArray | slice, ActuatorModel]]:
         """Runs of one force each, and their models: what has one co-energy for all steps by tables."""
         magnetics = self.model.magnetics
-        if not isinstance(magnetics, ScaledForce):
+        if self.model.eddy is None or not isinstance(magnetics, ScaledForce):
             return [(slice(None), self.model)]
         scales = np.atleast_1d(magnetics.scale)
         each = [(scales == factor, replace(magnetics, scale=np.array(factor))) for factor in np.unique(scales)]

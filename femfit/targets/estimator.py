@@ -24,6 +24,7 @@ from femfit.estimate.levitation import levitation_process
 from femfit.estimate.noise import operating_distance
 from femfit.estimate.process import FilterProcess
 from femfit.model.actuator_model import ActuatorModel
+from femfit.model.contact import met_stops
 from femfit.model.equations import Equations
 from femfit.model.sensors import reading_of
 from femfit.simulation.plant import Plant
@@ -34,10 +35,10 @@ FILE = "estimator.py"
 
 _RUNGE_KUTTA = "One step in s of Runge and Kutta."
 _RUNGE_KUTTA_BODY = """\
-    k1 = rates(x, u)
-    k2 = rates([a + 0.5 * h * b for a, b in zip(x, k1)], u)
-    k3 = rates([a + 0.5 * h * b for a, b in zip(x, k2)], u)
-    k4 = rates([a + h * b for a, b in zip(x, k3)], u)
+    k1 = rates(x, u, free)
+    k2 = rates([a + 0.5 * h * b for a, b in zip(x, k1)], u, free)
+    k3 = rates([a + 0.5 * h * b for a, b in zip(x, k2)], u, free)
+    k4 = rates([a + h * b for a, b in zip(x, k3)], u, free)
     return [a + h / 6.0 * (p + 2.0 * q + 2.0 * r + s) for a, p, q, r, s in zip(x, k1, k2, k3, k4)]"""
 
 _EXTRAPOLATED = "One step in s, extrapolated from one, two and three that are exact for currents that decay."
@@ -46,7 +47,7 @@ _EXTRAPOLATED_BODY = """\
     for count, weight in ((1, 0.5), (2, -4.0), (3, 4.5)):
         after = x
         for _ in range(count):
-            after = decayed(after, u, [h / count])
+            after = decayed(after, u, [h / count], free)
         result = [a + weight * b for a, b in zip(result, after)]
     return result"""
 
@@ -135,12 +136,17 @@ def _functions(model: ActuatorModel, process: FilterProcess) -> list[tuple[str, 
         found = [("begun", GraphFunction([first], graph.begun(first)), ("first",))]
         found += [(name, GraphFunction([x, u], value), ("x", "u")) for name, value in made]
     with building():
-        x, u, h = SX.sym("x", model.order), SX.sym("u", len(model.circuits)), SX.sym("h")
+        x, u, h, free = SX.sym("x", model.order), SX.sym("u", len(model.circuits)), SX.sym("h"), SX.sym("free")
         equations: Equations = model.equations
         if model.eddy is None:
-            found.append(("rates", GraphFunction([x, u], equations.rates_at(x, u)), ("x", "u")))
+            rates = GraphFunction([x, u, free], equations.rates_at(x, u, free))
+            found.append(("rates", rates, ("x", "u", "free")))
         else:
-            found.append(("decayed", GraphFunction([x, u, h], equations.any_step_of(x, u, h)), ("x", "u", "h")))
+            decayed = GraphFunction([x, u, h, free], equations.any_step_of(x, u, h, free))
+            found.append(("decayed", decayed, ("x", "u", "h", "free")))
+        after = SX.sym("after", 2)
+        met = ca.vertcat(*met_stops(model.require_motion(), (x[0], x[1]), (after[0], after[1]), h))
+        found.append(("met_stops", GraphFunction([x, after, h], met), ("x", "after", "h")))
     return found
 
 

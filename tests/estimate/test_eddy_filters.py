@@ -7,7 +7,7 @@ import pytest
 
 from femfit.device.electrics import CurrentSensor, Drive
 from femfit.estimate import fine_steps
-from femfit.estimate.fine_steps import advance, fastest_time_constant, in_fine_steps, substeps, unmoved
+from femfit.estimate.fine_steps import advance, fastest_time_constant, in_fine_steps, substeps
 from femfit.estimate.holding import holding_currents
 from femfit.estimate.kalman_filter import UnscentedFilter, kalman_filter
 from femfit.estimate.levitation import levitation_process
@@ -120,19 +120,23 @@ def test_fine_steps_follow_patterns_that_are_faster_than_a_sample(levitation_mod
 
 @pytest.mark.parametrize("circuits", [1, pytest.param(2, marks=pytest.mark.nightly)])
 def test_fine_steps_up_to_a_stop_and_back_are_those_of_runge_and_kutta(circuits, monkeypatch):
-    """Bodies that meet a stop within the sample, that lie on one, and that are pressed to it; patterns of 20 us."""
+    """Bodies that meet a stop within the sample, that lie on one, and that are pressed to it; patterns of 20 us.
+
+    The short steps are a two-hundredth of a sample, each with its own contact.
+    """
     base = replace(solenoid(), sample_time_s=2e-4)
     model = with_eddies(base if circuits == 1 else cut_in_two(base), (8e-3, 2e-5))
     states = np.zeros((4, model.order))
     states[:, 0], states[:, 1] = [0.25e-3, 0.2e-3, 3.95e-3, 4e-3], [-1.0, 0.0, 0.8, 0.1]
     states[:, 2:] = [0.4] * circuits + [0.05, -0.02]
     volts = np.full((4, circuits) if circuits > 1 else 4, 3.0)
-    found = advance(model, unmoved(model), substeps(model), states, volts)
-    monkeypatch.setattr(fine_steps, "_extrapolates", lambda _: False)
-    assert substeps(model) > 5
-    wanted = advance(model, unmoved(model), 200, states, volts)
+    found = advance(model, substeps(model), states, volts)
+    monkeypatch.setattr(fine_steps, "accurate_step", runge_kutta_step)
+    wanted = advance(model, 200, states, volts)
     size = np.abs(wanted - states).max(axis=0)
-    assert (np.abs(found - wanted).max(axis=0) < 2e-3 * size).all()
+    assert (np.abs(found - wanted)[:, :3] < 2e-3 * size[:3]).all()
+    # The way up to the stop and back counts as gone evenly over the sample, in which the fast pattern decays
+    assert (np.abs(found - wanted).max(axis=0) < 0.015 * size).all()
 
 
 @pytest.mark.parametrize("drive", [Drive(diode_V=0.7), Drive("current"), Drive("current", bandwidth_Hz=300.0)])

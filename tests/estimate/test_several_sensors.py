@@ -101,7 +101,8 @@ def test_the_jacobian_at_a_stop_is_that_of_differences():
     model = replace(solenoid(), sample_time_s=1e-4, other_sensors=(SHUNT,))
     process = kalman_filter(model, "ekf").process
     states, volts = np.array([[4e-3, 0.01, 0.1], [0.2e-3, -0.01, 0.5], [2e-3, 0.1, 0.2]]), np.zeros(3)
-    step = np.array([1e-9, 1e-6, 1e-6])
-    for k in range(3):
-        slope = (process.transition(states + step * np.eye(3)[k], volts) - process.transition(states, volts)) / step[k]
+    steps = np.array([[-1e-9, 1e-9, 1e-9], [1e-6] * 3, [1e-6] * 3])  # into the travel
+    for k, step in enumerate(steps):
+        moved = process.transition(states + step[:, None] * np.eye(3)[k], volts)
+        slope = (moved - process.transition(states, volts)) / step[:, None]
         np.testing.assert_allclose(process.state_jacobian(states, volts)[:, :, k], slope, rtol=1e-3, atol=1e-4)

@@ -243,7 +243,9 @@ def test_a_prescribed_current_leaves_the_eddy_currents_to_themselves(levitation_
     plain = with_eddies(levitation_model)
     model = under_effects(plain, ("supply_sag", {}))
     states, _ = states_of(plain)
-    found = model.equations.flow((0,))(states.T, np.array([25.0]), np.zeros(3), np.zeros(0)).T[:, : model.order]
+    found = model.equations.flow((0,))(states.T, np.array([25.0]), np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(0)).T[
+        :, : model.order
+    ]
     np.testing.assert_allclose(found[:, 2], 25.0)
     magnetic = plain.windings.magnetics.state(states[:, 0], states[:, 2:])
     wanted = -states[:, 3:] + magnetic.motional_constant[:, 1:] * states[:, 1:2]

@@ -9,13 +9,16 @@ from scipy.integrate import solve_ivp
 from femfit.device.electrics import Circuit, Drive
 from femfit.device.mechanics import ForceTable, Mechanics, Spring, Stop
 from femfit.effects.catalogue import effect_by_name
+from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
+from femfit.simulation.plant import Plant
 from femfit.simulation.profile import Profile
 from support.added_effects import under_effects, usual
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
+from support.readings import LASER
 from support.solenoids import LinearInductance, NoField, inductance, solenoid
 
 
@@ -113,6 +116,42 @@ def test_without_events_the_motion_is_that_of_the_fixed_step_plant(levitation_mo
         state = runge_kutta_step(model, state, np.full(1, 2.0), 1e-4)
     last = [motion.table[name][-1] for name in ("distance_m", "velocity_m_s", "current_A")]
     np.testing.assert_allclose(last, state[0, :3], rtol=1e-6)
+
+
+def stepping(model, step, volts):
+    """States of a body that rests on its far stop under voltages, sample by sample."""
+    n = len(model.circuits)
+    state = np.zeros((1, model.order))
+    state[0, 0] = model.motion.far_stop.distance_m
+    states = [state[0]]
+    for each in volts[:-1]:
+        state = step(state, np.full((1, n) if n > 1 else 1, each / n))
+        states.append(state[0])
+    return np.array(states)
+
+
+@pytest.mark.parametrize("kind", ["rigid", "with eddy currents", "in halves"])
+@pytest.mark.parametrize("restitution", [0.0, 0.2])
+def test_plant_and_filters_stay_on_a_stop_with_the_current_of_a_motion_with_events(kind, restitution):
+    motion = solenoid().motion.with_ends(0.2e-3, 4e-3)
+    motion = replace(motion, near_stop=Stop(0.2e-3, restitution), far_stop=Stop(4e-3, restitution))
+    whole = replace(solenoid(motion), sample_time_s=2e-4)
+    model = {"rigid": whole, "with eddy currents": with_eddies(whole, (2e-3,)), "in halves": cut_in_two(whole)}[kind]
+    time = np.arange(800) * 2e-4
+    volts = np.where(time < 0.11, 12.0, 0.0)
+    pulse = Profile("voltage", np.array([0.0, 0.11]), np.array([12.0, 0.0]))
+    alone = model if len(model.circuits) == 1 else whole
+    found = simulate(alone, drive=pulse, duration_s=time[-1], sample_time_s=2e-4).table
+    distance, current = (np.interp(time, found["time_s"], found[name]) for name in ("distance_m", "current_A"))
+    process = kalman_filter(replace(model, other_sensors=(LASER,)), sensors=("laser",)).process
+    for step in (Plant(model).step, process.transition):
+        states = stepping(replace(model, other_sensors=(LASER,)), step, volts)
+        assert np.abs(states[:, 0] - distance).max() < 0.02 * 3.8e-3
+        resting = (np.abs(distance - 0.2e-3) < 1e-9) & (time > 0.03)
+        assert resting.sum() > 60, distance
+        assert np.abs(states[resting, 0] - 0.2e-3).max() < 1e-9
+        assert np.abs(states[:, 2] - current)[resting].max() < 0.01 * current.max()
+        assert np.abs(states[:, 2] - current).max() < 0.1 * current.max()
 
 
 def test_the_body_stops_and_goes_on_as_a_profile_tells_it():

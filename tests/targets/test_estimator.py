@@ -14,6 +14,7 @@ import pytest
 
 from femfit.core.errors import MissingPartError, RunDirectoryError, UsageError
 from femfit.device.electrics import CurrentSensor, PositionSensor
+from femfit.device.mechanics import Stop
 from femfit.estimate.kalman_filter import kalman_filter
 from femfit.model.json_file import write_model
 from femfit.simulation.plant import Plant
@@ -65,7 +66,14 @@ def under_several(model):
     return under_effects(model, *changed)
 
 
+def between_stops(model):
+    motion = replace(model.motion, near_stop=Stop(0.02195, 0.3), far_stop=Stop(0.02202))
+    return replace(model, motion=motion)
+
+
 KINDS = {
+    "between stops": between_stops,
+    "with eddy currents between stops": lambda model: between_stops(with_eddies(model)),
     "as fitted": lambda model: model,
     "under effects": under_several,
     "with eddy currents": with_eddies,
