@@ -197,6 +197,23 @@ def of_variable(function: Callable[[SX], SX], at: Expression) -> SX:
     return resolved(result)
 
 
+def _symbols_in(expression: SX) -> set[int]:
+    """What tells the symbols of an expression apart."""
+    return {symbol.element_hash() for symbol in ca.symvar(expression)}
+
+
+def _bound(expressions: Sequence[SX]) -> list[SX]:
+    """Expressions with what was settled in the place of its symbols."""
+    pairs = [(symbol, value, _symbols_in(symbol)) for symbol, value in _LATE.get().settled]
+    found = list(expressions)
+    while present := set().union(*map(_symbols_in, found)):
+        used = [(symbol, value) for symbol, value, names in pairs if names & present]
+        if not used:
+            break
+        found = ca.substitute(found, [symbol for symbol, _ in used], [value for _, value in used])
+    return found
+
+
 class Memo(dict[Any, Any]):
     """What is worked out again on demand: it is not pickled."""
 
@@ -216,25 +233,15 @@ class GraphFunction:
     """
 
     def __init__(self, inputs: Sequence[SX], output: SX) -> None:
-        late = _LATE.get()
-        values = [e for _, e in late.settled]
-        symbols = [s for s, _ in late.settled]
-
-        def bound(expression: SX) -> SX:
-            for symbol, value in zip(reversed(symbols), reversed(values), strict=True):
-                if ca.depends_on(expression, symbol):
-                    expression = ca.substitute(expression, symbol, value)
-            return expression
-
-        output = ca.densify(bound(SX(output)))
+        rows = _LATE.get().rows
+        bound, *places = _bound([ca.densify(SX(output)), *(row.coordinates for row in rows)])
         self._rows: list[_Row] = []
-        wanted = output
-        for row in reversed(late.rows):
-            if ca.depends_on(wanted, row.symbol):
-                at = bound(row.coordinates)
-                self._rows.insert(0, _Row(row.symbol, at, row.inner, row.table))
-                wanted = ca.vertcat(wanted, at)
-        self._inputs, self._output = [SX(x) for x in inputs], output
+        wanted = _symbols_in(bound)
+        for row, place in zip(reversed(rows), reversed(places), strict=True):
+            if wanted & _symbols_in(row.symbol):
+                self._rows.insert(0, _Row(row.symbol, place, row.inner, row.table))
+                wanted |= _symbols_in(place)
+        self._inputs, self._output = [SX(x) for x in inputs], ca.densify(bound)
 
     def leaves_out(self, symbol: SX) -> bool:
         """Whether the output does not depend on an input, nor does the cell of any row."""
@@ -245,8 +252,10 @@ class GraphFunction:
     def stages(self) -> list[tuple[Tape, list[_Row]]]:
         """Tapes of the rows' coordinates, level by level, and of the output."""
         stages, known, rest = [], list(self._inputs), list(self._rows)
+        needed = {id(row): _symbols_in(row.coordinates) for row in rest}
         while rest:
-            ready = [row for row in rest if not any(ca.depends_on(row.coordinates, o.symbol) for o in rest)]
+            waiting = set().union(*(_symbols_in(row.symbol) for row in rest))
+            ready = [row for row in rest if not needed[id(row)] & waiting]
             stages.append((Tape(known, ca.vertcat(*(row.coordinates for row in ready))), ready))
             known, rest = [*known, *(row.symbol for row in ready)], [row for row in rest if row not in ready]
         return [*stages, (Tape(known, self._output), [])]

@@ -26,8 +26,8 @@ def lines_of(text: str) -> Iterator[str]:
 
 
 def significant(value: float, digits: int = 3) -> str:
-    """To so many digits, without trailing zeros."""
-    return f"{value:.{digits}g}"
+    """To so many digits, without trailing zeros, and in powers of ten only where it is very large or small."""
+    return f"{float(f'{value:.{digits}g}'):.6g}"
 
 
 class Words:

@@ -195,7 +195,7 @@ FLUX_INTEGRATOR_DRIFT = Effect(
             bounds=(-100.0, 100.0),
             plausible=(-0.5, 0.5),
             description="What it grows by in that time, as the offset itself drifts from run to run.",
-            words="its drift grows by {signed} in the first 1000",
+            words="its drift grows by {signed} in the first 1000 readings or seconds",
             scale="flux_linkage_Wb",
         ),
     ),

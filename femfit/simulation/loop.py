@@ -224,7 +224,7 @@ def run_loop(
         history.add(state)
         if not alive.any():
             break
-    outcome, when = watch.end(steps * step)
+    outcome, when = watch.end()
     lost_at = np.where(np.isnan(when), steps * step, when)
     return LoopResult(
         time_s=step * np.arange(steps, dtype=np.float64),
@@ -252,7 +252,7 @@ class _Watch:
     def __init__(self, model: ActuatorModel, runs: int) -> None:
         self._model = model
         self._outcome, self._when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
-        self._touched, self._side = np.full(runs, np.nan), np.zeros(runs, dtype=np.intp)
+        self._lifted, self._side = np.zeros(runs, dtype=np.bool_), np.zeros(runs, dtype=np.intp)
 
     def alive(self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray) -> BoolArray:
         """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named."""
@@ -270,21 +270,24 @@ class _Watch:
                 _LOST,
                 _HELD,
             )
-            fresh = (self._outcome == _HELD) & (code != _HELD)
-            self._outcome = np.where(fresh, code, self._outcome)
-            self._when = np.where(fresh, time, self._when)
+            self._name(code, time)
         near, far = self._model.require_motion().ends
         if (near, far) != (-np.inf, np.inf):
-            side = np.select([distance <= near, distance >= far], _LOST[:2], _HELD)
-            self._touched = np.where(side == 0, np.nan, np.where(self._side == side, self._touched, time))
-            self._side = side
+            self._side = np.select([distance <= near, distance >= far], _LOST[:2], _HELD)
+            self._lifted |= self._side == _HELD
+            self._name(np.where(self._lifted, self._side, _HELD), time)
         return np.asarray(alive)
 
-    def end(self, time: float) -> tuple[IntArray, FloatArray]:
-        """Outcomes and times; a body that lies on a stop at the end was not held."""
-        lies = (self._outcome == _HELD) & (self._side != 0)
-        outcome = np.where(lies, self._side, self._outcome)
-        return outcome, np.where(lies, np.minimum(self._touched, time), self._when)
+    def _name(self, code: IntArray, time: float) -> None:
+        """The first name of a run stays."""
+        fresh = (self._outcome == _HELD) & (code != _HELD)
+        self._outcome = np.where(fresh, code, self._outcome)
+        self._when = np.where(fresh, time, self._when)
+
+    def end(self) -> tuple[IntArray, FloatArray]:
+        """Outcomes and times; a body that never left the stop where it began was not held, from the first sample on."""
+        self._name(np.where(self._lifted, _HELD, self._side), 0.0)
+        return self._outcome, self._when
 
 
 LoopProgress = Callable[[str, int, int], None]

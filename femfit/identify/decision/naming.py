@@ -130,7 +130,7 @@ def decide(campaign: Campaign) -> Decision:
     own_misfit = verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign)
     if own_misfit:
         verdict, chosen = "nothing_missing", None
-    elif verdict == "nothing_missing" and campaign.whitening.misfit is not None:  # more than noise alone is missed
+    elif verdict == "nothing_missing" and times <= OWN_MISFIT:  # more than noise alone is missed, and no more than that
         alone = replace(campaign.whitening, misfit=None)
         residual = alone.full(campaign.observations.residual)
         own_misfit = pattern_space(campaign.observations, alone).test(residual).p_value <= LEVEL

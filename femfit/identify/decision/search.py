@@ -19,6 +19,7 @@ from femfit.identify.decision.constants import (
     IN_VAIN,
     LIKELIEST,
     LOOKED_AT,
+    MOST_EFFECTS,
     MOST_REFITS,
     PAIRED,
     SIZES,
@@ -63,6 +64,8 @@ class Explanation:
 
 def with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
     """Every further effect beside refitted ones, to first order: its log evidence and where its refit begins."""
+    if len(base.names) == MOST_EFFECTS:
+        return []
     linear = base.linear or null(space)
     beside = linear.beside(space.every_block)
     along = linear.along(space.every_block, beside)
