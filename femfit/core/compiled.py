@@ -133,13 +133,13 @@ class Compilation:
                 return
             if self._compiler is not None and self._compiler.process != os.getpid():
                 self._forget()  # that of a process from which this one was forked
-            if self._target.exists():
+            if self._compiler is None and not _is_whole(self._target):
+                self._begin()
+            elif self._compiler is not None and (code := self._compiler.popen.poll()) is not None:
+                self._keep(code)
+            if _is_whole(self._target):  # by this process or another
                 self._stop()
                 self._library = Library(self._target, self._function.nnz_out(0))
-            elif self._compiler is None:
-                self._begin()
-            elif (code := self._compiler.popen.poll()) is not None:
-                self._library = self._kept(code)
             if self._library is None:
                 self._next = self._points + ASKED
             else:
@@ -204,16 +204,19 @@ class Compilation:
             _COMPILERS[:] = [self._compiler]
         atexit.register(self._stop)
 
-    def _kept(self, code: int) -> Library:
-        """What the compiler made, moved to where all find it whole or not at all."""
+    def _keep(self, code: int) -> None:
+        """Move what the compiler made to where all find it whole or not at all."""
         place = self._workplace
         said = (place / "said.txt").read_text(encoding="utf-8", errors="replace").strip()
         if code == 0:
+            with (place / "f.so").open("r+b") as library:
+                library.write(hashlib.sha256(library.read()).digest())
+                library.flush()
+                os.fsync(library.fileno())
             (place / "f.so").replace(self._target)
         self._stop()
         if code:
             raise OSError(said or f"it ended with code {code}")
-        return Library(self._target, self._function.nnz_out(0))
 
     def _warn(self, cause: str, compiler: str = "") -> None:
         compiler = compiler or (self._command or ["?"])[0]
@@ -273,6 +276,16 @@ def _after_fork() -> None:
 
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_after_fork)
+
+
+def _is_whole(library: Path) -> bool:
+    """Whether a library ends with the digest of what is before: of a part of one the process would die."""
+    try:
+        content = library.read_bytes()
+    except FileNotFoundError:
+        return False
+    length = hashlib.sha256().digest_size
+    return content[-length:] == hashlib.sha256(content[:-length]).digest()
 
 
 def _tidy(used: Path) -> None:

@@ -143,6 +143,18 @@ def test_a_fork_compiles_for_itself_and_leaves_what_its_parent_compiles(cache):
 
 
 @needs_compiler
+@pytest.mark.parametrize("left", [0, 100, -5000, -1], ids=["empty", "its head", "without its end", "but a byte"])
+def test_a_library_of_which_a_part_is_left_is_compiled_again(cache, left):
+    assert value(waited_for(Compilation(a_simple_function(5.0))), 2.0) == 10.0
+    (library,) = cache.iterdir()
+    whole = library.read_bytes()
+    library.unlink()  # the part that is loaded stays another file
+    library.write_bytes(whole[:left])
+    assert value(waited_for(Compilation(a_simple_function(5.0))), 2.0) == 10.0
+    assert len(library.read_bytes()) == len(whole)
+
+
+@needs_compiler
 def test_a_cache_that_cannot_be_tidied_is_used(cache, monkeypatch):
     def refused(*_, **__):
         raise PermissionError
