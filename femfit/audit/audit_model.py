@@ -12,7 +12,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
 from femfit.core.sweep_columns import current_columns
 from femfit.core.text import amount
-from femfit.device.electrics import REMEDY, where_clipped
+from femfit.device.electrics import where_clipped
 from femfit.fit.constants import POOR_POINT, SMALL_CIRCUIT_FORCE
 from femfit.fit.misfit import misfit_to_rows
 from femfit.fit.rows import FitRows, rms, rows_of_table
@@ -73,8 +73,7 @@ def audit_model(model: ActuatorModel | str | Path, table: str | Path | None = No
             try:
                 rows = _table_beside(path.parent, model)
             except TableError as error:
-                text = f"the model is not compared with the table beside it: {error}"
-                findings.append(AuditFinding("table", "note", "table", text))
+                findings.append(AuditFinding("table", "note", "table", numbers={"cause": str(error)}))
     if table is not None:
         rows = _rows_of(Path(table), model)
         _require_within(rows, model, table)
@@ -145,12 +144,13 @@ def _worst_point(model: ActuatorModel, rows: FitRows) -> AuditFinding:
     force = model.without_effects.magnetics.force(rows.distance, rows.circuit_currents)
     missed = np.abs(force - rows.force) / rows.force_scale
     k = int(np.argmax(missed))
-    currents = ", ".join(amount(float(current), "A", 3) for current in rows.circuit_currents[k])
-    text = f"it misses a point of its table by at most {amount(float(missed[k]), '')} of the force there: at "
-    text += f"{amount(float(rows.distance[k]), 'm', 3)} and {currents} it is {amount(float(force[k]), 'N', 3)}, "
-    text += f"{amount(float(rows.force[k]), 'N', 3)} in the table."
+    numbers = {
+        "share": float(missed[k]),
+        "distance_m": float(rows.distance[k]),
+        "currents_A": rows.circuit_currents[k].tolist(),
+    }
     severity: Severity = "wrong" if missed[k] > _LARGE_MISFIT else "note" if missed[k] > POOR_POINT else "holds"
-    return AuditFinding("point_misfit", severity, "force", text, float(rows.force[k]), float(force[k]))
+    return AuditFinding("point_misfit", severity, "force", float(rows.force[k]), float(force[k]), numbers)
 
 
 def _without_magnet(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
@@ -160,20 +160,15 @@ def _without_magnet(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[
     scale = np.maximum(np.abs(force), SMALL_CIRCUIT_FORCE * float(np.abs(force).max()))
     idle = magnetics.force(d, np.zeros_like(i))
     k = int(np.argmax(np.abs(idle)))
-    text = f"without current it is {amount(float(np.abs(idle[k])), 'N', 3)} at most, and no magnet is drawn."
     severity: Severity = "wrong" if abs(idle[k]) > _FORCELESS * scale.min() else "holds"
-    findings.append(AuditFinding("force_without_current", severity, "force", text, 0.0, float(idle[k])))
+    findings.append(AuditFinding("force_without_current", severity, "force", 0.0, float(idle[k])))
     mirrored = magnetics.force(d, -i)
     both = model.validity.contains(d, -i)
     off = np.where(both, np.abs(mirrored - force) / scale, 0.0)
     k = int(np.argmax(off))
-    text = "with all currents reversed it is the same."
-    if off[k] > _FORCELESS:
-        text = "with all currents reversed it must be the same, for no magnet is drawn; it is "
-        text += f"{amount(float(mirrored[k]), 'N', 3)} in place of {amount(float(force[k]), 'N', 3)} at "
-        text += f"{amount(float(d[k]), 'm', 3)}."
     severity = "wrong" if off[k] > _FORCELESS else "holds"
-    findings.append(AuditFinding("evenness", severity, "force", text, float(force[k]), float(mirrored[k])))
+    place = {"distance_m": float(d[k])}
+    findings.append(AuditFinding("evenness", severity, "force", float(force[k]), float(mirrored[k]), place))
     return findings
 
 
@@ -186,13 +181,12 @@ def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatA
         misfit = misfit_to_rows(base, rows)
     if misfit is None:
         return []
-    source = "its table" if rows is not None else f"its {misfit.against}, as the file states,"
-    findings = []
+    against, findings = {"against": misfit.against if rows is None else None}, []
     shares = _shares(misfit, base.magnetics, d, i)
     for about, share in shares.items():
         right: Severity = "holds" if rows is not None else "stated"
-        text = f"it misses {source} by {100 * share:.3g} % rms."
-        findings.append(AuditFinding("misfit", "wrong" if share > _LARGE_MISFIT else right, about, text, None, share))
+        severity = "wrong" if share > _LARGE_MISFIT else right
+        findings.append(AuditFinding("misfit", severity, about, None, share, against))
     if rows is None or stated is None:
         return findings
     for about, name in _RMS.items():
@@ -202,11 +196,8 @@ def _misfit(model: ActuatorModel, rows: FitRows | None, d: FloatArray, i: FloatA
             and rms_now is not None
             and rms_now > _STATED * stated_rms + _ROUNDING * rms_now / shares[about]
         ):
-            text = f"the file states {amount(stated_rms, name, 3)} rms; read back it misses its table by "
-            text += f"{amount(rms_now, name, 3)}."
-            findings.append(
-                AuditFinding("stated_misfit", "wrong", f"stated misfit of the {about}", text, stated_rms, rms_now)
-            )
+            quantity = f"stated misfit of the {about}"
+            findings.append(AuditFinding("stated_misfit", "wrong", quantity, stated_rms, rms_now, {"unit": name}))
     return findings
 
 
@@ -233,13 +224,12 @@ def _circuit(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFi
     root = np.sqrt(model.resistances_ohm)
     slowest = float(np.linalg.eigvalsh(inductance / (root[:, None] * root)).max())
     severity: Severity = "holds"
-    text = f"inductance over resistance is at most {amount(slowest, 's', 3)}"
+    through = None
     force, stroke = float(np.abs(model.magnetics.force(d, i)).max()), float(np.ptp(d))
     if model.motion is not None and model.motion.mass_kg > 0.0 and force > 0.0 and stroke > 0.0:
         through = float(np.sqrt(2.0 * model.motion.mass_kg * stroke / force))
         severity = "note" if slowest > _SLOW_COIL * through else "holds"
-        text += f"; its largest force moves the body through the stroke in {amount(through, 's')}"
-    return [AuditFinding("time_constant", severity, "coil", text + ".", None, slowest)]
+    return [AuditFinding("time_constant", severity, "coil", None, slowest, {"through_stroke_s": through})]
 
 
 def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFinding]:
@@ -248,29 +238,20 @@ def _signs(model: ActuatorModel, d: FloatArray, i: FloatArray) -> list[AuditFind
         return [_definite(state.inductance)]
     slope = state.motional_constant[:, 0]
     pushing = float(np.mean((slope <= 0.0) & (i[:, 0] != 0.0)))  # steel alone has dF/di = 0 without a current
-    findings = []
-    text = "a growing current attracts more everywhere in the validity domain (dF/di > 0)."
-    if slope.min() <= 0.0:
-        text = "a growing current attracts more wherever there is one (dF/di > 0)."
-    if pushing > 0.0:
-        text = f"a growing current attracts less in {100 * pushing:.2g} % of the validity domain (dF/di <= 0)."
-    findings.append(AuditFinding("attraction", "note" if pushing else "holds", "force", text, None, 1.0 - pushing))
+    severity: Severity = "note" if pushing else "holds"
+    everywhere = {"everywhere": bool(slope.min() > 0.0)}
+    attraction = AuditFinding("attraction", severity, "force", None, 1.0 - pushing, everywhere)
     least = float(state.inductance.min())
-    text = f"the inductance is {amount(least, 'H', 3)} to {amount(float(state.inductance.max()), 'H', 3)}."
-    if least <= 0.0:
-        text += " It must be > 0: fit to a table with flux linkage, or give --inductance-H."
-    findings.append(AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkage", text, None, least))
-    return findings
+    numbers = {"several": False, "least_H": least, "largest_H": float(state.inductance.max())}
+    severity = "holds" if least > 0.0 else "wrong"
+    return [attraction, AuditFinding("inductance", severity, "flux linkage", None, least, numbers)]
 
 
 def _definite(inductance: FloatArray) -> AuditFinding:
     """Whether the currents of several circuits have energy, whatever they are."""
     least, diagonal = float(np.linalg.eigvalsh(inductance).min()), np.diagonal(inductance, axis1=1, axis2=2)
-    text = f"the inductances are {amount(float(diagonal.min()), 'H', 3)} to {amount(float(diagonal.max()), 'H', 3)}, "
-    text += "and any currents together store energy."
-    if least <= 0.0:
-        text = f"their matrix must be positive definite; its least eigenvalue is {amount(least, 'H', 3)}. Sweep again."
-    return AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkages", text, None, least)
+    numbers = {"several": True, "least_H": float(diagonal.min()), "largest_H": float(diagonal.max())}
+    return AuditFinding("inductance", "holds" if least > 0.0 else "wrong", "flux linkages", None, least, numbers)
 
 
 def _positive(model: ActuatorModel) -> list[AuditFinding]:
@@ -283,7 +264,7 @@ def _positive(model: ActuatorModel) -> list[AuditFinding]:
         negative += [f"{name}{of}" for name, value in values.items() if value <= 0.0]
     if model.motion is not None and model.motion.mass_kg <= 0.0:
         negative.append("mass_kg")
-    return [AuditFinding("positive", "wrong", name, "it must be > 0.") for name in negative]
+    return [AuditFinding("positive", "wrong", name) for name in negative]
 
 
 def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFinding:
@@ -297,8 +278,7 @@ def _reciprocity(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> AuditFin
     flux = flux / (2 * step_d)
     off = float(np.abs(force + flux).max() / max(float(np.abs(force).max()), 1e-300))
     severity: Severity = "holds" if off < _RECIPROCITY else "wrong"
-    text = f"dF/di and -d(flux linkage)/dd differ by at most {off:.1g} of the largest."
-    return AuditFinding("reciprocity", severity, "force and flux linkage", text, None, off)
+    return AuditFinding("reciprocity", severity, "force and flux linkage", None, off)
 
 
 def _bounds(model: ActuatorModel) -> list[AuditFinding]:
@@ -308,13 +288,10 @@ def _bounds(model: ActuatorModel) -> list[AuditFinding]:
     findings = []
     for c in magnetics.coefficients:
         name = f"coefficient {c.basis} i^{c.current_power}"
-        low, high = c.bounds
-        if not low <= c.value <= high:
-            text = f"{c.value:.4g} lies outside of its bounds {low:g} to {high:g}."
-            findings.append(AuditFinding("outside_bounds", "wrong", name, text, c.value))
+        if not c.bounds[0] <= c.value <= c.bounds[1]:
+            findings.append(AuditFinding("outside_bounds", "wrong", name, c.value, numbers={"bounds": c.bounds}))
         elif c.active:
-            text = f"the fit of {c.value:.4g} ran into its {c.active} bound: the bound decides, not the data."
-            findings.append(AuditFinding("active_bound", "note", name, text, c.value))
+            findings.append(AuditFinding("active_bound", "note", name, c.value, numbers={"bound": c.active}))
     return findings
 
 
@@ -326,8 +303,7 @@ def _single_precision(magnetics: Magnetics, d: FloatArray, i: FloatArray) -> lis
     force = magnetics.force(d, i)
     change = float(np.abs(rounded.force(d, i) - force).max() / np.abs(force).max())
     severity: Severity = "holds" if change < _SINGLE else "note"
-    text = f"with its numbers in single precision the force changes by at most {change:.1g} of its largest."
-    return [AuditFinding("single_precision", severity, "numbers", text, None, change)]
+    return [AuditFinding("single_precision", severity, "numbers", None, change)]
 
 
 def _rounded(magnetics: Magnetics) -> Magnetics | None:
@@ -349,13 +325,9 @@ def _hall(sensor: HallSensor, rounding: float, d: FloatArray, i: FloatArray) -> 
     field = sensor.field.field(d, i)
     volts, where = sensor.output(d, i), where_clipped(sensor, d, i, field)
     clipped = float(np.mean((volts <= sensor.output_min_V) | (volts >= sensor.output_max_V)))
-    text = f"its output goes from {float(volts.min()):.3g} to {float(volts.max()):.3g} V over the validity domain"
-    text += f" and is clipped in {100 * clipped:.2g} % of it: {where}. {REMEDY}" if where else ", within its range."
-    findings = [AuditFinding("hall_range", "note" if clipped else "holds", "Hall output", text, None, clipped)]
+    numbers = {"output_V": (float(volts.min()), float(volts.max())), "clipped_where": where}
+    findings = [AuditFinding("hall_range", "note" if clipped else "holds", "Hall output", None, clipped, numbers)]
     if sensor.noise_V > 0.0 and rounding > 0.0:
-        text = (
-            f"the converter's step adds {amount(rounding, 'V')} to {amount(sensor.noise_V, 'V')} of noise (both rms)."
-        )
         severity: Severity = "holds" if rounding < sensor.noise_V else "note"
-        findings.append(AuditFinding("hall_noise", severity, "Hall noise", text, sensor.noise_V, rounding))
+        findings.append(AuditFinding("hall_noise", severity, "Hall noise", sensor.noise_V, rounding))
     return findings

@@ -1,13 +1,14 @@
 """Where a supply, or the currents of several circuits, balance the moving part's weight, and how well it is held."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from femfit.audit.conclusions import AuditFinding, Severity
+from femfit.audit.conclusions import AuditFinding, Severity, words
 from femfit.core.errors import DomainError
 from femfit.core.numerics import FloatArray
-from femfit.core.text import amount
 from femfit.device.parts import REFERENCE_TEMPERATURE, copper_growth
 from femfit.estimate.holding import bias_currents, holding_currents
 from femfit.model.actuator_model import ActuatorModel
@@ -29,32 +30,29 @@ def held_by_several(model: ActuatorModel) -> list[AuditFinding]:
             held.append((distance, holding_currents(model, float(distance), bias)))
         except DomainError:
             continue
-    near = f"about a bias of {', '.join(amount(float(current), 'A') for current in bias)}"
+    numbers = {"bias_A": bias.tolist()}
     if not held:
-        text = f"no currents {near} balance weight, springs and load anywhere."
-        return [AuditFinding("held_range", "note", about, text)]
-    low, high = held[0][0], held[-1][0]
-    text = f"currents {near} hold the body from {amount(low, 'm', 3)} to {amount(high, 'm', 3)}."
+        return [AuditFinding("held_range", "note", about, numbers=numbers)]
+    low, high = float(held[0][0]), float(held[-1][0])
     beyond = [distance for distance in model.reference_distances_m if not low <= distance <= high]
-    findings = [_held_range(about, text, beyond, high)]
+    findings = [_held_range(about, numbers | {"low_m": low}, beyond, high)]
     places, currents = np.array([d for d, _ in held]), np.array([i for _, i in held])
     slope = model.magnetics.force_gradient(places, currents) - motion.static_gradient(places)
     rate = float(np.sqrt(np.maximum(-slope, 0.0).max() / motion.mass_kg))
     return [*findings, _sample_time(rate, model.sample_time_s)] if rate > 0.0 else findings
 
 
-def _held_range(about: str, text: str, beyond: list[float], high: float) -> AuditFinding:
+def _held_range(about: str, numbers: Mapping[str, Any], beyond: list[float], high: float) -> AuditFinding:
     """The range in which the body is held, wrong where reference distances lie beyond it."""
-    if beyond:
-        text = f"{text[:-1]}; the reference asks for {', '.join(amount(distance, 'm', 3) for distance in beyond)}."
-    return AuditFinding("held_range", "wrong" if beyond else "holds", about, text, None, high)
+    return AuditFinding(
+        "held_range", "wrong" if beyond else "holds", about, None, high, {**numbers, "beyond_m": beyond}
+    )
 
 
 def _sample_time(rate: float, sample_time_s: float) -> AuditFinding:
     """How fast the held body leaves its place, in rad/s, against the sample time."""
-    turn = rate * sample_time_s
-    text = f"held, the body leaves at up to {amount(rate, '1/s')}, {turn:.2g} a sample.".replace("1/s", "rad/s")
-    return AuditFinding("sample_time", "holds" if turn < FASTEST else "wrong", "sample time", text, sample_time_s, rate)
+    severity: Severity = "holds" if rate * sample_time_s < FASTEST else "wrong"
+    return AuditFinding("sample_time", severity, "sample time", sample_time_s, rate)
 
 
 COLD_C = REFERENCE_TEMPERATURE
@@ -86,17 +84,7 @@ class CarriedRange:
     sprung: bool = False  # Whether springs or a load act beside the weight
 
     def __str__(self) -> str:
-        if self.supply_A > self.current_max_A:
-            feed = f"{amount(self.current_max_A, 'A')}, where the model ends below the supply's current,"
-        else:
-            feed = f"{self.voltage_max_V:g} V with the coil at {self.coil_C:g} °C"
-        weight = f"the moving part's weight of {amount(self.weight_N, 'N', 3)}"
-        weight += " with its springs and load" if self.sprung else ""
-        if self.weight_N == 0.0:  # the body lies flat, or weight is left out
-            weight = "its springs and load" if self.sprung else "the moving part, on which nothing else pulls,"
-        if self.low_m is None or self.high_m is None:
-            return f"{feed} can balance {weight} nowhere"
-        return f"{feed} can balance {weight} from {amount(self.low_m, 'm', 3)} to {amount(self.high_m, 'm', 3)}"
+        return words("audit", "carried", self)
 
 
 def carried_range(model: ActuatorModel, celsius: float = COLD_C) -> CarriedRange:
@@ -124,20 +112,20 @@ def held_body(model: ActuatorModel) -> list[AuditFinding]:
     """What the supply can carry; of a body that is meant to hang, also its place and the speed of its instability."""
     carried = [carried_range(model, celsius) for celsius in (COLD_C, WARM_C)]
     about = "what the supply carries"
-    text = "; ".join(dict.fromkeys(map(str, carried))) + "."
+    numbers = {"carried": carried}
     hangs = model.sensor is not None or bool(model.reference_distances_m)
     cold = carried[0]
     if cold.low_m is None or cold.high_m is None:
-        return [AuditFinding("held_range", "note", about, text)]
+        return [AuditFinding("held_range", "note", about, numbers=numbers)]
     if not hangs:
-        return [AuditFinding("held_range", "holds", about, text, None, cold.high_m)]
+        return [AuditFinding("held_range", "holds", about, None, cold.high_m, numbers)]
     slack = 2.0 * cold.step_m
     beyond = [
         distance
         for distance in model.reference_distances_m
         if not cold.low_m - slack <= distance <= cold.high_m + slack
     ]
-    findings = [_held_range(about, text, beyond, cold.high_m)]
+    findings = [_held_range(about, numbers, beyond, cold.high_m)]
     held = np.linspace(cold.low_m, cold.high_m, 101)
     current = np.array([_current_at(model, float(distance), cold) for distance in held])
     fall = np.maximum(-model.magnetics.force_gradient(held, current[:, None]), 0.0)
@@ -147,10 +135,8 @@ def held_body(model: ActuatorModel) -> list[AuditFinding]:
     if misfit is not None and np.median(fall) > 0.0:
         off = misfit.force_rms_N / float(np.median(fall))
         stroke = float(np.ptp(model.travel_m))
-        text = f"the force's misfit moves the place where the body is held by {amount(off, 'm')}, "
-        text += f"{amount(off / stroke, '')} of the stroke."
         severity: Severity = "note" if off > _OFF_PLACE * stroke else "holds"
-        findings.append(AuditFinding("held_place", severity, "held body", text, None, off))
+        findings.append(AuditFinding("held_place", severity, "held body", None, off, {"share_of_stroke": off / stroke}))
     return findings
 
 

@@ -1,9 +1,14 @@
-"""What an audit concludes, as it is printed and as JSON."""
+"""What an audit concludes, as it is printed and as JSON; the words stand in ``templates/audit.j2``."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from femfit.core.results import Printed
+from femfit.core.words import Words
+from femfit.device.electrics import REMEDY
+
+words = Words("femfit.audit", names={"REMEDY": REMEDY}).sentence
 
 Severity = Literal["holds", "stated", "note", "wrong"]
 _SEVERITIES: tuple[Severity, ...] = ("wrong", "note", "holds", "stated")
@@ -18,10 +23,15 @@ class AuditFinding:
     # ``note``: look at it; ``wrong``: contradicts itself, physics or arithmetic
     severity: Severity
     about: str
-    sentence: str
     # The number as given and as it follows, in the unit that the sentence names
     stated: float | None = None
     recomputed: float | None = None
+    numbers: Mapping[str, Any] = field(default_factory=dict)  # What else the sentence needs
+
+    @property
+    def sentence(self) -> str:
+        """What is concluded."""
+        return words("audit", self.code, self, self.numbers)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,4 +56,4 @@ class Audit(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {"findings": [asdict(finding) for finding in self.findings]}
+        return {"findings": [asdict(finding) | {"sentence": finding.sentence} for finding in self.findings]}

@@ -22,9 +22,8 @@ from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopProgress
 from femfit.simulation.loop_runs import LoopRuns
 from femfit.simulation.margins import Margins
-from femfit.simulation.summary import LoopSummary, Spread
+from femfit.simulation.summary import Choice, LoopSummary, Spread
 from femfit.simulation.why_lost import why_lost
-from femfit.simulation.words import sentence
 
 _MOST_STEPS = 2**48
 """Numbers in more than which no machine's addresses reach."""
@@ -166,16 +165,15 @@ def _first_that_holds(
 
     Where none does, that of the best margin with the cause of its loss.
     """
-    lost: list[str] = []
+    lost: list[ControllerName] = []
     for name in [name for name, margins in choice.items() if margins.stable]:
         noise = deepcopy(random)
         summary = run_loops(design, replace(experiment, controller=name), noise, advised=False, **options)
         if summary.held == summary.runs:
             random.bit_generator.state = noise.bit_generator.state
-            return replace(summary, choice=sentence("loop", "choice", experiment.observer, choice, lost))
+            return replace(summary, choice=Choice(choice, tuple(lost)))
         lost.append(name)
-    taken = sentence("loop", "choice", experiment.observer, choice, [])
-    return replace(run_loops(design, experiment, random, **options), choice=taken)
+    return replace(run_loops(design, experiment, random, **options), choice=Choice(choice))
 
 
 def _distances(targets_m: Iterable[float]) -> tuple[float, ...]:
@@ -222,7 +220,6 @@ def run_loops(
         raise too_long from error
     held, statistics = result.held, result.windows[0]
     quality, band = statistics.consistency(held)
-    advice = "" if held.all() or not advised else sentence("lost", "advice", loop, why_lost(loop, result))
     return LoopSummary(
         design=design,
         experiment=experiment,
@@ -236,7 +233,7 @@ def run_loops(
         tracking_rms_m=_spread(statistics.tracking_rms_m[held]),
         normalised_innovation_squared=quality if np.isfinite(quality) else None,
         innovation_band=band,
-        advice=advice,
+        cause=None if held.all() or not advised else why_lost(loop, result),
         result=result,
     )
 

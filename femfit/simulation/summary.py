@@ -20,7 +20,9 @@ from femfit.simulation.design import LoopDesign
 from femfit.simulation.experiment import Experiment
 from femfit.simulation.loop import LoopOutcome, LoopResult
 from femfit.simulation.loop_facts import design_data, judged_loop
+from femfit.simulation.margins import Margins
 from femfit.simulation.open_result import write_table
+from femfit.simulation.why_lost import Cause
 from femfit.simulation.words import sentence
 
 
@@ -62,6 +64,14 @@ class Spread:
     upper: float
 
 
+@dataclass(frozen=True)
+class Choice:
+    """Why a controller was taken: the worst margins of each, the best first, and those before it that lost runs."""
+
+    margins: Mapping[ControllerName, Margins]
+    lost: tuple[ControllerName, ...] = ()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopSummary(Printed):
     """What many runs of one closed loop came to; printed, it says so in a few lines.
@@ -80,12 +90,12 @@ class LoopSummary(Printed):
         Mean over held runs; None without a filter.
     innovation_band : ConsistencyBand
         95 % for that mean.
-    advice : str
-        Why runs were lost and what to do; empty where all were held.
+    cause : Cause or None
+        Why runs were lost, by its code and numbers; None where all were held.
     result : LoopResult
         Outcome of each run, and the series of those that were recorded.
-    choice : str
-        Why this controller was taken; empty where it was asked for.
+    choice : Choice or None
+        Why this controller was taken; None where it was asked for.
 
     Examples
     --------
@@ -107,14 +117,19 @@ class LoopSummary(Printed):
     tracking_rms_m: Spread
     normalised_innovation_squared: float | None
     innovation_band: ConsistencyBand
-    advice: str
+    cause: Cause | None
     result: LoopResult
-    choice: str = ""
+    choice: Choice | None = None
 
     @property
     def held(self) -> int:
         """Number of runs that were held."""
         return self.outcomes.get(LoopOutcome.HELD.name, 0)
+
+    @property
+    def advice(self) -> str:
+        """Why runs were lost and what to do; empty where all were held."""
+        return sentence("lost", "advice", self, self.cause) if self.cause else ""
 
     @property
     def expects_absent_errors(self) -> bool:
@@ -134,12 +149,13 @@ class LoopSummary(Printed):
 
     def data(self) -> dict[str, Any]:
         """The numbers without the series, ready for JSON."""
-        shown = {name: value for name, value in vars(self).items() if name not in {"design", "result"}}
-        records = Experiment | Spread | ConsistencyBand
+        shown = {name: value for name, value in vars(self).items() if name not in {"design", "result", "cause"}}
+        records = Experiment | Spread | ConsistencyBand | Choice
         numbers = {name: asdict(value) if isinstance(value, records) else value for name, value in shown.items()}
         return {
             "model": self.design.model.name,
             **json_ready(numbers),
+            "cause": self.cause and self.cause.to_dict(),
             "design": design_data(self.design, [self.loop]),
         }
 

@@ -9,12 +9,14 @@ the force at the driver's limits brings the body back.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from femfit.core.errors import DomainError, FilterError
+from femfit.core.files import json_ready
 from femfit.core.numerics import BoolArray
 from femfit.device.electrics import PositionSensor
 from femfit.model.hall import HallSensor
@@ -63,7 +65,12 @@ class Cause:
     code: str
     numbers: Mapping[str, Any] = field(default_factory=dict)
     short_of_room: Room | None = None  # Where the noise would fill the room with other gains too
-    held_back: str = ""  # What was taken away without effect
+    in_vain: tuple[str, ...] = ()  # Codes of what was asked for and taken away without effect
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON-ready data, without the controllers that were tried."""
+        data = asdict(replace(self, numbers={k: v for k, v in self.numbers.items() if not isinstance(v, Controller)}))
+        return {name: json_ready(value) for name, value in data.items()}
 
 
 def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:
@@ -85,9 +92,9 @@ def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:
         return again is not None and bool(again[gone].all())
 
     asked_for = _asked_for(loop)
-    for name, changes in asked_for.items():
-        if holds(f"without {name}", **changes):
-            return Cause("asked-for", {"name": name, "of_plant": "plant" in changes})
+    for codes, changes in asked_for.items():
+        if holds(f"without {', '.join(codes)}", **changes):
+            return Cause("asked-for", {"asked_for": codes})
     if loop.grows:
         if cause := _gains_or_delay(loop) or _other_gains(loop, holds):
             return cause
@@ -96,33 +103,30 @@ def why_lost(loop: LoopRuns, result: LoopResult) -> Cause:
         return Cause("estimate" if exact < 0.0 else "controller", {"growth_per_s": loop.growth_per_s})
     if gains := _other_gains(loop, holds):
         return replace(gains, short_of_room=short_of_room(loop))
-    return replace(hardware_limit(loop), held_back=next(reversed(asked_for), ""))
+    return replace(hardware_limit(loop), in_vain=next(reversed(asked_for), ()))
 
 
-def _asked_for(loop: LoopRuns) -> dict[str, dict[str, Any]]:
-    """What was asked for and can be taken away, each by itself and then all of it."""
-    asked_for: dict[str, dict[str, Any]] = {}
+def _asked_for(loop: LoopRuns) -> dict[tuple[str, ...], dict[str, Any]]:
+    """Codes of what was asked for and can be taken away, plant and faults each by itself and then all of it."""
+    asked_for: dict[tuple[str, ...], dict[str, Any]] = {}
     if loop.plant is not None:
-        asked_for["the difference between plant and model"] = {"plant": None}
+        asked_for["plant",] = {"plant": None}
     e = loop.experiment
     faults = {
-        "sensor offset": e.offset != 0.0,
-        "sensor drift": e.drift_per_s != 0.0,
-        "sensor stuck": np.isfinite(e.stuck_after_s),
+        "sensor-offset": e.offset != 0.0,
+        "sensor-drift": e.drift_per_s != 0.0,
+        "sensor-stuck": np.isfinite(e.stuck_after_s),
         "dropouts": e.dropout_probability != 0.0,
-        "true force unlike the model's": e.force_scale != 1.0,
-        "wrong first estimate": e.believed_m is not None,
+        "force-scale": e.force_scale != 1.0,
+        "first-estimate": e.believed_m is not None,
     }
     if any(faults.values()):
-        names = ", ".join(name for name, present in faults.items() if present)
         clean = Experiment(
             e.controller, e.observer, e.targets_m, noise_scale=e.noise_scale, start_error_m=e.start_error_m
         )
-        asked_for[f"the fault ({names})"] = {"experiment": clean}
+        asked_for[tuple(code for code, present in faults.items() if present)] = {"experiment": clean}
     if len(asked_for) > 1:
-        asked_for[" and ".join(asked_for)] = {
-            name: value for changes in asked_for.values() for name, value in changes.items()
-        }
+        asked_for[tuple(chain(*asked_for))] = {k: v for changes in asked_for.values() for k, v in changes.items()}
     return asked_for
 
 

@@ -14,6 +14,7 @@ axis of a cylinder. S. J. Julier, The scaled unscented transformation, American 
 import argparse
 import sys
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -61,11 +62,22 @@ OPTIONAL = {"terms_again": (), "upper_bound": None, "bounds_hold_for_slacks": Fa
             "noise_unit": "", "density_kg_m3": 7500.0}  # fmt: skip
 
 
+@dataclass(frozen=True)
+class Claim(AuditFinding):
+    """A conclusion on what a paper prints, with its own words."""
+
+    text: str = ""
+
+    @property
+    def sentence(self):
+        return self.text
+
+
 def finding(code, wrong, about, stated=None, recomputed=None, words=None, **numbers):
     """A finding that is wrong or holds; a severity in place of the truth value is taken as it is."""
     severity = wrong if isinstance(wrong, str) else "wrong" if wrong else "holds"
     text = WORDS[words or code].format(stated=stated, recomputed=recomputed, **numbers)
-    return AuditFinding(code, severity, about, text, stated, recomputed)
+    return Claim(code, severity, about, stated, recomputed, text=text)
 
 
 def listed(values, form="{:.3g}", last=" and "):

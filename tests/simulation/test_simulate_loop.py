@@ -141,7 +141,7 @@ def test_a_rare_loss_is_tried_on_the_runs_that_were_lost(levitation_model):
     experiment = Experiment("pid", "ukf4", (0.030,), dropout_probability=0.0004)
     loop = run_loops(design, experiment, np.random.default_rng(2), runs=20, duration_s=0.3)
     assert 0 < loop.held < 20
-    assert "dropouts" in loop.advice
+    assert loop.data()["cause"]["numbers"] == {"asked_for": ["dropouts"]}
 
 
 def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
@@ -149,7 +149,7 @@ def test_a_plant_unlike_the_model_is_named_as_the_cause(levitation_model):
     strong = replace(levitation_model, magnetics=magnetics, name="strong")
     lost = close_loop(levitation_model, plant=strong, runs=4, seconds=0.5, targets_m=(0.026,), estimator="ukf")
     assert lost.held == 0
-    assert "difference between plant and model" in lost.advice
+    assert (lost.cause.code, lost.cause.numbers) == ("asked-for", {"asked_for": ("plant",)})
 
 
 def test_a_name_from_a_model_file_does_not_steer_the_terminal(levitation_model):
@@ -163,7 +163,7 @@ def test_the_result_says_first_whether_the_body_was_held(levitation_model, tmp_p
     write_model(levitation_model, tmp_path / "model.json")
     loop = close_loop(str(tmp_path / "model.json"), runs=3, seconds=0.2, rng=1)
     assert str(loop).startswith("Held: 3 of 3 runs")
-    assert loop.advice == ""
+    assert loop.cause is None
     assert "Held: 3 of 3" in loop._repr_html_()
 
 
