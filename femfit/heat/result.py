@@ -1,6 +1,5 @@
 """Temperatures that were found, in numbers and in sentences."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,17 +7,15 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.results import Printed
-from femfit.core.text import amount, amount_range, rounded
+from femfit.core.text import rounded
+from femfit.core.words import Words
 from femfit.device.thermal import Surroundings
 from femfit.heat.network import HeatNetwork
 
 BURNT_C = 300.0
 """Conventional: how warm a winding would become above it is not said; enamels end at 240 degC (IEC 60317)."""
 
-ASSUMED = (
-    "Assumed: air of {ambient_C:g} °C, {film_W_per_m2_K:g} W/(m² K) from free faces, {insulation_W_per_m_K:g} W/(m K) "
-    "between strands, {mounting_W_per_K:g} W/K through the mounting. [thermal] in the drawing changes this."
-)
+words = Words("femfit.heat", rounded, names={"BURNT_C": BURNT_C}, finite=np.isfinite).sentence
 
 
 @dataclass(frozen=True)
@@ -30,12 +27,6 @@ class MagnetWarmth:
     change: float  # Of the remanence, relative to 20 degC; zero where its coefficient is not known
     drawn: float  # The same of the drawing's
     working_C: float | None  # Largest working temperature, where it is known
-
-    def __str__(self) -> str:
-        text = f"{self.part}: {amount(self.temperature_C, 'C')}, remanence"
-        if self.change:
-            return f"{text} {_less(-self.change)} than at 20 °C."
-        return f"{text} as drawn (its material has no remanence_coefficient_per_K)."
 
     @property
     def too_warm(self) -> bool:
@@ -155,92 +146,7 @@ class Temperatures(Printed):
         }
 
     def __str__(self) -> str:
-        if self.lasts:
-            lines = [*self.settled_lines(), self._allowed()]
-        else:
-            lines = [self._too_warm(), self._allowed(), *(self.at_limit.settled_lines() if self.at_limit else ())]
-        return "\n".join([*lines, ASSUMED.format(**vars(self.surroundings))])
-
-    def settled_lines(self) -> list[str]:
-        """Where it settles, without what it may carry and what is assumed."""
-        lines = [self._answer(), self._electric(), *map(str, self.magnets)]
-        if self.force is not None and self.force[0]:
-            cold, warm = self.force
-            distance = amount(self.distance_m, "m", 3)
-            lines.append(
-                f"The force at {distance} is then {amount(warm, 'N', 3)}, {_less(1.0 - warm / cold)} than cold."
-            )
-        return lines
-
-    def _fed(self) -> str:
-        fed = [
-            amount(volt, "V", 3) if np.isfinite(volt) else amount(ampere, "A", 3)
-            for volt, ampere in zip(self.volts, self.cold_currents_A, strict=True)
-        ]
-        if not self.alternating_A.any():
-            return " and ".join(fed)
-        waves = " and ".join(amount(current, "A", 3) for current in self.alternating_A)
-        return f"{' and '.join(fed)} and {waves} rms alternating" if self.cold_currents_A.any() else f"{waves} rms"
-
-    def _too_warm(self) -> str:
-        text = f"{self._fed()} may not last. "
-        if self.limit_s is not None:
-            limit = amount(self.surroundings.winding_limit_C, "C")
-            text += f"The hottest strand passes {limit} after {_time(self.limit_s)}"
-            warmest = float(self.hottest_C.max())
-        else:
-            (magnet, *_) = [magnet for magnet in self.magnets if magnet.too_warm]
-            text += f"The magnet {magnet.part} becomes too warm"
-            warmest = magnet.temperature_C
-        if not self.settles:
-            return f"{text}, and never settles: its heat grows with its resistance faster than it flows off."
-        temperature = f"at {amount(warmest, 'C')}" if warmest < BURNT_C else f"above {amount(BURNT_C, 'C')}"
-        return f"{text}; it would settle {temperature}."
-
-    def _answer(self) -> str:
-        each = ", ".join(f"{name} {amount(mean, 'C')}" for name, mean in zip(self.names, self.windings_C, strict=False))
-        low, high = self.spread_C
-        spread = f"be {amount_range(low, high, 'C', 3)}" if np.isfinite(high) else f"be {amount(low, 'C')} or run away"
-        settles = f"the winding settles at {amount(self.windings_C[0], 'C')}"
-        if self.count > 1:
-            settles = f"the windings settle at {each}"
-        return (
-            f"{self._fed()} for ever: {settles}, {amount(float(self.hottest_C.max()), 'C')} in the hottest strand. "
-            f"The first {_time(self.settling_s)} bring 63 % of the rise. How well air cools is known within a factor "
-            f"of 1.5: it may {spread}."
-        )
-
-    def _electric(self) -> str:
-        changes = zip(self.cold_resistances_ohm, self.resistances_ohm, strict=True)
-        text = f"Resistance {_instead(changes, 'ohm')}"
-        if np.isfinite(self.volts).any():
-            text += f", current {_instead(zip(self.cold_currents_A, self.currents_A, strict=True), 'A')}"
-        text += f"; heat {amount(float(self.heat_W.sum()), 'W', 3)}"
-        eddy = float(self.eddy_W.sum())
-        return f"{text}, {amount(eddy, 'W', 3)} of it by eddy currents." if eddy else f"{text}."
-
-    def _allowed(self) -> str:
-        if not self.limiting:
-            return "No winding is heated."
-        currents = " and ".join(amount(float(allowed), "A", 3) for allowed in self.allowed_A)
-        of_magnets = {magnet.part: magnet.working_C for magnet in self.magnets if magnet.working_C is not None}
-        limit = amount(of_magnets.get(self.limiting, self.surroundings.winding_limit_C), "C")
-        limited = self.limiting if self.limiting in of_magnets else f"the hottest strand of {self.limiting}"
-        return f"The largest current that may last is {currents}: {limited} is then at its limit of {limit}."
-
-
-def _instead(changes: Iterable[tuple[float, float]], unit: str) -> str:
-    return " and ".join(f"{amount(warm, unit, 3)} instead of {amount(cold, unit, 3)}" for cold, warm in changes)
-
-
-def _less(share: float) -> str:
-    return f"{rounded(100.0 * abs(share), 2)} % {'less' if share >= 0.0 else 'more'}"
-
-
-def _time(seconds: float | None) -> str:
-    if seconds is None:
-        return "a time not known"
-    return f"{rounded(seconds / 60.0, 2)} min" if seconds >= 120.0 else f"{rounded(seconds, 2)} s"
+        return words("heat", "printed", self)
 
 
 def _plain(value: Any) -> Any:
