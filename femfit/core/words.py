@@ -8,8 +8,9 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+from femfit.core.results import Finding, Severity
 from femfit.core.text import amount, amount_range, counted
 
 if TYPE_CHECKING:
@@ -67,6 +68,11 @@ class Words:
         """The lines that a macro of a template makes of facts."""
         module = self.environment.get_template(f"{template}.j2").module
         return lines_of(str(getattr(module, macro)(*facts)))
+
+    def finding(self, code: str, column: str = "", size: float | None = None, words: str = "", **facts: Any) -> Finding:
+        """A finding whose severity, text and remedy stand under its code, or under other words, in ``findings.j2``."""
+        severity, text, remedy = (*self.lines("findings", words or code.replace("-", "_"), facts), "")[:3]
+        return Finding(code, cast("Severity", severity), text, remedy, size, column)
 
     def sentence(self, template: str, macro: str, *facts: Any) -> str:
         """The same as one text."""

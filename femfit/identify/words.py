@@ -3,9 +3,8 @@
 In a template a paragraph is one printed line, however it is broken; ``>`` before it stands for two blanks each.
 """
 
-from typing import Any, cast
+from typing import Any
 
-from femfit.core.results import Finding, Severity
 from femfit.core.text import amount_in, probability, rounded, weighed_amount
 from femfit.core.words import Words, lines_of
 from femfit.effects.words import describe, range_of, size_of
@@ -47,11 +46,7 @@ def sentence(template: str, macro: str, *facts: Any) -> str:
     return " ".join(_WORDS.lines(template, macro, *facts))
 
 
-def finding(code: str, column: str = "", size: float | None = None, words: str = "", **facts: Any) -> Finding:
-    """A finding whose severity, text and remedy stand under its code, or under other words, in ``findings.j2``."""
-    macro = getattr(_WORDS.environment.get_template("findings.j2").module, words or code.replace("-", "_"))
-    severity, text, remedy = (*lines_of(str(macro(facts))), "")[:3]
-    return Finding(code, cast("Severity", severity), text, remedy, size, column)
+finding = _WORDS.finding
 
 
 def printed(template: str, **facts: Any) -> str:

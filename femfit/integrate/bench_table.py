@@ -18,6 +18,7 @@ from femfit.effects.conditions import Conditions
 from femfit.integrate.constants import GAIN_TOLERANCE, PLATEAU_FOLLOWS
 from femfit.integrate.plateaus import OffsetMethod, PlateauFlux, PlateauOptions, plateau_flux
 from femfit.integrate.record_watch import RecordWatch
+from femfit.integrate.words import finding
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.json_file import model_of
 from femfit.model.readings import predict_readings
@@ -47,7 +48,7 @@ class BenchFlux(Printed):
         lines = [
             f"{counted(len(self.rows), 'plateau')}, flux linkage within {self.noise_Wb:.3g} Wb (noise, rms)",
             self.notes,
-            *(f"{finding.code}: {finding}" for finding in self.findings),
+            *(f"{remark.code}: {remark}" for remark in self.findings),
         ]
         if self.output is not None:
             lines.append(f"written: {self.output}, {self.output.with_suffix('.toml')}")
@@ -59,7 +60,7 @@ class BenchFlux(Printed):
             "rows": len(self.rows),
             "noise_Wb": self.noise_Wb,
             "notes": self.notes,
-            "findings": [finding.as_dict() for finding in self.findings],
+            "findings": [remark.as_dict() for remark in self.findings],
             "output": None if self.output is None else str(self.output),
             "sidecar": None if self.output is None else str(self.output.with_suffix(".toml")),
         }
@@ -168,7 +169,7 @@ def _table(
         )
         flux = plateau_flux(time, induced, current, distance, options)
         remarks = watch_run(time, voltage, induced, current, flux)
-        findings += [replace(finding, text=f"Run {number:g}: {finding.text}") for finding in remarks]
+        findings += [replace(remark, text=f"Run {number:g}: {remark.text}") for remark in remarks]
         columns = run.drop(columns=["induced_V", "branch", "order"], errors="ignore")
         means = pd.DataFrame([columns.iloc[a:b].mean() for a, b in zip(flux.first, flux.last, strict=True)])
         means = means.assign(order=means["time_s"] - time[0], branch=flux.branch)
@@ -194,7 +195,7 @@ def watch_run(
     watch, wired = RecordWatch(1.0, step), RecordWatch(1.0, step, "current_A")
     watch.see(CoilBlock(time, between))
     wired.see(CoilBlock(time, induced, current=current))
-    return (*watch.findings(), *(finding for finding in wired.findings() if finding.code == "sign"))
+    return (*watch.findings(), *(remark for remark in wired.findings() if remark.code == "sign"))
 
 
 def resistance_finding(voltage: FloatArray, current: FloatArray, expected: float | None) -> Finding | None:
@@ -204,12 +205,6 @@ def resistance_finding(voltage: FloatArray, current: FloatArray, expected: float
     if spread <= 0.0 or common**2 <= PLATEAU_FOLLOWS * spread * float(u @ u):
         return None
     shown = common / spread
-    if expected is None:
-        text = f"The plateaus' voltage follows the current as {shown:.4g} ohm would make it."
-        remedy = f"Is it the winding's own voltage? Then it needs --resistance-ohm {shown:.4g}."
-        return Finding("resistance", "warning", text, remedy, size=shown)
-    if abs(shown - expected) <= GAIN_TOLERANCE * expected:
+    if expected is not None and abs(shown - expected) <= GAIN_TOLERANCE * expected:
         return None
-    wrong = "the sign of the voltage or the current is wrong" if shown < 0.0 else "the winding is warm, or another"
-    text = f"The plateaus show {shown:.4g} ohm where {expected:.4g} ohm are taken off: {wrong}."
-    return Finding("resistance", "warning", text, size=shown)
+    return finding("resistance", size=shown, shown_ohm=shown, expected_ohm=expected)

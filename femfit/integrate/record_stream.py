@@ -20,6 +20,7 @@ from femfit.integrate.offset_filter import OffsetFilter
 from femfit.integrate.offset_filter import smooth as smoothed
 from femfit.integrate.record_watch import RecordWatch, Reference
 from femfit.integrate.uncertainty import FieldBlock, Systematics
+from femfit.integrate.words import finding
 from femfit.tables.coil_record import COLUMNS, CoilBlock, CoilRecord, joined_record
 from femfit.tables.record_writer import RecordWriter
 
@@ -97,11 +98,7 @@ def stream_record(
 def _no_plateau(options: IntegrationOptions, corrected: bool) -> tuple[Finding, ...]:
     if options.method != "ffa2" or corrected:
         return ()
-    text = (
-        f"ffa2 found no settled plateau, on which the current moves by less than {options.still_A:g} A in a second: "
-        "nothing was taken off, and this is the plain integral."
-    )
-    return (Finding("plateau", "warning", text, "Give --still-A, a shorter --settling-s, or another method."),)
+    return (finding("plateau", still_A=options.still_A),)
 
 
 def _watch(

@@ -5,14 +5,13 @@ variance.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
 
 import numpy as np
 
 from femfit.core.numerics import BoolArray, FloatArray
 from femfit.core.results import Finding
-from femfit.core.text import counted
 from femfit.integrate.constants import (
     AGREEMENT,
     CLIPPED_RUN,
@@ -28,6 +27,7 @@ from femfit.integrate.constants import (
 )
 from femfit.integrate.identified_field import GainTest
 from femfit.integrate.uncertainty import FieldBlock
+from femfit.integrate.words import finding
 from femfit.tables.coil_record import CoilBlock
 
 Reference = Literal["hall_T", "current_A"]
@@ -104,34 +104,18 @@ class RecordWatch:
             self._compare(rise, reading)
 
     def findings(self) -> tuple[Finding, ...]:
-        """What was seen, in words."""
+        """What was seen."""
         findings = []
-        for code, text in _SENTENCES.items():
-            source = "stuck" if code == "saturated" else code
-            at_top = self._stuck_at >= (1.0 - 1e-9) * self._highest
-            if source in self._tallies and (source != "stuck" or at_top == (code == "saturated")):
-                tally = self._tallies[source]
-                sentence = text.format(
-                    samples=counted(tally.count, "sample"),
-                    gaps=counted(tally.count, "gap"),
-                    first=f"{tally.first:.6g}",
-                    amount=f"{tally.amount:.3g}",
-                )
-                findings.append(Finding(code, "warning", sentence, _REMEDIES[code]))
-        findings += self._disagreement() or self._gain_finding({finding.code for finding in findings})
+        stuck = "saturated" if self._stuck_at >= (1.0 - 1e-9) * self._highest else "stuck"
+        for source in _TALLIED:
+            if source in self._tallies:
+                code = stuck if source == "stuck" else source
+                findings.append(finding(code, **asdict(self._tallies[source])))
+        findings += self._disagreement() or self._gain_finding({remark.code for remark in findings})
         if "innovations" in self._tallies:
-            tally = self._tallies["innovations"]
-            suspect = next(
-                (name for code, name in _SUSPECTS.items() if code in {finding.code for finding in findings}), None
-            )
-            if suspect is None and self.reference == "hall_T":
-                suspect = "the offset voltage, or the Hall probe's drift"
-            text = (
-                f"The filter's innovations left their band {tally.count} times, first at {tally.first:.6g} s (squared "
-                f"up to {tally.amount:.3g} times what it expects). Suspect: "
-                f"{suspect or 'the relation between current and field'}."
-            )
-            findings.append(Finding("innovations", "warning", text))
+            codes = {remark.code for remark in findings}
+            suspect = next((code for code in _SUSPECTS if code in codes), self.reference)
+            findings.append(finding("innovations", suspect=suspect, **asdict(self._tallies["innovations"])))
         return tuple(findings)
 
     def _add(self, code: str, times: FloatArray, amount: float = 0.0) -> None:
@@ -200,24 +184,18 @@ class RecordWatch:
         if xy**2 <= AGREEMENT * xx * yy:  # also where one of them saw no change at all
             return []
         of_hall = self.reference == "hall_T"
-        name = "Hall probe" if of_hall else "current"
         if xy < 0.0:
-            text = (
-                f"The coil sees the field fall when the {name} sees it rise: the coil (or the {name}) is wired the "
-                "wrong way round."
-            )
-            return [Finding("sign", "warning", text, "Change the sign of its column.")]
+            return [finding("sign", of_hall=of_hall)]
         slope = xy / xx * (self.scale or 0.0)
         if self.scale is None or abs(slope - 1.0) <= GAIN_TOLERANCE:
             return []
-        area = f"an area of {self.area / slope:.6g} m2"
-        if of_hall:
-            wrong, agree = "the coil's area (or the probe's gain)", f"{area} would agree"
-        else:
-            wrong = "the current-to-field ratio (or the coil's area)"
-            agree = f"{xy / xx:.6g} A/T, or {area}, would agree"
-        text = f"The {name} shows {slope:.3g} times the changes that the coil sees: {wrong} is wrong; {agree}."
-        return [Finding("gain", "warning", text, size=slope - 1.0)]
+        numbers: dict[str, Any] = {
+            "of_hall": of_hall,
+            "slope": slope,
+            "area_m2": self.area / slope,
+            "ratio_A_per_T": xy / xx,
+        }
+        return [finding("gain", words="gain_of_changes", size=slope - 1.0, **numbers)]
 
     def _gain_finding(self, codes: set[str]) -> list[Finding]:
         """Whether the innovations show that coil and Hall probe differ by a gain, where nothing else spoils them."""
@@ -226,51 +204,21 @@ class RecordWatch:
             return []
         ratio, sigma = result
         expanded = 200.0 * sigma
-        digits = max(0, -math.floor(math.log10(expanded)))
-        text = (
-            f"The Hall probe shows {ratio:.5g} times the changes that the coil sees: the coil's area or the probe's "
-            f"gain is off by {100.0 * abs(ratio - 1.0):.{digits}f} +- {expanded:.{digits}f} % (k = 2)"
-        )
-        if abs(ratio - 1.0) <= 2.0 * (self.gain_sigma + sigma):
-            return [Finding("gain", "info", f"{text}, as was declared possible.", size=ratio - 1.0)]
-        text += f"; an area of {self.area / ratio:.6g} m2, or the probe's readings over {ratio:.5g}, would agree."
-        remedy = f"Calibrate one of them, or give --reference-gain-sigma {abs(ratio - 1.0):.2g}."
-        return [Finding("gain", "warning", text, remedy, size=ratio - 1.0)]
+        numbers: dict[str, Any] = {
+            "ratio": ratio,
+            "expanded_percent": expanded,
+            "digits": max(0, -math.floor(math.log10(expanded))),
+            "area_m2": self.area / ratio,
+            "declared": abs(ratio - 1.0) <= 2.0 * (self.gain_sigma + sigma),
+        }
+        return [finding("gain", size=ratio - 1.0, **numbers)]
 
 
-_SENTENCES = {
-    "gap": "{gaps}, first before {first} s, {amount} s lost in all: bridged by a straight line, and the field's "
-    "uncertainty grew by what they may hide.",
-    "clock": "{samples} came after less than half a sample time, first at {first} s: the clock jumped.",
-    "clipped": "{samples} repeated the largest voltage exactly, first at {first} s: the converter clipped, and "
-    "their flux is lost.",
-    "saturated": "The Hall probe stood still at its largest reading, first at {first} s, for {amount} s in all, while "
-    "the coil saw the field move: it saturated.",
-    "stuck": "The Hall probe repeated one reading, first at {first} s, for {amount} s in all, while the coil saw the "
-    "field move: it stuck.",
-    "range": "{samples} had a current outside of what the field model was made for, first at {first} s: it "
-    "extrapolates there.",
-}
-_REMEDIES = {
-    "gap": "",
-    "clock": "Check the time stamps.",
-    "clipped": "Choose a larger range.",
-    "saturated": "Use a larger range, or leave these readings empty.",
-    "stuck": "Leave these readings empty.",
-    "range": "Sweep or identify up to these currents.",
-}
+_TALLIED = ("gap", "clock", "clipped", "stuck", "range")
+"""Codes of what is counted, in the order in which it is told."""
 
-_SUSPECTS = {
-    "sign": "the sign of the coil's voltage",
-    "stuck": "the Hall probe, which stuck",
-    "saturated": "the Hall probe, which saturated",
-    "clipped": "the coil's converter, which clipped",
-    "gain": "the coil's area, or the reference's gain",
-    "gap": "the gaps",
-    "clock": "the clock",
-    "range": "the field model, which extrapolates",
-}
-"""Who is suspected of large innovations, by the code of another finding; the first that applies."""
+_SUSPECTS = ("sign", "stuck", "saturated", "clipped", "gain", "gap", "clock", "range")
+"""Codes of findings that may cause large innovations; the first that applies is suspected."""
 
 
 def _clipped(voltage: FloatArray) -> BoolArray:
