@@ -11,13 +11,9 @@ over time, so that an unstable plant in a closed loop is no harder than a stable
 Every state of an effect (lag, hysteresis) has a rate that is affine in that state alone, z' = a - b z with a and b
 given by the motion, so that over a step of constant a and b it moves exactly to z exp(-b h) + a (1 - exp(-b h)) / b.
 Eddy currents of the drawing (:mod:`femfit.identify.series.noise`) act beside the recorded current.
-
-References
-----------
-G. E. Blelloch, IEEE Transactions on Computers 38 (1989) 1526: linear recurrences as prefix sums.
 """
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,7 +26,7 @@ from femfit.effects.effect import AddedEffect
 from femfit.effects.friction import REST
 from femfit.effects.stages import circuit_of, moving_mass, recorded, true_setting, with_further_force
 from femfit.identify.series.constants import SLOWEST
-from femfit.identify.series.noise import EddiesAlong, induced_along, pull_of
+from femfit.identify.series.noise import EddiesAlong, induced_along, pull_of, recurrence
 from femfit.identify.series.weights import Weights
 from femfit.model.actuator_model import ActuatorModel
 from femfit.model.at_rest import AtRest, at_rest
@@ -197,7 +193,7 @@ def states_along(
         decay = np.maximum((at_zero[name] - at_one[name]) * np.where(moves, step, 0.0), SLOWEST)
         factor = np.where(fresh, 0.0, np.exp(-decay))
         gained = np.where(moves, at_zero[name] * step * -np.expm1(-decay) / decay, 0.0)
-        result[name] = _recurrence(np.append(0.0, factor), np.append(0.0, gained))
+        result[name] = recurrence(factor[:, None, None], gained[:, None])[:, 0]
     return result
 
 
@@ -205,16 +201,6 @@ def _between(condition: FloatArray | float) -> FloatArray | float:
     """A condition on the steps between nodes."""
     values = np.asarray(condition)
     return 0.5 * (values[1:] + values[:-1]) if values.ndim else condition
-
-
-def _recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
-    """x_k = kept_k x_(k-1) + gained_k from x_(-1) = 0, by doubling."""
-    factor, total, span = factors.copy(), gained.copy(), 1
-    while span < len(total):
-        total[span:] = total[span:] + factor[span:] * total[:-span]
-        factor[span:] = factor[span:] * factor[:-span]
-        span *= 2
-    return total
 
 
 _LAST_POINTS = 4
@@ -250,3 +236,7 @@ class RememberedPoints:
         if len(self.known) > _LAST_POINTS:
             self.known.pop(next(iter(self.known)))
         return point[2]
+
+
+Side = Callable[[RememberedPoints, Motion, Weights, Sequence[AddedEffect]], dict[str, FloatArray]]
+"""What a model with effects makes of a motion in each window, by channel: balances, or what sensors read."""

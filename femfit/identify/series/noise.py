@@ -130,7 +130,7 @@ def induced_along(
     matrix = root[:, None] * (turned @ inductance[:, :n, :n] @ forms.coupling + forms.inductance) * root
     factors, gained = _steps(np.diff(time), 0.5 * (matrix[1:] + matrix[:-1]), -np.diff(beside, axis=0))
     factors[first[1:]], gained[first[1:]] = 0.0, 0.0
-    linked = _recurrence(factors, gained)
+    linked = recurrence(factors, gained)
     return np.asarray(root * np.linalg.solve(matrix, linked[..., None])[..., 0])
 
 
@@ -142,7 +142,7 @@ def pull_of(along: EddiesAlong, flux_linkage: FloatArray, induced: FloatArray) -
     return -np.asarray((flux_linkage[:, :n] * acting).sum(axis=-1) + (linkage * induced).sum(axis=-1))
 
 
-def _recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
+def recurrence(factors: FloatArray, gained: FloatArray) -> FloatArray:
     """x_k = K_k x_(k-1) + g_k from x_0 = 0: a triangular system of bandwidth 2 r, which LAPACK solves in one pass."""
     steps, r = gained.shape
     below = np.zeros((2 * r, steps + 1, r))  # Entry (d, j) stands d rows below the diagonal in column j

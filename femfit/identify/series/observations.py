@@ -31,6 +31,7 @@ from femfit.identify.readings.observations import InTheirRuns, Observations, mod
 from femfit.identify.series.balances import (
     FORCE_BALANCE,
     RememberedPoints,
+    Side,
     model_balances,
     model_readings,
     voltage_balances,
@@ -136,9 +137,10 @@ def _assembled(
     number = np.repeat(np.arange(len(names)), [len(piece) for piece in pieces])
     offset = [0 if view is views[0] else len(views[0].covariates) for view, _ in channels]
 
+    sides = zip(views, (model_balances, model_readings), strict=True)
     prediction = _SeriesPrediction(
         model,
-        views,
+        [(view, side) for view, side in sides if any(of is view for of, _ in channels)],
         exact,
         dict(zip(names, pieces, strict=True)),
         dict(zip(names, scale, strict=True)),
@@ -175,7 +177,7 @@ class _SeriesPrediction:
     """What a model predicts of a record's windows, as one vector: the exact balances, and what effects change."""
 
     model: ActuatorModel
-    views: tuple[View, View]
+    sides: Sequence[tuple[View, Side]]  # Those of which a channel was recorded
     # Per channel, from every sample, without effects but that eddy currents decay so many times faster
     exact: Callable[[float], Mapping[str, FloatArray]]
     # Windows that count, and the factor that gives them one noise, per channel
@@ -214,11 +216,7 @@ class _SeriesPrediction:
 
     def _at(self, effects: Sequence[AddedEffect], shift: float) -> FloatArray:
         values: dict[str, FloatArray] = {}
-        for view, points, side, recorded in zip(
-            self.views, self._points, (model_balances, model_readings), self._seen, strict=True
-        ):
-            if not recorded:
-                continue
+        for (view, side), points in zip(self.sides, self._points, strict=True):
             motion = replace(view.motion, distance_m=view.motion.distance_m + shift) if shift else view.motion
             values |= side(points, motion, view.weights, effects)
         if shift and REST in values:
@@ -226,18 +224,12 @@ class _SeriesPrediction:
         return self.stacked(values)
 
     @cached_property
-    def _seen(self) -> tuple[bool, bool]:
-        """Whether any balance, and any sensor, was recorded."""
-        balances = {FORCE_BALANCE, *voltage_balances(self.model.without_effects)}
-        return bool(self.rows.keys() & balances), bool(self.rows.keys() - balances)
-
-    @cached_property
     def _without(self) -> FloatArray:
         return self._at((), 0.0)
 
     @cached_property
     def _points(self) -> list[RememberedPoints]:
-        return [RememberedPoints(self.model.without_effects) for _ in self.views]
+        return [RememberedPoints(self.model.without_effects) for _ in self.sides]
 
 
 def _tolerance(model: ActuatorModel, covariates: pd.DataFrame) -> dict[str, float]:

@@ -43,46 +43,23 @@ class View:
 def balance_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     """Whole windows."""
     time, row = _nodes(windows)
-    stretch = samples.stretch
-    smooth = [
-        local_polynomials(
-            time,
-            stretch[_nearest(samples, windows)][row],
-            samples.time,
-            stretch,
-            samples.usable,
-            centre_s=time,
-            behind_s=span * windows.length_s,
-            ahead_s=span * windows.length_s,
-            degree=3,
-        )[order]
-        for order, span in enumerate((SPAN, SLOPE_SPAN))
-    ]
+    level, _ = _smoothed(samples, windows, time, behind=SPAN, ahead=SPAN, degree=3)
+    _, slope = _smoothed(samples, windows, time, behind=SLOPE_SPAN, ahead=SLOPE_SPAN, degree=3)
     rows = Windows(windows.centre_s, np.arange(len(windows.centre_s)), windows.length_s)
     weights = window_weights(rows, time, row, np.ones(len(time), dtype=bool))
     over_samples = window_weights(windows, samples.time, samples.segment, samples.usable)
     rates = over_samples.slope @ _known(samples, "distance_m"), over_samples.slope @ _known(samples, "current_A")
     covariates = _covariates(samples, windows, over_samples.mean, rates, nominal)
-    return View(windows, covariates, _motion(samples, windows, covariates, nominal, *smooth), weights)
+    return View(windows, covariates, _motion(samples, windows, covariates, nominal, level, slope), weights)
 
 
 def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     """The middle thirds of windows."""
     time, row = _nodes(windows)
-    behind, half = BEHIND * windows.length_s, 0.5 * MIDDLE * windows.length_s
+    half = 0.5 * MIDDLE * windows.length_s
     place = (time - windows.centre_s[row]) / half
-    stretch = samples.stretch
-    level, slope = local_polynomials(
-        time,
-        stretch[_nearest(samples, windows)][row],
-        samples.time,
-        stretch,
-        samples.usable,
-        centre_s=np.where(np.abs(place) < 1.0, windows.centre_s[row] - half, time),
-        behind_s=behind,
-        ahead_s=0.0,
-        degree=2,
-    )
+    centre = np.where(np.abs(place) < 1.0, windows.centre_s[row] - half, time)
+    level, slope = _smoothed(samples, windows, centre, behind=BEHIND, ahead=0.0, degree=2)
     bump = np.maximum(1.0 - place**2, 0.0) ** 2
     shape = len(windows.centre_s), len(time)
     bump /= np.bincount(row, bump)[row]
@@ -94,6 +71,25 @@ def sensor_view(samples: Samples, windows: Windows, nominal: Nominal) -> View:
     covariates = _covariates(samples, windows, mean @ level, rates, nominal)
     motion = _motion(samples, windows, covariates, nominal, level, slope)
     return View(thirds, covariates, motion, Weights(mean, none, none, over_samples.valid))
+
+
+def _smoothed(
+    samples: Samples, windows: Windows, centre_s: FloatArray, *, behind: float, ahead: float, degree: int
+) -> tuple[sparse.csr_array, sparse.csr_array]:
+    """Weights of value and slope at the nodes, by usable samples around their centres; spans are parts of a window."""
+    time, row = _nodes(windows)
+    stretch = samples.stretch
+    return local_polynomials(
+        time,
+        stretch[_nearest(samples, windows)][row],
+        samples.time,
+        stretch,
+        samples.usable,
+        centre_s=centre_s,
+        behind_s=behind * windows.length_s,
+        ahead_s=ahead * windows.length_s,
+        degree=degree,
+    )
 
 
 def _known(samples: Samples, name: str) -> FloatArray:

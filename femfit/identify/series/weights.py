@@ -17,6 +17,7 @@ H. A. Preisig and D. W. T. Rippin, Computers and Chemical Engineering 17 (1993) 
 D. A. Messenger and D. M. Bortz, Journal of Computational Physics 443 (2021) 110525: weak form and its noise.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,14 +78,8 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, usable
         axis=1,
     )
     scale = np.array([1.0, 2.0 / windows.length_s, (2.0 / windows.length_s) ** 2])
-    valid = np.zeros(len(windows.centre_s), dtype=bool)
-    entries: list[tuple[IntArray, FloatArray]] = []
-    for k, here in enumerate(_samples(windows, time, segment, usable)):
-        s = 2.0 * (time[here] - windows.centre_s[k]) / windows.length_s
-        valid[k] = _covered(s)
-        if not valid[k]:
-            entries.append((here[:0], np.zeros((0, 3))))
-            continue
+    entries: list[_Entry] = []
+    for k, here, s in _covered(windows, time, segment, usable):
         spacing = np.diff(s)
         quadrature = 0.5 * (np.append(spacing, 1.0 - s[-1]) + np.append(1.0 + s[0], spacing))
         bump = (1.0 - s**2) ** 2
@@ -92,14 +87,8 @@ def window_weights(windows: Windows, time: FloatArray, segment: IntArray, usable
         basis = np.vander(s, EXACT_DEGREE + 1, increasing=True)
         carried = (quadrature * bump)[:, None] * basis
         raw += carried @ np.linalg.solve(basis.T @ carried, wanted - basis.T @ raw)
-        entries.append((here, raw * scale))
-    counts = [len(here) for here, _ in entries]
-    pointers = np.concatenate([[0], np.cumsum(counts)])
-    columns = np.concatenate([here for here, _ in entries]) if entries else np.zeros(0, dtype=int)
-    values = np.concatenate([value for _, value in entries]) if entries else np.zeros((0, 3))
-    shape = (len(counts), len(time))
-    mean, slope, curvature = (sparse.csr_array((values[:, j], columns, pointers), shape=shape) for j in range(3))
-    return Weights(mean, slope, curvature, valid)
+        entries.append((k, here, raw * scale))
+    return Weights(*_arrays(entries, (len(windows.centre_s), len(time))))
 
 
 def held_weights(
@@ -112,55 +101,49 @@ def held_weights(
     known sample to the next one. The weights, of shape (n, N), are for u, for the mean of what is smooth (trapezoidal),
     and for x; then comes the validity of each window.
     """
-    valid = np.zeros(len(windows.centre_s), dtype=bool)
-    rows: list[IntArray] = []
-    columns: list[IntArray] = []
-    values: list[FloatArray] = []
-    for k, here in enumerate(_samples(windows, time, segment, usable_samples)):
-        s = 2.0 * (time[here] - windows.centre_s[k]) / windows.length_s
-        valid[k] = _covered(s)
-        if not valid[k]:
-            continue
+    entries: list[_Entry] = []
+    for k, here, s in _covered(windows, time, segment, usable_samples):
         spacing, usable = np.diff(s), held[here[:-1]]
         primitive = s - 2.0 * s**3 / 3.0 + s**5 / 5.0  # of phi
         bump = np.where(usable, np.diff(primitive) / spacing, 0.0)
         area = float(np.sum(bump * spacing))
-        valid[k] = area > 0.5 * 16.0 / 15.0
-        if not valid[k]:
+        if area <= 0.5 * 16.0 / 15.0:
             continue
         share = bump * spacing / area
         jump = (np.append(0.0, bump) - np.append(bump, 0.0)) * (2.0 / windows.length_s / area)
         middle = 0.5 * (np.append(share, 0.0) + np.append(0.0, share))
-        rows.append(np.full(len(here), k))
-        columns.append(here)
-        values.append(np.stack([np.append(share, 0.0), middle, jump], axis=1))
-    shape = (len(valid), len(time))
-    if not rows:
-        empty = sparse.csr_array(shape)
-        return empty, empty, empty, valid
-    row, column, value = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-    driven, mean, slope = (sparse.csr_array((value[:, j], (row, column)), shape=shape) for j in range(3))
-    return driven, mean, slope, valid
+        entries.append((k, here, np.stack([np.append(share, 0.0), middle, jump], axis=1)))
+    return _arrays(entries, (len(windows.centre_s), len(time)))
 
 
-def _samples(windows: Windows, time: FloatArray, segment: IntArray, usable: BoolArray) -> list[IntArray]:
-    """Known samples of each window."""
-    result = []
-    for number, centre in zip(windows.segment, windows.centre_s, strict=True):
+_Entry = tuple[int, IntArray, FloatArray]
+"""A window's number, the k samples that have a weight in it, and their three weights, (k, 3)."""
+
+
+def _arrays(
+    entries: Sequence[_Entry], shape: tuple[int, int]
+) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array, BoolArray]:
+    """The three arrays of weights, and which windows have an entry; the rows of the others are zero."""
+    windows = [k for k, _, _ in entries]
+    row = np.repeat(windows, [len(here) for _, here, _ in entries]).astype(int)
+    column = np.concatenate([np.zeros(0, dtype=int), *(here for _, here, _ in entries)])
+    value = np.concatenate([np.zeros((0, 3)), *(values for _, _, values in entries)])
+    first, second, third = (sparse.csr_array((weights, (row, column)), shape=shape) for weights in value.T)
+    return first, second, third, np.isin(np.arange(shape[0]), windows)
+
+
+def _covered(
+    windows: Windows, time: FloatArray, segment: IntArray, usable: BoolArray
+) -> Iterator[tuple[int, IntArray, FloatArray]]:
+    """Of each window in which known samples stand densely enough its number, these samples, and their s."""
+    half, slack = 0.5 * windows.length_s, 1e-9 * windows.length_s
+    for k, (number, centre) in enumerate(zip(windows.segment, windows.centre_s, strict=True)):
         first, last = np.searchsorted(segment, [number, number + 1])
-        slack = 1e-9 * windows.length_s
-        start, stop = first + np.searchsorted(
-            time[first:last], [centre - 0.5 * windows.length_s - slack, centre + 0.5 * windows.length_s + slack]
-        )
-        result.append(start + np.flatnonzero(usable[start:stop]))
-    return result
-
-
-def _covered(s: FloatArray) -> bool:
-    """Whether samples stand densely enough from -1 to 1."""
-    if len(s) < LEAST_SAMPLES:
-        return False
-    return bool(np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * WIDEST_GAP)
+        start, stop = first + np.searchsorted(time[first:last], [centre - half - slack, centre + half + slack])
+        here = start + np.flatnonzero(usable[start:stop])
+        s = 2.0 * (time[here] - centre) / windows.length_s
+        if len(s) >= LEAST_SAMPLES and np.diff(np.concatenate([[-1.0], s, [1.0]])).max() < 2.0 * WIDEST_GAP:
+            yield k, here, s
 
 
 def lay_windows(
