@@ -4,56 +4,60 @@ import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from femfit.device import schema, schema_device
+from femfit.device import electrics, mechanics, parts, schema
+from femfit.device.complaints import adapter
+from femfit.device.keys import UNITS, Key, keys_of, kind_of, unit_of
 from femfit.device.materials import LIBRARY
+from femfit.device.thermal import Surroundings
 
 REFERENCE = Path(__file__).parents[1] / "reference"
 EXAMPLES = [REFERENCE / "every-key-circuits.toml", REFERENCE / "every-key.toml"]  # the later one's come first
 
-# Table as it is written, what it describes, and the class of the schema that reads it
-TABLES = (
+# Table as it is written, what it describes, and the record that it is read as
+TABLES: tuple[tuple[str, str, Any], ...] = (
     ("", "These keys stand above all tables, and these tables follow.", schema.FileEntry),
     (
         "[materials.NAME]",
         "A linear material: a magnet, a ferrite, or steel far from saturation.",
-        schema_device.MaterialEntry,
+        parts.LinearMaterial,
     ),
-    ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", schema_device.CurveEntry),
+    ("[materials.NAME]", "A soft material that saturates, by its magnetisation curve.", parts.NonlinearMaterial),
     ("[fixed.regions.NAME]", "A part that stands still.", schema.RegionEntry),
-    ("[coils.NAME]", "A winding.", schema_device.WindingEntry),
+    ("[coils.NAME]", "A winding.", schema.WindingEntry),
     (
         "[circuits.NAME]",
         "Coils in series and what feeds them. Without it each coil has its own, fed by `[supply]`.",
-        schema_device.CircuitEntry,
+        schema.CircuitEntry,
     ),
     ("[moving.regions.NAME]", "A magnetic part of the moving body.", schema.RegionEntry),
-    ("[mechanics]", "The mass and what else acts on the moving part.", schema_device.MechanicsEntry),
-    ("[mechanics.springs.NAME]", "A spring, by its stiffness or as measured.", schema_device.SpringEntry),
-    ("[mechanics.near_stop]", "A stop; `[mechanics.far_stop]` has the same keys.", schema_device.StopEntry),
-    ("[sensors.NAME] Hall element", "A Hall element.", schema.HallEntry),
-    ("[sensors.NAME] current", "A sensor of a circuit's current.", schema_device.CurrentSensorEntry),
-    ("[sensors.NAME] position", "A sensor of the distance.", schema_device.PositionSensorEntry),
-    ("[sensors.NAME] pickup coil", "A winding without current.", schema_device.PickupCoilEntry),
-    ("[sensors.NAME] acceleration", "An accelerometer.", schema_device.AccelerationSensorEntry),
-    ("[sensors.NAME] force", "A load cell.", schema_device.ForceSensorEntry),
+    ("[mechanics]", "The mass and what else acts on the moving part.", mechanics.Mechanics),
+    ("[mechanics.springs.NAME]", "A spring by its stiffness.", mechanics.Spring),
+    ("[mechanics.springs.NAME] as measured", "A spring as measured.", mechanics.ForceTable),
+    ("[mechanics.near_stop]", "A stop; `[mechanics.far_stop]` has the same keys.", mechanics.Stop),
+    ("[sensors.NAME] Hall element", "A Hall element.", electrics.HallElement),
+    ("[sensors.NAME] current", "A sensor of a circuit's current.", electrics.CurrentSensor),
+    ("[sensors.NAME] position", "A sensor of the distance.", electrics.PositionSensor),
+    ("[sensors.NAME] pickup coil", "A winding without current.", electrics.PickupCoil),
+    ("[sensors.NAME] acceleration", "An accelerometer.", electrics.AccelerationSensor),
+    ("[sensors.NAME] force", "A load cell.", electrics.ForceSensor),
     ("[supply]", "The driver of every circuit without limits of its own.", schema.SupplyEntry),
     ("[sweep]", "The points that are solved.", schema.SweepEntry),
     ("[sweep.parameters.NAME]", "A name of your own for one or more keys that are swept.", schema.NamedParameterEntry),
     ("{ key, factor, offset }", "A key that follows a named parameter.", schema.KeyEntry),
     ("{ min, max, step }", "The range of a Latin hypercube.", schema.SampledEntry),
     ("{ start, stop, step }", "Equally spaced values, both ends included.", schema.RangeEntry),
-    ("[solver]", "How accurate the field solution has to be, and at which frequencies.", schema_device.SolverEntry),
+    ("[solver]", "How accurate the field solution has to be, and at which frequencies.", schema.SolverEntry),
     (
         "{ start, stop, per_decade }",
         "Frequencies equally spaced in their logarithm.",
-        schema_device.FrequencyRangeEntry,
+        schema.FrequencyRangeEntry,
     ),
     (
         "[thermal]",
         "What temperatures depend on beside the drawing: [Find temperatures](../howto/find_temperatures.md).",
-        schema_device.ThermalEntry,
+        Surroundings,
     ),
     ("[reference]", "The closed loop's steps.", schema.ReferenceEntry),
     (
@@ -65,14 +69,6 @@ TABLES = (
 
 LONGEST_EXAMPLE = 50
 
-UNITS = (
-    ("_N_per_mm", "N/mm"), ("_V_per_mm", "V/mm"), ("_N_s_per_m", "N s/m"), ("_m_per_s2", "m/s²"), ("_mH", "mH"),
-    ("_W_per_m_K", "W/(m K)"), ("_W_per_m2_K", "W/(m² K)"), ("_MJ_per_m3_K", "MJ/(m³ K)"), ("_W_per_K", "W/K"),
-    ("_Hz", "Hz"), ("_deg", "°"), ("_N", "N"), ("_V_per_T", "V/T"),
-    ("_A_per_m", "A/m"), ("_MS_per_m", "MS/m"), ("_per_K", "1/K"), ("_mm", "mm"), ("_ms", "ms"), ("_ohm", "Ω"),
-    ("_T", "T"), ("_A", "A"), ("_V", "V"), ("_g", "g"), ("_C", "°C"),
-)  # fmt: skip
-
 
 def page() -> str:
     """The whole page."""
@@ -82,51 +78,49 @@ def page() -> str:
     return _HEAD + sections + _TAIL.format(materials=materials)
 
 
-def _section(name: str, text: str, entry: type[schema.Entry], examples: dict[str, Any]) -> str:
-    described = entry.model_json_schema(by_alias=True)
-    required = set(described.get("required", ()))
+def _section(name: str, text: str, record: Any, examples: dict[str, Any]) -> str:
     rows = "".join(
-        f"| `{key}` | {_unit(key)} | {_cell(value['description'])} | {_range(value, described)} | "
-        f"{'**required**' if key in required else _default(value)} | {_example(key, examples)} |\n"
-        for key, value in described["properties"].items()
-        if "schema" not in value  # another schema's form of a table
+        f"| `{name}` | {_unit(name)} | {_cell(key.remedy)} | {_range(key)} | "
+        f"{'**required**' if key.required else _default(key.usual)} | {_example(name, examples)} |\n"
+        for name, key in sorted(keys_of(record).items(), key=lambda item: item[0] != "kind")
+        if not key.older
     )
     title = f"`{name}`" if name else "The top of the file"
-    heading = f"\n## {title}\n\n" if name != "[materials.NAME]" or entry is schema_device.MaterialEntry else "\n"
+    heading = f"\n## {title}\n\n" if record is not parts.NonlinearMaterial else "\n"
     head = "| key | unit | what to give | range | default | example |\n|---|---|---|---|---|---|\n"
     return f"{heading}{text}\n\n{head}{rows}"
 
 
-def _unit(key: str) -> str:
-    return next((unit for ending, unit in UNITS if key.endswith(ending)), "")
+def _unit(name: str) -> str:
+    unit = unit_of(name)
+    return unit and UNITS[unit].printed
 
 
 def _cell(text: str) -> str:
     return text.replace("|", r"\|")
 
 
-def _range(value: dict[str, Any], described: dict[str, Any]) -> str:
+def _range(key: Key) -> str:
     """Limits of a number, of a text's characters or of a list's length, from the JSON schema."""
+    described = adapter(key).json_schema()
     parts = []
-    for form in [value, *value.get("anyOf", ())]:
-        kind = described["$defs"][form["$ref"].rpartition("/")[2]] if "$ref" in form else form
-        items = kind.get("items", {})
-        lower, upper = kind.get("minimum", items.get("minimum")), kind.get("maximum", items.get("maximum"))
-        if "exclusiveMinimum" in kind:
-            parts.append(f"above {kind['exclusiveMinimum']:g}")
+    for form in [described, *described.get("anyOf", ())]:
+        items = form.get("items", {})
+        lower, upper = form.get("minimum", items.get("minimum")), form.get("maximum", items.get("maximum"))
+        if "exclusiveMinimum" in form:
+            parts.append(f"above {form['exclusiveMinimum']:g}")
         elif lower is not None:
             parts.append(f"at least {lower:g}" if upper is None else f"{lower:g} to {upper:g}")
-        if "enum" in kind:
-            parts.append(" or ".join(f'`"{one}"`' for one in kind["enum"]))
-        if "minItems" in kind:
-            least, most = kind["minItems"], kind.get("maxItems")
+        if "enum" in form:
+            parts.append(" or ".join(f'`"{one}"`' for one in form["enum"]))
+        if form.get("minItems") and not key.words:
+            least, most = form["minItems"], form.get("maxItems")
             parts.append(f"{least} values" if least == most else f"at least {least} values")
     return "; ".join(dict.fromkeys(parts))
 
 
-def _default(value: dict[str, Any]) -> str:
-    default = value.get("default")
-    return "" if default in (None, "", {}) else f"`{_toml(default)}`"
+def _default(usual: object) -> str:
+    return "" if usual in (None, "", {}) else f"`{_toml(usual)}`"
 
 
 def _example(key: str, examples: dict[str, Any]) -> str:
@@ -139,7 +133,7 @@ def _example(key: str, examples: dict[str, Any]) -> str:
     return f"`{text}`" if len(text) < LONGEST_EXAMPLE else f"`{text[: LONGEST_EXAMPLE - 4]} ...`"
 
 
-def _examples(name: str, entry: type[schema.Entry], examples: list[dict[str, Any]]) -> dict[str, Any]:
+def _examples(name: str, record: Any, examples: list[dict[str, Any]]) -> dict[str, Any]:
     """Value by key in the examples' tables of a name of :data:`TABLES`; where two have a key, of the fuller one."""
     every = [one for example in examples for one in _tables(example)]
     if name.startswith("{"):
@@ -148,9 +142,8 @@ def _examples(name: str, entry: type[schema.Entry], examples: list[dict[str, Any
     else:
         wanted = name.partition(" ")[0].strip("[]").split(".") if name else []
         tables = [table for path, table in every if _fits(path, wanted)]
-        kind = entry.model_fields.get("kind")
-        if kind is not None and "sensors" in wanted:
-            tables = [table for table in tables if table.get("kind") in get_args(kind.annotation)]
+        if "sensors" in wanted:
+            tables = [table for table in tables if table.get("kind") == kind_of(record)]
     return {key: value for table in sorted(tables, key=len) for key, value in table.items()}
 
 

@@ -5,12 +5,12 @@ They are written to ``docs/generated`` before each build, so that no page can sa
 
 from pathlib import Path
 
-import actuator_file
 import constants
 import effect_pages
 import library
 from sphinx.application import Sphinx
 
+import actuator_file
 from femfit.cli.main import build_app
 from femfit.core.sweep_columns import COLUMNS
 

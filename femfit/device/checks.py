@@ -7,9 +7,10 @@ from itertools import combinations, pairwise
 from shapely import MultiPoint, Point, Polygon, unary_union
 from shapely.affinity import translate
 
+from femfit.device.complaints import complain
+from femfit.device.keys import Given
 from femfit.device.outlines import MIN_AREA, DrawnOutline
 from femfit.device.parts import Material
-from femfit.device.schema import HallPlace
 
 
 def swept(polygon: Polygon, start: float, stop: float) -> Polygon:
@@ -60,9 +61,9 @@ def check_overlaps(parts: Sequence[DrawnPart], problems: list[str]) -> None:
     for first, second in combinations(parts, 2):
         shared = first.polygon.intersection(second.polygon)
         if shared.area > MIN_AREA:
-            problems.append(
-                f"{first.path} and {second.path} must not overlap; they share {_place(shared)}. Change one outline."
-            )
+            inner, lower, outer, upper = shared.bounds
+            box = {"inner": inner, "outer": outer, "lower": lower, "upper": upper}
+            complain(problems, "overlap", first.path, second=second.path, area=shared.area, **box)
 
 
 def check_thickness(parts: Sequence[DrawnPart], problems: list[str]) -> None:
@@ -71,11 +72,8 @@ def check_thickness(parts: Sequence[DrawnPart], problems: list[str]) -> None:
         inner, lower, outer, upper = body.polygon.bounds
         thin, long = sorted((outer - inner, upper - lower))
         if long > LARGEST_ASPECT * thin:
-            problems.append(
-                f"{body.path} must be at least 1/{LARGEST_ASPECT:g} as thick as it is long; it is {thin:.3g} mm by "
-                f"{long:.3g} mm, and the field solver would need {long / thin:.0f} elements along it. Draw it at least "
-                f"{long / LARGEST_ASPECT:.2g} mm thick, or leave it out."
-            )
+            facts = {"most": LARGEST_ASPECT, "aspect": long / thin, "least": long / LARGEST_ASPECT}
+            complain(problems, "thin", body.path, thin=thin, long=long, **facts)
 
 
 def check_zero_heights(
@@ -87,19 +85,13 @@ def check_zero_heights(
     """
     heights = [z for body in fixed for _, z in body.polygon.exterior.coords]
     if reference_face and heights and all(abs(z) > CONTACT for z in heights):
-        problems.append(
-            "electromagnet must have its face at z = 0, from which distances are counted; no corner of it or of the "
-            f"coil lies there (they span z_mm {min(heights):g} to {max(heights):g}). Shift the drawing along z."
-        )
+        complain(problems, "no_face", lowest=min(heights), highest=max(heights))
     if not moving:
         return
     nearest = min(moving, key=lambda part: float(part.polygon.bounds[1]))
     height = nearest.polygon.bounds[1]
     if abs(height) > CONTACT:
-        problems.append(
-            f"moving must have its nearest face at z = 0; the lowest of {nearest.path} is z_mm {height:g}. "
-            "Shift the moving part along z; the sweep adds the distance."
-        )
+        complain(problems, "moving_face", nearest.path, height=height)
 
 
 def check_collisions(
@@ -116,34 +108,24 @@ def check_collisions(
             hits = (d for d in distances if translate(mover.polygon, yoff=d).distance(body.polygon) <= CONTACT)
             first = next(hits, None)
             when = "between two swept distances" if first is None else f"first at {first:g} mm"
-            problems.append(
-                f"sweep.distance_mm must keep parts apart; {mover.path} collides with {body.path} {when}. "
-                "Leave a clearance around the moving part, or leave these distances out."
-            )
+            complain(problems, "collision", mover.path, body=body.path, when=when)
 
 
 def check_moving_body(moving: Sequence[DrawnPart], coils: Sequence[DrawnPart], problems: list[str]) -> None:
     """Report a moving part in pieces, and one on which no magnetic force can act; ``coils`` are those that move."""
     pieces = unary_union([body.polygon for body in (*moving, *coils)])
     if pieces.geom_type == "MultiPolygon":
-        problems.append(
-            f"moving.regions must touch each other along an edge; they form {len(pieces.geoms)} separate bodies. "
-            "Join them, if need be by a region of air."
-        )
+        complain(problems, "pieces", count=len(pieces.geoms))
     materials = [body.material for body in moving if body.material is not None]
     if len(materials) < len(moving) or not moving or coils:
         return
     if all(m.remanence_T == 0 and m.relative_permeability <= NON_MAGNETIC_LIMIT for m in materials):
-        names = ", ".join(sorted({material.name for material in materials}))
-        problems.append(
-            f"moving.regions must hold a magnet or something permeable; it is all {names}, on which no force acts. "
-            "Name a magnet or a steel."
-        )
+        complain(problems, "no_force", names=", ".join(sorted({material.name for material in materials})))
 
 
 def check_hall_place(
     path: str,
-    hall: HallPlace,
+    hall: Given,
     fixed: Sequence[DrawnPart],
     moving: Sequence[DrawnPart],
     distances: Sequence[float],
@@ -152,22 +134,8 @@ def check_hall_place(
     """Report a Hall element inside of a solid part or in the moving part's way."""
     # On the axis a solid part is an edge of the half drawn, not its surface: look just beside.
     element = Point(max(hall.r_mm, CONTACT), hall.z_mm)
-    place = f"(r, z) = ({hall.r_mm:g}, {hall.z_mm:g}) mm"
-    problems += [
-        f"{path} must lie outside of solid parts; {place} is inside of {part.path}. Move it to a face or into the air."
-        for part in fixed
-        if part.polygon.contains(element)
-    ]
-    if not distances:
-        return
-    problems += [
-        f"{path} must lie out of the moving part's way; {place} is passed by {part.path} within sweep.distance_mm. "
-        "Move it, or start the distances farther away."
-        for part in moving
-        if swept(part.polygon, distances[0], distances[-1]).distance(element) <= CONTACT
-    ]
-
-
-def _place(shared: Polygon) -> str:
-    inner, lower, outer, upper = shared.bounds
-    return f"{shared.area:.3g} mm^2 within r_mm [{inner:g}, {outer:g}], z_mm [{lower:g}, {upper:g}]"
+    for part in (part for part in fixed if part.polygon.contains(element)):
+        complain(problems, "hall_inside", path, r=hall.r_mm, z=hall.z_mm, part=part.path)
+    for part in moving if distances else ():
+        if swept(part.polygon, distances[0], distances[-1]).distance(element) <= CONTACT:
+            complain(problems, "hall_passed", path, r=hall.r_mm, z=hall.z_mm, part=part.path)

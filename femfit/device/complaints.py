@@ -1,82 +1,238 @@
-"""Problems of a table in the user's words: key path, what was given, what is needed."""
+"""Tables of an actuator file read by the keys of their records, and what is wrong with them in the user's words.
+
+A sentence says the key path, what was given, what is needed and what to do. Those on a key by itself follow from what
+is declared of it; those between keys stand in ``complaints.toml``, whose texts have the fields of :meth:`str.format`.
+"""
 
 import difflib
 import re
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar, get_args
+from functools import cache, reduce
+from importlib.resources import files
+from itertools import pairwise
+from operator import or_
+from types import UnionType
+from typing import Annotated, Any, get_args, get_origin
 
-from pydantic import TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
+from pydantic import AllowInfNan, Field, PlainValidator, Strict, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic_core import ErrorDetails, PydanticCustomError
 
-from femfit.device.schema import MAX_NAME, NAME_PATTERN, Entry
-from femfit.device.schema_device import NAMED, TABLES
+from femfit.device.keys import Given, Key, in_si, keys_of, kind_of
+from femfit.device.schema import MAX_NAME, NAME_PATTERN, FileEntry
 
-AnyEntry = TypeVar("AnyEntry", bound=Entry)
+MAX_DIRECTION = 1e5  # far beyond any direction that is written, and not infinite
 
+Tables = Mapping[str, Any]
+
+
+@cache
+def _sentences() -> dict[str, str]:
+    return tomllib.loads((files("femfit.device") / "complaints.toml").read_text(encoding="utf-8"))
+
+
+def complain(problems: list[str], code: str, path: str = "", /, **facts: Any) -> None:
+    """Append the sentence of a code on the table or key at a path."""
+    problems.append(_sentences()[code].format(path=path, **facts))
+
+
+def read_table(
+    record: Any, table: object, path: str, problems: list[str], records: Sequence[Any] = (), **more: Any
+) -> Any:
+    """The record of a table at a key path, with a line for each problem; None if a known key is wrong.
+
+    Unknown keys are reported and then ignored, so that they do not keep later checks from their work. Tables within
+    this one are read by themselves. The table could be one of other ``records``; what the record has beside its keys
+    is ``more``.
+    """
+    given = given_by(record, table, path, problems, records)
+    if given.wrong:
+        return None
+    count = len(problems)
+    _check_lists(record, given, path, problems)
+    read = in_si(record, given, lambda code, **facts: complain(problems, code, path, **vars(given) | facts), **more)
+    return read if len(problems) == count else None
+
+
+def read_part(record: Any, table: object, *names: str) -> Any:
+    """A record out of a larger table, or None if one of its keys, or of those named, is wrong.
+
+    The table's own record reports the problems: a mistake elsewhere in the table hides no later check.
+    """
+    keys = names or tuple(keys_of(record))
+    part = {key: table[key] for key in keys if key in table} if isinstance(table, Mapping) else None
+    given = given_by(record, part, "", [])
+    return None if given.wrong & {*keys, ""} else given if names else in_si(record, given)
+
+
+def given_by(record: Any, table: object, path: str, problems: list[str], records: Sequence[Any] = ()) -> Given:
+    """What a table gives of the keys of a record, each by itself."""
+    keys = keys_of(record)
+    given = Given(
+        **{name: None if key.required else key.usual for name, key in keys.items()}, stated=set(), wrong=set()
+    )
+    if not isinstance(table, Mapping):
+        complain(problems, "no_table", path, given=shortened(table))
+        given.wrong.add("")
+        return given
+    for name in (name for name in keys if name in table):
+        key, count, value = keys[name], len(problems), table[name]
+        given.stated.add(name)
+        setattr(given, name, value if key.stepped else read_value(key, value, joined(path, name), problems))
+        given.wrong |= {name} if len(problems) > count else set()
+    for name in (name for name, key in keys.items() if key.required and name not in table):
+        complain(problems, "missing", joined(path, name), remedy=keys[name].remedy)
+        given.wrong.add(name)
+    for name in (name for name in table if name not in keys and not record.any_keys):
+        foreign = any(name in keys_of(other) for other in records)
+        facts = {"near": did_you_mean(str(name), keys), "known": ", ".join(keys)}
+        complain(problems, "foreign" if foreign else "unknown", joined(path, name), **facts)
+    return given
+
+
+def read_value(key: Key, value: object, path: str, problems: list[str]) -> Any:
+    """A value of a key, in the file's unit, with a line for each problem; what is usual in place of a wrong one."""
+    try:
+        return adapter(key).validate_python(value)
+    except ValidationError as error:
+        every = error.errors(include_url=False, include_context=False)
+        problems += [_sentence(key, each, joined(path, *each["loc"])) for each in every]
+        return None if key.required else key.usual
+
+
+def json_schema(record: Any = FileEntry) -> dict[str, Any]:
+    """A table as JSON Schema has it, for editors that complete keys and say what each wants; so that of a file."""
+    properties = {}
+    for name, key in keys_of(record).items():
+        ways = [json_schema(each) for each in key.records if not each.any_keys]
+        ways += [] if ways else [json_schema(key.form) if key.form else adapter(key).json_schema()]
+        # Of a circuit's currents there is a table by their names, too
+        ways += [{**json_schema(key.stepped), "required": [], "additionalProperties": True}] if key.stepped else []
+        form = ways[0] if len(ways) == 1 else {"anyOf": ways}
+        usual = {} if key.required or key.usual is None else {"default": key.usual}
+        properties[name] = {"type": "object", "additionalProperties": form} if key.named else form
+        properties[name] = {**properties[name], "description": key.remedy, **usual}
+    needed = [name for name, key in keys_of(record).items() if key.required]
+    return {"type": "object", "properties": properties, "required": needed, "additionalProperties": record.any_keys}
+
+
+def _check_lists(record: Any, given: Given, path: str, problems: list[str]) -> None:
+    """Report lists that are out of order or not as long as others, which are right each by itself."""
+    names = {key.field: name for name, key in keys_of(record).items()}
+    for name, key in keys_of(record).items():
+        values, orders = getattr(given, name) or (), key.ascending or key.monotone
+        if key.like and len(values) != len(other := getattr(given, names[key.like]) or ()):
+            facts = {"count": len(values), "other": names[key.like], "needed": len(other)}
+            complain(problems, "like", joined(path, name), **facts)
+        elif orders and not (ascends(values) or (key.monotone and ascends(values[::-1]))):
+            code = "turns" if key.monotone else "order" if len(values) > 2 else "pair"
+            complain(problems, code, joined(path, name), given=shortened(values))
+
+
+def ascends(values: Sequence[float]) -> bool:
+    """Whether each value is above the one before it."""
+    return all(before < after for before, after in pairwise(values))
+
+
+@cache
+def adapter(key: Key) -> TypeAdapter[Any]:
+    """What checks a key's value, as the file has it, and describes it as JSON Schema."""
+    if key.words:
+        return TypeAdapter(_direction(key))
+    return TypeAdapter(dict[str, Any] if key.records or get_origin(key.hint) is Mapping else _limited(key.hint, key))
+
+
+def _limited(hint: Any, key: Key, depth: int = 0) -> Any:
+    """A type as the file has it, with the limits on every number in it."""
+    if isinstance(hint, UnionType):
+        return reduce(or_, (_limited(each, key, depth) for each in get_args(hint)))
+    if get_origin(hint) is tuple:
+        inner, *others = get_args(hint)
+        least, most = key.count[depth] if key.count else (1 + len(others),) * 2
+        return Annotated[list[_limited(inner, key, depth + 1)], Field(min_length=least, max_length=most), Strict()]  # type: ignore[misc]
+    if hint is str:
+        return Annotated[str, Strict(), Field(min_length=key.length[0], max_length=key.length[1], pattern=key.pattern)]
+    if hint in (float, int):
+        limited = Annotated[hint, Strict(), Field(ge=key.ge, le=key.le, gt=key.gt, lt=key.lt)]
+        return Annotated[limited, AllowInfNan(False)] if hint is float else limited
+    return Annotated[bool, Strict()] if hint is bool else hint
+
+
+def _direction(key: Key) -> Any:
+    """A direction by one of the key's names or as [r, z]."""
+
+    def checked(value: Any) -> Any:
+        numbers = [number for number in value if type(number) in {int, float}] if isinstance(value, list) else []
+        usable = len(numbers) == 2 == len(value) and all(abs(number) < MAX_DIRECTION for number in numbers)
+        if value is None or (isinstance(value, str) and value in key.words) or (usable and any(numbers)):
+            return value
+        needed = "have a length" if usable else f"be {' or '.join(map(repr, key.words))} or a direction [r, z]"
+        raise PydanticCustomError("direction", "Input should {needed}", {"needed": needed})
+
+    return Annotated[Any, PlainValidator(checked), WithJsonSchema({"anyOf": [{"enum": [*key.words]}, _PAIR]})]
+
+
+_PAIR = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
 _TABLE_TYPES = {"dict_type", "model_type", "model_attributes_type"}
 
-UNCHECKED = ("materials", "mechanics")
-"""Tables in which names may be any text: no column or file is named after what stands there."""
+
+def _sentence(key: Key, error: ErrorDetails, where: str) -> str:
+    """What was needed at a place, what is there and what to do."""
+    need = re.sub(r"^(Input|String|List) should", "must", error["msg"])
+    need = need.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
+    need = "must be a table" if error["type"] == "dict_type" else need.replace(" after validation", "")
+    words = get_args(key.hint) if error["type"] == "literal_error" else ()
+    near = did_you_mean(str(error["input"]), map(str, words))
+    return f"{where} {need}; it is {shortened(error['input'])}.{near} {key.remedy}"
 
 
-def read_table(entry: type[AnyEntry], table: object, path: str, problems: list[str]) -> AnyEntry | None:
-    """Validate one table of the file, at a key path, and append a line for each problem; None if a known key is wrong.
-
-    Unknown keys are reported and then ignored, so that they do not keep later checks from their work.
-    """
-    errors = _errors(entry, table)
-    problems += [_sentence(entry, error, path) for error in errors]
-    if isinstance(table, Mapping):
-        unknown = {error["loc"][0] for error in errors if error["type"] == "extra_forbidden" and len(error["loc"]) == 1}
-        table = {key: value for key, value in table.items() if key not in unknown}
-    if _errors(entry, table):
-        return None
-    read = entry.model_validate(table)
-    faults = [path + fault for fault in read.faults()]
-    problems += faults
-    return None if faults else read
+Place = tuple[str, ...]
 
 
-def table_at(data: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+def tables_of(data: Tables, record: Any = FileEntry, place: Place = ()) -> Iterator[tuple[Place, Any, Any, Key]]:
+    """Place, record, content and key of each table within one of a record, whatever is wrong with it."""
+    for name, key in keys_of(record).items():
+        inner = data.get(name) if key.records else None
+        tables = {(*place, name): inner} if inner is not None and not key.named else {}
+        if key.named and isinstance(inner, dict):
+            tables = {(*place, name, each): table for each, table in inner.items()}
+        for path, table in tables.items():
+            meant = meant_by(table, key.records)
+            yield path, meant, table, key
+            if isinstance(table, dict):
+                yield from tables_of(table, meant, path)
+
+
+def meant_by(table: object, records: Sequence[Any]) -> Any:
+    """The record that a table's ``kind`` names, or else the last with a key of its own there, or else the first."""
+    stated = table if isinstance(table, dict) else {}
+    if kind_of(records[0]):
+        return {kind_of(record): record for record in records[:-1]}.get(str(stated.get("kind")), records[-1])
+    others = {record: [keys_of(other) for other in records if other is not record] for record in records}
+    own = [record for record in records if set(keys_of(record)).difference(*others[record]) & stated.keys()]
+    return own[-1] if own else records[0]
+
+
+def read_tables(data: Tables, problems: list[str]) -> dict[str, Any]:
+    """The records of a file's tables by their key paths, without those in which anything is wrong."""
+    read = {}
+    for place, record, table, key in tables_of(data):
+        path, name = joined("", *place), place[-1]
+        if key.named and not key.any_name and not (re.match(NAME_PATTERN, name) and len(name) <= MAX_NAME):
+            complain(problems, "name", path)
+        # One that should not have a name and is no table is a mistake of the table above it
+        if key.named or isinstance(table, dict):
+            named = {"name": name} if "name" in record.__dataclass_fields__ and "name" not in keys_of(record) else {}
+            read[path] = read_table(record, table, path, problems, key.records, **named)
+    return {path: record for path, record in read.items() if record is not None}
+
+
+def table_at(data: Tables, *keys: str) -> dict[str, Any]:
     """The table at a key path, empty if there is none."""
     place: Any = data
     for key in keys:
         place = place.get(key) if isinstance(place, dict) else None
     return place if isinstance(place, dict) else {}
-
-
-def tables_of(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], type[Entry], Any]]:
-    """Place, class and content of each table of a file, whatever is wrong with it."""
-    for pattern, entry in TABLES.items():
-        *above, last = pattern
-        tables = table_at(data, *above)
-        for name in tables if last == NAMED else [last] if last in tables else []:
-            yield (*above, name), entry if isinstance(entry, type) else entry(tables[name]), tables[name]
-
-
-def read_tables(data: Mapping[str, Any], problems: list[str]) -> dict[str, Any]:
-    """The entries of a file by their key paths, without those in which anything is wrong."""
-    read = {}
-    for place, entry, table in tables_of(data):
-        path, name = joined("", *place), place[-1]
-        if place[0] not in UNCHECKED and place[:-1] and not (re.match(NAME_PATTERN, name) and len(name) <= MAX_NAME):
-            problems.append(f"{path} must be named with letters, digits, - and _, beginning with a letter. Rename it.")
-        # One of the top level that is no table is a mistake of that level
-        if len(place) > 1 or isinstance(table, dict):
-            read[path] = read_table(entry, table, path, problems)
-    return {path: entry for path, entry in read.items() if entry is not None}
-
-
-def read_part(entry: type[AnyEntry], table: object) -> AnyEntry | None:
-    """The keys of an entry out of a larger table, or None if one of them is wrong.
-
-    The entry is a base of the table's own, which reports the problems: a mistake elsewhere in the table hides no later
-    check.
-    """
-    if not isinstance(table, Mapping):
-        return None
-    values = {key: table[key] for key in entry.model_fields if key in table}
-    return None if _errors(entry, values) else entry.model_validate(values)
 
 
 def did_you_mean(name: str, names: Iterable[str]) -> str:
@@ -92,54 +248,12 @@ def joined(path: str, *keys: object) -> str:
         if isinstance(key, int):
             path += f"[{key}]"
             continue
-        name = str(key) if re.fullmatch(r"[A-Za-z0-9_-]+", str(key)) else _shortened(key)
+        name = str(key) if re.fullmatch(r"[A-Za-z0-9_-]+", str(key)) else shortened(key)
         path = f"{path}.{name}" if path else name
     return path
 
 
-def _errors(entry: type[Entry], table: object) -> Sequence[ErrorDetails]:
-    try:
-        entry.model_validate(table)
-    except ValidationError as error:
-        return error.errors(include_url=False, include_context=False)
-    return ()
-
-
-def _sentence(entry: type[Entry], error: ErrorDetails, path: str) -> str:
-    keys = error["loc"]
-    where = joined(path, *keys)
-    fields: dict[str, Any] = {info.alias or name: info for name, info in entry.model_fields.items()}
-    info = fields.get(str(keys[0])) if keys else None
-    remedy = info.description if info is not None else ""
-    if error["type"] == "extra_forbidden":
-        return f"{where} is no known key.{did_you_mean(str(keys[0]), fields)} Known here: {', '.join(fields)}."
-    if error["type"] == "missing":
-        return f"{where} is missing. {remedy}"
-    words = get_args(info.annotation) if info is not None and error["type"] == "literal_error" else ()
-    near = did_you_mean(str(error["input"]), map(str, words))
-    return f"{_need(error, where)}{near} {remedy}".rstrip()
-
-
-def _need(error: ErrorDetails, where: str) -> str:
-    """What was needed at a place, and what is there."""
-    need = re.sub(r"^(Input|String|List) should", "must", error["msg"])
-    need = need.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")
-    need = "must be a table" if error["type"] in _TABLE_TYPES else need.replace(" after validation", "")
-    return f"{where} {need}; it is {_shortened(error['input'])}."
-
-
-def read_list(
-    kind: TypeAdapter[list[Any]], value: object, path: str, remedy: str, problems: list[str]
-) -> tuple[Any, ...]:
-    """The members of a list of a kind, as :data:`femfit.device.schema.NAMES`; none where one of them is wrong."""
-    try:
-        return tuple(kind.validate_python(value))
-    except ValidationError as error:
-        every = error.errors(include_url=False, include_context=False)
-        problems += [f"{_need(each, joined(path, *each['loc']))} {remedy}" for each in every]
-        return ()
-
-
-def _shortened(value: object) -> str:
+def shortened(value: object) -> str:
+    """A value as a message shows it."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

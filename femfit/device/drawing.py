@@ -1,6 +1,5 @@
 """The drawing of an actuator file: materials, regions and windings, each on its own."""
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,14 +7,13 @@ from typing import Any
 
 from femfit.device.bh import curve_problems, read_bh_csv, without_flat_end
 from femfit.device.checks import DrawnPart
-from femfit.device.complaints import did_you_mean, joined, read_part, table_at
-from femfit.device.decimals import in_si
+from femfit.device.complaints import complain, did_you_mean, joined, read_part, table_at
+from femfit.device.electrics import unit_vector
 from femfit.device.materials import LIBRARY
+from femfit.device.outline_entry import OutlineEntry
 from femfit.device.outlines import outline
 from femfit.device.parts import LinearMaterial, Material, NonlinearMaterial
-from femfit.device.schema import OutlineEntry, RegionEntry
-from femfit.device.schema_device import CurveEntry
-from femfit.device.thermal import ThermalMaterial
+from femfit.device.schema import RegionEntry
 
 RESERVED = ("air", "coil")
 """Region names that the field solver gives to what is not a region."""
@@ -46,17 +44,14 @@ def read_drawing(data: Mapping[str, Any], entries: Mapping[str, Any], directory:
     """Draw what can be drawn of a file, whose right tables are ``entries`` by their key paths."""
     # The file's own materials come first; None where one of them is wrong
     materials: dict[str, Material | None] = {name: entry.material for name, entry in LIBRARY.items()}
-    for name in table_at(data, "materials"):
+    for name, table in table_at(data, "materials").items():
         entry = entries.get(joined("materials", name))
-        materials[name] = None if entry is None else _material(name, entry, directory, problems)
+        materials[name] = None if entry is None else _material(entry, table, directory, problems)
     body = fixed_key(data)
     fixed, moving = (_regions(data, key, entries, materials, problems) for key in (body, "moving"))
     names = {part.name for part in fixed}
-    problems += [
-        f"{part.path} must have a name of its own; {body}.regions has one of the same name. Rename one of them."
-        for part in moving
-        if part.name in names
-    ]
+    for part in (part for part in moving if part.name in names):
+        complain(problems, "region_twice", part.path, body=body)
     tables = dict(coil_tables(data))
     drawn = [_winding(path, table, problems) for path, table in tables.items()]
     windings = tuple(winding for winding in drawn if winding is not None)
@@ -78,36 +73,27 @@ def coil_tables(data: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         yield joined("coils", name), table
 
 
-_THERMAL = {
-    "thermal_conductivity_W_per_m_K": "conductivity_W_per_m_K",
-    "heat_capacity_J_per_m3_K": "heat_capacity_J_per_m3_K",
-    "working_temperature_C": "working_temperature_C",
-}
-"""Fields of :class:`ThermalMaterial` by the keys of a material in SI units."""
-
-
-def _material(name: str, entry: Any, directory: Path, problems: list[str]) -> Material | None:
-    values = in_si(entry, "bh_curve", "B_T", "H_A_per_m")
-    heat = {field: values.pop(key) for key, field in _THERMAL.items() if key in values}
-    if not isinstance(entry, CurveEntry):
-        return LinearMaterial(name, thermal=ThermalMaterial(**heat), **values)
-    path = joined("materials", name)
-    library_material, points, wrong = LIBRARY.get(entry.bh_curve or ""), None, list[str]()
-    if entry.bh_curve is None:
-        points = tuple(entry.B_T or ()), tuple(entry.H_A_per_m or ())
+def _material(material: Material, table: Any, directory: Path, problems: list[str]) -> Material | None:
+    """A material of the file with its curve, which a file may have, or the library; None if that is wrong."""
+    if not isinstance(material, NonlinearMaterial):
+        return material
+    path, source = joined("materials", material.name), table.get("bh_curve")
+    library_material, points, wrong = LIBRARY.get(source or ""), None, list[str]()
+    if source is None:
+        points = material.flux_density_T, material.field_A_per_m
     elif library_material is not None and isinstance(library_material.material, NonlinearMaterial):
         points = library_material.material.flux_density_T, library_material.material.field_A_per_m
     else:
-        points, wrong = read_bh_csv(directory / entry.bh_curve)
+        points, wrong = read_bh_csv(directory / source)
     remark = ""
     if points is not None:
         if len(points[0]) == len(points[1]):
             points, remark = without_flat_end(*points)
         wrong = curve_problems(*points)
-    problems += [f"{path}{'.bh_curve' * (entry.bh_curve is not None)} {problem}" for problem in wrong]
+    problems += [f"{path}{'.bh_curve' * (source is not None)} {problem}" for problem in wrong]
     if points is None or wrong:
         return None
-    return NonlinearMaterial(name, *points, remark=remark, thermal=ThermalMaterial(**heat), **values)
+    return replace(material, flux_density_T=points[0], field_A_per_m=points[1], remark=remark)
 
 
 def _regions(
@@ -121,7 +107,7 @@ def _regions(
     for name, table in table_at(data, body, "regions").items():
         path = joined(body, "regions", name)
         if name in RESERVED:
-            problems.append(f"{path} must not be named {' or '.join(RESERVED)}. Rename the region.")
+            complain(problems, "reserved", path, names=" or ".join(RESERVED))
         entry = entries.get(path)
         material = None if entry is None else _region_material(entry, path, materials, problems)
         part = _part(table, path, name, material, problems)
@@ -135,60 +121,30 @@ def _region_material(
 ) -> Material | None:
     """The material at the region's temperature, turned as the region says."""
     if entry.material not in materials:
-        problems.append(
-            f"{path}.material must name a material of [materials] or of the library; it is {entry.material[:60]!r}."
-            f"{did_you_mean(entry.material, materials)} Known: {', '.join(materials)}."
-        )
+        near, known = did_you_mean(entry.material, materials), ", ".join(materials)
+        complain(problems, "no_material", path, given=entry.material[:60], near=near, known=known)
         return None
     material, celsius, direction = materials[entry.material], entry.temperature_C, entry.magnetization
     if material is None:
         return None
-    problem, warmed, warmth = "", material, 0.0
+    warmed, code = material, ""
     if celsius is not None and isinstance(material, LinearMaterial):
-        warmed, warmth = material.at_temperature(celsius), material.remanence_coefficient_per_K * material.remanence_T
+        warmed = material.at_temperature(celsius)
     if material.remanence_T and direction is None:
-        problem = (
-            f"magnetization is missing; {material.name} has a remanence. "
-            'Give magnetization = "+z" (towards the moving part), "-z", "+r", "-r" or [r, z].'
-        )
+        code = "no_magnetization"
     elif direction and not material.remanence_T:
-        problem = (
-            f"magnetization must be left out; {material.name} has no remanence. "
-            "Remove it, or name a magnet or give the material a remanence_T."
-        )
-    elif warmed is not material and not warmth:
-        problem = (
-            f"temperature_C must be left out; {material.name} has no remanence_coefficient_per_K. "
-            "Remove it, or give the material one (-0.0012 is usual for NdFeB)."
-        )
-    elif warmed is not material and warmed.remanence_T <= 0:
-        problem = (
-            f"temperature_C must leave a remanence; at {celsius:g} degC there is none. "
-            "Change it, or the material's remanence_coefficient_per_K."
-        )
-    if problem:
-        problems.append(f"{path}.{problem}")
-    elif isinstance(warmed, LinearMaterial) and direction is not None:
-        unit = unit_vector(direction, f"{path}.magnetization", problems) or warmed.direction
-        opposed = isinstance(direction, str) and direction.startswith("-")
-        warmed = replace(warmed, direction=unit, remanence_T=(-1.0 if opposed else 1.0) * warmed.remanence_T)
-    return None if problem else warmed
-
-
-_DIRECTIONS = {"z": (0.0, 1.0), "r": (1.0, 0.0)}
-
-
-def unit_vector(values: list[float] | str, path: str, problems: list[str]) -> tuple[float, float] | None:
-    """A direction of length one, given as [r, z] or by its axis, whatever its sign; None where it has no length."""
-    if isinstance(values, str):
-        return _DIRECTIONS[values[-1]]
-    length = math.hypot(*values)
-    if length == 0.0:
-        problems.append(
-            f"{path} must have a direction; [0, 0] has none. Give for example [1, 0] for radially outwards."
-        )
+        code = "magnetization"
+    elif isinstance(warmed, LinearMaterial) and warmed is not material:
+        code = "" if warmed.remanence_coefficient_per_K * material.remanence_T else "temperature"
+        code = code or ("" if warmed.remanence_T > 0.0 else "no_remanence")
+    if code:
+        complain(problems, code, path, material=material.name, celsius=celsius)
         return None
-    return values[0] / length, values[1] / length
+    if isinstance(warmed, LinearMaterial) and direction is not None:
+        opposed = isinstance(direction, str) and direction.startswith("-")
+        remanence_T = (-1.0 if opposed else 1.0) * warmed.remanence_T
+        warmed = replace(warmed, direction=unit_vector(direction), remanence_T=remanence_T)
+    return warmed
 
 
 def _winding(path: str, table: Any, problems: list[str]) -> DrawnPart | None:
@@ -196,7 +152,7 @@ def _winding(path: str, table: Any, problems: list[str]) -> DrawnPart | None:
     if part is None or not isinstance(table, dict):
         return None
     if part.polygon.bounds[0] <= 0:
-        problems.append(f"{path} must lie off the axis; its winding touches r = 0. Give an inner radius > 0.")
+        complain(problems, "winding_on_axis", path)
     return replace(part, moves=table.get("moves") is True)
 
 

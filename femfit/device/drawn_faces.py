@@ -14,7 +14,7 @@ from typing import Any
 from femfit.device.complaints import joined, read_part, table_at
 from femfit.device.drawing import fixed_key
 from femfit.device.file_numbers import Location, conducts_flux
-from femfit.device.schema import OutlineEntry
+from femfit.device.outline_entry import OutlineEntry
 
 COINCIDENT = 1e-6
 """In mm: coordinates that differ by less are one."""

@@ -11,14 +11,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
 from femfit.device.complaints import joined, table_at
-from femfit.device.decimals import decimal_sum, scaled, si_key
+from femfit.device.decimals import decimal_sum
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import Location, with_value
+from femfit.device.keys import converted, keys_of
 from femfit.device.load import actuator_from_tables, parse, read_text
 from femfit.device.parts import Actuator, Region
 from femfit.device.tolerances import KINDS, length_tolerance, read_tolerances
@@ -94,18 +95,6 @@ class NumberFacts:
         return bool({*self.paths} & {*number.paths})
 
 
-class _Length(NamedTuple):
-    """A length of the drawing: what :class:`NumberFacts` has of it, and where it stands in the file."""
-
-    kind: str
-    value: float
-    locations: tuple[Location, ...]
-    key: str
-    label: str
-    stands_for: str
-    at: tuple[float, float]
-
-
 @dataclass(frozen=True)
 class DrawnNumber:
     """A number of the drawing with the actuators that a little more and a little less of it make."""
@@ -179,10 +168,21 @@ def _changed(data: dict[str, Any], locations: Iterable[Location], change: float)
     return tables
 
 
+_Length = tuple[NumberFacts, tuple[Location, ...]]
+"""A length of the drawing, and where it stands in the file."""
+
+
+def _length(kind: str, value: float, locations: tuple[Location, ...], key: str = "", **facts: Any) -> _Length:
+    paths = [joined("", *location) for location in locations]
+    first, *also = dict.fromkeys([key, *paths] if key else paths)
+    return NumberFacts(first, tuple(also), kind, value, "mm", length_tolerance(value), **facts), locations
+
+
 def _faces(data: Mapping[str, Any]) -> Iterator[_Length]:
     for face in drawn_faces(data):
         flat = joined("", *face.flat) if face.flat else ""
-        yield _Length("length", face.value, face.locations, face.key, face.label, flat, face.at)
+        facts = {"label": face.label, "stands_for": flat, "at": face.at}
+        yield _length("length", face.value, face.locations, face.key, **facts)
 
 
 def _hall_place(data: Mapping[str, Any]) -> Iterator[_Length]:
@@ -195,7 +195,7 @@ def _hall_place(data: Mapping[str, Any]) -> Iterator[_Length]:
         for key, value in zip(("r_mm", "z_mm"), at, strict=True):
             if key == "z_mm" or value > 0.0:
                 label = f"Hall element at {key[0]} = {value:g} mm"
-                yield _Length("hall_place", value, ((*path, key),), "", label, "", at)
+                yield _length("hall_place", value, ((*path, key),), label=label, at=at)
 
 
 def _moved(
@@ -203,19 +203,13 @@ def _moved(
 ) -> Iterator[DrawnNumber]:
     """Lengths with which the drawing can be built a little larger and a little smaller; it counts from all others."""
     step = STEP["mm"]
-    for length in lengths:
+    for facts, locations in lengths:
         try:
             larger, smaller = (
-                actuator_from_tables(_changed(data, length.locations, sign * step), source, directory)
-                for sign in (1.0, -1.0)
+                actuator_from_tables(_changed(data, locations, sign * step), source, directory) for sign in (1.0, -1.0)
             )
         except ActuatorFileError:
             continue
-        paths = [joined("", *location) for location in length.locations]
-        key, *also = dict.fromkeys([length.key, *paths] if length.key else paths)
-        words: dict[str, Any] = {"label": length.label, "stands_for": length.stands_for, "at": length.at}
-        tolerance = length_tolerance(length.value)
-        facts = NumberFacts(key, tuple(also), length.kind, length.value, "mm", tolerance, **words)
         yield DrawnNumber(facts, step, larger, smaller)
 
 
@@ -237,32 +231,23 @@ def _share(key: str, kind: str, value: float, larger: Actuator, smaller: Actuato
     return DrawnNumber(facts, SHARE_STEP, larger, smaller)
 
 
-_OF_MATERIALS = {
-    "B_T": ("flux_density_T", "curve_flux_density"),
-    "H_A_per_m": ("field_A_per_m", "curve_field"),
-    "relative_permeability": ("relative_permeability", "permeability"),
-    "remanence_T": ("remanence_T", "remanence"),
-    "conductivity_MS_per_m": ("conductivity_S_per_m", "conductivity"),
-    "lamination_mm": ("lamination_m", "lamination"),
-}
-"""Field of a material, and kind of number, of each key that is one."""
-
-
 def _materials(actuator: Actuator) -> Iterator[DrawnNumber]:
     """Permeability and remanence of linear materials, the scales of B and of H of curves, and how each conducts."""
     used = {region.material.name: region.material for region in actuator.regions}
     magnets = [name for name, material in used.items() if material.remanence_T]
     for name, material in used.items():
-        for key, (field, usual_kind) in _OF_MATERIALS.items():
-            drawn = vars(material).get(field, 0.0)
-            value = 1.0 if isinstance(drawn, tuple) else scaled(abs(drawn), -si_key(key)[1])
-            if value == (1.0 if key == "relative_permeability" else 0.0) or not value:
+        for path, key in keys_of(type(material)).items():
+            drawn = getattr(material, key.field) if key.kind else 0.0
+            value = 1.0 if isinstance(drawn, tuple) else converted(abs(drawn), -key.power)
+            if value == (1.0 if key.kind == "permeability" else 0.0) or not value:
                 continue
-            recoil = key == "relative_permeability" and material.remanence_T
-            kind = "recoil_permeability" if recoil else usual_kind
+            recoil = key.kind == "permeability" and material.remanence_T
+            kind = "recoil_permeability" if recoil else key.kind
             effect = "remanence" if kind == "remanence" and len(magnets) == 1 else ""
-            ends = [_with_material(actuator, name, field, factor) for factor in (1.0 + SHARE_STEP, 1.0 - SHARE_STEP)]
-            yield _share(joined("materials", name, key), kind, value, *ends, effect=effect)
+            ends = [
+                _with_material(actuator, name, key.field, factor) for factor in (1.0 + SHARE_STEP, 1.0 - SHARE_STEP)
+            ]
+            yield _share(joined("materials", name, path), kind, value, *ends, effect=effect)
 
 
 def _with_material(actuator: Actuator, name: str, field: str, factor: float) -> Actuator:

@@ -5,6 +5,8 @@ sensor is characteristic + noise, kept within a range, rounded to the converter'
 where the output of a Hall element leaves its range, it says nothing of the distance.
 """
 
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from dataclasses import field as limited
 from math import inf
@@ -14,25 +16,40 @@ import numpy as np
 
 from femfit.core.numerics import FloatArray
 from femfit.core.text import amount, amount_range
+from femfit.device.decimals import scaled
+from femfit.device.keys import ELECTRICAL, LENGTH, POINTS, Given, Record, converted, key
+from femfit.device.outline_entry import OutlineEntry
 
-# Limits in a field's metadata are what a model file is held to: see femfit.model.json_section.
+NOISE: dict[str, Any] = {"ge": 0.0, "le": 1e6}
+TURNS: dict[str, Any] = {"ge": 1.0, "le": 1e7, "kind": "turns"}
+DELAY: dict[str, Any] = {
+    "says": "how late a reading is in ms",
+    "default": 0.0,
+    "file": "delay_ms",
+    "ge": 0.0,
+    "le": 1e6,
+}
+SAMPLE_TIME: dict[str, Any] = {"says": "the time from one reading to the next, or leave it to the controller's"}
+SAMPLE_TIME |= {"default": None, "ge": 1e-6, "le": 1e6}
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(Record):
     """How a command becomes voltage or current; the limits of the voltage are those of the circuit.
 
     A voltage source gives what is commanded, within its limits. With a freewheel diode it is one-sided: it gives
     positive voltages alone, and without one the current goes on through the diode until it is zero.
     """
 
-    kind: Literal["voltage", "current"] = "voltage"
-    # Forward drop of the freewheel diode in V, with that of a Zener diode in series; None for a bridge
-    diode_V: float | None = limited(default=None, metadata={"lower": 0.0})
-    # Of a current amplifier; without limits it follows every command, without a bandwidth as fast as its voltage allows
-    current_min_A: float | None = None
-    current_max_A: float | None = None
-    bandwidth_Hz: float | None = limited(default=None, metadata={"positive": True})
+    kind: Literal["voltage", "current"] = key(
+        '"voltage" for a bridge or a switch, "current" for a current amplifier', "voltage", file="drive"
+    )
+    # With that of a Zener diode in series; None for a bridge
+    diode_V: float | None = key("the forward voltage of the freewheel diode of a one-sided driver", None, ge=0, le=100)
+    # Without limits it follows every command, without a bandwidth as fast as its voltage allows
+    current_min_A: float | None = key("the lowest current of a current amplifier", None, **ELECTRICAL)
+    current_max_A: float | None = key("the highest current of a current amplifier", None, **ELECTRICAL)
+    bandwidth_Hz: float | None = key("the bandwidth of a current amplifier", None, gt=0, le=1e9)
 
 
 @dataclass(frozen=True)
@@ -51,83 +68,192 @@ class Circuit:
 
 
 @dataclass(frozen=True)
-class HallElement:
+class HallElement(Record):
     """A linear Hall element with its analogue output and converter; it stands still."""
 
     # Position (r, z) of the element
-    radius_m: float
-    height_m: float
-    sensitivity_V_per_T: float = 50.0  # Slope of the output; 50 V/T is 5 mV/G
-    quiescent_V: float = 2.5
+    radius_m: float = key(
+        "the radius of the element in mm, 0 on the axis", file="r_mm", ge=0, le=1e5, kind="hall_place"
+    )
+    height_m: float = key(
+        "the height of the element in mm, 0 at the reference face", file="z_mm", kind="hall_place", **LENGTH
+    )
+    sensitivity_V_per_T: float = key("the slope in V/T (5 mV/G is 50 V/T)", 50.0, **ELECTRICAL)
+    quiescent_V: float = key("the output without field in volts", 2.5, **ELECTRICAL)
     # Range of the output and of the converter
-    output_min_V: float = 0.0
-    output_max_V: float = 5.0
-    adc_bits: int = 12  # Resolution of the converter over that range; 0 for none
-    noise_V: float = 0.0  # Standard deviation of white noise on one sample
+    output_min_V: float = key("the lowest output in volts", 0.0, **ELECTRICAL)
+    output_max_V: float = key("the highest output in volts", 5.0, **ELECTRICAL)
+    adc_bits: int = key("the converter's bits over that range, 0 for none", 12, ge=0, le=32)
+    noise_V: float = key("the standard deviation of one sample in volts", 0.0, **NOISE)
     name: str = "hall"
-    direction: tuple[float, float] = (0.0, 1.0)  # Unit vector (r, z) of the component that it measures
-    delay_s: float = 0.0
-    sample_time_s: float | None = None  # None: the controller's
-    kind: Literal["hall"] = "hall"
+    # Unit vector (r, z) of the component that it measures
+    direction: tuple[float, float] = key(
+        'the component that it measures, "z", "r" or [r, z]', (0.0, 1.0), words=("z", "r"), usual="z"
+    )
+    delay_s: float = key(**DELAY)
+    sample_time_s: float | None = key(**SAMPLE_TIME)
+    kind: Literal["hall"] = key('"hall" in a table of [sensors]', "hall")
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """The direction as a unit vector; the output is one that can be."""
+        if given.output_min_V >= given.output_max_V:
+            complain("hall_range")
+        elif not given.output_min_V <= given.quiescent_V <= given.output_max_V:
+            complain("quiescent")
+        if not given.sensitivity_V_per_T:
+            complain("sensitivity")
+        return {"direction": unit_vector(given.direction)}
+
+
+_AXES = {"z": (0.0, 1.0), "r": (1.0, 0.0)}
+
+
+def unit_vector(values: Sequence[float] | str) -> tuple[float, float]:
+    """A direction of length one, given as [r, z] or by its axis, whatever its sign."""
+    if isinstance(values, str):
+        return _AXES[values[-1]]
+    length = math.hypot(*values)
+    return values[0] / length, values[1] / length
+
+
+@dataclass(frozen=True)
+class _Range(Record):
+    """The key of a reading's range."""
+
+    range: tuple[float, float] | None = key(
+        "[lowest, highest] reading in {unit}", None, file="range_{unit}", ascending=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sensor:
+class Sensor(Record):
     """What all other sensors share; noise, range and resolution are in the unit of the reading."""
 
+    UNIT = "V"  # As keys of the file end
+    beside = tuple[Any, ...]((_Range,))
+
     name: str
-    noise: float = limited(default=0.0, metadata={"lower": 0.0})  # Standard deviation of white noise on one sample
+    noise: float = key("the standard deviation of one sample in {unit}", 0.0, file="noise_{unit}", **NOISE)
     minimum: float | None = None  # None: no limit
     maximum: float | None = limited(default=None, metadata={"above": "minimum"})
-    bits: int = limited(default=0, metadata={"within": (0, 64)})  # Of the converter over that range; 0 for none
-    delay_s: float = limited(default=0.0, metadata={"lower": 0.0})
-    sample_time_s: float | None = limited(default=None, metadata={"positive": True})  # None: the controller's
+    bits: int = key("the converter's bits over the range, 0 for none", 0, ge=0, le=32, model={"within": (0, 64)})
+    delay_s: float = key(**DELAY)
+    sample_time_s: float | None = key(**SAMPLE_TIME)
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """The ends of the range, without which there are no bits."""
+        return _ends(given, f"range_{cls.UNIT}", complain)
+
+
+def _ends(given: Given, key: str, complain: Callable[..., None]) -> dict[str, Any]:
+    ends = getattr(given, key)
+    if given.bits and ends is None:
+        complain("bits", key=key)
+    return dict(zip(("minimum", "maximum"), ends or (None, None), strict=True))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentSensor(Sensor):
     """The current of a circuit, read in A."""
 
-    circuit: str
+    UNIT = "A"
+
+    circuit: str = key("the name of the circuit; it may be left out where there is one alone", usual="")
     gain: float = 1.0
     offset: float = 0.0
-    kind: Literal["current"] = "current"
+    kind: Literal["current"] = key('"current" for a sensor of a circuit\'s current', "current", needed=True)
+
+
+@dataclass(frozen=True)
+class _Drawn(Record):
+    """Keys of a sensor of the distance from which its characteristic follows."""
+
+    gain_V_per_mm: float | None = key("the slope of a linear sensor in V/mm", None, **ELECTRICAL)
+    offset_V: float = key("the output of a linear sensor at distance zero", 0.0, **ELECTRICAL)
+    noise_mm: float = key("the noise of a sensor that reads the distance itself", 0.0, **NOISE)
+    range_mm: tuple[float, float] | None = key(
+        "the range of a sensor that reads the distance itself", None, ascending=True
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class PositionSensor(Sensor):
     """The distance as a laser, an optical gate or an LVDT reads it: interpolated between points of a characteristic."""
 
-    distances_m: tuple[float, ...] = limited(metadata={"ascending": True})
-    readings: tuple[float, ...] = limited(metadata={"like": "distances_m", "monotone": True})
+    beside = (_Drawn, _Range)
+
+    distances_m: tuple[float, ...] = key(
+        "ascending distances, instead of gain_V_per_mm",
+        file="distance_mm",
+        count=POINTS,
+        ascending=True,
+        usual=None,
+        **LENGTH,
+    )
+    readings: tuple[float, ...] = key(
+        "the outputs at distance_mm, rising or falling throughout",
+        file="output_V",
+        count=POINTS,
+        monotone=True,
+        like="distances_m",
+        usual=None,
+    )
     unit: str = "V"  # V, or m where the reading is the distance itself
-    kind: Literal["position"] = "position"
+    kind: Literal["position"] = key('"position" for a laser, an optical gate, an LVDT', "position", needed=True)
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """Points of the characteristic, of which there is one kind; noise and range of one that reads the distance."""
+        characteristic = given.stated & {"gain_V_per_mm", "distance_mm", "output_V"}
+        others = {"noise_mm", "range_mm"} if characteristic else {"noise_V", "range_V", "offset_V"}
+        if wrong := given.stated & others:
+            complain("other_in_V" if characteristic else "other_in_mm", wrong=" and ".join(sorted(wrong)))
+        if {"gain_V_per_mm"} < characteristic:
+            complain("characteristics")
+        elif given.gain_V_per_mm == 0.0:
+            complain("gain")
+        values = _ends(given, "range_V" if characteristic else "range_mm", complain)
+        if not characteristic:
+            ends = {name: converted(end, -3) for name, end in values.items()}
+            values = {"unit": "m", "noise": scaled(given.noise_mm), **ends}
+        if given.distance_mm is None:  # Linear, or the distance itself
+            slope = 1.0 if given.gain_V_per_mm is None else scaled(given.gain_V_per_mm, 3)
+            values |= {"distances_m": (0.0, 1.0), "readings": (given.offset_V, given.offset_V + slope)}
+        return values
 
 
 @dataclass(frozen=True, kw_only=True)
 class PickupCoil(Sensor):
     """A winding without current: the voltage that its flux linkage induces, in V."""
 
-    vertices_m: tuple[tuple[float, float], ...]
-    turns: float
-    moves: bool = False
-    kind: Literal["pickup_coil"] = "pickup_coil"
+    beside = (OutlineEntry, _Range)
+
+    vertices_m: tuple[tuple[float, float], ...] = ()
+    turns: float = key("the number of turns", **TURNS)
+    moves: bool = key("true for a coil that belongs to the moving part", False)
+    kind: Literal["pickup_coil"] = key('"pickup_coil" for a winding without current', "pickup_coil", needed=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class AccelerationSensor(Sensor):
     """The moving part's acceleration along growing distance, in m/s^2."""
 
+    UNIT = "m_per_s2"
+
     # Whether it reads d'' - g, as accelerometers of silicon do: a body at rest that hangs reads 9.8 towards the magnet
-    reads_gravity: bool = False
-    kind: Literal["acceleration"] = "acceleration"
+    reads_gravity: bool = key("true for one that reads gravity too at rest, as MEMS accelerometers do", False)
+    kind: Literal["acceleration"] = key('"acceleration" for an accelerometer on the body', "acceleration", needed=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceSensor(Sensor):
     """The magnetic force on the moving part, positive towards smaller distance, in N."""
 
-    kind: Literal["force"] = "force"
+    UNIT = "N"
+
+    kind: Literal["force"] = key('"force" for a load cell that holds the body', "force", needed=True)
 
 
 AnySensor: TypeAlias = HallElement | CurrentSensor | PositionSensor | PickupCoil | AccelerationSensor | ForceSensor

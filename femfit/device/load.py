@@ -1,5 +1,6 @@
 """Read an actuator file: every problem at once, or the actuator in SI units; and drawings to start from."""
 
+import re
 import tomllib
 from collections.abc import Sequence
 from importlib.resources import files
@@ -8,31 +9,24 @@ from typing import Any
 
 from femfit.core.errors import ActuatorFileError
 from femfit.core.files import path_of
-from femfit.device.checks import (
-    DrawnPart,
-    check_collisions,
-    check_hall_place,
-    check_moving_body,
-    check_overlaps,
-    check_thickness,
-    check_zero_heights,
-)
-from femfit.device.complaints import read_table, read_tables, table_at
-from femfit.device.decimals import in_si, scaled
+from femfit.device import checks
+from femfit.device.complaints import complain, read_table, read_tables, table_at
+from femfit.device.decimals import scaled
 from femfit.device.drawing import Drawing, read_drawing
 from femfit.device.parameter_table import read_design
 from femfit.device.parts import AIR, Actuator, MovingPart, Region
 from femfit.device.read_device import (
     check_circuit_names,
     check_travel,
+    hall_places,
     read_circuits,
     read_coils,
     read_mechanics,
+    read_sensors,
 )
-from femfit.device.read_sensors import hall_places, read_sensors
 from femfit.device.read_sweep import eddy_bias, frequencies, read_axes
-from femfit.device.schema import SCHEMA_VERSION, FileEntry, ReferenceEntry
-from femfit.device.thermal import STILL_AIR, Surroundings
+from femfit.device.schema import NAME_PATTERN, SCHEMA_VERSION, FileEntry, SolverEntry
+from femfit.device.thermal import STILL_AIR
 from femfit.device.tolerances import read_tolerances
 
 
@@ -58,10 +52,9 @@ def parse(text: str, source: str) -> dict[str, Any]:
         raise ActuatorFileError(source, [f"must be TOML; {error}. Correct that place first."]) from error
     version = data.get("schema")
     if isinstance(version, int) and version > SCHEMA_VERSION:
-        raise ActuatorFileError(
-            source,
-            [f"schema is {version}; this femfit reads up to schema {SCHEMA_VERSION}. Update femfit, or write it so."],
-        )
+        problems: list[str] = []
+        complain(problems, "later_schema", version=version, most=SCHEMA_VERSION)
+        raise ActuatorFileError(source, problems)
     return data
 
 
@@ -98,10 +91,11 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     design = read_design(data, problems)
     if design is not None:
         data = {**data, "sweep": design.axes(data)}
-    header = read_table(FileEntry, data, "", problems)
+    header: FileEntry | None = read_table(FileEntry, data, "", problems)
     _check_schema(data, problems)
     entries = read_tables(_with_mass(data), problems)
-    solver, thermal, reference = (entries.get(key) for key in ("solver", "thermal", "reference"))
+    solver: SolverEntry | None = entries.get("solver")
+    reference_m = entries["reference"].distance_m if "reference" in entries else ()
     drawing = read_drawing(data, entries, directory or Path(), problems)
     coils = read_coils(entries, drawing, problems)
     circuits, coils = read_circuits(data, entries, coils, problems)
@@ -110,9 +104,11 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
     mechanics = read_mechanics(data, entries, problems)
     sensors = read_sensors(data, entries, circuits, problems)
     axes = read_axes(data, names, problems)
-    distances = axes.distances_mm
     frequencies_Hz, eddy_bias_A = frequencies(solver, problems), eddy_bias(solver, len(circuits), problems)
-    _check_reference(reference, distances, problems)
+    distances, steps = axes.distances_mm, [scaled(distance, 3) for distance in reference_m]
+    outside = [f"{d:g}" for d in steps if distances and not distances[0] <= d <= distances[-1]]
+    if outside:
+        complain(problems, "reference", first=distances[0], last=distances[-1], outside=", ".join(outside[:5]))
     read_tolerances(data, problems)
     _check_drawing(data, drawing, distances, problems)
     if mechanics is not None:
@@ -128,13 +124,13 @@ def actuator_from_tables(data: dict[str, Any], source: str, directory: Path | No
         mechanics=mechanics,
         sweep=axes.in_si(),
         circuits=circuits,
-        sample_time_s=in_si(entries["supply"])["sample_time_s"] if "supply" in entries else None,
+        sample_time_s=entries["supply"].sample_time_s if "supply" in entries else None,
         sensors=sensors,
-        reference_distances_m=in_si(reference)["distance_m"] if reference else (),
+        reference_distances_m=reference_m,
         tolerance=solver.tolerance if solver else None,
         frequencies_Hz=frequencies_Hz,
         eddy_error=solver.eddy_error if solver else Actuator.eddy_error,
-        thermal=Surroundings(**in_si(thermal)) if thermal else STILL_AIR,
+        thermal=entries.get("thermal", STILL_AIR),
         eddy_bias_A=eddy_bias_A,
     )
 
@@ -144,25 +140,20 @@ SINCE_SCHEMA_2 = ("fixed", "coils", "circuits", "mechanics", "sensors")
 
 def _check_schema(data: dict[str, Any], problems: list[str]) -> None:
     """Report tables that this schema does not have, and those that it must have."""
-    if (
-        "mechanics" not in data
-        and "mass_g" not in table_at(data, "moving")
-        and ("moving" in data or not is_schema_1(data))
-    ):
-        key = "moving" if "moving" in data else "mechanics"
-        problems.append(f"{key}.mass_g is missing. Give the mass of the whole moving body in grams.")
-    if is_schema_1(data):
-        later = [key for key in SINCE_SCHEMA_2 if key in data]
-        problems += [f"{key} needs schema = 2; this file has schema = 1. Write schema = 2." for key in later]
-        needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
-        problems += [f"{key} is missing. Give {what}." for key, what in needed.items() if key not in data]
-        return
-    if "fixed" in data and "electromagnet" in data:
-        problems.append("fixed must be left out beside electromagnet, which is the same. Rename one into the other.")
-    if "coil" in data and "coils" in data:
-        problems.append("coil must be left out beside [coils.NAME]. Give every winding as [coils.NAME].")
-    if "mass_g" in table_at(data, "moving") and "mass_g" in table_at(data, "mechanics"):
-        problems.append("mechanics.mass_g must be left out beside moving.mass_g. Remove one of them.")
+    moving, first = table_at(data, "moving"), is_schema_1(data)
+    if "mechanics" not in data and "mass_g" not in moving and ("moving" in data or not first):
+        complain(problems, "no_mass", "moving" if "moving" in data else "mechanics")
+    needed = {"coil": "the winding as a table [coil]", "moving": "the moving part as [moving] with its regions"}
+    for key in (key for key in SINCE_SCHEMA_2 if first and key in data):
+        complain(problems, "schema_2", key)
+    for key in (key for key in needed if first and key not in data):
+        complain(problems, "missing", key, remedy=f"Give {needed[key]}.")
+    if not first and "fixed" in data and "electromagnet" in data:
+        complain(problems, "fixed_twice")
+    if not first and "coil" in data and "coils" in data:
+        complain(problems, "coils_twice")
+    if not first and "mass_g" in moving and "mass_g" in table_at(data, "mechanics"):
+        complain(problems, "mass_twice")
 
 
 def is_schema_1(data: dict[str, Any]) -> bool:
@@ -178,39 +169,26 @@ def _with_mass(data: dict[str, Any]) -> dict[str, Any]:
     return {**data, "mechanics": {"mass_g": moving["mass_g"]} | mechanics}
 
 
-def _check_reference(reference: ReferenceEntry | None, distances: Sequence[float], problems: list[str]) -> None:
-    if reference is None or not distances:
-        return
-    outside = [d for d in reference.distance_mm if not distances[0] <= d <= distances[-1]]
-    if outside:
-        problems.append(
-            f"reference.distance_mm must lie within the sweep, {distances[0]:g} to {distances[-1]:g} mm; "
-            f"{', '.join(f'{d:g}' for d in outside[:5])} is outside. Change it or widen sweep.distance_mm."
-        )
-
-
 def _check_drawing(data: dict[str, Any], drawing: Drawing, distances: Sequence[float], problems: list[str]) -> None:
     if is_schema_1(data):
         distances = [distance for distance in distances if distance > 0.0]
     standing, moving = drawing.standing, drawing.mover
-    check_thickness([*standing, *moving], problems)
-    check_overlaps(standing, problems)
-    check_overlaps(moving, problems)
+    checks.check_thickness([*standing, *moving], problems)
+    checks.check_overlaps(standing, problems)
+    checks.check_overlaps(moving, problems)
     if drawing.complete:
         if not moving:
-            problems.append("moving.regions must hold a part; it is empty. Give a table [moving.regions.NAME].")
+            complain(problems, "no_moving")
         if not standing:
-            problems.append(
-                "fixed.regions must hold a part; nothing stands still. Give [fixed.regions.NAME] or a coil."
-            )
-        check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
-        check_moving_body(drawing.moving, [winding for winding in drawing.windings if winding.moves], problems)
-    check_collisions(standing, moving, distances, problems)
+            complain(problems, "no_fixed")
+        checks.check_zero_heights(standing, moving, problems, reference_face=is_schema_1(data))
+        checks.check_moving_body(drawing.moving, [winding for winding in drawing.windings if winding.moves], problems)
+    checks.check_collisions(standing, moving, distances, problems)
     for path, place in hall_places(data):
-        check_hall_place(path, place, standing, moving, distances, problems)
+        checks.check_hall_place(path, place, standing, moving, distances, problems)
 
 
-def _region(part: DrawnPart) -> Region:
+def _region(part: checks.DrawnPart) -> Region:
     corners = tuple((scaled(r), scaled(z)) for r, z in part.outline.corners)
     return Region(part.name, corners, part.material or AIR, part.outline.bulges)
 
@@ -222,6 +200,6 @@ def starter_names() -> tuple[str, ...]:
 
 
 def starter_text(name: str, title: str | None = None) -> str:
-    """The actuator file of a drawing, under a name of its own where one is given."""
+    """The actuator file of a drawing, under a name of its own where one is given that is fit for a name."""
     text = files("femfit.device.examples").joinpath(f"{name}.toml").read_text(encoding="utf-8")
-    return text if title is None else text.replace(f'name = "{name}"', f'name = "{title}"', 1)
+    return text if not re.match(NAME_PATTERN, title or "") else text.replace(f'name = "{name}"', f'name = "{title}"', 1)

@@ -1,57 +1,104 @@
-"""What acts on the moving part beside the magnetic force, in SI units.
+"""What acts on the moving part beside the magnetic force, in SI units, as the actuator file and a model file say it.
 
-Limits in a field's metadata are what a model file is held to: see :mod:`femfit.model.json_section`. Forces here are
-positive along growing distance, as gravity is on a body that hangs: m d'' = sum of them - F(d, i).
+Forces here are positive along growing distance, as gravity is on a body that hangs: m d'' = sum of them - F(d, i).
 """
 
-from dataclasses import dataclass, field, replace
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from casadi import SX
 
 from femfit.core.graph import Expression, row_of
 from femfit.core.numerics import GRAVITY, FloatArray
+from femfit.device.decimals import scaled
+from femfit.device.keys import FORCE, LENGTH, POINTS, Given, Record, key
 
 
 @dataclass(frozen=True)
-class Spring:
-    """A linear spring: force along growing distance preload - stiffness (d - distance)."""
+class Spring(Record):
+    """``[mechanics.springs.NAME]``: force along growing distance preload - stiffness (d - distance)."""
 
-    stiffness_N_per_m: float
-    preload_N: float = 0.0  # At the distance below; positive pushes the parts apart
-    distance_m: float = 0.0
+    stiffness_N_per_m: float = key("the stiffness in N/mm, or distance_mm and force_N as measured", **FORCE)
+    preload_N: float = key("the force at preload_at_mm; positive pushes the parts apart", 0.0, **FORCE)
+    distance_m: float = key("the distance at which the spring has its preload", 0.0, file="preload_at_mm", **LENGTH)
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """Nothing; a preload has its distance."""
+        if given.preload_N and "preload_at_mm" not in given.stated:
+            complain("preload")
+        return {}
 
 
 @dataclass(frozen=True)
-class ForceTable:
+class ForceTable(Record):
     """A measured force along growing distance, interpolated linearly and continued by its last value."""
 
-    distances_m: tuple[float, ...] = field(metadata={"ascending": True})
-    forces_N: tuple[float, ...] = field(metadata={"like": "distances_m"})
+    distances_m: tuple[float, ...] = key(
+        "ascending distances of a measured force", file="distance_mm", count=POINTS, ascending=True, **LENGTH
+    )
+    forces_N: tuple[float, ...] = key(
+        "the forces at distance_mm; positive pushes the parts apart", file="force_N", count=POINTS, like="distances_m"
+    )
 
 
 @dataclass(frozen=True)
-class Stop:
-    """An end of the travel."""
+class Stop(Record):
+    """``[mechanics.near_stop]`` and ``[mechanics.far_stop]``: an end of the travel."""
 
-    distance_m: float
-    # Velocity after an impact over that before it
-    restitution: float = field(default=0.0, metadata={"lower": 0.0, "upper": 1.0})
-    stiffness_N_per_m: float | None = field(default=None, metadata={"positive": True})  # None: rigid
+    distance_m: float = key("the distance at which the body meets the stop", **LENGTH)
+    restitution: float = key("the velocity after an impact over that before, 0 for no bounce", 0.0, ge=0, lt=1)
+    stiffness_N_per_m: float | None = key("the stop's stiffness, or leave it out for a rigid one", None, gt=0, le=1e9)
 
 
 @dataclass(frozen=True)
-class Mechanics:
-    """The moving mass and everything mechanical that acts on it."""
+class _Drawn(Record):
+    """Keys of ``[mechanics]`` from which others follow."""
 
-    mass_kg: float = field(metadata={"positive": True})
+    gravity: Literal["hanging", "standing", "horizontal", "off"] | None = key(
+        '"hanging" where weight pulls the parts apart, "standing" where it pulls them together, "horizontal" or "off"',
+        None,
+    )
+    gravity_deg: float | None = key("the angle from downwards to growing distance instead", None, ge=-360, le=360)
+    travel_mm: tuple[float, float] | None = key(
+        "[least, largest] distance between rigid stops, or near_stop and far_stop", None, **LENGTH
+    )
+
+
+DOWNWARD = {"hanging": 1.0, "standing": -1.0, "horizontal": 0.0, "off": 0.0}
+"""Share of gravity along growing distance."""
+
+
+@dataclass(frozen=True)
+class Mechanics(Record):
+    """``[mechanics]``: the moving mass and everything mechanical that acts on it."""
+
+    beside = (_Drawn,)
+
+    mass_kg: float = key("the mass of the whole moving body in grams", ge=1e-6, le=1e9)
     gravity_m_s2: float = GRAVITY  # Along growing distance: negative where the body stands on the fixed part's side
-    springs: tuple[Spring | ForceTable, ...] = ()
-    viscous_N_s_per_m: float = field(default=0.0, metadata={"lower": 0.0})
-    coulomb_N: float = field(default=0.0, metadata={"lower": 0.0})  # Dry friction, the same sliding and sticking
-    load_N: float = 0.0  # A constant force along growing distance
-    near_stop: Stop | None = None  # At the least distance
-    far_stop: Stop | None = None
+    springs: tuple[Spring | ForceTable, ...] = key("each spring as a table [mechanics.springs.NAME]", (), any_name=True)
+    viscous_N_s_per_m: float = key("the viscous friction in N s/m", 0.0, ge=0, le=1e9)
+    coulomb_N: float = key("the dry friction in N, the same sliding and sticking", 0.0, ge=0, le=1e6)
+    load_N: float = key("a constant force; positive pulls the parts apart", 0.0, **FORCE)
+    near_stop: Stop | None = key("the stop at the least distance as a table", None)
+    far_stop: Stop | None = key("the stop at the largest distance as a table", None)
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """Gravity along growing distance, and the stops of a travel, neither of which is given twice."""
+        if {"gravity", "gravity_deg"} <= given.stated:
+            complain("gravity")
+        if given.travel_mm and (given.near_stop or given.far_stop):
+            complain("travel")
+        gravity = GRAVITY * DOWNWARD[given.gravity or "hanging"]
+        if given.gravity_deg is not None:
+            gravity = round(GRAVITY * math.cos(math.radians(given.gravity_deg)), 12)
+        ends = zip(("near_stop", "far_stop"), given.travel_mm or (), strict=False)
+        return {"gravity_m_s2": gravity} | {name: Stop(scaled(distance)) for name, distance in ends}
 
     def static_force(self, distance: FloatArray) -> FloatArray:
         """Weight, springs and load at distances in m of any shape: along growing distance, in N.

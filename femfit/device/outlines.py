@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from shapely import LineString, Polygon
 from shapely.validation import explain_validity
 
-from femfit.device.complaints import joined
-from femfit.device.schema import OutlineEntry
+from femfit.device.complaints import complain, joined
+from femfit.device.outline_entry import OutlineEntry
 
 LARGEST_STEP = math.radians(2.0)
 """Angle of a chord that stands for a piece of an arc in checks: 0.015 % of the radius away from it."""
@@ -101,24 +101,18 @@ def outline(entry: OutlineEntry, path: str, problems: list[str]) -> DrawnOutline
     points = flattened(corners, bulges)
     inner = min(r for r, _ in points)
     if inner < -(1e-12 * max(max(abs(r), abs(z)) for r, z in points)):
-        problems.append(f"{key} must have r >= 0, the axis being r = 0; it goes down to {inner:g}. Draw one half only.")
+        complain(problems, "negative_r", key, inner=inner)
         return None
     polygon = Polygon([(max(r, 0.0), z) for r, z in points])
     # A figure of eight has no net area but spans one, a line does not.
     if not polygon.is_valid and polygon.convex_hull.area >= MIN_AREA:
-        problems.append(
-            f"{key} must not cross or touch itself; {explain_validity(polygon)} (r, z in mm). "
-            "List the corners in their order around the outline."
-        )
+        complain(problems, "crossing", key, where=explain_validity(polygon))
         return None
     if polygon.area < MIN_AREA:
-        problems.append(f"{key} must enclose an area; its corners lie on a line. Give corners that span a surface.")
+        complain(problems, "no_area", key)
         return None
     if _touches_axis_in_a_point(polygon):
-        problems.append(
-            f"{key} must meet the axis in a whole edge or not at all; it touches r = 0 in a single point. "
-            "Add a second corner at r = 0, or keep away from the axis."
-        )
+        complain(problems, "axis_point", key)
         return None
     if not polygon.exterior.is_ccw:
         corners, bulges = reversed_outline(corners, bulges)
@@ -138,7 +132,7 @@ def _drawn(entry: OutlineEntry, path: str, problems: list[str]) -> Drawn | None:
     }
     ways_given = [way for way, there in ways.items() if there]
     if len(ways_given) > 1:
-        problems.append(f"{path} must have either {' or '.join(ways_given)}; it has both. Remove one.")
+        complain(problems, "outlines", path, ways=" or ".join(ways_given))
         return None
     if entry.polygon_mm is not None:
         return _polygon(entry.polygon_mm, joined(path, "polygon_mm"), problems)
@@ -147,14 +141,11 @@ def _drawn(entry: OutlineEntry, path: str, problems: list[str]) -> Drawn | None:
     if entry.r_mm is not None and entry.z_mm is not None:
         return _box(entry.r_mm, entry.z_mm, path, problems)
     needed = " and ".join(key for key in ("r_mm", "z_mm") if getattr(entry, key) is None)
-    problems.append(
-        f"{path} must have an outline; {needed} missing. Give r_mm = [inner, outer] and z_mm = [lower, upper], "
-        "polygon_mm = [[r, z], ...] or circle_mm = [r, z, radius]."
-    )
+    complain(problems, "no_outline", path, needed=needed)
     return None
 
 
-def _polygon(polygon: list[list[float]], key: str, problems: list[str]) -> Drawn | None:
+def _polygon(polygon: Sequence[Sequence[float]], key: str, problems: list[str]) -> Drawn | None:
     corners = [(corner[0], corner[1]) for corner in polygon]
     angles = [corner[2] if len(corner) == 3 else 0.0 for corner in polygon]
     if corners[0] == corners[-1]:
@@ -162,43 +153,34 @@ def _polygon(polygon: list[list[float]], key: str, problems: list[str]) -> Drawn
         angles.pop()
     repeated = [n for n in range(1, len(corners)) if corners[n] == corners[n - 1]]
     if repeated:
-        where = joined(key, repeated[0])
-        problems.append(f"{where} must differ from the corner before it; both are {corners[repeated[0]]}. Remove one.")
+        complain(problems, "corner_twice", joined(key, repeated[0]), corner=corners[repeated[0]])
         return None
     if len(corners) < (2 if any(angles) else 3):
-        problems.append(f"{key} must have at least 3 corners; it has {len(corners)}. Add corners.")
+        complain(problems, "few_corners", key, count=len(corners))
         return None
     wide = [n for n, angle in enumerate(angles) if abs(angle) > LARGEST_ARC]
     if wide:
-        problems.append(
-            f"{joined(key, wide[0])} must have an arc of at most {LARGEST_ARC:g} degrees; it has {angles[wide[0]]:g}. "
-            "Divide it, or give circle_mm."
-        )
+        complain(problems, "wide_arc", joined(key, wide[0]), most=LARGEST_ARC, angle=angles[wide[0]])
         return None
     bulges = [math.tan(math.radians(angle) / 4.0) for angle in angles]
     return key, corners, bulges if any(bulges) else []
 
 
-def _circle(values: list[float], key: str, problems: list[str]) -> Drawn | None:
+def _circle(values: Sequence[float], key: str, problems: list[str]) -> Drawn | None:
     r, z, radius = values
     if radius <= 0.0:
-        problems.append(f"{key} must have a radius > 0; it is {radius:g}. Give [r, z, radius].")
+        complain(problems, "no_radius", key, radius=radius)
         return None
     if 0.0 < r <= radius:
-        problems.append(
-            f"{key} must have its centre on the axis or keep off it; its centre is at r = {r:g}, its radius "
-            f"{radius:g}. Give r = 0 for a ball, or a smaller radius."
-        )
+        complain(problems, "circle_on_axis", key, r=r, radius=radius)
         return None
     return key, *circle((r, z), radius)
 
 
-def _box(r: list[float], z: list[float], path: str, problems: list[str]) -> Drawn | None:
+def _box(r: Sequence[float], z: Sequence[float], path: str, problems: list[str]) -> Drawn | None:
     descending = [(key, low, high) for key, (low, high) in (("r_mm", r), ("z_mm", z)) if low >= high]
-    problems += [
-        f"{joined(path, key)} must ascend; it is [{low:g}, {high:g}]. Exchange or change the values."
-        for key, low, high in descending
-    ]
+    for key, low, high in descending:
+        complain(problems, "box", joined(path, key), low=low, high=high)
     return None if descending else (joined(path, "r_mm"), [(r[0], z[0]), (r[1], z[0]), (r[1], z[1]), (r[0], z[1])], [])
 
 

@@ -5,21 +5,14 @@ together, as a sleeve and the winding round it, or all parts of a core.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeGuard
 
 from femfit.core.sweep_columns import COLUMNS, VARIANT
-from femfit.device.complaints import did_you_mean, joined, read_list, read_part, read_table
-from femfit.device.decimals import axis_values, decimal_sum
-from femfit.device.file_numbers import (
-    Location,
-    known_materials,
-    material_keys,
-    nearest_numbers,
-    numbers_of,
-    unit_of,
-    why_no_number,
-)
+from femfit.device.complaints import complain, did_you_mean, joined, read_part, read_table, read_value, table_at
+from femfit.device.file_numbers import Location, material_keys, nearest_numbers, numbers_of, why_no_number
+from femfit.device.keys import Key, keys_of, unit_of
+from femfit.device.materials import LIBRARY
 from femfit.device.parameters import (
     AXES,
     FollowingKey,
@@ -30,9 +23,10 @@ from femfit.device.parameters import (
     latin_hypercube,
     list_points,
 )
+from femfit.device.read_sweep import axis_values
 from femfit.device.schema import (
-    NAMES,
-    PARAMETER_VALUES,
+    MAX_AXIS_POINTS,
+    PARAMETER,
     DesignEntry,
     KeyEntry,
     NamedParameterEntry,
@@ -42,9 +36,11 @@ from femfit.device.schema import (
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 PATH = "sweep.parameters"
-SPECIFICATION = {*RangeEntry.model_fields, *SampledEntry.model_fields, *NamedParameterEntry.model_fields}
+SPECIFICATION = {*keys_of(RangeEntry), *keys_of(SampledEntry), *keys_of(NamedParameterEntry)}
+NUMBERS = Key("at least one number", count=((1, MAX_AXIS_POINTS),), hint=tuple[float, ...], **PARAMETER)
+NAMES = Key("at least one name of a material in quotes", count=((1, MAX_AXIS_POINTS),), hint=tuple[str, ...])
 
-Values = tuple[float, ...] | tuple[str, ...] | SampledEntry
+Values = Sequence[float] | Sequence[str] | SampledEntry
 
 
 def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign | None:
@@ -55,19 +51,19 @@ def read_design(data: Mapping[str, Any], problems: list[str]) -> ParameterDesign
     ParameterDesign or None
         None without parameters, or if anything is wrong.
     """
-    entry = read_part(DesignEntry, data.get("sweep"))
+    entry: DesignEntry | None = read_part(DesignEntry, data.get("sweep"))
     if entry is None:
         return None
     if not entry.parameters:
-        unused = [key for key in ("design", "samples", "seed") if key in data["sweep"]]
-        problems += [f"sweep.{key} must be left out without [sweep.parameters]. Remove it." for key in unused]
+        for key in (key for key in ("design", "samples", "seed") if key in data["sweep"]):
+            complain(problems, "no_parameters", key=key)
         return None
     count = len(problems)
     read = [_parameter(name, table, data, problems) for name, table in _flat(entry.parameters).items()]
     readable = [parameter for parameter in read if parameter is not None]
     parameters, values = tuple(parameter for parameter, _ in readable), [column for _, column in readable]
     _check_names(parameters, data, problems)
-    points = _points(entry, parameters, values, problems) if len(problems) == count else ()
+    points = _points(entry, parameters, values, data["sweep"], problems) if len(problems) == count else ()
     return ParameterDesign(parameters, points) if len(problems) == count else None
 
 
@@ -93,12 +89,11 @@ def _parameter(
 ) -> tuple[SweptParameter, Values] | None:
     """A key path of the file, or a name of one's own for several, with its values; None where something is wrong."""
     path = joined(PATH, name)
-    named = isinstance(table, dict) and bool(table.keys() & NamedParameterEntry.model_fields.keys())
+    named = isinstance(table, dict) and bool(table.keys() & keys_of(NamedParameterEntry).keys())
     if name in AXES and not named:
         axis = _values(table, path, name, problems)
         return None if axis is None else (SweptParameter(name, ()), axis)
-    entry = NamedParameterEntry(keys=[name], values=table) if not named else None
-    entry = entry or read_table(NamedParameterEntry, table, path, problems)
+    entry = read_table(NamedParameterEntry, table if named else {"keys": [name], "values": table}, path, problems)
     if entry is None:
         return None
     place = f"{path}.values" if named else path
@@ -107,7 +102,7 @@ def _parameter(
     readable = tuple(key for key in keys if key is not None)
     materials = [key.location in material_keys(data).values() for key in readable]
     if any(materials) and not all(materials):
-        problems.append(f"{path}.keys must all be materials or all be numbers; they are both. Make two parameters.")
+        complain(problems, "keys_mixed", path)
         return None
     values: Values | None = (
         _names(entry.values, place, data, problems) if any(materials) else _values(entry.values, place, name, problems)
@@ -116,25 +111,21 @@ def _parameter(
         return None
     units = sorted({unit_of(_last_name(key.location)) for key in readable})
     if len(units) > 1:
-        problems.append(
-            f"{path}.keys must all be in one unit; they are in {' and '.join(unit or 'none' for unit in units)}. "
-            "Make one parameter of each unit."
-        )
+        complain(problems, "key_units", path, units=" and ".join(unit or "none" for unit in units))
     elif named and (unit_of(name) != units[0] or not NAME.fullmatch(name)):
-        needed = f"end in _{units[0]}, the unit of its keys" if units[0] else "not end in a unit, as its keys have none"
-        problems.append(
-            f"{path} must be named with letters, digits and _, beginning with a letter, and {needed}. Rename it."
-        )
+        end = f"end in _{units[0]}, the unit of its keys" if units[0] else "not end in a unit, as its keys have none"
+        complain(problems, "parameter_name", path, end=end)
     return SweptParameter(name, readable), values
 
 
 def _following(value: object, path: str, data: Mapping[str, Any], problems: list[str]) -> FollowingKey | None:
-    entry = read_table(KeyEntry, {"key": value} if isinstance(value, str) else value, path, problems)
+    table = {"key": value} if isinstance(value, str) else value
+    entry: KeyEntry | None = read_table(KeyEntry, table, path, problems)
     if entry is None:
         return None
     material = material_keys(data).get(entry.path)
-    if material is not None and entry.model_fields_set != {"path"}:
-        problems.append(f"{path} must have neither factor nor offset, as it names a material. Remove them.")
+    if material is not None and isinstance(table, dict) and len(table) > 1:
+        complain(problems, "material_factor", path)
     location = material or _location(entry.path, path, data, problems)
     return None if location is None else FollowingKey(location, entry.factor, entry.offset)
 
@@ -142,114 +133,86 @@ def _following(value: object, path: str, data: Mapping[str, Any], problems: list
 def _location(name: str, path: str, data: Mapping[str, Any], problems: list[str]) -> Location | None:
     location = numbers_of(data).get(name)
     if location is None and (why := why_no_number(name)):
-        problems.append(f"{path} cannot be {name[:100]!r}: {why}. Leave it out.")
+        complain(problems, "not_swept", path, key=name[:100], why=why)
     elif location is None:
-        near = nearest_numbers(name, data)
-        problems.append(
-            f"{path} must be the key path of a number or a material in this file; {name[:100]!r} is none. "
-            + (f"Nearest: {', '.join(near)}." if near else 'An example: "coils.NAME.turns".')
-        )
+        near = ", ".join(nearest_numbers(name, data))
+        near = f"Nearest: {near}." if near else 'An example: "coils.NAME.turns".'
+        complain(problems, "no_key", path, key=name[:100], near=near)
     return location
 
 
 def _values(value: object, path: str, name: str, problems: list[str]) -> Values | None:
     if isinstance(value, list):
-        return read_list(PARAMETER_VALUES, value, path, "Give at least one number.", problems) or None
+        return read_value(NUMBERS, value, path, problems) or None
     if isinstance(value, dict) and value.keys() & {"min", "max"}:
-        entry = read_table(SampledEntry, value, path, problems)
-        problem = "" if entry is None else _fault(entry)
-        problems += [f"{path} {problem}"] * bool(problem)
-        return None if problem else entry
+        return read_table(SampledEntry, value, path, problems)
     if isinstance(value, dict):
         stepped = read_table(RangeEntry, value, path, problems)
         return None if stepped is None else axis_values(stepped, path, problems) or None
-    problems.append(
-        f"{path} must be a list of numbers, {{ start, stop, step }}, or {{ min, max }} for a latin_hypercube; it is "
-        f"{str(value)[:60]!r}. Write for example {name[:60]} = [1, 2]."
-    )
+    complain(problems, "no_values", path, given=str(value)[:60], name=name[:60])
     return None
 
 
-def _names(value: object, path: str, data: Mapping[str, Any], problems: list[str]) -> tuple[str, ...] | None:
-    materials = known_materials(data)
+def _names(value: object, path: str, data: Mapping[str, Any], problems: list[str]) -> Sequence[str] | None:
+    materials = tuple(dict.fromkeys([*LIBRARY, *table_at(data, "materials")]))
     if not isinstance(value, list):
-        problems.append(
-            f"{path} must be a list of names of materials, for every design; it is {str(value)[:60]!r}. Write for "
-            f'example ["{materials[0]}", "{materials[-1]}"].'
-        )
+        complain(problems, "no_names", path, given=str(value)[:60], first=materials[0], last=materials[-1])
         return None
-    names = read_list(NAMES, value, path, "Give at least one name of a material in quotes.", problems)
+    names: list[str] = read_value(NAMES, value, path, problems) or []
     wrong = [name for name in names if name not in materials]
     if wrong:
-        problems.append(
-            f"{path} must name materials of [materials] or of the library; {wrong[0][:60]!r} is none."
-            f"{did_you_mean(wrong[0], materials)} Known: {', '.join(materials)}."
-        )
+        near, known = did_you_mean(wrong[0], materials), ", ".join(materials)
+        complain(problems, "wrong_name", path, given=wrong[0][:60], near=near, known=known)
     return None if wrong else names or None
 
 
-def _fault(entry: SampledEntry) -> str:
-    if entry.min >= entry.max:
-        return f"must have max > min; they are {entry.max:g} and {entry.min:g}. Exchange them."
-    steps = 0 if entry.step is None else min(round((entry.max - entry.min) / entry.step), 10**9)
-    if entry.step is not None and decimal_sum(entry.min, steps, entry.step) != entry.max:
-        return f"must have a step that divides max - min; {entry.step:g} does not. Change one of them."
-    return ""
-
-
 def _check_names(parameters: tuple[SweptParameter, ...], data: Mapping[str, Any], problems: list[str]) -> None:
-    problems += [
-        f"{joined(PATH, parameter.name)} must stand in [sweep] or in [sweep.parameters]; it stands in both. Remove one."
-        for parameter in parameters
-        if parameter.name in AXES and parameter.name in data["sweep"]
-    ]
-    columns = [parameter.column for parameter in parameters if parameter.name not in AXES]
-    problems += [
-        f"{PATH} must give columns that the table does not have yet; {column} is one or comes twice. Rename it."
-        for place, column in enumerate(columns)
-        if column in COLUMNS or column == VARIANT or column in columns[:place]
-    ]
+    columns: list[str] = []
     owners: dict[Location, str] = {}
     for parameter in parameters:
+        path, column = joined(PATH, parameter.name), parameter.column
+        if parameter.name in AXES and parameter.name in data["sweep"]:
+            complain(problems, "axis_twice", path)
+        if parameter.name not in AXES:
+            if column in COLUMNS or column == VARIANT or column in columns:
+                complain(problems, "column_twice", column=column)
+            columns.append(column)
         for key in parameter.keys:
             if key.location in owners:
-                problems.append(
-                    f"{joined(PATH, parameter.name)} must not set {joined('', *key.location)}; "
-                    f"{owners[key.location]} does. Remove one."
-                )
+                complain(problems, "key_twice", path, key=joined("", *key.location), owner=owners[key.location])
             owners[key.location] = parameter.name
 
 
 def _points(
-    entry: DesignEntry, parameters: tuple[SweptParameter, ...], values: list[Values], problems: list[str]
+    entry: DesignEntry,
+    parameters: tuple[SweptParameter, ...],
+    values: list[Any],
+    sweep: Mapping[str, Any],
+    problems: list[str],
 ) -> Points:
-    sampled = entry.design == "latin_hypercube"
+    sampled, count = entry.design == "latin_hypercube", len(problems)
     for parameter, column in zip(parameters, values, strict=True):
+        path = joined(PATH, parameter.name)
         if isinstance(column, SampledEntry) != sampled and not _is_names(column):
             form = "{ min, max }" if sampled else "a list or { start, stop, step }"
-            problems.append(
-                f'{joined(PATH, parameter.name)} must be given as {form} for design = "{entry.design}". '
-                "Change it or the design."
-            )
+            complain(problems, "design_form", path, form=form, design=entry.design)
         elif not isinstance(column, SampledEntry) and entry.design == "grid" and len(set(column)) < len(column):
-            problems.append(f"{joined(PATH, parameter.name)} must not repeat a value on a grid. Remove the repetition.")
+            complain(problems, "repeated", path)
     if sampled and entry.samples is None:
-        problems.append('sweep.samples is missing; design = "latin_hypercube" needs it. Give the number of samples.')
-    unused = [] if sampled else [key for key in ("samples", "seed") if key in entry.model_fields_set]
-    problems += [f'sweep.{key} must be left out for design = "{entry.design}". Remove it.' for key in unused]
-    drawn = [column for column in values if isinstance(column, SampledEntry) or _is_names(column)]
-    lists = [column for column in values if not isinstance(column, SampledEntry)]
-    if sampled:
-        return latin_hypercube(drawn, entry.samples, entry.seed) if entry.samples and len(drawn) == len(values) else ()
-    if len(lists) < len(values):
+        complain(problems, "no_samples")
+    for key in (key for key in ("samples", "seed") if key in sweep and not sampled):
+        complain(problems, "design_key", key=key, design=entry.design)
+    if len(problems) > count:
         return ()
+    if entry.samples is not None:
+        return latin_hypercube(values, entry.samples, entry.seed)
     if entry.design == "list":
-        return list_points([parameter.name for parameter in parameters], lists, problems)
-    return grid_points(lists, problems)
+        return list_points([parameter.name for parameter in parameters], values, problems)
+    return grid_points(values, problems)
 
 
-def _is_names(values: Values) -> TypeGuard[tuple[str, ...]]:
-    return isinstance(values, tuple) and all(isinstance(value, str) for value in values)
+def _is_names(values: Values) -> TypeGuard[Sequence[str]]:
+    return not isinstance(values, SampledEntry) and all(isinstance(value, str) for value in values)
 
 
 def _last_name(location: Location) -> str:

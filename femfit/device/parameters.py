@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from femfit.device.complaints import complain
 from femfit.device.decimals import decimal_sum, scaled
-from femfit.device.file_numbers import SI_UNITS, Location, unit_of, with_value
+from femfit.device.file_numbers import Location, with_value
+from femfit.device.keys import SI_UNITS, unit_of
 from femfit.device.schema import MAX_AXIS_POINTS, SampledEntry
 
 Value = float | str
@@ -25,24 +27,11 @@ Points = tuple[tuple[Value, ...], ...]
 """One tuple a point, one value a parameter."""
 
 
-def order(value: Value) -> tuple[str, float]:
-    """What to sort a parameter's values by: numbers by size, names by letters."""
-    return (value, 0.0) if isinstance(value, str) else ("", value)
-
-
-def shown(value: Value) -> str:
-    """A value as a message says it."""
-    return value if isinstance(value, str) else f"{value:g}"
-
-
 def grid_points(values: Sequence[Sequence[Value]], problems: list[str]) -> Points:
     """Every combination, the last parameter fastest."""
     count = int(np.prod([float(len(column)) for column in values]))
     if count > MAX_AXIS_POINTS:
-        problems.append(
-            f"sweep.parameters must have at most {MAX_AXIS_POINTS} combinations; they have {count}. Give fewer values, "
-            'or take design = "latin_hypercube".'
-        )
+        complain(problems, "many_points", most=MAX_AXIS_POINTS, count=count)
         return ()
     return tuple(product(*values))
 
@@ -51,10 +40,7 @@ def list_points(names: Sequence[str], values: Sequence[Sequence[Value]], problem
     """The first values together, the second ones together, and so on."""
     if len({len(column) for column in values}) > 1:
         lengths = ", ".join(f"{name} {len(column)}" for name, column in zip(names, values, strict=True))
-        problems.append(
-            f'sweep.parameters must have equally many values for design = "list"; they are {lengths}. Complete the '
-            'lists, or take design = "grid".'
-        )
+        complain(problems, "list_lengths", lengths=lengths)
         return ()
     return tuple(zip(*values, strict=True))
 

@@ -7,36 +7,81 @@ conductivity, how deep a field enters it.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import isfinite
+from typing import Any
 
 from femfit.core.errors import MissingPartError
 from femfit.core.numerics import COPPER_RESISTIVITY_20C, COPPER_TEMPERATURE_COEFFICIENT, MU_0, FloatArray
 from femfit.core.results import Printed
 from femfit.core.text import amount, amount_range
 from femfit.device.electrics import AnySensor, Circuit, HallElement
+from femfit.device.keys import Given, Record, in_si, key
 from femfit.device.mechanics import Mechanics
 from femfit.device.thermal import STILL_AIR, UNKNOWN, Surroundings, ThermalMaterial
 
 REFERENCE_TEMPERATURE = 20.0
 """In degC, of all material values."""
 
+CURVE = ((0, 1000),)
+"""Fewest and most points of a curve that are read, which is then checked as a whole."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conductor(Record):
+    """How a material of either kind conducts current and heat."""
+
+    beside = tuple[Any, ...]((ThermalMaterial,))
+
+    conductivity_S_per_m: float = key(
+        "the electrical conductivity in MS/m (10^6 S/m): copper 58, mild steel 5 to 9, 0 for what does not conduct",
+        0.0,
+        ge=0,
+        le=1e4,
+        kind="conductivity",
+    )
+    lamination_m: float = key(
+        "the thickness in mm of insulated sheets that stand radially around the axis, so that no current flows around "
+        "it; 0 for a solid part and for discs",
+        0.0,
+        ge=0,
+        le=100,
+        kind="lamination",
+    )
+    thermal: ThermalMaterial = UNKNOWN
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """What is said of its heat; sheets conduct."""
+        if given.lamination_mm and not given.conductivity_MS_per_m:
+            complain("sheets")
+        return {"thermal": in_si(ThermalMaterial, given)}
+
 
 @dataclass(frozen=True)
-class LinearMaterial:
-    """A material with H = (B - B_r) / (mu_0 mu_r)."""
+class LinearMaterial(Conductor):
+    """``[materials.NAME]``: a material with H = (B - B_r) / (mu_0 mu_r)."""
 
     name: str
-    relative_permeability: float = 1.0
-    remanence_T: float = 0.0  # B_r along the direction (negative: against it); zero for everything but magnets
-    # Relative change of B_r per kelvin from 20 degC, where B_r is given; zero where it is unknown
-    remanence_coefficient_per_K: float = 0.0
+    relative_permeability: float = key(
+        "mu_r, 1 if non-magnetic; the recoil permeability of a magnet",
+        1.0,
+        ge=1e-6,
+        le=1e7,
+        needed=True,
+        kind="permeability",
+    )
+    # B_r along the direction (negative: against it); zero for everything but magnets
+    remanence_T: float = key(
+        "B_r in tesla (1 T = 10 kG); the direction is the region's magnetization", 0.0, ge=0, le=3, kind="remanence"
+    )
+    # From 20 degC, where B_r is given; zero where it is unknown
+    remanence_coefficient_per_K: float = key(
+        "the relative change of B_r per kelvin: -0.0012 for -0.12 %/K", 0.0, ge=-0.02, le=0.02
+    )
     # Unit vector (r, z) that a positive remanence points along: (0, 1) axial, (1, 0) radial, outwards
     direction: tuple[float, float] = (0.0, 1.0)
-    conductivity_S_per_m: float = 0.0
-    lamination_m: float = 0.0  # Thickness of sheets that stand radially around the axis; 0: solid
-    thermal: ThermalMaterial = UNKNOWN
     temperature_C: float = REFERENCE_TEMPERATURE  # Of the remanence
 
     @property
@@ -56,16 +101,40 @@ class LinearMaterial:
 
 
 @dataclass(frozen=True)
-class NonlinearMaterial:
-    """A soft material that saturates: H along B, |H| a monotone function of |B|, without hysteresis."""
+class _Curve(Record):
+    """Key of a file with a magnetisation curve."""
+
+    bh_curve: str | None = key(
+        "a steel of the library, or a CSV file with columns B_T,H_A_per_m", None, length=(1, None)
+    )
+
+
+@dataclass(frozen=True)
+class NonlinearMaterial(Conductor):
+    """``[materials.NAME]``: a soft one, H along B, |H| a monotone function of |B|, without hysteresis."""
+
+    beside = (*Conductor.beside, _Curve)
 
     name: str
-    flux_density_T: tuple[float, ...]  # B of the curve's points, ascending from 0
-    field_A_per_m: tuple[float, ...]  # H of the curve's points, ascending from 0
+    # Of the curve's points
+    flux_density_T: tuple[float, ...] = key(
+        "ascending flux densities in tesla, from 0", file="B_T", usual=None, count=CURVE, kind="curve_flux_density"
+    )
+    field_A_per_m: tuple[float, ...] = key(
+        "ascending fields in A/m, from 0", file="H_A_per_m", usual=None, count=CURVE, kind="curve_field"
+    )
     remark: str = ""  # What was left out of the curve as it was given; empty for nothing
-    conductivity_S_per_m: float = 0.0
-    lamination_m: float = 0.0  # As of LinearMaterial
-    thermal: ThermalMaterial = UNKNOWN
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:
+        """The points of its one curve, none where a file has them, and what is said of its heat."""
+        missing = {"B_T", "H_A_per_m"} - given.stated
+        for name in sorted(missing) if given.bh_curve is None else ():
+            complain("curve_missing", name=name)
+        if given.bh_curve is not None and len(missing) < 2:
+            complain("curve_twice")
+        points = {"flux_density_T": tuple(given.B_T or ()), "field_A_per_m": tuple(given.H_A_per_m or ())}
+        return {**points, **super().derived(given, complain)}
 
     @property
     def relative_permeability(self) -> float:

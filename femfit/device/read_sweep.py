@@ -1,19 +1,35 @@
-"""Currents and distances of the sweep and frequencies of the solver, as an actuator file gives them."""
+"""Currents and distances of the sweep and frequencies of the solver, as an actuator file gives them.
+
+A grid is a key of the sweep table; it must come out the same on every machine and in every language.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from decimal import Decimal
+from itertools import pairwise
 from typing import Any
 
-from femfit.device.complaints import did_you_mean, joined, read_list, read_table
-from femfit.device.decimals import axis_values, not_above, scaled
+from femfit.device.complaints import complain, did_you_mean, joined, read_table, read_value
+from femfit.device.decimals import scaled
 from femfit.device.drawing import coil_tables
+from femfit.device.keys import Key, keys_of
 from femfit.device.parts import SweepAxes
-from femfit.device.schema import AXIS_VALUES, RangeEntry, SweepEntry
-from femfit.device.schema_device import FREQUENCIES, MAX_FREQUENCIES, FrequencyRangeEntry, SolverEntry
+from femfit.device.schema import (
+    MAX_AXIS_POINTS,
+    MAX_FREQUENCIES,
+    FrequencyRangeEntry,
+    RangeEntry,
+    SolverEntry,
+    SweepEntry,
+)
 
 MIN_DISTANCE = 1e-3
 """In mm, of schema 1: a micrometre is less than a face is flat, and still a gap that can be meshed."""
+
+CURRENT, DISTANCE = (keys_of(SweepEntry)[name] for name in ("current_A", "distance_mm"))
+_DIGITS = 9
+"""Significant digits of a frequency between the ends of a range, the same on every machine."""
 
 
 @dataclass(frozen=True)
@@ -29,18 +45,57 @@ class FileAxes:
         return SweepAxes(first, tuple(scaled(d) for d in self.distances_mm), tuple(others_A))
 
 
-def read_axis(value: object, path: str, key: str, problems: list[str]) -> tuple[float, ...]:
-    """The ascending values of an axis given as a list or as { start, stop, step }; none if unusable."""
-    remedy = SweepEntry.model_fields[key].description or ""
+def read_axis(key: Key, value: object, path: str, problems: list[str]) -> tuple[float, ...]:
+    """The ascending values of a key that are given as a list, or as a table of equal steps; none if unusable."""
     if isinstance(value, dict):
-        entry = read_table(RangeEntry, value, path, problems)
+        entry = read_table(key.stepped, value, path, problems)
         return () if entry is None else axis_values(entry, path, problems)
     if isinstance(value, list):
-        return axis_values(read_list(AXIS_VALUES, value, path, remedy, problems), path, problems)
-    problems.append(
-        f"{path} must be a list of numbers or a table {{ start, stop, step }}; it is {str(value)[:60]!r}. {remedy}"
-    )
+        return axis_values(read_value(key, value, path, problems) or (), path, problems)
+    steps = ", ".join(keys_of(key.stepped))
+    complain(problems, "no_axis", path, steps=steps, given=str(value)[:60], remedy=key.remedy)
     return ()
+
+
+def axis_values(
+    axis: RangeEntry | FrequencyRangeEntry | Sequence[float], path: str, problems: list[str]
+) -> tuple[float, ...]:
+    """The ascending values of an axis, in the file's unit; none where they are unusable."""
+    if isinstance(axis, RangeEntry | FrequencyRangeEntry):
+        if axis.stop <= axis.start:
+            complain(problems, "no_range", path, start=axis.start, stop=axis.stop)
+            return ()
+        return _stepped(axis, path, problems) if isinstance(axis, RangeEntry) else _by_decade(axis, path, problems)
+    values = tuple(map(float, axis))
+    for before, after in pairwise(values):
+        if after <= before:
+            how = "repeats" if after == before else "follows"
+            complain(problems, "no_order", path, after=after, before=before, how=how)
+            return ()
+    return values
+
+
+def _stepped(axis: RangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
+    start, stop, step = (Decimal(repr(float(v))) for v in (axis.start, axis.stop, axis.step))
+    if (stop - start) / step > MAX_AXIS_POINTS - 1:
+        complain(problems, "many_steps", path, most=MAX_AXIS_POINTS, **vars(axis))
+        return ()
+    count = round((stop - start) / step)
+    if start + count * step != stop:
+        complain(problems, "no_divisor", path, end=float(start + count * step), **vars(axis))
+        return ()
+    return tuple(float(start + k * step) for k in range(count + 1))
+
+
+def _by_decade(axis: FrequencyRangeEntry, path: str, problems: list[str]) -> tuple[float, ...]:
+    """Equally spaced in their logarithm, both ends included."""
+    # A range of no whole number of steps gets a step more, not wider ones
+    steps = math.ceil(round(axis.per_decade * math.log10(axis.stop / axis.start), _DIGITS))
+    if steps >= MAX_FREQUENCIES:
+        complain(problems, "many_frequencies", path, most=MAX_FREQUENCIES, count=steps + 1)
+        return ()
+    between = (axis.start * (axis.stop / axis.start) ** (k / steps) for k in range(1, steps))
+    return (axis.start, *(float(f"{value:.{_DIGITS}g}") for value in between), axis.stop)
 
 
 def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> FileAxes:
@@ -49,69 +104,42 @@ def read_axes(data: Mapping[str, Any], circuits: Sequence[str], problems: list[s
     if not isinstance(sweep, dict):
         return FileAxes((), ())
     currents, without = sweep.get("current_A"), not any(coil_tables(data))
-    read_table(SweepEntry, ({"current_A": []} if without else {}) | sweep, "sweep", problems)
-    axes, each = [], isinstance(currents, dict) and not currents.keys() <= RangeEntry.model_fields.keys()
+    read_table(SweepEntry, sweep, "sweep", problems)
+    axes, each = [], isinstance(currents, dict) and not currents.keys() <= keys_of(RangeEntry).keys()
     if isinstance(currents, dict) and each:
         axes = _by_circuit(currents, circuits, problems)
-    elif "current_A" in sweep and not without:
+    elif currents is None and not without:
+        complain(problems, "missing", "sweep.current_A", remedy=CURRENT.remedy)
+    elif not without:
         if len(circuits) > 1:
-            problems.append(
-                f"sweep.current_A must give the currents of each circuit; there are {', '.join(circuits)}. Write "
-                f"current_A = {{ {circuits[0]} = [0, 1], {circuits[1]} = [0, 1] }}."
-            )
-        axes = [read_axis(currents, "sweep.current_A", "current_A", problems)]
+            first, second, *_ = circuits
+            complain(problems, "each_current", known=", ".join(circuits), first=first, second=second)
+        axes = [read_axis(CURRENT, currents, "sweep.current_A", problems)]
     distances_mm: tuple[float, ...] = ()
     if "distance_mm" in sweep:
-        distances_mm = read_axis(sweep["distance_mm"], "sweep.distance_mm", "distance_mm", problems)
+        distances_mm = read_axis(DISTANCE, sweep["distance_mm"], "sweep.distance_mm", problems)
     if distances_mm and distances_mm[0] < MIN_DISTANCE and data.get("schema") == 1:
-        problems.append(
-            f"sweep.distance_mm must be > 0, the gap from face to face; it starts at {distances_mm[0]:g}. "
-            f"Start at {MIN_DISTANCE:g} mm or more, or write schema = 2 for a body that passes the face."
-        )
+        complain(problems, "no_gap", start=distances_mm[0], least=MIN_DISTANCE)
     return FileAxes(tuple(axes), distances_mm)
 
 
 def _by_circuit(currents: Mapping[str, Any], circuits: Sequence[str], problems: list[str]) -> list[tuple[float, ...]]:
-    problems += [
-        f"{joined('sweep.current_A', name)} must name a circuit.{did_you_mean(name, circuits)} "
-        f"Known: {', '.join(circuits) or 'none'}."
-        for name in currents
-        if name not in circuits
-    ]
-    missing = [name for name in circuits if name not in currents]
-    problems += [f"{joined('sweep.current_A', name)} is missing. Give the circuit's currents." for name in missing]
-    paths = {name: joined("sweep.current_A", name) for name in circuits if name in currents}
-    return [read_axis(currents[name], path, "current_A", problems) for name, path in paths.items()]
-
-
-_DIGITS = 9
-"""Significant digits of a frequency between the ends of a range, the same on every machine."""
+    paths = {name: joined("sweep.current_A", name) for name in (*currents, *circuits)}
+    for name in (name for name in currents if name not in circuits):
+        near, known = did_you_mean(name, circuits), ", ".join(circuits) or "none"
+        complain(problems, "not_a_circuit", paths[name], near=near, known=known)
+    for name in (name for name in circuits if name not in currents):
+        complain(problems, "missing", paths[name], remedy="Give the circuit's currents.")
+    return [read_axis(CURRENT, currents[name], paths[name], problems) for name in circuits if name in currents]
 
 
 def frequencies(entry: SolverEntry | None, problems: list[str]) -> tuple[float, ...]:
-    """The ascending frequencies in Hz; those of a range are equally spaced in their logarithm, both ends included."""
-    path = "solver.frequency_Hz"
-    axis = entry.frequency_Hz if entry is not None else None
-    if axis is None:
+    """The ascending frequencies in Hz."""
+    if entry is None or entry.frequency_Hz is None:
         return ()
-    if not isinstance(axis, dict):
-        remedy = SolverEntry.model_fields["frequency_Hz"].description or ""
-        return axis_values(read_list(FREQUENCIES, axis, path, remedy, problems), path, problems)
-    frequencies = read_table(FrequencyRangeEntry, axis, path, problems)
-    if frequencies is None:
-        return ()
-    if frequencies.stop <= frequencies.start:
-        problems.append(not_above(path, frequencies.start, frequencies.stop))
-        return ()
-    # A range of no whole number of steps gets a step more, not wider ones
-    steps = math.ceil(round(frequencies.per_decade * math.log10(frequencies.stop / frequencies.start), _DIGITS))
-    if steps >= MAX_FREQUENCIES:
-        problems.append(
-            f"{path} must have at most {MAX_FREQUENCIES} values; it has {steps + 1}. Give fewer per_decade."
-        )
-        return ()
-    between = (frequencies.start * (frequencies.stop / frequencies.start) ** (k / steps) for k in range(1, steps))
-    return (frequencies.start, *(float(f"{value:.{_DIGITS}g}") for value in between), frequencies.stop)
+    value = entry.frequency_Hz
+    given = list(value) if isinstance(value, tuple) else value
+    return read_axis(keys_of(SolverEntry)["frequency_Hz"], given, "solver.frequency_Hz", problems)
 
 
 def eddy_bias(entry: SolverEntry | None, circuits: int, problems: list[str]) -> tuple[float, ...]:
@@ -119,10 +147,7 @@ def eddy_bias(entry: SolverEntry | None, circuits: int, problems: list[str]) -> 
     bias = entry.eddy_bias_A if entry is not None else None
     if bias is None:
         return ()
-    values = tuple(bias) if isinstance(bias, list) else (bias,)
+    values = bias if isinstance(bias, tuple) else (bias,)
     if len(values) != circuits:
-        problems.append(
-            f"solver.eddy_bias_A must have a current for each of the {circuits} circuits; it has {len(values)}. Give a "
-            "list in their order."
-        )
+        complain(problems, "eddy_bias", circuits=circuits, count=len(values))
     return values

@@ -4,7 +4,7 @@ Each variant of a parameter sweep is a file of its own, checked as such.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,13 +13,14 @@ import tomlkit
 
 from femfit.core.errors import ActuatorFileError, OutputError
 from femfit.core.files import path_of
-from femfit.device.complaints import joined
+from femfit.device.complaints import complain, joined
 from femfit.device.decimals import decimal_sum, scaled
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.file_numbers import Location, library_table, numbers_of, with_value
+from femfit.device.file_numbers import Location, numbers_of, with_value
 from femfit.device.load import actuator_from_tables, actuator_from_toml, parse, read_text
+from femfit.device.materials import LIBRARY
 from femfit.device.parameter_table import read_design
-from femfit.device.parameters import AXES, ParameterDesign, Value, order, shown
+from femfit.device.parameters import AXES, ParameterDesign, Value
 from femfit.device.parts import Actuator, NonlinearMaterial, SweepAxes
 
 _DIGITS = 9
@@ -96,7 +97,7 @@ def _scale_curve(tables: dict[str, Any], path: str, factor: float, actuator: Act
     points[key] = tuple(float(f"{factor * x:.{_DIGITS}g}") for x in points[key])
     materials = tables.setdefault("materials", {})
     if curve.name not in materials:
-        materials[curve.name] = library_table(curve.name)
+        materials[curve.name] = LIBRARY[curve.name].table
     table = materials[curve.name]
     table.pop("bh_curve", None)
     for column, values in points.items():
@@ -146,9 +147,10 @@ def variants_from_toml(text: str, source: str = "actuator file", directory: Path
     design = read_design(data, [])
     if design is None:
         return only(actuator)
-    idle = list(_idle_parameters(design, data, directory))
-    if idle:
-        raise ActuatorFileError(source, idle)
+    problems: list[str] = []
+    _check_idle(design, data, directory, problems)
+    if problems:
+        raise ActuatorFileError(source, problems)
     variants = tuple(_variant(design, point, data, actuator, directory) for point in design.points)
     if all(variant.actuator is None for variant in variants):
         raise ActuatorFileError(
@@ -163,11 +165,7 @@ def only(actuator: Actuator) -> VariantSweep:
 
 
 def _variant(
-    design: ParameterDesign,
-    point: tuple[Value, ...],
-    data: dict[str, Any],
-    base: Actuator,
-    directory: Path | None,
+    design: ParameterDesign, point: tuple[Value, ...], data: dict[str, Any], base: Actuator, directory: Path | None
 ) -> Variant:
     values = tuple(
         parameter.in_si(value)
@@ -194,16 +192,15 @@ def _built(tables: dict[str, Any], directory: Path | None) -> Actuator | str:
         return " ".join(error.problems)
 
 
-def _idle_parameters(design: ParameterDesign, data: dict[str, Any], directory: Path | None) -> Iterator[str]:
-    """A line for each parameter that makes no difference, as the wire's temperature beside a given resistance."""
+def _check_idle(design: ParameterDesign, data: dict[str, Any], directory: Path | None, problems: list[str]) -> None:
+    """Report each parameter that makes no difference, as the wire's temperature beside a given resistance."""
     for place, parameter in enumerate(design.parameters):
-        values = sorted({point[place] for point in design.points}, key=order)
+        every: set[Any] = {point[place] for point in design.points}  # numbers, or names of materials
+        values = sorted(every)
         if parameter.name in AXES or len(values) < 2:
             continue
         alone = ParameterDesign((parameter,), ())
         ends = [_built(alone.variant(data, (value,)), directory) for value in (values[0], values[-1])]
         if isinstance(ends[0], Actuator) and ends[0] == ends[1]:
-            yield (
-                f"sweep.parameters.{parameter.name} must change the actuator; {shown(values[0])} and "
-                f"{shown(values[-1])} give the same one. Remove it, or the key that overrides it."
-            )
+            first, last = (value if isinstance(value, str) else f"{value:g}" for value in (values[0], values[-1]))
+            complain(problems, "idle", name=parameter.name, first=first, last=last)

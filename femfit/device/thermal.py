@@ -3,6 +3,8 @@
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from femfit.device.keys import Record, key
+
 if TYPE_CHECKING:
     from femfit.device.parts import Material
 
@@ -13,34 +15,52 @@ ROOM_K = 293.15
 
 
 @dataclass(frozen=True)
-class ThermalMaterial:
+class ThermalMaterial(Record):
     """What is known of a material's heat; None where :func:`thermal_of` takes what is usual for its kind."""
 
-    conductivity_W_per_m_K: float | None = None
-    heat_capacity_J_per_m3_K: float | None = None
-    working_temperature_C: float | None = None  # Largest, of a magnet; None where it is not known
+    conductivity_W_per_m_K: float | None = key(
+        "the thermal conductivity, or leave it to its kind", None, file="thermal_conductivity_W_per_m_K", gt=0, le=5e3
+    )
+    heat_capacity_J_per_m3_K: float | None = key(
+        "density times specific heat (steel 3.4, aluminium 2.4), or leave it to what is usual", None, gt=0, le=100
+    )
+    working_temperature_C: float | None = key(
+        "a magnet's largest working temperature in degC, where it is known", None, ge=-273, le=1000
+    )
 
 
 UNKNOWN = ThermalMaterial()
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class Surroundings(Record):
     """``[thermal]`` of an actuator file: what a drawing does not say of its heat."""
 
-    ambient_C: float = 20.0
-    # From a free face to still air, convection and radiation together (conventional: about 5 + 5)
-    film_W_per_m2_K: float = 10.0
-    # Air that is left where parts touch, and where a winding touches its core (assumed: 10 um between machined faces;
-    # 0.1 mm, which conducts as well as 1 mm of former, for a winding on it)
-    joint_m: float = 1e-5
-    winding_joint_m: float = 1e-4
-    # Between the strands (assumed: enamel and air; resin 0.25)
-    insulation_W_per_m_K: float = 0.1
-    # From the heaviest fixed part into what it is fastened to
-    mounting_W_per_K: float = 0.0
-    # Largest temperature of a winding; 130 degC is thermal class B of IEC 60085
-    winding_limit_C: float = 130.0
+    ambient_C: float = key("the temperature around the actuator", 20.0, ge=-200, le=500)
+    # Convection and radiation together (conventional: about 5 + 5)
+    film_W_per_m2_K: float = key(
+        "what a free face gives off for each kelvin with radiation: 5 to 15 in still air, 20 to 100 with a fan",
+        10.0,
+        gt=0,
+        le=1e5,
+    )
+    # Assumed: 10 um between machined faces; 0.1 mm, which conducts as well as 1 mm of former, for a winding on it
+    joint_m: float = key("the air that is left where two parts touch; a press fit 0.005", 1e-5, ge=1e-4, le=10)
+    winding_joint_m: float = key("the same between a winding and what it is drawn to touch", 1e-4, ge=1e-4, le=10)
+    # Assumed: enamel and air
+    insulation_W_per_m_K: float = key(
+        "the thermal conductivity between a winding's strands: 0.1 dry, 0.25 in resin", 0.1, gt=0, le=100
+    )
+    mounting_W_per_K: float = key(
+        "what the heaviest fixed part conducts into what it is fastened to, for each kelvin", 0.0, ge=0, le=1e6
+    )
+    # 130 degC is thermal class B of IEC 60085
+    winding_limit_C: float = key(
+        "a winding's largest temperature: 105, 120, 130, 155, 180 for the classes A, E, B, F, H",
+        130.0,
+        ge=-200,
+        le=1000,
+    )
 
 
 STILL_AIR = Surroundings()

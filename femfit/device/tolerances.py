@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from femfit.device.complaints import joined, read_table, table_at
+from femfit.device.complaints import complain, joined, read_table, table_at
 from femfit.device.drawing import fixed_key
 from femfit.device.drawn_faces import CONTOUR, drawn_faces
 from femfit.device.file_numbers import nearest_numbers, numbers_of, why_no_number
+from femfit.device.keys import keys_of
 from femfit.device.schema import ToleranceEntry
 
 _ISO_2768_M = ((3.0, 0.1), (6.0, 0.1), (30.0, 0.2), (120.0, 0.3), (400.0, 0.5), (1000.0, 0.8), (2000.0, 1.2))
@@ -62,24 +63,18 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
     table = data.get("tolerances")
     if not isinstance(table, dict):
         return {}, None
-    entries = {key: value for key, value in table.items() if key in ToleranceEntry.model_fields}
+    entries = {key: value for key, value in table.items() if key in keys_of(ToleranceEntry)}
     general = read_table(ToleranceEntry, entries, "tolerances", problems)
     keys, tolerances = {*numbers_of(data), *_curve_keys(data)}, {}
-    for key, value in table.items():
-        if key in entries:
-            continue
+    for key, value in ((key, value) for key, value in table.items() if key not in entries):
         if CONTOUR in key and any(face.key == key for face in drawn_faces(data)):
             keys.add(key)
         if key not in keys and (why := why_no_number(key)):
-            problems.append(f"tolerances.{key!r} cannot be given: {why}. Leave it out.")
+            complain(problems, "no_tolerance", key=key, why=why)
         elif key not in keys:
-            near = ", ".join(nearest_numbers(key, data))
-            problems.append(f"tolerances.{key!r} must be a key path of this file in quotes. Near it: {near}.")
+            complain(problems, "no_number", key=key, near=", ".join(nearest_numbers(key, data)))
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value < LARGEST:
-            problems.append(
-                f"tolerances.{key!r} must be a number > 0; it is {str(value)[:60]!r}. Give the number's standard "
-                "deviation."
-            )
+            complain(problems, "tolerance", key=key, given=str(value)[:60])
         else:
             tolerances[key] = float(value)
     return tolerances, None if general is None else general.length_mm
@@ -87,9 +82,7 @@ def read_tolerances(data: Mapping[str, Any], problems: list[str]) -> tuple[dict[
 
 def _curve_keys(data: Mapping[str, Any]) -> Iterator[str]:
     """The lists of magnetisation curves, each of which is scaled as a whole: their tolerances are shares."""
-    bodies = (fixed_key(data), "moving")
-    for material in {
-        str(region.get("material")) for body in bodies for region in table_at(data, body, "regions").values()
-    }:
+    regions = (table for body in (fixed_key(data), "moving") for table in table_at(data, body, "regions").values())
+    for material in {str(table.get("material")) for table in regions if isinstance(table, dict)}:
         for key in ("B_T", "H_A_per_m"):
             yield joined("materials", material, key)

@@ -45,6 +45,18 @@ def test_a_drawing_is_read_under_the_name_of_its_file(kind, tmp_path):
     assert "mass_g" not in tables.get("moving", {})
 
 
+def test_an_editor_gets_a_schema_that_every_drawing_meets_and_a_wrong_key_does_not(tmp_path):
+    jsonschema = pytest.importorskip("jsonschema", reason="checks JSON Schema")
+    worked("new", "--schema", "-o", tmp_path / "actuator.json")
+    validator = jsonschema.Draft202012Validator(json.loads((tmp_path / "actuator.json").read_text(encoding="utf-8")))
+    drawings = [*GEOMETRY.glob("*.toml"), *(GEOMETRY.parent / "docs" / "reference").glob("*.toml")]
+    tables = {path.stem: tomllib.loads(path.read_text(encoding="utf-8")) for path in drawings}
+    assert not [(name, one.message) for name, drawn in tables.items() for one in validator.iter_errors(drawn)]
+    wrong = tables["every-key"] | {"mechanics": {"mass_g": -1, "gravty": "off"}}
+    assert len(list(validator.iter_errors(wrong))) == 2
+    assert "Give a kind of actuator" in femfit("new").stderr
+
+
 FEWER = {
     "magnet-pair": {"[0.1, 0.5, 1, 2, 5, 10, 15, 20, 30, 40]": "[1, 2, 5, 10, 15, 20, 40]"},
     "bearing": {"step = 0.05": "step = 0.12", "sample_time_ms = 0.1": "sample_time_ms = 0.8"},

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,12 +11,10 @@ import pytest
 
 from femfit.device.checks import swept
 from femfit.device.decimals import scaled
-from femfit.device.drawing import unit_vector
 from femfit.device.electrics import HallElement, where_clipped
 from femfit.device.load import actuator_from_toml, read_actuator, starter_text
 from femfit.device.parts import smallest_winding_area, wire_resistance
 from femfit.device.rewrite import only
-from femfit.device.schema import HallEntry
 from femfit.device.summary import remarks, sweep_manifest_entry
 from femfit.field.sweep_rows import clipped_hall
 from femfit.tables.sweep_table import SweepTable
@@ -76,13 +74,6 @@ def test_a_magnet_pointing_down_has_negative_remanence():
     down = actuator_from_toml(text.replace('"+z"', '"-z"')).moving.regions[0].material
     assert (up.remanence_T, down.remanence_T) == (1.45, -1.45)
     assert down.relative_permeability == up.relative_permeability == 1.05
-
-
-def test_the_defaults_of_the_file_are_those_of_the_element():
-    defaults = {f.name: f.default for f in fields(HallElement) if f.name in HallEntry.model_fields}
-    assert unit_vector(HallEntry.model_fields["direction"].default, "", []) == defaults.pop("direction")
-    for name, value in defaults.items():
-        assert HallEntry.model_fields[name].default == value
 
 
 def test_a_hall_element_of_which_the_file_gives_the_place_alone_is_said():

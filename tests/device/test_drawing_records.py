@@ -4,16 +4,20 @@ import json
 import pickle
 from dataclasses import asdict
 from pathlib import Path
+from types import UnionType
+from typing import get_args, get_origin
 
 import numpy as np
 import pytest
 
 from femfit.core.errors import ActuatorFileError, FemfitError
 from femfit.core.files import json_ready
+from femfit.device.keys import keys_of, kind_of
 from femfit.device.load import actuator_from_toml, read_actuator
+from femfit.device.mechanics import Mechanics
 from femfit.device.read_device import check_circuit_names
 from femfit.device.rewrite import variants_from_toml
-from femfit.device.schema_device import SENSORS, TABLES, CurveEntry, MaterialEntry
+from femfit.device.schema import FileEntry, FixedEntry, MovingEntry, SomeSensor
 from femfit.device.summary import actuator_from_record, sweep_manifest_entry
 from femfit.device.tolerances import read_tolerances
 from femfit.model.impedance import impedances_by_column
@@ -139,41 +143,40 @@ def test_the_error_is_ours_and_survives_a_process_boundary():
     assert copy.problems == refused.value.problems
 
 
-KINDS = {"materials": {"linear": MaterialEntry, "curve": CurveEntry}, "sensors": SENSORS}
 PLACES = {
-    ".".join((*above, last.replace("*", name))): entry
-    for (*above, last), only in TABLES.items()
-    for name, entry in KINDS.get(above[0] if above else "", {"named": only}).items()
+    ".".join((*place, name) if not key.named else (*place, name, kind_of(record) or record.__name__)): record
+    for place, above in [
+        ((), FileEntry),
+        (("fixed",), FixedEntry),
+        (("moving",), MovingEntry),
+        (("mechanics",), Mechanics),
+    ]
+    for name, key in keys_of(above).items()
+    for record in key.records
+    if record is not SomeSensor
 }
 
 
-def number_in(field):
-    """An example of the numbers that a key holds, after its JSON schema."""
-    for one in field.get("anyOf", [field]):
-        if one.get("type") in {"number", "integer"}:
-            return 1.0
-        if one.get("type") == "array" and (inner := number_in(one.get("items", {}))) is not None:
-            return [inner, inner]
+def numbers_in(path, hint):
+    """Key paths of the numbers that a key holds, each of its lists with two values, and an example."""
+    for one in get_args(hint) if isinstance(hint, UnionType) else [hint]:
+        if one in (float, int):
+            return [path], 1.0
+        if get_origin(one) is tuple and (inner := numbers_in("", get_args(one)[0])):
+            return [f"{path}[{k}]{deeper}" for k in (0, 1) for deeper in inner[0]], [inner[1], inner[1]]
     return None
-
-
-def leaves(path, value):
-    return [leaf for k, one in enumerate(value) for leaf in leaves(f"{path}[{k}]", one)] if value != 1.0 else [path]
 
 
 @pytest.mark.parametrize("place", PLACES)
 def test_every_number_of_a_table_may_be_off_or_the_reason_is_said(place):
-    fields = PLACES[place].model_json_schema()["properties"]
-    examples = {key: number_in(field) for key, field in fields.items()}
-    lists = {
-        key: example for key, example in examples.items() if isinstance(example, list)
-    }  # any other may be left out
-    table = {"kind": place.partition(".")[2]} | lists
+    found = {name: numbers_in(f"{place}.{name}", key.hint) for name, key in keys_of(PLACES[place]).items()}
+    held = {name: numbers for name, numbers in found.items() if numbers}
+    # Any that is no list may be left out
+    table = {"kind": place.partition(".")[2]} | {name: one for name, (_, one) in held.items() if isinstance(one, list)}
     for name in reversed(place.split(".")):
         table = {name: table}
-    paths = [path for key, example in examples.items() if example for path in leaves(f"{place}.{key}", example)]
-    assert paths or place in {"fixed", "electromagnet"}
-    for path in paths:
+    assert held or place in {"fixed", "electromagnet"}
+    for path in (path for paths, _ in held.values() for path in paths):
         problems = []
         tolerances, _ = read_tolerances({"schema": 2, "sweep": {}, "tolerances": {path: 0.1}, **table}, problems)
         refused = place in {"thermal", "solver", "reference"} or path.endswith("bits")

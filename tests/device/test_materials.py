@@ -8,7 +8,6 @@ import pytest
 from femfit.core.numerics import MU_0
 from femfit.device.bh import BHCurve, curve_problems, without_flat_end
 from femfit.device.drawn_numbers import numbers_from_toml
-from femfit.device.file_numbers import library_table
 from femfit.device.load import actuator_from_toml, read_actuator, starter_text
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import LinearMaterial, NonlinearMaterial, skin_depth
@@ -154,7 +153,7 @@ def test_a_material_of_the_file_goes_before_one_of_the_library_and_may_say_its_o
 @pytest.mark.parametrize("name", LIBRARY)
 def test_a_material_of_the_library_written_into_a_file_is_the_same_material(name):
     lines, material = (
-        "\n".join(f"{key} = {value}" for key, value in library_table(name).items()),
+        "\n".join(f"{key} = {value}" for key, value in LIBRARY[name].table.items()),
         LIBRARY[name].material,
     )
     magnetization = 'magnetization = "+z"\n' if material.remanence_T else ""

@@ -11,8 +11,10 @@ import pytest
 from cyclopts import CycloptsError
 
 import femfit
+from actuator_file import TABLES
 from femfit.cli.main import build_app
-from femfit.device import schema, schema_device
+from femfit.device import schema
+from femfit.device.keys import keys_of
 from femfit.device.rewrite import read_variants
 from femfit.effects.catalogue import BUILT_IN
 
@@ -74,11 +76,8 @@ def test_the_example_file_uses_every_key():
     keys = set(re.findall(r"[\w.]+(?= *=)", text))
     tables = set(re.findall(r"^\[(?:mechanics\.)?(\w+)", text, flags=re.MULTILINE))
     wanted = {"regions", "parameters"}
-    known = [*vars(schema).values(), *vars(schema_device).values()]
-    entries = [value for value in known if isinstance(value, type) and issubclass(value, schema.Entry)]
-    for entry in entries:
-        properties = entry.model_json_schema(by_alias=True).get("properties", {})
-        wanted |= {key for key, value in properties.items() if "schema" not in value}  # another schema's forms
+    records = [schema.FileEntry, *(record for _, _, record in TABLES)]
+    wanted |= {name for record in records for name, key in keys_of(record).items() if not key.older}
     assert wanted - keys - tables <= {"regions", "parameters"}
 
 

@@ -16,10 +16,10 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import listing
 from femfit.device.complaints import joined, table_at
 from femfit.device.drawn_numbers import DrawnNumber, NumberFacts, numbers_from_toml
-from femfit.device.file_numbers import numbers_of
+from femfit.device.file_numbers import WITHOUT_FIELD, numbers_of
 from femfit.device.load import parse
 from femfit.device.rewrite import rewritten
-from femfit.device.schema_device import BODIES, ConductorEntry
+from femfit.device.schema import BODIES
 from femfit.device.tolerances import KINDS, read_tolerances
 from femfit.effects.catalogue import effect_by_name, known_effect
 from femfit.effects.tolerances import RESISTANCE
@@ -95,7 +95,7 @@ class Drawing:
                 why = "its field does not depend on it. An effect of the catalogue (--with) may stand for it"
                 if location[0] in {*BODIES, "coil", "coils"} and "mm" in path:
                     why = "it counts from there, or cannot be built with another one"
-                elif location[0] == "materials" and location[-1] not in ConductorEntry.model_fields:
+                elif location[0] == "materials" and location[-1] not in WITHOUT_FIELD:
                     why = "as drawn there is none of it"
                 raise UsageError(f"{none}: {why}.")
         near = difflib.get_close_matches(key[:200], [path for entries, _ in paths for path in entries], n=4, cutoff=0.3)

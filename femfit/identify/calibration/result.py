@@ -15,7 +15,7 @@ from femfit.core.numerics import FloatArray
 from femfit.core.results import Finding, Printed
 from femfit.core.text import rounded
 from femfit.device.drawn_numbers import NumberFacts
-from femfit.device.file_numbers import unit_of
+from femfit.device.keys import unit_of
 from femfit.effects.effect import AddedEffect
 from femfit.identify.calibration.fit import Estimate
 from femfit.identify.comparison.lack_of_fit import LackOfFit

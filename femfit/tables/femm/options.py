@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from femfit.core.errors import FemFileError
 from femfit.core.results import Finding
-from femfit.device.decimals import axis_values
+from femfit.device.read_sweep import axis_values
 from femfit.device.schema import MAX_AXIS_POINTS, RangeEntry
 from femfit.tables.findings import finding
 

@@ -1,0 +1,202 @@
+"""What a key of the actuator file is, declared once: at the field of the record that has its value.
+
+A record is a frozen dataclass, one of each table. Its fields are in SI units, or in the file's where a table is drawn
+with; a field's name and its key's say which. How a key is read and converted, whether it can be swept or be off, its
+row of the reference page, its JSON Schema and its limits in a model file all follow from the declaration.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from functools import cache, cached_property
+from types import SimpleNamespace, UnionType
+from typing import Any, ClassVar, NamedTuple, get_args, get_origin, get_type_hints
+
+from femfit.device.decimals import scaled
+
+
+class Unit(NamedTuple):
+    """A unit of the file."""
+
+    printed: str
+    si: str  # As names of fields end in
+    power: int = 0  # Of ten, to that
+
+
+UNITS = {
+    "MJ_per_m3_K": Unit("MJ/(m³ K)", "J_per_m3_K", 6),
+    "MS_per_m": Unit("MS/m", "S_per_m", 6),
+    "N_per_mm": Unit("N/mm", "N_per_m", 3),
+    "V_per_mm": Unit("V/mm", "V_per_m", 3),
+    **{name: Unit(printed, name) for name, printed in {
+        "W_per_m2_K": "W/(m² K)", "W_per_m_K": "W/(m K)", "W_per_K": "W/K", "N_s_per_m": "N s/m", "m_per_s2": "m/s²",
+        "A_per_m": "A/m", "V_per_T": "V/T", "per_K": "1/K", "ohm": "Ω", "deg": "°", "Hz": "Hz", "T": "T", "C": "°C",
+        "V": "V", "A": "A", "N": "N",
+    }.items()},
+    **{name: Unit(name, si, -3) for name, si in {"mm": "m", "ms": "s", "mH": "H", "g": "kg"}.items()},
+}  # fmt: skip
+"""Units that keys of the file end in, those that others end in behind them."""
+
+SI_UNITS = {name: unit.si for name, unit in UNITS.items() if unit.power == -3}
+"""SI units of the units that numbers of the file are in; each of these is a thousandth."""
+
+# These bounds are far beyond any actuator, and keep products of values far from overflow and underflow
+LENGTH: dict[str, Any] = {"ge": -1e5, "le": 1e5}
+FORCE: dict[str, Any] = {"ge": -1e6, "le": 1e6}
+ELECTRICAL = FORCE
+POINTS = ((2, 1000),)
+
+
+def unit_of(name: str) -> str:
+    """The unit that a key or a column ends in, empty for bare numbers."""
+    return next((unit for unit in UNITS if name.endswith(f"_{unit}")), "")
+
+
+class Given(SimpleNamespace):
+    """What a table gives: its values by their keys, in the file's units, and what is usual for those left out."""
+
+    stated: set[str]  # Keys that are there
+    wrong: set[str]  # Keys that are missing or whose values are no such ones
+
+
+class Record:
+    """What the dataclass of a table says of it beside its fields; nothing usually."""
+
+    beside: ClassVar[tuple[Any, ...]] = ()  # Records whose keys stand in the same table
+    UNIT: ClassVar[str] = ""  # That keys end in which are named so
+    any_keys: ClassVar[bool] = False  # Whether others may be there, which are not read
+
+    @classmethod
+    def derived(cls, given: Given, complain: Callable[..., None]) -> dict[str, Any]:  # noqa: ARG003  of some records
+        """Fields that follow from keys beside them, by their names.
+
+        It complains of values that are right each by itself and wrong together, by codes of ``complaints.toml``, whose
+        sentences know what is given, and further facts.
+        """
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Key:
+    """What is said of a key beside its field's type and default; all numbers are in the file's unit."""
+
+    says: str  # What to give, which is the remedy where it is missing or wrong
+    file: str = ""  # Its name there, where it is not the field's; ``{unit}`` is the record's, here and above
+    ge: float | None = None
+    le: float | None = None
+    gt: float | None = None
+    lt: float | None = None
+    count: tuple[tuple[int, int], ...] = ()  # Fewest and most members of a list, and of the lists in it
+    length: tuple[int, int | None] = (0, None)  # Of a text
+    pattern: str | None = None
+    words: tuple[str, ...] = ()  # Names of directions, which may also be given as [r, z]
+    usual: Any = ...  # What the file takes where it is left out, if that is not the field's default
+    needed: bool = False  # Whether a table must have it though the field has a default
+    kind: str = ""  # Of a number that a workshop may miss, of femfit.device.tolerances.KINDS
+    ascending: bool = False
+    monotone: bool = False  # A list that rises or falls throughout
+    like: str = ""  # Field of a list with as many values
+    stepped: type | None = None  # Record of a table that may stand for a list, as { start, stop, step }
+    form: type | None = None  # Record of a table whose values are read by a reader of its own
+    older: bool = False  # Of schema 1: read, and no longer described
+    any_name: bool = False  # Whether the tables may be named as one likes: no column or file is named after them
+    # From here on by the field, as :func:`keys_of` fills it in
+    field: str = ""
+    hint: Any = None
+    records: tuple[Any, ...] = ()  # Of the table here, or of each table that has a name here
+    named: bool = False
+
+    @property
+    def remedy(self) -> str:
+        """What to do, as a sentence."""
+        return f"Give {self.says}."
+
+    @cached_property
+    def power(self) -> int:
+        """Of ten, from the file's unit to the field's."""
+        unit = unit_of(self.file)
+        return 0 if not unit or self.field.endswith(f"_{unit}") else UNITS[unit].power
+
+    @property
+    def required(self) -> bool:
+        """Whether a table must have it."""
+        return self.usual is ...
+
+    @property
+    def is_number(self) -> bool:
+        """Whether one number stands here, with or without None beside it."""
+        return float in (self.hint, *(get_args(self.hint) if isinstance(self.hint, UnionType) else ()))
+
+    @property
+    def limits(self) -> dict[str, Any]:
+        """What a model file is held to: signs and order, since the drawing's other bounds are far from any actuator."""
+        least = self.ge if self.gt is None else self.gt
+        limits: dict[str, Any] = {} if self.lt is None else {"upper": self.lt}
+        if least is not None and least >= 0.0:
+            limits |= {"lower": 0.0} if self.ge == 0.0 else {"positive": True}
+        order = {"ascending": self.ascending, "monotone": self.monotone, "like": self.like}
+        return limits | {name: value for name, value in order.items() if value}
+
+
+def converted(value: Any, power: int) -> Any:
+    """A value, or each of a list, times a power of ten; lists are tuples."""
+    if isinstance(value, list | tuple):
+        return tuple(converted(each, power) for each in value)
+    return scaled(value, power) if power and value is not None else value
+
+
+def key(says: str, default: Any = MISSING, *, model: Mapping[str, Any] | None = None, **facts: Any) -> Any:
+    """A field with its key: what to give, the default in the field's unit, and what :class:`Key` holds besides.
+
+    What a model file is held to follows from that, unless ``model`` says it.
+    """
+    declared = Key(says, **facts)
+    return field(default=default, metadata={"drawn": declared, **declared.limits, **(model or {})})
+
+
+def _keys_of(record: Any) -> dict[str, Key]:
+    """The keys of a record's table: its fields', then its bases', and those of records ``beside`` it in one table."""
+    keys = {}
+    for each in (record, *record.beside):
+        hints, first = get_type_hints(each), vars(each)["__annotations__"]
+        declared = [member for member in fields(each) if "drawn" in member.metadata]
+        for member in sorted(declared, key=lambda member: member.name not in first):
+            bound = _bound(member, hints[member.name], record.UNIT)
+            keys[bound.file] = bound
+    return keys
+
+
+def _bound(member: Any, hint: Any, unit: str) -> Key:
+    """What is declared at a field, with what follows from its name, type and default."""
+    declared: Key = member.metadata["drawn"]
+    units = ((name, each.si) for name, each in UNITS.items() if member.name.endswith(f"_{each.si}"))
+    in_file, si = next(units, ("", ""))
+    file = (declared.file or f"{member.name.removesuffix(si)}{in_file}").replace("{unit}", unit)
+    says = declared.says.replace("{unit}", unit and UNITS[unit].printed.replace("²", "^2"))
+    alternatives = get_args(hint) if isinstance(hint, UnionType) or get_origin(hint) is tuple else (hint,)
+    kinds = [kind for each in alternatives for kind in (each, *get_args(each))]
+    records = tuple(kind for kind in kinds if is_dataclass(kind))
+    named = bool(records) and get_origin(hint) is tuple
+    bound = replace(declared, field=member.name, hint=hint, says=says, file=file, records=records, named=named)
+    if bound.needed or bound.usual is not ... or member.default is MISSING:
+        return bound
+    return replace(bound, usual=None if records else converted(member.default, -bound.power))
+
+
+keys_of: Callable[[Any], dict[str, Key]] = cache(_keys_of)
+
+
+def kind_of(record: Any) -> str:
+    """The ``kind`` by which a table says which record it is; empty where it has none."""
+    kind = keys_of(record).get("kind")
+    return "" if kind is None else str(get_args(kind.hint)[0])
+
+
+def in_si(record: Any, given: Given, complain: Callable[..., None] | None = None, **more: Any) -> Any:
+    """The record of a table, its own fields converted; what is not there is as usual."""
+    values = {}
+    for name, declared in keys_of(record).items():
+        member = record.__dataclass_fields__.get(declared.field)
+        if member and not declared.records and (name in given.stated or member.default is MISSING):
+            value = getattr(given, name)
+            values[declared.field] = value if declared.hint is Any else converted(value, declared.power)
+    return record(**values | record.derived(given, complain or (lambda *_, **__: None)) | more)
