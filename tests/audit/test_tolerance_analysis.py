@@ -11,18 +11,16 @@ from femfit.core.errors import MissingPartError, UsageError
 from femfit.device.load import actuator_from_tables, parse
 from femfit.field.layout import layout_of
 from femfit.field.problem import prepare
-from femfit.field.sweep import run_sweep
 from femfit.field.tolerance import SolverSettings
+from femfit.tables.sweep_table import read_sweep_table
 from support.small_drawing import SMALL
 
 HEIGHT, RADIUS = "moving.regions.magnet.z_mm[1]", "fixed.regions.core.r_mm[1]"
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory):
-    directory = tmp_path_factory.mktemp("tolerances")
-    (directory / "small.toml").write_text(SMALL)
-    return run_sweep(directory / "small.toml", directory / "run", workers=1, signatures=True)
+def table(small_sweep):
+    return read_sweep_table(small_sweep / "run")
 
 
 def _points(table):

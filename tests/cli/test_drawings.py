@@ -262,6 +262,7 @@ def test_a_distance_whose_mesh_fails_is_solved_on_a_finer_one(steel, monkeypatch
     np.testing.assert_allclose(again["force_N"], whole["force_N"], rtol=2e-3)  # the meshes' own error is 5e-4
 
 
+@pytest.mark.nightly
 def test_everything_is_drawn_into_a_directory_with_the_numbers_that_the_picture_marks(tmp_path):
     options = ("--distance-mm", "20", "-o", tmp_path / "all", "--json", tmp_path / "all.json")
     result = worked("view", GEOMETRY / "emaws-rig.toml", *options)

@@ -1,7 +1,6 @@
 """Records over time, through integrate, simulate and observe."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +8,7 @@ import pytest
 from arpaia2022.experiment import ExperimentInputs, synthesise
 
 from femfit.core.errors import FemfitError
-from femfit.device.electrics import CurrentSensor, Drive, PositionSensor
+from femfit.device.electrics import Drive
 from femfit.integrate.field_of_current import FieldModel, FieldTerms, read_field_model, write_field_model
 from femfit.integrate.integrate_coil import integrate_coil
 from femfit.model.json_file import write_model
@@ -235,35 +234,6 @@ def test_the_default_compares_controllers_and_filters(model_file, tmp_path):
         assert part in result.stdout
     data = json.loads((tmp_path / "result.json").read_text())
     assert {row["measurement"] for row in data["steps"]} == {"direct", "ukf"}
-
-
-@pytest.mark.nightly
-def test_a_lost_magnet_is_named_and_no_rms_is_told(model_file, tmp_path):
-    options = ("--controller", "pid", "--filter", "direct", "--seconds", 0.5, "--json", tmp_path / "r.json")
-    result = worked("simulate", model_file, *options)
-    assert set(json.loads((tmp_path / "r.json").read_text())["outcomes"]) & {"FELL", "PULLED_IN", "FILTER_DIVERGED"}
-    assert "rms of estimated" not in result.stdout
-
-
-@pytest.mark.nightly
-def test_a_filter_reads_the_drawn_sensors_of_a_simulated_record_and_finds_their_noise(levitation_model, tmp_path):
-    laser = PositionSensor(name="laser", noise=2e-4, distances_m=(0.0, 1.0), readings=(0.0, 10.0))
-    ammeter = CurrentSensor(name="ammeter", noise=4e-3, circuit=levitation_model.circuit.name)
-    model = replace(levitation_model, sensor=None, other_sensors=(laser, ammeter), reference_distances_m=(0.022,))
-    write_model(model, tmp_path / "model.json")
-    loop = ("--runs", 1, "--seconds", 0.5, "--controller", "pid", "--csv", tmp_path / "log.csv")
-    worked("simulate", tmp_path / "model.json", *loop)
-    rows = pd.read_csv(tmp_path / "log.csv")
-    assert {"true_distance_m", "true_current_A", "position_V", "current_A"} <= set(rows)
-    assert "distance_m" not in rows
-    # The column of the ammeter is what it reads, noise and all
-    assert np.std(rows["current_A"] - rows["true_current_A"]) == pytest.approx(4e-3, rel=0.1)
-    worked("observe", tmp_path / "model.json", tmp_path / "log.csv", "--json", tmp_path / "seen.json")
-    told = json.loads((tmp_path / "seen.json").read_text())
-    assert sorted(told["sensors"]) == ["ammeter", "laser"]
-    noise = {one["name"]: one["value"] for one in told["noise"]["estimates"]}
-    assert noise["laser"] == pytest.approx(2e-4, rel=0.15)
-    assert noise["ammeter"] == pytest.approx(4e-3, rel=0.15)
 
 
 @pytest.fixture

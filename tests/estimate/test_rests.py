@@ -183,6 +183,7 @@ def test_the_interval_holds_the_time_of_the_first_touch_and_the_speed_is_right(r
     assert held >= least
 
 
+@pytest.mark.nightly
 def test_a_body_that_is_blocked_before_its_stop_is_not_said_to_seat_with_certainty():
     """An obstacle at 1 mm, of which the model knows nothing."""
     device = model()

@@ -169,6 +169,7 @@ def test_at_a_low_frequency_slopes_are_those_at_rest(actuator, swept):
         assert off < 0.01 * abs(at_rest) * number.facts.tolerance + 1e-4 * abs(base[0, 0, 0]), number.facts.key
 
 
+@pytest.mark.nightly
 def test_a_model_changes_with_a_number_as_the_field_does(swept):
     slopes, model = swept[1].impedance_slopes, fit_model(swept[1]).model
     compared = [one for one in slopes.numbers if not one.effect and one.kind != "hall_place"]

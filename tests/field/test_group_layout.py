@@ -57,6 +57,7 @@ def test_a_narrow_gap_makes_the_layer_thin_at_the_gap_alone(distances):
     assert outer.bounds[3] - mover.bounds[3] > 20.0 * NARROW
 
 
+@pytest.mark.nightly
 def test_a_pot_magnets_narrow_gap_costs_few_elements_and_no_accuracy():
     # 0.1 mm before poles of 40 mm: a layer as thin as the gap all round the plate took 18,000 elements.
     iron = LinearMaterial("iron", 1000.0)

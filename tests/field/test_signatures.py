@@ -1,5 +1,7 @@
 """What the drawing's numbers change, from the solved field: against Euler's theorem and against whole new sweeps."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -62,50 +64,35 @@ def test_scaling_of_all_lengths_and_currents(name, distance, current):
     assert np.all(np.abs(total - powers * here) <= 1.5e-3 * np.abs(here))
 
 
-@pytest.mark.parametrize(
-    ("name", "distance", "currents", "chosen"),
-    [
-        (
-            "emaws-rig",
-            0.022,
-            [0.0, 1.4],
-            {
-                "fixed.regions.lower_flange.r_mm[1]": 0.05,
-                "fixed.regions.sleeve.z_mm[1]": 0.05,
-                "moving.regions.magnet.z_mm[1]": 0.05,
-                "materials.n52.relative_permeability": 0.01,
-                "sensors.hall.z_mm": 0.02,
-            },
-        ),
-        pytest.param(
-            "ball",
-            0.005,
-            [0.5, 2.0],
-            {
-                "moving.regions.ball.circle_mm[2]": 0.05,
-                "fixed.regions.core.r_mm[1]": 0.05,
-                "coils.coil.r_mm[0]": 0.05,
-                "materials.steel_1010.B_T": 0.005,
-                "materials.steel_1010.H_A_per_m": 0.01,
-            },
-            marks=pytest.mark.nightly,
-        ),
-        pytest.param(
-            "voice-coil",
-            -0.006,
-            [-3.0, 3.0],
-            {
-                "coils.voice.z_mm[1]": 0.05,
-                "fixed.regions.pole.r_mm[1]": 0.02,  # a face that the magnet below shares, which stays
-                "fixed.regions.magnet.z_mm[1]": 0.02,  # a joint
-            },
-            marks=pytest.mark.nightly,
-        ),
-    ],
-)
-def test_slopes_are_those_of_whole_new_solutions(name, distance, currents, chosen, monkeypatch):
+WHOLE = {
+    "emaws-rig": (0.022, [0.0, 1.4], {
+        "fixed.regions.lower_flange.r_mm[1]": 0.05,
+        "fixed.regions.sleeve.z_mm[1]": 0.05,
+        "moving.regions.magnet.z_mm[1]": 0.05,
+        "materials.n52.relative_permeability": 0.01,
+        "sensors.hall.z_mm": 0.02,
+    }),
+    "ball": (0.005, [0.5, 2.0], {
+        "moving.regions.ball.circle_mm[2]": 0.05,
+        "fixed.regions.core.r_mm[1]": 0.05,
+        "coils.coil.r_mm[0]": 0.05,
+        "materials.steel_1010.B_T": 0.005,
+        "materials.steel_1010.H_A_per_m": 0.01,
+    }),
+    "voice-coil": (-0.006, [-3.0, 3.0], {
+        "coils.voice.z_mm[1]": 0.05,
+        "fixed.regions.pole.r_mm[1]": 0.02,  # a face that the magnet below shares, which stays
+        "fixed.regions.magnet.z_mm[1]": 0.02,  # a joint
+    }),
+}  # fmt: skip
+"""By drawing: distance, currents, and the numbers that are moved, by how much."""
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", WHOLE)
+def test_slopes_are_those_of_whole_new_solutions(name, monkeypatch):
     """To a thousandth of the largest change that any of the chosen numbers makes within its tolerance."""
-    path = GEOMETRY / f"{name}.toml"
+    path, (distance, currents, chosen) = GEOMETRY / f"{name}.toml", WHOLE[name]
     numbers = [one for one in read_numbers(path) if one.facts.key in chosen]
     assert len(numbers) == len(chosen)
     slopes = _problem(read_actuator(path), (distance,)).signatures(distance, currents, numbers)
@@ -123,6 +110,7 @@ def test_slopes_are_those_of_whole_new_solutions(name, distance, currents, chose
     assert np.all(np.abs(tolerance * (found - expected)) <= 1e-3 * largest)
 
 
+@pytest.mark.nightly
 def test_two_equal_magnets_cannot_tell_whose_number_it_is():
     """Newton's third law and the mirror, in a drawing without a coil; the mesh of either magnet is another one."""
     path = GEOMETRY / "magnet-pair.toml"
@@ -147,10 +135,10 @@ def test_what_two_equal_coils_change_is_mirrored():
         assert np.all(np.abs(lower * [-1.0, 1.0, 1.0] - sign * upper[[0, 2, 1]]) <= 1e-3 * largest)
 
 
-def test_a_sweep_writes_signatures_beside_its_table_that_stays_as_it_is_and_reads_them_back(tmp_path):
+def test_a_sweep_writes_signatures_beside_its_table_that_stays_as_it_is_and_reads_them_back(small_sweep, tmp_path):
+    shutil.copytree(small_sweep, tmp_path, dirs_exist_ok=True)
     drawing = tmp_path / "small.toml"
-    drawing.write_text(SMALL)
-    table = run_sweep(drawing, tmp_path / "run", workers=1, signatures=True)
+    table = run_sweep(drawing, tmp_path / "run", workers=1, signatures=True)  # which is there
     again = read_sweep_table(tmp_path / "run").signatures
     assert again.numbers == table.signatures.numbers
     assert len(again.rows) == len(again.numbers) * len(table.rows)

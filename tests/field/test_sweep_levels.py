@@ -42,6 +42,7 @@ def run(actuator, directory, workers=1, **options):
     return run_sweep(actuator, directory, workers=workers, settings=SETTINGS, **options)
 
 
+@pytest.mark.nightly
 def test_two_processes_give_the_numbers_of_one(actuator, whole, tmp_path):
     pd.testing.assert_frame_equal(run(actuator, tmp_path, workers=2).rows, whole[1].rows, check_exact=True)
 
@@ -71,6 +72,7 @@ def test_a_sweep_cut_anywhere_ends_in_the_table_of_one_never_cut(actuator, whole
         pd.testing.assert_frame_equal(resumed.rows, expected.rows, check_exact=True)
 
 
+@pytest.mark.nightly
 def test_a_group_whose_mesh_fails_chooses_a_level_for_each_distance(actuator, whole, tmp_path, monkeypatch):
     build = moving_mesh.build_mesh
 

@@ -19,6 +19,7 @@ from femfit.identify.signatures import effect_columns
 from femfit.model.json_file import read_model, write_model
 from femfit.model.with_effects import with_effects
 from femfit.tables.measurement_file import read_bench_table
+from femfit.tables.sweep_table import read_sweep_table
 from support.one_current import flat
 from support.small_drawing import SMALL
 
@@ -29,15 +30,15 @@ HEIGHT, RADIUS, IRON = (
 )
 
 
-def _sweep(directory, text, *, signatures=False):
+def _sweep(directory, text):
     directory.mkdir()
     (directory / "small.toml").write_text(text)
-    return run_sweep(directory / "small.toml", directory / "run", workers=1, signatures=signatures)
+    return run_sweep(directory / "small.toml", directory / "run", workers=1)
 
 
 @pytest.fixture(scope="module")
-def table(tmp_path_factory):
-    return _sweep(tmp_path_factory.mktemp("drawn") / "small", SMALL, signatures=True)
+def table(small_sweep):
+    return read_sweep_table(small_sweep / "run")
 
 
 @pytest.fixture(scope="module")

@@ -111,7 +111,8 @@ def test_points_that_a_coarse_sweep_is_told_to_add_make_the_force_better(name):
     assert not any("too coarse" in note for note in finer.notes)
 
 
-@pytest.mark.parametrize("name", ["pot from eleven", pytest.param("hard pot from eleven", marks=pytest.mark.nightly)])
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["pot from eleven", "hard pot from eleven"])
 def test_a_good_sweep_is_not_told_to_be_finer(name):
     device = {"pot from eleven": POT, "hard pot from eleven": HARD}[name]
     finer = np.geomspace(1e-4, 6e-3, 13)

@@ -370,6 +370,7 @@ def test_points_that_failed_are_counted_and_left_out():
     assert np.sqrt(np.mean(missed**2)) < 5e-3 * complete.rows.rms_force
 
 
+@pytest.mark.nightly
 def test_a_winding_of_few_turns_is_judged_by_its_own_flux_linkage():
     table = Saturating().table()
     few = {f"current_{NAMES[1]}_A": 50.0, f"flux_linkage_{NAMES[1]}_Wb": 1.0 / 50.0}

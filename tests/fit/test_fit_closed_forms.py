@@ -239,6 +239,7 @@ def test_the_law_of_a_moving_coil_gives_its_force_factor_and_inductance():
     assert pair.circuit is None
 
 
+@pytest.mark.nightly
 def test_each_point_of_a_steel_bearing_and_what_lies_between_is_met_relative_to_its_own_force():
     """Fitted from 0 A up, without a magnet: the same with all currents reversed, and from the other side."""
     model, between = steel_fit(ONE_SIDE, ONE_SIDE).model, np.linspace(0.0, 2.9, 6)
@@ -311,6 +312,7 @@ def test_a_basis_is_judged_at_the_outermost_points_as_well():
     assert rms(flat(fit.magnetics).force(rows.distance, rows.current) - rows.force) < 0.04 * rows.rms_force
 
 
+@pytest.mark.nightly
 def test_some_laws_reach_half_a_percent_of_the_weight_within_sixty_operations_on_the_rig(rig_sweep):
     """As drawn, 488 points; passive force and force per ampere are those of papers/ERRATA.md, order 6, 30 turns."""
     fit, ranking = fit_model(rig_sweep), fit_model(rig_sweep, law="all").ranking

@@ -13,10 +13,10 @@ from femfit.fit.law_columns import CoefficientBounds, default_bounds, term_bound
 from femfit.fit.law_fit import fit_law, law_sigma
 from femfit.fit.ranking import rank_laws, ranking_folds
 from femfit.fit.rows import rows_of_table
-from femfit.fit.two_stage import fit_coefficient_function, fit_each_current, fit_functions
+from femfit.fit.two_stage import fit_coefficient_function, fit_each_current
 from femfit.laws.catalogue import BUILT_IN, law_by_name
 from femfit.laws.dipoles import DIPOLE_DISK, F1E, F2E
-from support.sweeps import CURRENTS, DISTANCES, MASS, ClosedForm, force_table, full_table
+from support.sweeps import DISTANCES, MASS, ClosedForm, force_table, full_table
 
 G = 9.80665
 TABLE_3 = pd.read_csv(Path(__file__).parents[2] / "data" / "paper_table3.csv", comment="#")
@@ -248,17 +248,6 @@ def test_a_difference_declared_negligible_buys_no_further_term():
     values = 2.0 + 1e-3 * I
     assert fit_coefficient_function(I, values, "c").name == "affine"
     assert fit_coefficient_function(I, values, "c", negligible=1e-2).name == "constant"
-
-
-def test_stage_one_finds_the_papers_law_and_its_zero_residual_at_every_current():
-    rows = rows_of_table(force_table(paper_force), None, 9.80665)
-    stage = fit_each_current(F1E, {}, rows, np.full(len(rows.force), 1e-3), NONNEGATIVE)
-    np.testing.assert_allclose(stage.coefficients[:, 0], 5.996e-9, rtol=1e-9)
-    np.testing.assert_allclose(stage.coefficients[:, 1], 4.509e-6 * CURRENTS, rtol=1e-8, atol=1e-15)
-    assert np.all(stage.residual_sums < 1e-20)
-    functions = fit_functions(F1E, stage, NONNEGATIVE)
-    assert [function.name for function in functions] == ["constant", "through-origin"]
-    assert float(functions[1].at(1.0)) == pytest.approx(4.509e-6, rel=1e-9)
 
 
 def test_f2e_is_worse_than_f1e_at_every_current_that_flows():

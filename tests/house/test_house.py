@@ -76,8 +76,14 @@ SLACK = 1.03
 """How far above its weight a room's budget may lie before it is lowered."""
 
 
-def test_every_room_keeps_its_budget():
-    allowed, weight = budgets(), weights()
+@pytest.fixture(scope="module")
+def weight():
+    """Of each room."""
+    return weights()
+
+
+def test_every_room_keeps_its_budget(weight):
+    allowed = budgets()
     assert set(weight.index) == set(allowed.index)
     over = weight[(weight > allowed.loc[weight.index]).any(axis=1)]
     assert over.empty, (
@@ -85,6 +91,6 @@ def test_every_room_keeps_its_budget():
     )
 
 
-def test_a_budget_falls_with_its_room():
-    loose = budgets()["code_lines"] > SLACK * weights()["code_lines"] + 20
+def test_a_budget_falls_with_its_room(weight):
+    loose = budgets()["code_lines"] > SLACK * weight["code_lines"] + 20
     assert not loose.any(), f"python tests/house/budgets.py lowers the budgets of {', '.join(loose[loose].index)}"

@@ -263,7 +263,7 @@ def test_an_effect_that_is_absent_or_too_large_is_called_suspicious(levitation_m
 SENSORS = {"distance_m": 3e-5, "current_A": 4e-3}
 
 
-@pytest.mark.nightly  # half a second of it is below
+@pytest.mark.nightly
 def test_an_effect_that_is_there_makes_the_filter_on_a_run_left_out_what_it_claims(model):
     loop = closed_loop(model, [hidden("coil_temperature", warmer_K=20.0)], runs=2, seconds=2.0, seed=4)
     record = recorded(loop, runs=(1, 2), **SENSORS)
@@ -275,14 +275,7 @@ def test_an_effect_that_is_there_makes_the_filter_on_a_run_left_out_what_it_clai
     assert seen.mean_square[1] == pytest.approx(1.0, abs=0.05)
     assert seen.unread["distance_m"].after < 0.3 * seen.unread["distance_m"].before
     assert seen.samples == 3000  # of 4,000: what a long record costs is bounded, and said
-
-
-@pytest.mark.nightly
-def test_a_mean_square_that_moves_away_from_one_is_not_called_better(model):
-    loop = closed_loop(model, [hidden("coil_temperature", warmer_K=20.0)], runs=2, seconds=0.5, seed=4)
-    record = recorded(loop, runs=(1, 2), **SENSORS)
-    seen = ff.add_effects(model, record, "coil_temperature", base="never").filter
-    assert seen.mean_square[0] > 2.0 * seen.mean_square[1]  # the filter on a run left out has lost a wrong winding
+    # A mean square that moves away from one is not called better
     likely = replace(seen, gain=1.0, gain_error=0.01, less_likely=False, unread={})
     for squares, better in (((1.0, 0.958), False), ((0.958, 1.0), True), ((1.3, 0.9), True), ((0.9, 1.3), False)):
         assert replace(likely, mean_square=squares).better is better, squares

@@ -104,6 +104,7 @@ def test_a_long_log_is_averaged_and_named_for_what_it_hides_alone(levitation_mod
     assert size == pytest.approx(3e-3, rel=0.3)
 
 
+@pytest.mark.nightly
 def test_noise_that_lasts_longer_than_any_that_is_searched_for_makes_no_name_certain(levitation_model, tmp_path):
     found = ff.diagnose(levitation_model, logged(levitation_model, tmp_path, rho=0.9995), bootstrap=0)
     assert "lasting-noise" in {finding.code for finding in found.findings}

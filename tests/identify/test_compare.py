@@ -25,7 +25,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.validity import Misfit, ValidityBox
 from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import CHANNELS, SETTINGS, BenchTable
-from support.campaign import LARGE, NOISE, campaign, hidden
+from support.campaign import LARGE, NOISE, campaign, hidden, rising
 from support.one_current import flat, within
 
 HALL = hidden("hall_offset", offset_V=0.02)
@@ -117,14 +117,12 @@ def test_a_law_is_blamed_for_its_own_shape_before_any_measurement(levitation_mod
 
 def test_without_a_noise_floor_there_is_no_verdict_but_a_place(levitation_model):
     table = campaign(levitation_model, 15, [HALL], runs=1)
-    rising = replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
-    scattered = replace(rising, rows=rising.rows.iloc[::5].reset_index(drop=True))  # no neighbours to guess noise from
-    comparison = compare(levitation_model, scattered)
+    comparison = compare(levitation_model, rising(table, every=5))
     assert (comparison.verdict, comparison.where.channel) == ("compare_only", "hall_V")
     assert comparison.structure is None
     assert all(one.noise_floor is None and one.lack_of_fit is None for one in comparison.channels)
     assert comparison.findings[-1].code == "no-noise"
-    declared = compare(levitation_model, replace(rising, declared_noise=NOISE))
+    declared = compare(levitation_model, replace(rising(table), declared_noise=NOISE))
     assert declared.verdict == "fails"
     assert by_channel(declared)["hall_V"].noise_source == "declared"
 

@@ -25,7 +25,7 @@ from femfit.identify.refit.add_effects import add_effects
 from femfit.identify.refit.refit import refit
 from femfit.model.json_file import write_model
 from femfit.model.validity import Misfit
-from support.campaign import LARGE, NOISE, campaign, hidden, without
+from support.campaign import LARGE, NOISE, campaign, hidden, ripple, rising, without
 
 QUICK = {"bootstrap": 0}
 SATURATION, HALL = hidden("core_saturation", mmf_loss_3=0.02), hidden("hall_offset", offset_V=0.02)
@@ -106,14 +106,11 @@ def clipped(readings, _):
     return readings | {"force_N": np.minimum(force, 0.5 * force.max())}
 
 
-def rippled(readings, rows):
-    """A stage's leadscrew of 9 mm pitch that the force sensor alone feels."""
-    wave = 1.2e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
-    return readings | {"force_N": readings["force_N"] + wave}
+RIPPLED = ripple("force_N", 1.2e-3)
 
 
 @pytest.mark.parametrize(
-    ("cause", "verdicts"), [(clipped, {"unexplained", "form_insufficient"}), (rippled, {"unexplained"})]
+    ("cause", "verdicts"), [(clipped, {"unexplained", "form_insufficient"}), (RIPPLED, {"unexplained"})]
 )
 def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_was_right(
     levitation_model, cause, verdicts
@@ -123,23 +120,18 @@ def test_what_is_no_known_effect_is_located_and_no_name_spoils_a_channel_that_wa
     assert result.where.channel == "force_N"
     for one in result.error_fall.channels:
         assert one.rms_after <= 1.2 * max(one.rms_before, one.noise)
-    if cause is rippled:
+    if cause is RIPPLED:
         assert (result.missing, result.dominant) == ((), None)
         assert result.where.covariates[0] == "distance_m"
 
 
-def single_sweep(model, seed, effects=(), **size):
-    table = campaign(model, seed, effects, runs=1, rho=0.0, **size)
-    return replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
-
-
 def test_without_repeats_or_declared_noise_a_guess_serves_and_nothing_is_certain(levitation_model):
-    rising = single_sweep(levitation_model, 7, [HALL])
-    result = diagnose(levitation_model, rising, **QUICK)
+    single = rising(campaign(levitation_model, 7, [HALL], runs=1, rho=0.0))
+    result = diagnose(levitation_model, single, **QUICK)
     assert (result.verdict, result.missing[0].name) == ("named", "hall_offset")
     assert not result.confident
     assert [one.code for one in result.findings].count("guessed-noise") == 1
-    declared = diagnose(levitation_model, replace(rising, declared_noise=NOISE), **QUICK)
+    declared = diagnose(levitation_model, replace(single, declared_noise=NOISE), **QUICK)
     assert (declared.verdict, declared.missing[0].name) == ("named", "hall_offset")
     assert "guessed-noise" not in {one.code for one in declared.findings}
 
@@ -184,15 +176,20 @@ def test_a_distance_error_of_all_mounts_does_not_widen_their_scatter(strong_pot)
     assert moved == pytest.approx(clean, rel=0.3)
 
 
+def missed(share):
+    """What a coarse spline misses: a share of the force that changes its sign."""
+
+    def change(readings, rows):
+        wave = np.sin(2e3 * rows["distance_m"].to_numpy()) * np.cos(3.0 * rows["current_A"].to_numpy())
+        return {"force_N": readings["force_N"] * (1.0 + share * wave)}
+
+    return change
+
+
 def test_a_gap_that_all_runs_share_is_named_beside_the_models_own_misfit(pot):
     """Three runs that agree to micrometres leave no room for 20 um of re-mount, and the model misses its own table."""
-
-    def coarse(readings, rows):  # what a coarse spline misses: 1.5 % of the force, changing its sign
-        wave = np.sin(2e3 * rows["distance_m"].to_numpy()) * np.cos(3.0 * rows["current_A"].to_numpy())
-        return {"force_N": readings["force_N"] * (1.0 + 1.5e-2 * wave)}
-
     gap = hidden("distance_offset", offset_m=150e-6)
-    table = campaign(pot, 15, [gap], change=coarse, noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0, **LARGE)
+    table = campaign(pot, 15, [gap], change=missed(1.5e-2), noise={"force_N": 0.02}, mount_m=0.5e-6, rho=0.0, **LARGE)
     noise = estimate_noise(bench_observations(pot, table))
     assert noise.mount_m < 3e-6
     assert noise.test_mount_m < 15e-6
@@ -216,6 +213,7 @@ def test_what_the_data_tell_apart_is_no_class_however_much_both_explain(pot):
     assert [one.members for one in found.missing] == [("turns",)]
 
 
+@pytest.mark.nightly
 def test_the_false_naming_rate_of_clean_campaigns_is_small_and_reproducible(levitation_model):
     table = campaign(levitation_model, 10, runs=2, distances=5, currents=3)
     first, again = (diagnose(levitation_model, table, bootstrap=2, rng=1) for _ in range(2))
@@ -306,16 +304,6 @@ HIDDEN = [
 ]
 
 
-def ripple(share):
-    """What a coarse spline misses: a share of the force that changes its sign."""
-
-    def change(readings, rows):
-        wave = np.sin(2e3 * rows["distance_m"].to_numpy()) * np.cos(3.0 * rows["current_A"].to_numpy())
-        return {"force_N": readings["force_N"] * (1.0 + share * wave)}
-
-    return change
-
-
 def coarse(model, share=0.02, noise=4e-3):
     """The model with the misfit of a coarse fit, and what makes tables with that misfit in them, seed by seed."""
     size = float(np.sqrt(np.mean(campaign(model, 1, noise={"force_N": 1e-9}).rows["force_N"] ** 2)))
@@ -323,7 +311,7 @@ def coarse(model, share=0.02, noise=4e-3):
     known = replace(model, misfit=Misfit(rms, 3.0 * rms, share, None, None, None, 99, "sweep"))
 
     def table(seed, effects=()):
-        return campaign(known, seed, effects, noise={"force_N": noise * size}, mount_m=2e-6, change=ripple(share))
+        return campaign(known, seed, effects, noise={"force_N": noise * size}, mount_m=2e-6, change=missed(share))
 
     return known, table
 

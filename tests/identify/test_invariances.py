@@ -132,6 +132,7 @@ def test_settings_that_are_measured_twice_leave_the_noise_as_it_is(levitation_mo
     assert (more.repeats > 2.0 * noise.repeats).all()
 
 
+@pytest.mark.nightly
 def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, offset, tmp_path):
     rng = np.random.default_rng(3)
     span = float(np.ptp(offset["flux_linkage_Wb"]))
@@ -145,6 +146,7 @@ def test_a_channel_of_noise_alone_changes_no_verdict(levitation_model, offset, t
     assert said(found[0])[:2] == said(found[1])[:2]
 
 
+@pytest.mark.nightly
 def test_twice_as_many_readings_say_the_same_more_sharply(levitation_model):
     found = [
         diagnose(levitation_model, campaign(levitation_model, 73, [HALL], **(SIZE | {"runs": runs})), bootstrap=0)

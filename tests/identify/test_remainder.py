@@ -1,5 +1,6 @@
 """What no effect explains: found where it acts, learnt to the noise, nothing on clean data, and run in filters."""
 
+import functools
 import runpy
 
 import numpy as np
@@ -62,21 +63,24 @@ def screw_error(model):
 def learnt(levitation_model):
     """Each cause learnt from three runs."""
     causes = {"load cell": bent_load_cell, "energy": stray_energy, "screw": screw_error(levitation_model)}
-    return {
-        name: add_effects(
-            levitation_model,
-            campaign(levitation_model, 5, change=one, distances=24 if name == "screw" else 12, currents=4),
-            NAME,
-        )
-        for name, one in causes.items()
-    }
+
+    def learn_from(name):
+        size = {"distances": 24 if name == "screw" else 12, "currents": 4}
+        return add_effects(levitation_model, campaign(levitation_model, 5, change=causes[name], **size), NAME)
+
+    return functools.cache(learn_from)
 
 
 @pytest.mark.parametrize(
-    ("cause", "parts"), [("load cell", ("force_N",)), ("energy", (COENERGY,)), ("screw", ("distance_m",))]
+    ("cause", "parts"),
+    [
+        ("load cell", ("force_N",)),
+        ("energy", (COENERGY,)),
+        pytest.param("screw", ("distance_m",), marks=pytest.mark.nightly),
+    ],
 )
 def test_it_is_learnt_where_it_acts_and_to_the_noise(learnt, cause, parts):
-    result = learnt[cause]
+    result = learnt(cause)
     assert result.parts == parts
     assert result.accepted
     assert result.lack_of_fit_before.p_value < 1e-3  # a screw's period is finer than the patterns of the test
@@ -90,10 +94,15 @@ def test_it_is_learnt_where_it_acts_and_to_the_noise(learnt, cause, parts):
 
 
 @pytest.mark.parametrize(
-    ("cause", "text"), [("load cell", "(F / "), ("energy", "i/(1.4 A) exp(-(d - 15 mm) / "), ("screw", "sin(2 pi d / ")]
+    ("cause", "text"),
+    [
+        ("load cell", "(F / "),
+        ("energy", "i/(1.4 A) exp(-(d - 15 mm) / "),
+        pytest.param("screw", "sin(2 pi d / ", marks=pytest.mark.nightly),
+    ],
 )
 def test_the_short_law_is_that_of_the_cause(learnt, cause, text):
-    law = learnt[cause].laws[0]
+    law = learnt(cause).laws[0]
     assert law.fits
     assert text in law.text
     if cause != "screw":
@@ -106,7 +115,7 @@ def test_the_short_law_is_that_of_the_cause(learnt, cause, text):
 
 def test_the_learnt_energy_is_the_true_one(learnt, levitation_model):
     d, i = (x.ravel() for x in np.meshgrid(np.linspace(0.0155, 0.03, 8), np.linspace(0.2, 1.3, 5)))
-    learnt_force = flat(learnt["energy"].model.magnetics).force(d, i) - flat(levitation_model.magnetics).force(d, i)
+    learnt_force = flat(learnt("energy").model.magnetics).force(d, i) - flat(levitation_model.magnetics).force(d, i)
     true_force = 4e-5 / 4e-3 * i * np.exp((0.015 - d) / 4e-3)
     # A campaign of re-mounts of 20 um where the force's slope is 60 N/m, at 0.4 mN of noise, knows it to 1 mN
     np.testing.assert_allclose(learnt_force, true_force, atol=1e-3)
@@ -114,10 +123,10 @@ def test_the_learnt_energy_is_the_true_one(learnt, levitation_model):
 
 
 def test_the_refutation_names_a_setting_where_the_remainder_says_much(learnt, levitation_model):
-    asked = learnt["energy"].refutation
+    asked = learnt("energy").refutation
     at = Conditions(nominal_of(levitation_model))
     here = np.array([asked.distance_m]), np.array([asked.current_A])
-    models = learnt["energy"].model, levitation_model
+    models = learnt("energy").model, levitation_model
     there, plain = (predict_readings(one, *here, at)[asked.channel][0] for one in models)
     assert there - plain == pytest.approx(asked.change)
     assert abs(asked.change) > 5.0 * asked.noise
@@ -138,6 +147,7 @@ def test_a_name_that_explains_as_much_comes_first(levitation_model):
     assert not result.accepted
 
 
+@pytest.mark.nightly
 def test_friction_in_the_linkage_of_the_force_sensor_turns_with_the_branch(levitation_model):
     def rubbing(readings, rows):
         return {**readings, "force_N": readings["force_N"] - 1e-3 * rows["branch"].to_numpy()}
@@ -169,7 +179,7 @@ def test_names_are_fitted_first(levitation_model):
 def test_a_remainder_shrinks_where_its_cause_is_found(learnt, levitation_model):
     # Learnt as a load cell's error from readings that a gain explains: beside the gain its share goes to nothing
     table = campaign(levitation_model, 9, effects=[hidden("force_gain", gain_error=0.05)])
-    wrong = with_effects(levitation_model, learnt["load cell"].added)
+    wrong = with_effects(levitation_model, learnt("load cell").added)
     result = add_effects(wrong, table, "force_gain", base="never")
     found = {one.effect.name: one.parameters for one in result.model.effects}
     assert found[NAME]["share"] < 0.3

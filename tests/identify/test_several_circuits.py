@@ -31,7 +31,7 @@ from support.closed_loop import recorded
 from support.conductivities import KEY, with_conductivity
 from support.eddies import with_eddies
 from support.halves import NAMES, cut_in_two, halves_with_eddies
-from support.impedances import FREQUENCIES
+from support.impedances import FREQUENCIES, noisy
 from support.readings import hall_voltage
 
 NOISE = {"force_N": 0.3, "flux_linkage": 2e-5, "voltage": 2e-3}
@@ -293,9 +293,8 @@ def impedance_bench(model, path, names, *, seed=1, bias=(0.0, 1.0), share=1e-3, 
         rows |= {"current_inner_mA": 1e3 * i, "current_outer_mA": 0.0}
     z = impedances(model, d, np.stack([i, 0.0 * i], axis=1), f)
     for name in names:
-        noisy = z[name] * (1.0 + share * (generator.standard_normal(len(d)) + 1j * generator.standard_normal(len(d))))
-        rows[f"impedance_{name}_ohm"] = np.abs(noisy)
-        rows[f"phase_{name}_deg"] = np.degrees(np.angle(noisy))
+        read = noisy(z[name], share, generator)
+        rows[f"impedance_{name}_ohm"], rows[f"phase_{name}_deg"] = np.abs(read), np.degrees(np.angle(read))
     pd.DataFrame(rows).to_csv(path, index=False)
     return path
 
@@ -398,10 +397,10 @@ def test_inductances_at_a_low_frequency_are_a_bench_s_channels_too(eddied, tmp_p
     rows |= {"inductance_inner_H": inductance[:, 0, 0], "inductance_outer_inner_H": inductance[:, 0, 1]}
     runs, generator = [], np.random.default_rng(2)
     for run in (1, 2):
-        noisy = pd.DataFrame(rows).assign(run=run)
+        readings = pd.DataFrame(rows).assign(run=run)
         for name in ("inductance_inner_H", "inductance_outer_inner_H"):
-            noisy[name] += 1e-6 * generator.standard_normal(len(d))
-        runs.append(noisy)
+            readings[name] += 1e-6 * generator.standard_normal(len(d))
+        runs.append(readings)
     pd.concat(runs).to_csv(tmp_path / "l.csv", index=False)
     comparison = compare(eddied, tmp_path / "l.csv")
     assert comparison.verdict == "agrees"

@@ -117,13 +117,12 @@ def test_beside_a_model_an_outlier_of_twenty_sigma_is_found(levitation_model, ta
     assert (checked.findings[-1].code, checked.findings[-1].column) == ("outliers", "force_N")
 
 
-def test_a_current_in_milliampere_is_suspected_although_none_is_none_in_any_unit(levitation_model, table):
+def test_milliamperes_are_suspected_although_none_is_none_in_any_unit_and_amperes_beyond_the_model_are_not(
+    levitation_model, table
+):
     often = np.where(np.arange(len(table.rows)) % 3 == 0, 0.0, 1e3 * table.rows["current_A"])
     (finding,) = suspect_units(levitation_model, with_columns(table, current_A=often))
     assert (finding.code, finding.column) == ("suspected-unit", "current_A")
-
-
-def test_amperes_beyond_the_model_are_not_suspected_to_be_milliamperes(levitation_model, table):
     beyond = with_columns(table, current_A=3.0 * table.rows["current_A"] + 1.5)
     assert not [one for one in suspect_units(levitation_model, beyond) if one.column == "current_A"]
 
@@ -228,18 +227,14 @@ def nominal(levitation_model):
     return nominal_of(levitation_model)
 
 
-def test_rows_in_the_order_of_measuring_tell_the_path(nominal):
+def test_rows_in_the_order_of_measuring_tell_the_path_and_rows_sorted_by_current_do_not(nominal):
     recalled = conditions_of(covariates(CURRENT, BRANCH), nominal).recalled
     virgin = recalled["hysteresis_medium_virgin"]
     assert virgin[1] > 0.0 > virgin[-1]
     # The same current on the way up and on the way down
     assert virgin[2] > virgin[4]
-
-
-def test_rows_sorted_by_current_do_not(nominal):
     by_current = np.argsort(CURRENT, kind="stable")
-    table = covariates(CURRENT[by_current], BRANCH[by_current])
-    assert not conditions_of(table, nominal).recalled
+    assert not conditions_of(covariates(CURRENT[by_current], BRANCH[by_current]), nominal).recalled
 
 
 def test_the_path_is_told_row_by_row_wherever_the_rows_stand(nominal):

@@ -33,7 +33,7 @@ from femfit.model.readings import predict_readings
 from femfit.model.validity import ActuatorKind
 from femfit.model.with_effects import nominal_of, with_effects
 from femfit.tables.measurement import CHANNELS
-from support.campaign import campaign, hidden, without
+from support.campaign import campaign, hidden, ripple, without
 from support.closed_loop import recorded
 from support.magnet_pair import bench_csv, force, magnet_pair
 from support.reference import REFERENCE
@@ -164,14 +164,10 @@ def test_what_is_certain_among_the_catalogue_says_that_no_dimension_was_suspecte
     assert not found.to_dict()["dimensions_suspected"]
 
 
-def rippled(readings, rows):
-    """A stage's leadscrew that the force sensor alone feels: no effect of the catalogue."""
-    wave = 4e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
-    return readings | {"force_N": readings["force_N"] + wave}
-
-
 def test_a_cause_of_nearly_all_of_an_unexplained_misfit_is_named_with_its_size_and_part(levitation_model):
-    table = campaign(levitation_model, 5, [hidden("resistance", resistance_error=5.0)], change=rippled, **SMALL)
+    table = campaign(
+        levitation_model, 5, [hidden("resistance", resistance_error=5.0)], change=ripple("force_N", 4e-3), **SMALL
+    )
     found = ff.diagnose(levitation_model, table, bootstrap=0)
     assert (found.verdict, found.missing) == ("unexplained", ())
     fact = found.to_dict()["dominant"]
@@ -312,15 +308,17 @@ def test_the_newcomers_return_spring_is_found(tmp_path):
     assert force.rms_after < 0.03 * force.rms_before
 
 
-@pytest.mark.parametrize(
-    "hidden", [pytest.param(2300.0, marks=pytest.mark.nightly), pytest.param(2600.0, marks=pytest.mark.nightly)]
-)
+def suspended(stiffness):
+    """A body that swings on a suspension at rest in the middle of its travel."""
+    spring = Spring(stiffness, 0.0, 3e-3)
+    return replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(spring,), viscous_N_s_per_m=0.5))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("hidden", [2300.0, 2600.0])
 def test_a_stiffer_suspension_is_no_pair_of_stops_and_no_other_preload(hidden):
-    """A body that swings on a suspension at rest in the middle of its travel, 15 % and 30 % stiffer than drawn."""
-    drawn, true = (
-        replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(k, 0.0, 3e-3),), viscous_N_s_per_m=0.5))
-        for k in (2000.0, hidden)
-    )
+    """15 % and 30 % stiffer than drawn."""
+    drawn, true = suspended(2000.0), suspended(hidden)
     swing = logged([switched([0.0], [0.4], 0.12, model=true, start_m=1.2e-3)], noise=(5e-4, 2e-6))
     found = diagnose(drawn, swing, **QUICK)
     assert (found.verdict, found.missing[0].name) == ("named", "spring_stiffness")
@@ -332,10 +330,7 @@ def test_a_stiffer_suspension_is_no_pair_of_stops_and_no_other_preload(hidden):
 
 def test_an_effect_that_raises_the_error_on_runs_left_out_is_not_accepted_without_a_word():
     """Two swings with suspensions 40 % stiffer and 40 % softer: what one of them shows is wrong of the other."""
-    drawn, stiff, soft = (
-        replace(solenoid(), motion=Mechanics(0.025, 0.0, springs=(Spring(k, 0.0, 3e-3),), viscous_N_s_per_m=0.5))
-        for k in (2000.0, 2800.0, 1200.0)
-    )
+    drawn, stiff, soft = (suspended(k) for k in (2000.0, 2800.0, 1200.0))
     swings = [switched([0.0], [0.4], 0.06, model=true, start_m=1.2e-3) for true in (stiff, soft)]
     result = ff.add_effects(drawn, logged(swings, noise=(5e-4, 2e-6)), "spring_stiffness", base="never")
     assert max(result.left_out[one.channel] / one.rms_before for one in result.fall.channels) > 1.2

@@ -11,7 +11,7 @@ from femfit.effects.conditions import Conditions
 from femfit.model.dynamics import runge_kutta_step
 from femfit.model.readings import predict_readings
 from femfit.model.with_effects import nominal_of, with_effects
-from support.added_effects import added, usual
+from support.added_effects import added
 from support.model_kinds import held
 from support.one_current import flat
 from support.readings import hall_voltage
@@ -28,17 +28,6 @@ def linkage(model, x):
     """Flux linkage at the states of effects."""
     at = Conditions(nominal_of(model), memory=dict(zip(model.memory_names, x[:, 3:].T, strict=True)))
     return predict_readings(model, x[:, 0], x[:, 2], at)["flux_linkage_Wb"]
-
-
-@pytest.mark.parametrize("name", ["hysteresis", "eddy_current_lag", "core_saturation"])
-def test_the_voltage_is_resistive_drop_plus_change_of_flux(name, levitation_model):
-    model = with_effects(levitation_model, [usual(effect_by_name(name), 0.2)])
-    x, volts, h = states(model), np.full(5, 2.0), 1e-6
-    after = runge_kutta_step(model, x, volts, h)
-    middle = runge_kutta_step(model, x, volts, 0.5 * h)[:, 2]
-    induced = (linkage(model, after) - linkage(model, x)) / h
-    # The difference over 1 us of a flux linkage with 16 digits
-    np.testing.assert_allclose(model.circuit.resistance_ohm * middle + induced, volts, rtol=1e-6)
 
 
 def test_the_current_of_a_held_coil_with_a_shorted_ring_has_its_two_exponentials(levitation_model):

@@ -14,9 +14,9 @@ from femfit.field.linear_point import LinearActuator
 from femfit.field.newton import TOLERANCE, minimise
 from femfit.field.tolerance import SolverSettings
 from support.actuators import assembly, magnet, rectangle, swept_at
-from support.field import finer_settings
+from support.field import finer_settings, prepared
 from support.reference import REFERENCE, needs_reference
-from support.saturating import STEEL, bobbin, problem_at, rig_with_core, rows_at, straight
+from support.saturating import STEEL, bobbin, rig_with_core, rows_at, straight
 
 TURNS, LENGTH, ROD, INNER, OUTER = 100.0, 0.04, 0.005, 0.007, 0.012
 
@@ -99,7 +99,7 @@ def test_a_straight_magnetisation_curve_gives_the_linear_solvers_rows(permeabili
 
 
 def test_newtons_iteration_converges_quadratically():
-    problem = problem_at(bobbin(), 0.005)
+    problem = prepared(bobbin(), 0.005)
     system = problem.fine
     system.move()
     near = minimise(system, np.array([4.0]), np.zeros(system.space.ndof)).state
@@ -113,7 +113,7 @@ def test_newtons_iteration_converges_quadratically():
 
 
 def test_a_kept_derivative_leads_to_the_same_state_as_a_renewed_one():
-    problem = problem_at(bobbin(), 0.005)
+    problem = prepared(bobbin(), 0.005)
     system = problem.coarse
     system.move()
     start = np.zeros(system.space.ndof)
@@ -123,7 +123,7 @@ def test_a_kept_derivative_leads_to_the_same_state_as_a_renewed_one():
 
 
 def test_every_correction_lowers_the_energy_until_it_is_resolved():
-    system = problem_at(bobbin(), 0.005).coarse
+    system = prepared(bobbin(), 0.005).coarse
     energies = []
     for limit in range(1, 8):
         system.move()  # forgets the kept derivative, so that each run repeats the one before
@@ -156,7 +156,7 @@ def long(case):
 def test_force_is_the_slope_of_the_coenergy_and_reciprocal_to_the_flux(mover):
     currents = (1.0, 1.1, 1.2, 7.9, 8.0, 8.1)
     actuator = bobbin(distances=DISTANCES, currents=currents, mover=mover)
-    problem = problem_at(actuator, DISTANCES[1])
+    problem = prepared(actuator, DISTANCES[1])
     at = [1, 4]  # the middle ones of each three
     low, middle, high = (
         {name: np.array(values) for name, values in problem.rows(d, some).items()}
@@ -185,7 +185,7 @@ def test_force_error_covers_the_error_against_a_finer_run(mover):
 def test_self_force_of_a_magnet_with_a_steel_back_is_the_error_of_the_plain_stress():
     rough = SolverSettings(order=2, corner_fraction=0.5, region_fraction=1.0, grading=0.5)
     actuator = bobbin(distances=(0.015,), currents=(0.5,), mover=magnet_with_steel_back())
-    problem = problem_at(actuator, 0.015, rough)
+    problem = prepared(actuator, 0.015, rough)
     solution = problem.solve(0.015, (0.5,))[0].solution
     fine = rows_at(actuator)["force_N"][0]
     assert abs(solution.force + solution.self_force - fine) > 5.0 * abs(solution.force - fine)

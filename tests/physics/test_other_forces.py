@@ -16,7 +16,7 @@ from femfit.field.point_rows import DISAGREEMENT, DistanceSolution, superpose
 from femfit.field.tolerance import LevelChoice, SolverSettings, ToleranceProblem
 from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.field import coefficients, finer_settings, in_current, prepared
-from support.saturating import bobbin, problem_at
+from support.saturating import bobbin
 
 LOW, HIGH, NODES = 0.018, 0.024, 14
 
@@ -75,7 +75,7 @@ def test_force_reaction_and_virtual_work_agree_where_the_plain_reaction_does_not
 
 
 def test_force_on_a_steel_plunger_the_reaction_and_virtual_work_agree_when_it_saturates():
-    solution = problem_at(bobbin(), 0.005).solve(0.005, (8.0,))[0].solution
+    solution = prepared(bobbin(), 0.005).solve(0.005, (8.0,))[0].solution
     assert [solution.reaction, solution.work] == pytest.approx([solution.force] * 2, rel=2e-6)
 
 

@@ -1,4 +1,4 @@
-"""Windings without current: Maxwell's mutual inductance, coils in their place, and the force that they would feel."""
+"""Windings without current link Maxwell's mutual inductance, and what coils in their place link."""
 
 from dataclasses import replace
 
@@ -13,13 +13,12 @@ from femfit.field.linear_point import LinearActuator, section_nodes
 from femfit.field.nonlinear_point import NonlinearActuator
 from femfit.field.tolerance import SolverSettings
 from support.actuators import magnet, rectangle
-from support.devices import device, push_solenoid
+from support.devices import coil_on_a_magnet, device, push_solenoid
 from support.field import prepared
 from support.validation_cases import loops_exact, thin_coil
 
 SETTINGS = SolverSettings()
 UNDER = rectangle(0.008, 0.014, -0.02, -0.002)
-ON_BODY = rectangle(0.007, 0.01, 0.0, 0.006)
 
 
 def winding(coil):
@@ -56,42 +55,13 @@ def test_a_loop_without_current_links_maxwells_mutual_inductance(a, b, z):
 
 @pytest.mark.parametrize("moves", [False, True])
 def test_a_pickup_coil_links_what_a_coil_in_its_place_links_while_the_mesh_stretches(moves):
-    coils = [
-        Coil(UNDER, 200.0, 1.0, name="fixed"),
-        Coil(ON_BODY, 80.0, 1.0, moves=True, name="moving"),
-    ]
-    actuator = device(
-        "two",
-        fixed=[magnet(0.0, 0.007, 0.02, z_min=-0.021, permeability=500.0, name="core")],
-        coils=coils,
-        moving=[magnet(1.2, 0.007, 0.006, permeability=1.05)],
-        currents=((0.0, 1.0), (0.0, 1.0)),
-        distances=(0.006, 0.008, 0.01),
-        sensors=[winding(coils[int(moves)])],
-    )
+    distances = (0.006, 0.008, 0.01)
+    place = coil_on_a_magnet(distances).coils[int(moves)]
+    actuator = coil_on_a_magnet(distances, [winding(place)])
     problem = LinearActuator(actuator, (0.006, 0.01), layout_of(actuator, SETTINGS), SETTINGS, estimate=False)
     for d in actuator.sweep.distances_m:
         solution = problem.solve(d)
         np.testing.assert_allclose(solution.pickup["search"], solution.flux_linkage[int(moves)], rtol=1e-6)
-
-
-def test_the_force_of_a_current_in_the_winding_is_the_slope_of_its_flux_linkage():
-    """F = -i d(flux linkage)/dd: the body is pulled by the current of a coil as the pickup in its place says."""
-    nodes = 0.008 + 0.002 * np.cos(np.pi * (np.arange(12) + 0.5) / 12)
-    actuator = device(
-        "one",
-        coils=[Coil(UNDER, 200.0, 1.0)],
-        moving=[magnet(1.2, 0.007, 0.006, permeability=1.05)],
-        currents=((0.0, 1.0),),
-        distances=sorted(nodes),
-        sensors=[PickupCoil(name="search", vertices_m=UNDER, turns=50.0)],
-    )
-    problem = LinearActuator(actuator, (0.006, 0.01), layout_of(actuator, SETTINGS), SETTINGS, estimate=False)
-    solutions = [problem.solve(float(d)) for d in nodes]
-    linked = [one.pickup["search"][0] for one in solutions]
-    slope = np.polynomial.Chebyshev.fit(nodes, linked, 11, domain=[0.006, 0.01]).deriv()(nodes[3:9])
-    force = [2.0 * one.force[0, 1] * 50.0 / 200.0 for one in solutions[3:9]]  # ampere-turns pull, not amperes
-    np.testing.assert_allclose(force, -slope, rtol=1e-3)
 
 
 def test_in_saturating_iron_a_pickup_on_the_coil_links_a_share_of_its_turns():

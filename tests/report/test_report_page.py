@@ -22,7 +22,7 @@ from femfit.report.bench_report import render_diagnosis
 from femfit.report.page import ReportContent, write_page
 from femfit.tables.measurement import CHANNELS
 from support.bearing import ENTRY, Symmetric, table_with_hall
-from support.campaign import NOISE, campaign, hidden
+from support.campaign import NOISE, campaign, hidden, ripple, rising
 from support.page import Page
 from support.pages import NUMBER
 from support.snapshot import check_snapshot
@@ -276,14 +276,8 @@ SIZE = {"distances": 7, "currents": 5}
 HALL = hidden("hall_offset", offset_V=0.02)
 
 
-def rising_once(model):
-    table = campaign(model, 65, [HALL], runs=1, **SIZE)
-    return replace(table, rows=table.rows[table.rows["branch"] > 0].reset_index(drop=True))
-
-
-def scattered(model):
-    rising = rising_once(model)
-    return model, replace(rising, rows=rising.rows.iloc[::5].reset_index(drop=True))
+def rising_once(every):
+    return lambda model: (model, rising(campaign(model, 65, [HALL], runs=1, **SIZE), every))
 
 
 def force_alone(model):
@@ -291,14 +285,6 @@ def force_alone(model):
     given = tuple(name for name in table.given if name not in CHANNELS or name == "force_N")
     unread = {name: np.nan for name in CHANNELS if name != "force_N"}
     return model, replace(table, rows=table.rows.assign(**unread), given=given)
-
-
-def rippled(model):
-    def ripple(readings, rows):
-        wave = 20e-3 * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
-        return readings | {"hall_V": readings["hall_V"] + wave}
-
-    return model, campaign(model, 64, change=ripple, **SIZE)
 
 
 def without(*names, **more):
@@ -322,9 +308,9 @@ def rough(model):
 DIAGNOSES = {
     "nothing-missing": (lambda model: (model, campaign(model, 62, **SIZE)), "nothing_missing"),
     "class": (force_alone, "named"),
-    "unexplained": (rippled, "unexplained"),
-    "compare-only": (scattered, "compare_only"),
-    "guessed-noise": (lambda model: (model, rising_once(model)), None),
+    "unexplained": (lambda model: (model, campaign(model, 64, change=ripple("hall_V", 20e-3), **SIZE)), "unexplained"),
+    "compare-only": (rising_once(5), "compare_only"),
+    "guessed-noise": (rising_once(1), None),
     "mounts": (without(), None),
     "no-mounts": (without("mount"), None),
     "no-scatter": (declared, None),

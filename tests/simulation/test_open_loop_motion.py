@@ -15,7 +15,7 @@ from femfit.model.with_effects import with_effects
 from femfit.simulation.open_loop import simulate
 from femfit.simulation.plant import Plant
 from femfit.simulation.profile import Profile
-from support.added_effects import under_effects, usual
+from support.added_effects import usual
 from support.eddies import magnets_alone, with_eddies
 from support.halves import cut_in_two
 from support.readings import LASER
@@ -216,16 +216,6 @@ def test_a_solid_solenoid_switches_later_and_the_energy_is_all_there():
     assert fast.energy.eddy_J == 0.0
     assert "eddy currents" in str(slow)
     assert "eddy" not in str(fast)
-
-
-def test_effects_beside_eddy_currents_leave_the_motion_where_they_do_nothing():
-    model = with_eddies(solenoid(), TIMES)
-    plain, under = (
-        simulate(one, voltage_V=12.0, duration_s=0.015).table
-        for one in (model, under_effects(model, ("supply_sag", {})))
-    )
-    for name in ("distance_m", "current_A", "force_N"):
-        np.testing.assert_allclose(under[name], plain[name], atol=1e-3 * np.abs(plain[name]).max())  # the table's error
 
 
 def test_a_blocked_winding_leaves_its_core_the_eddy_currents():

@@ -163,6 +163,7 @@ def test_the_model_itself_as_plant_changes_nothing(levitation_model):
     assert own.tracking_rms_m == none.tracking_rms_m
 
 
+@pytest.mark.nightly
 def test_a_warmer_winding_than_believed_moves_the_estimate_and_shows_in_the_innovations(levitation_model, warm):
     believed, true = held(levitation_model, warm), held(warm, warm)
     assert believed.outcomes == true.outcomes == {"HELD": 4}

@@ -11,7 +11,7 @@ from femfit.model.with_effects import nominal_of
 from femfit.tables.measurement import BenchTable
 from support.added_effects import added as hidden
 
-__all__ = ["LARGE", "NOISE", "campaign", "hidden", "settings", "without"]
+__all__ = ["LARGE", "NOISE", "campaign", "hidden", "ripple", "rising", "settings", "without"]
 
 LARGE = {"distances": 10, "currents": 7}
 """A campaign of 420 rows, where 240 say too little."""
@@ -69,6 +69,22 @@ def campaign(model, seed, effects=(), *, mount_m=20e-6, rho=0.3, noise=NOISE, ch
         rows[channel] = np.round(value / step) * step
     kept = rows[generator.random(len(rows)) > 0.02].reset_index(drop=True)
     return BenchTable(rows=kept, given=tuple(kept.columns))
+
+
+def ripple(channel, size):
+    """A stage's leadscrew of 9 mm pitch that one sensor alone feels: no effect of the catalogue."""
+
+    def change(readings, rows):
+        wave = size * np.sin(2.0 * np.pi * rows["distance_m"].to_numpy() / 9e-3)
+        return readings | {channel: readings[channel] + wave}
+
+    return change
+
+
+def rising(table, every=1):
+    """The way up of each cycle alone; of every fifth row none has a neighbour to guess a noise from."""
+    rows = table.rows[table.rows["branch"] > 0].iloc[::every].reset_index(drop=True)
+    return replace(table, rows=rows)
 
 
 def without(table, *columns):

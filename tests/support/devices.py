@@ -7,7 +7,7 @@ from femfit.device.materials import LIBRARY
 from femfit.device.mechanics import Mechanics
 from femfit.device.outlines import circle
 from femfit.device.parts import Actuator, Coil, LinearMaterial, MovingPart, Region, SweepAxes
-from support.actuators import rectangle
+from support.actuators import magnet, rectangle
 
 STEEL = LIBRARY["steel_1010"].material
 FERRITE = LinearMaterial("ferrite_Y30", 1.07, 0.39)
@@ -92,6 +92,18 @@ def ball(steel=STEEL, currents=(0.0, 1.0, 2.0), distances=(8e-3,)):
         currents=(currents,),
         distances=distances,
     )
+
+
+def coil_on_a_magnet(distances, sensors=()):
+    """A magnet with a coil on it before a fixed coil with a core, each coil a circuit of its own."""
+    coils = [
+        Coil(millimetres(8, 14, -20, -2), 200.0, 1.0, name="fixed"),
+        Coil(millimetres(7, 10, 0, 6), 80.0, 1.0, moves=True, name="moving"),
+    ]
+    core = magnet(0.0, 0.007, 0.02, z_min=-0.021, permeability=500.0, name="core")
+    body = magnet(1.2, 0.007, 0.006, permeability=1.05)
+    axes = ((0.0, 1.0), (0.0, 1.0))
+    return device("two", fixed=[core], coils=coils, moving=[body], currents=axes, distances=distances, sensors=sensors)
 
 
 def linear(actuator, material=IRON):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.linear_point import LinearActuator
+from femfit.field.problem import prepare
 from femfit.field.tolerance import SolverSettings
 
 
@@ -14,7 +14,7 @@ def prepared(actuator, distance, settings=None):
     settings = settings or SolverSettings()
     layout = layout_of(actuator, settings)
     group = next(g for g in stretch_groups(actuator.sweep.distances_m, layout, settings) if distance in g)
-    return LinearActuator(actuator, group, layout, settings)
+    return prepare(actuator, group, layout, settings)
 
 
 def solved(actuator, distance=None, settings=None):

@@ -14,6 +14,11 @@ from femfit.tables.measurement_file import read_measurement
 FREQUENCIES = np.geomspace(20.0, 10e3, 10)
 
 
+def noisy(z, share, generator):
+    """Impedances with errors of a share of each magnitude."""
+    return z * (1.0 + share * (generator.standard_normal(len(z)) + 1j * generator.standard_normal(len(z))))
+
+
 def impedance_file(
     model, path, effects=(), *, seed=1, share=1e-3, runs=2, distances=5, biases=3, frequencies=FREQUENCIES
 ):
@@ -27,7 +32,7 @@ def impedance_file(
     at = Conditions(nominal_of(model), frequency_Hz=f)
     read = predict_readings(model, d, i, at, effects, ("inductance_H", "resistance_ohm"))
     z = read["resistance_ohm"] + 2j * np.pi * f * read["inductance_H"]
-    z = z * (1.0 + share * (generator.standard_normal(len(z)) + 1j * generator.standard_normal(len(z))))
+    z = noisy(z, share, generator)
     columns = {"run": run + 1, "gap [mm]": 1e3 * d, "Bias [A]": i, "f [kHz]": f / 1e3, "|Z|": np.abs(z)}
     pd.DataFrame(columns | {"theta [deg]": np.degrees(np.angle(z))}).to_csv(path, index=False)
     return path

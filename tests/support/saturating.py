@@ -8,10 +8,8 @@ from femfit.core.numerics import MU_0
 from femfit.device.load import read_actuator
 from femfit.device.materials import LIBRARY
 from femfit.device.parts import NonlinearMaterial, Region
-from femfit.field.layout import layout_of, stretch_groups
-from femfit.field.problem import prepare
-from femfit.field.tolerance import SolverSettings
 from support.actuators import GEOMETRY, assembly, rectangle, swept_at
+from support.field import prepared
 
 STEEL = LIBRARY["steel_1010"].material
 
@@ -48,16 +46,8 @@ def bobbin(material=STEEL, distances=(0.005,), currents=(0.0, 3.0), mover=None):
     return swept_at(actuator, currents=tuple(currents))
 
 
-def problem_at(actuator, distance, settings=None):
-    """The prepared problem of the group that a distance belongs to."""
-    settings = settings or SolverSettings()
-    layout = layout_of(actuator, settings)
-    group = next(g for g in stretch_groups(actuator.sweep.distances_m, layout, settings) if distance in g)
-    return prepare(actuator, group, layout, settings)
-
-
 def rows_at(actuator, distance=None, settings=None):
     """Columns at a distance (the first one by default), as arrays."""
     distance = actuator.sweep.distances_m[0] if distance is None else distance
-    rows = problem_at(actuator, distance, settings).rows(distance, actuator.sweep.currents_A)
+    rows = prepared(actuator, distance, settings).rows(distance, actuator.sweep.currents_A)
     return {name: np.array(values) for name, values in rows.items()}

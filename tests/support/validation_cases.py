@@ -24,7 +24,7 @@ from support.actuators import GEOMETRY, assembly, magnet, rectangle
 from support.devices import device
 from support.field import fields, finer_settings, in_current, prepared, solved
 from support.reference import REFERENCE
-from support.saturating import bobbin, problem_at, rows_at
+from support.saturating import bobbin, rows_at
 
 DUMMY = 1e-6
 """Remanence in T of a magnet that is there only because an assembly has a moving part."""
@@ -293,7 +293,7 @@ def saturated_disc():
     step, current, change = 1e-4, 8.0, 0.1
     distances = (0.004 - step, 0.004, 0.004 + step)
     currents = (current - change, current, current + change)
-    problem = problem_at(bobbin(distances=distances, currents=currents), 0.004)
+    problem = prepared(bobbin(distances=distances, currents=currents), 0.004)
     low, middle, high = ({k: np.array(v) for k, v in problem.rows(d, currents).items()} for d in distances)
     work = (low["coenergy_J"][1] - high["coenergy_J"][1]) / (2 * step)
     constant = (middle["force_N"][2] - middle["force_N"][0]) / (2 * change)
