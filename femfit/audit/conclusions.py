@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from femfit.core.files import json_ready
 from femfit.core.results import Printed
 from femfit.core.words import Words
 from femfit.device.electrics import REMEDY
@@ -56,4 +57,4 @@ class Audit(Printed):
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON-ready data."""
-        return {"findings": [asdict(finding) | {"sentence": finding.sentence} for finding in self.findings]}
+        return {"findings": [json_ready(asdict(finding)) | {"sentence": finding.sentence} for finding in self.findings]}

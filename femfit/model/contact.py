@@ -47,7 +47,6 @@ def met_stops(motion: Mechanics, before: tuple[Any, Any], after: tuple[Any, Any]
         if stop is None:
             continue
         beyond = outward * (last - stop.distance_m) >= 0.0
-        # What is added leaves the slope of a body that rests on its stop as it is
         result = result - outward * (beyond * np.fmax(0.0, outward * result))
         if stop.restitution:
             way, begun, pressing = outward * (stop.distance_m - first), np.fmax(0.0, outward * velocity), outward * gain
@@ -57,7 +56,7 @@ def met_stops(motion: Mechanics, before: tuple[Any, Any], after: tuple[Any, Any]
             returned = beyond * (2.0 * speed > pressed)
             distance = distance - outward * returned * left * step * (speed - 0.5 * pressed)
             result = result - outward * returned * (speed - pressed)
-    return distance, result
+    return between(distance, motion.ends), result
 
 
 def step_between_stops(
@@ -65,13 +64,17 @@ def step_between_stops(
     state: FloatArray,
     step: float,
     moved: Callable[[FloatArray, bool], FloatArray],
+    touched: BoolArray | None = None,
 ) -> FloatArray:
     """States (N, order) one step in s later.
 
     Parameters
     ----------
     moved : callable
-        States one step later of bodies without stops, and where False of bodies that go on at their speed.
+        States one step later of bodies without stops, and where False of bodies that go on at their speed, which is
+        then the mean one of their way between the stops.
+    touched : array, shape (2, N), or None
+        Is made true where a body meets its near stop, or its far one.
     """
     motion = model.require_motion()
     begun = state.copy()
@@ -81,6 +84,8 @@ def step_between_stops(
     met: BoolArray = distance != after[:, 0]
     if met.any():
         begun[:, 1] = (distance - begun[:, 0]) / step
+        if touched is not None:
+            touched |= [after[:, 0] < motion.ends[0], after[:, 0] > motion.ends[1]]
         after = np.where(met[:, None], moved(begun, False), after)
     after[:, 0], after[:, 1] = distance, velocity
     return after

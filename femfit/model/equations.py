@@ -31,6 +31,7 @@ import numpy as np
 from casadi import SX
 
 from femfit.core.graph import Expression, GraphFunction, Memo, building, of_variable, slope
+from femfit.device.mechanics import Mechanics
 from femfit.effects.conditions import Conditions, Nominal
 from femfit.effects.stages import circuit_of, with_further_force
 from femfit.model.contact import between, met_stops
@@ -169,7 +170,7 @@ class Equations:
         """An expression's state one step later, of a body that its stops hold."""
         motion = self.model.require_motion()
         state = ca.vertcat(between(state[0], motion.ends), state[1:])
-        after = self._step(_expressed(state, voltage, SX(step)), step if self.linear else None, motion.ends)
+        after = self._step(_expressed(state, voltage, SX(step)), step if self.linear else None, motion)
         distance, velocity = met_stops(motion, (state[0], state[1]), (after[0], after[1]), step)
         return ca.vertcat(distance, velocity, after[2:])
 
@@ -186,15 +187,23 @@ class Equations:
         end, names = self.model.windings.end, self.model.memory_names
         return state[0], state[1], state[2:end], dict(zip(names, ca.vertsplit(state[end:]), strict=True))
 
-    def _step(self, at: _Symbols, length: float | None, ends: tuple[float, float] = (-np.inf, np.inf)) -> SX:
+    def _step(self, at: _Symbols, length: float | None, stops: Mechanics | None = None) -> SX:
+        """The state one step later; where stops hold the body, it induces what the way that they leave it does."""
         h, state = at.step, at.state
         middle = ca.vertcat(state[0] + 0.5 * h * state[1], state[1:])
-        limits = tuple(2.0 * ((end - state[0]) / h - state[1]) / h if np.isfinite(end) else end for end in ends)
-        after = state + h * self._rates(middle, at, mean_over=h, length=length, limits=limits)
+
+        def mean_speed(v: SX, acceleration: SX) -> SX:
+            speed = v + 0.5 * h * acceleration
+            if stops is None:
+                return speed
+            free = state[0] + h * speed, v + h * acceleration
+            return (met_stops(stops, (state[0], v), free, h)[0] - state[0]) / h
+
+        after = state + h * self._rates(middle, at, mean_over=h, length=length, mean_speed=mean_speed)
         return ca.vertcat(state[0] + 0.5 * h * (state[1] + after[1]), after[1:])
 
     def _rates(self, state: SX, at: _Symbols, **options: Any) -> SX:
-        """Of a body within a step, which its stops let no further, though the step does."""
+        """Of a body that its stops let no further, though a stage of a step may."""
         reached = ca.vertcat(between(state[0], self.model.require_motion().ends), state[1:])
         return of_variable(lambda x: self._flow(x, at, **options)[0], reached)
 
@@ -205,7 +214,7 @@ class Equations:
         *,
         mean_over: SX | None = None,
         length: float | None = None,
-        limits: tuple[Any, Any] = (-np.inf, np.inf),
+        mean_speed: Callable[[SX, SX], SX] | None = None,
         driven: tuple[int, ...] = (),
         dry_friction: bool = True,
     ) -> tuple[SX, SX]:
@@ -215,9 +224,8 @@ class Equations:
         ----------
         length : float or None
             The step in s, where a table says what it makes of the currents.
-        limits : tuple
-            Mean accelerations over the step with which the body would end at its stops: what it induces is that of the
-            way that they leave it.
+        mean_speed : callable or None
+            Of the body over the step, from its speed at first and its acceleration.
         driven : tuple of int
             Circuits whose currents have the rates that stand in the voltages' places, at each moment.
         """
@@ -236,8 +244,8 @@ class Equations:
         acceleration = at.free * motion.acceleration(d, v, force - at.disturbance, model.sample_time_s)
         if not w.numel():
             return ca.vertcat(v, acceleration), at.voltage
-        if mean_over is not None:
-            motional = motional_constant * (v + 0.5 * mean_over * between(acceleration, limits))
+        if mean_speed is not None:
+            motional = motional_constant * mean_speed(v, acceleration)
             conditions = self.conditions(v, memory, motional)
         places = list(driven)
         commanded, imposed = SX(at.voltage), at.voltage[places]

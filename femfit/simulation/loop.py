@@ -29,6 +29,9 @@ from femfit.simulation.targets import Reference
 Show = Callable[[int, int], None]
 """Takes how many samples are done, and of how many."""
 
+LIFTED = 1e-3
+"""Conventional: part of the validity domain's distances by which a body has left the stop where it began."""
+
 SHOWN = 50
 """Conventional: samples between two reports of how far a loop is."""
 
@@ -185,7 +188,7 @@ def run_loop(
     memory = np.zeros((runs, loop.controller.words))
     rest = np.clip(resting_command(model, belief[:, 2:]), *limits_of(model))
     on_their_way = deque([rest] * (loop.latency + 1), maxlen=loop.latency + 1)  # the oldest of them acts
-    watch = _Watch(model, runs)
+    watch, touched = _Watch(model, runs), np.zeros((2, runs), dtype=np.bool_)
     none, unknown = np.zeros(runs, dtype=np.bool_), np.full(runs, np.nan)
     for k in range(-supported_steps, steps):
         values = true_readings(model, loop.sensors, history, max(k, 0) * step)
@@ -204,7 +207,7 @@ def run_loop(
             show(k + supported_steps, steps + supported_steps)
         if k < 0:
             continue
-        alive = watch.alive(k * step, state, estimate, diverged)
+        alive = watch.alive(k * step, state, estimate, diverged, touched)
         all_alive = bool(alive.all())
         # A lost run's controller is asked for rest, which it finds at once, not for what no voltage gives
         belief = estimate if all_alive else np.where(alive[:, None], estimate, start)
@@ -219,7 +222,8 @@ def run_loop(
         if inside:
             read = np.where(np.isfinite(quality), np.isfinite(readings).sum(axis=1), 0)
             sums[inside] += _summands(belief[:, 0] - state[:, 0], state[:, 0] - reference.distance, quality, read)
-        moved = loop.plant.step(state, on_their_way[0])
+        touched[:] = False
+        moved = loop.plant.step(state, on_their_way[0], touched)
         state = moved if all_alive else np.where(alive[:, None], moved, state)
         history.add(state)
         if not alive.any():
@@ -254,8 +258,14 @@ class _Watch:
         self._outcome, self._when = np.zeros(runs, dtype=np.intp), np.full(runs, np.nan)
         self._lifted, self._side = np.zeros(runs, dtype=np.bool_), np.zeros(runs, dtype=np.intp)
 
-    def alive(self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray) -> BoolArray:
-        """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named."""
+    def alive(
+        self, time: float, state: FloatArray, estimate: FloatArray, diverged: BoolArray, touched: BoolArray
+    ) -> BoolArray:
+        """Which runs go on from this sample; a diverged filter that still gives numbers goes on, named.
+
+        Bodies that met a stop since the sample before are lost, but for those that have not left the one where they
+        began.
+        """
         box, distance, currents = self._model.validity, state[:, 0], state[:, 2 : 2 + len(self._model.circuits)]
         alive = box.contains(distance, currents) & np.isfinite(estimate).all(axis=1)
         if not alive.all() or diverged.any():
@@ -273,9 +283,12 @@ class _Watch:
             self._name(code, time)
         near, far = self._model.require_motion().ends
         if (near, far) != (-np.inf, np.inf):
-            self._side = np.select([distance <= near, distance >= far], _LOST[:2], _HELD)
-            self._lifted |= self._side == _HELD
+            met = [(distance <= near) | touched[0], (distance >= far) | touched[1]]
+            self._side = np.select(met, _LOST[:2], _HELD)
+            apart = LIFTED * (box.distance_max_m - box.distance_min_m)
+            self._lifted |= (distance > near + apart) & (distance < far - apart) & ~touched.any(axis=0)
             self._name(np.where(self._lifted, self._side, _HELD), time)
+            alive &= ~np.isin(self._outcome, _LOST[:2])
         return np.asarray(alive)
 
     def _name(self, code: IntArray, time: float) -> None:

@@ -89,7 +89,7 @@ class Plant:
         added = self.model.order - state.shape[1]
         return np.concatenate([np.array(state, dtype=np.float64), np.zeros((len(state), added))], axis=1)
 
-    def step(self, state: FloatArray, command: FloatArray) -> FloatArray:
+    def step(self, state: FloatArray, command: FloatArray, touched: BoolArray | None = None) -> FloatArray:
         """Advance by one sample period.
 
         Parameters
@@ -98,18 +98,20 @@ class Plant:
             Distance in m, velocity in m/s, currents in A; after them the other ``model.state_names``.
         command : array, shape (runs, n), or (runs,) with one circuit
             Held over the period, in V, or in A for a current amplifier.
+        touched : array, shape (2, runs), or None
+            Is made true where a body meets its near stop, or its far one.
         """
         model, count = self.model, self.substeps
         command = command[:, None] if command.ndim == 1 else command
         step = model.sample_time_s / count
         for _ in range(count):
-            state = self._moved(state, command, step)
+            state = self._moved(state, command, step, touched)
         return state
 
-    def _moved(self, state: FloatArray, command: FloatArray, step: float) -> FloatArray:
+    def _moved(self, state: FloatArray, command: FloatArray, step: float, touched: BoolArray | None) -> FloatArray:
         model, n = self.model, len(self.model.circuits)
         volts = winding_voltage(model, state, command, step)
-        moved = self._integrated(state, volts, step)
+        moved = self._integrated(state, volts, step, touched)
         if is_plain(model.circuits):
             return moved
         amplified = commands_currents(model)
@@ -130,7 +132,9 @@ class Plant:
             np.linalg.inv(currents_by_voltages(model, state[:, 0], state[:, 2 : model.windings.end], step)[:, :n, :n])
         )
 
-    def _integrated(self, state: FloatArray, volts: FloatArray, step: float) -> FloatArray:
+    def _integrated(
+        self, state: FloatArray, volts: FloatArray, step: float, touched: BoolArray | None = None
+    ) -> FloatArray:
         voltage = volts[:, 0] if len(self.model.circuits) == 1 else volts
 
         def moved(begun: FloatArray, free: bool) -> FloatArray:
@@ -139,7 +143,7 @@ class Plant:
                 result[runs] = accurate_step(model, begun[runs], voltage[runs], step, free=free)
             return result
 
-        return step_between_stops(self.model, state, step, moved)
+        return step_between_stops(self.model, state, step, moved, touched)
 
     @cached_property
     def _parts(self) -> list[tuple[BoolArray | slice, ActuatorModel]]:

@@ -1,6 +1,8 @@
 """A consistent model passes its audit; a model that contradicts itself does not."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from femfit.audit.carried import carried_range
 from femfit.device.electrics import Circuit
 from femfit.device.mechanics import Mechanics
 from femfit.fit.build import fit_model
-from femfit.model.json_file import write_model
+from femfit.model.json_file import read_model, write_model
 from femfit.model.magnetics import Coefficient, LawMagnetics
 from femfit.tables.sweep_table import write_sweep_table
 from support.command import femfit
@@ -198,3 +200,15 @@ def test_the_command_ends_with_1_where_something_is_wrong(levitation_model, tmp_
     write_model(replace(levitation_model, sample_time_s=0.02), tmp_path / "slow.json")
     done = femfit("audit", tmp_path / "slow.json")
     assert (done.returncode, done.stdout[:7]) == (1, "1 wrong")
+
+
+@pytest.mark.parametrize("mass_kg", [None, 50.0], ids=["as it is", "too heavy for any current"])
+@pytest.mark.parametrize("path", sorted((Path(__file__).parents[1] / "golden" / "inputs" / "models").glob("*.json")))
+def test_every_finding_of_every_kind_of_device_has_its_sentence(path, mass_kg):
+    model = read_model(path)
+    if mass_kg and model.motion is not None:
+        model = replace(model, motion=replace(model.motion, mass_kg=mass_kg))
+    audit = audit_model(model)
+    for finding in json.loads(json.dumps(audit.to_dict(), allow_nan=False))["findings"]:
+        assert finding["sentence"].endswith(".")
+    assert len(str(audit).splitlines()) == len(audit.findings) + 1

@@ -151,7 +151,7 @@ def test_plant_and_filters_stay_on_a_stop_with_the_current_of_a_motion_with_even
         assert resting.sum() > 60, distance
         assert np.abs(states[resting, 0] - 0.2e-3).max() < 1e-9
         assert np.abs(states[:, 2] - current)[resting].max() < 0.01 * current.max()
-        assert np.abs(states[:, 2] - current).max() < 0.1 * current.max()
+        assert np.abs(states[:, 2] - current).max() < 0.05 * current.max()
 
 
 def test_the_body_stops_and_goes_on_as_a_profile_tells_it():

@@ -98,17 +98,22 @@ def test_a_body_that_springs_hold_has_a_position_loop(levitation_model):
 
 
 @pytest.mark.nightly
-def test_a_body_on_a_stop_at_the_end_was_not_held(ball):
-    """Without gain it falls to its far stop, stays there and is named; the stop is within the model's distances."""
-    motion = replace(ball.motion, far_stop=Stop(0.024), near_stop=Stop(0.0155))
-    stopped = replace(ball, motion=motion)
-    loop = close_loop(
-        stopped, gains={"kp": 0.0, "ki": 0.0, "kd": 0.0}, runs=2, seconds=0.5, recorded=2, estimator="ukf"
-    )
-    assert loop.held == 0
-    assert set(loop.outcomes) <= {"FELL", "PULLED_IN"}
-    ends = loop.result.series.distance_m[-1]
-    assert np.all((ends == 0.024) | (ends == 0.0155))
+def test_a_body_is_lost_where_it_meets_a_stop_whether_it_stays_or_bounces(ball):
+    """Without gain it falls to its far stop; the stop is within the model's distances."""
+    lost_s = []
+    for restitution in (0.0, 0.6):
+        motion = replace(ball.motion, far_stop=Stop(0.024, restitution), near_stop=Stop(0.0155, restitution))
+        loop = close_loop(
+            replace(ball, motion=motion),
+            gains={"kp": 0.0, "ki": 0.0, "kd": 0.0}, runs=2, seconds=0.5, recorded=2, estimator="ukf", rng=1,
+        )  # fmt: skip
+        assert loop.held == 0
+        assert set(loop.outcomes) <= {"FELL", "PULLED_IN"}
+        lost_s.append(loop.result.outcome_time_s)
+        before = loop.result.series.distance_m[loop.result.time_s < lost_s[-1].min() - 1e-9]
+        assert ((before > 0.0155) & (before < 0.024)).all()
+        assert np.isnan(loop.result.series.distance_m[loop.result.time_s > lost_s[-1].max() + 1e-9]).all()
+    np.testing.assert_array_equal(*lost_s)
 
 
 def test_a_current_sensor_alone_is_said_not_to_tell_a_body_at_rest(ball):

@@ -130,7 +130,9 @@ def decide(campaign: Campaign) -> Decision:
     own_misfit = verdict in {"unexplained", "form_insufficient"} and _as_its_own(campaign)
     if own_misfit:
         verdict, chosen = "nothing_missing", None
-    elif verdict == "nothing_missing" and times <= OWN_MISFIT:  # more than noise alone is missed, and no more than that
+    elif (
+        verdict == "nothing_missing" and times <= OWN_MISFIT
+    ):  # it misses more than noise, and no more than twice its own misfit
         alone = replace(campaign.whitening, misfit=None)
         residual = alone.full(campaign.observations.residual)
         own_misfit = pattern_space(campaign.observations, alone).test(residual).p_value <= LEVEL

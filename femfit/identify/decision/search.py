@@ -64,7 +64,7 @@ class Explanation:
 
 def with_one_more(space: EffectSpace, base: Explanation) -> list[Explanation]:
     """Every further effect beside refitted ones, to first order: its log evidence and where its refit begins."""
-    if len(base.names) == MOST_EFFECTS:
+    if len(base.names) >= MOST_EFFECTS:
         return []
     linear = base.linear or null(space)
     beside = linear.beside(space.every_block)
@@ -248,7 +248,7 @@ def explain(campaign: Campaign) -> Posterior:
                 promised[best][frozenset(explanation.names)] = explanation.log_evidence
                 _propose(explanations, explanation)
     probability = {key: float(np.exp(value - total)) for key, value in logs.items()}
-    return Posterior(space, explanations, probability, ended)
+    return Posterior(space, explanations, probability, ended or len(top) >= MOST_EFFECTS)
 
 
 def _as_promising(
